@@ -1,0 +1,1 @@
+"""What came out: checked trials, detection probabilities, figures."""

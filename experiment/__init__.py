@@ -1,0 +1,1 @@
+"""How a session goes: study, plan, trial engine, participant and record."""
