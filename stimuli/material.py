@@ -1,0 +1,94 @@
+"""The material of a strip, with its loss."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from stimuli.checks import finite
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """An isotropic, homogeneous material of a thin plate.
+
+    Attributes
+    ----------
+    youngs_modulus_pa : float
+        Young's modulus E without loss.
+    poisson_ratio : float
+        Poisson's ratio nu, up to 0.5.
+    density_kg_m3 : float
+        Mass density rho.
+    loss_factor : float
+        Constant (hysteretic) loss factor eta.
+    viscous_time_s : float
+        Relaxation time tau of a Kelvin-Voigt loss.
+
+    Raises
+    ------
+    ValueError
+        If a value is not a finite number in its range.
+
+    Examples
+    --------
+    The loss of a Kelvin-Voigt material grows with frequency, a constant one does not:
+
+    >>> rubber = Material(youngs_modulus_pa=5e6, poisson_ratio=0.49, density_kg_m3=1100,
+    ...                   loss_factor=0.1, viscous_time_s=1e-5)
+    >>> rubber.stiffness_factor(0.0)
+    (1-0.1j)
+    >>> rubber.stiffness_factor(1000.0).imag < rubber.stiffness_factor(500.0).imag
+    True
+    """
+
+    youngs_modulus_pa: float
+    poisson_ratio: float
+    density_kg_m3: float
+    loss_factor: float = 0.0
+    viscous_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "youngs_modulus_pa": (1e-3, 1e15),
+            "poisson_ratio": (-0.999, 0.5),
+            "density_kg_m3": (1e-3, 1e6),
+            "loss_factor": (0.0, 1e3),
+            "viscous_time_s": (0.0, 1e3),
+        }
+        for name, (least, most) in ranges.items():
+            object.__setattr__(
+                self, name, finite(name, getattr(self, name), least=least, most=most)
+            )
+
+    def stiffness_factor(self, frequency_hz: float) -> complex:
+        """Return what the loss multiplies the bending stiffness with, equation (15).
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Frequency, at least 0.
+
+        Returns
+        -------
+        complex
+            1 - i (eta + omega tau), for the time factor exp(-i omega t).
+
+        Raises
+        ------
+        ValueError
+            If the frequency is negative or not finite.
+
+        Examples
+        --------
+        >>> ALUMINIUM.stiffness_factor(500.0)
+        (1+0j)
+        """
+        frequency_hz = finite("frequency_hz", frequency_hz, least=0.0)
+        loss = self.loss_factor + 2 * math.pi * frequency_hz * self.viscous_time_s
+        return complex(1.0, -loss) if loss else complex(1.0)
+
+
+ALUMINIUM: Final = Material(youngs_modulus_pa=67e9, poisson_ratio=0.346, density_kg_m3=2700.0)
+"""The paper's aluminium (section II-B; its 67 MPa and kg/m2 are misprints, docs/model.md)."""
