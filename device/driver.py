@@ -1,0 +1,367 @@
+"""How a session speaks to whatever drives the actuators: the protocol, its values, its errors.
+
+Levels are peak-to-peak volts at the actuator: a waveform that reaches +1 and -1, sent at a level of
+200 Vpp, swings from -100 V to +100 V.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Protocol, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device._checks import require_positive, require_real, require_whole
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+LARGEST_TOKEN = 2**64 - 1
+"""Tokens and boot ids are 64 bit on the wire; token 0 is no token."""
+
+
+class Outcome(StrEnum):
+    """What became of a burst: felt, surely not, or not known.
+
+    Examples
+    --------
+    >>> Outcome("not_fired") is Outcome.NOT_FIRED
+    True
+    """
+
+    FIRED = "fired"
+    NOT_FIRED = "not_fired"
+    INDETERMINATE = "indeterminate"
+
+
+class Refusal(IntEnum):
+    """Why a step was refused; the number is what the wire carries and never changes its meaning.
+
+    Examples
+    --------
+    >>> Refusal(9) is Refusal.DC
+    True
+    >>> Refusal.EMPTY_SLOT.text
+    'nothing is loaded in that slot'
+    """
+
+    text: str
+
+    def __new__(cls, number: int, text: str) -> Self:
+        """Make a member from its number on the wire and its sentence."""
+        member = int.__new__(cls, number)
+        member._value_ = number
+        member.text = text
+        return member
+
+    BAD_SLOT = 1, "there is no such slot"
+    EMPTY_SLOT = 2, "nothing is loaded in that slot"
+    WAVEFORM_EMPTY = 3, "a waveform needs at least one sample"
+    WAVEFORM_TOO_LONG = 4, "the waveform is too long"
+    LENGTHS_DIFFER = 5, "left and right waveform differ in length"
+    NOT_FINITE = 6, "a sample is not finite"
+    OUT_OF_RANGE = 7, "a sample is outside [-1, 1]"
+    EDGES_NOT_ZERO = 8, "a waveform must begin and end at exactly 0"
+    DC = 9, "the waveform has a DC part (a unipolar click has one)"
+    CEILING = 10, "peak x level x gain is above the ceiling"
+    BAD_LEVEL = 11, "a level must be a finite number of volts, 0 or more"
+    BAD_TOKEN = 12, "a token must be an integer from 1 to 2**64 - 1"
+    TOKEN_SPENT = 13, "that token was used before"
+    WRONG_TOKEN = 14, "another token is armed"
+    NOT_ARMED = 15, "nothing is armed"
+    EXPIRED = 16, "that token's time to live is over"
+    ABORTED = 17, "that token was disarmed"
+    ALREADY_ARMED = 18, "a token is armed: fire or disarm it first"
+    BUSY = 19, "a burst is still playing"
+    LEAST_INTERVAL = 20, "the last burst ended too short a time ago"
+    DUTY = 21, "the duty limit asks for a longer rest"
+    BAD_TIME_TO_LIVE = 22, "the time to live is out of range"
+    SAFE_STATE = 23, "the output was stopped: enable it first"
+    NOT_ENABLED = 24, "the output is not enabled"
+    NOTHING_LOADED = 25, "no waveform is loaded"
+    NOT_OPEN = 26, "the device is not open"
+    ALREADY_OPEN = 27, "the device is open already"
+
+
+class DeviceError(Exception):
+    """Anything that went wrong with a device.
+
+    Examples
+    --------
+    >>> issubclass(LinkError, DeviceError) and issubclass(LimitExceeded, Rejected)
+    True
+    """
+
+
+class LinkError(DeviceError):
+    """The device cannot be reached, or it is no longer the one that was opened.
+
+    Examples
+    --------
+    >>> raise LinkError("the device restarted")
+    Traceback (most recent call last):
+    device.driver.LinkError: the device restarted
+    """
+
+
+class RefusedError(DeviceError):
+    """A step that was refused, with the reason as `code`; nothing changed.
+
+    Parameters
+    ----------
+    code : Refusal
+        The reason.
+    detail : str
+        What makes the sentence of the code concrete.
+
+    Examples
+    --------
+    >>> str(RefusedError(Refusal.EMPTY_SLOT, "slot 3"))
+    'nothing is loaded in that slot: slot 3'
+    """
+
+    def __init__(self, code: Refusal, detail: str = "") -> None:
+        super().__init__(f"{code.text}: {detail}" if detail else code.text)
+        self.code = code
+
+
+class StateError(RefusedError):
+    """A step that is illegal in the state the host knows; nothing was sent.
+
+    Its code is the one with which the device would have refused.
+
+    Examples
+    --------
+    >>> StateError(Refusal.NOT_OPEN).code.name
+    'NOT_OPEN'
+    """
+
+
+class Rejected(RefusedError):  # noqa: N818 - "rejected" is the device's answer, not a fault
+    """A refusal by the device, or by the same rule on the host.
+
+    Examples
+    --------
+    >>> Rejected(Refusal.BUSY).code.name
+    'BUSY'
+    """
+
+
+class LimitExceeded(Rejected):
+    """A waveform, level or timing that the limits forbid; refused, never clipped.
+
+    Examples
+    --------
+    >>> isinstance(rejection(Refusal.CEILING), LimitExceeded)
+    True
+    """
+
+
+_LIMIT_CODES = frozenset(
+    {
+        Refusal.WAVEFORM_TOO_LONG,
+        Refusal.OUT_OF_RANGE,
+        Refusal.EDGES_NOT_ZERO,
+        Refusal.DC,
+        Refusal.CEILING,
+        Refusal.LEAST_INTERVAL,
+        Refusal.DUTY,
+    }
+)
+
+
+def rejection(code: Refusal, detail: str = "") -> Rejected:
+    """Return the exception for a code, ready to be raised.
+
+    Parameters
+    ----------
+    code : Refusal
+        The reason, as the wire carries it.
+    detail : str
+        What makes the sentence of the code concrete.
+
+    Returns
+    -------
+    Rejected
+        A `LimitExceeded` where a limit is the reason.
+
+    Examples
+    --------
+    >>> type(rejection(Refusal.DUTY)).__name__, type(rejection(Refusal.BUSY)).__name__
+    ('LimitExceeded', 'Rejected')
+    """
+    return (LimitExceeded if code in _LIMIT_CODES else Rejected)(code, detail)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """Who answered, and what it can do.
+
+    Parameters
+    ----------
+    model, serial_number : str
+        The device's own names.
+    boot_id : int
+        Random number of this power cycle; another one means that all tokens are forgotten.
+    protocol_version : str
+        Version of the wire format it speaks.
+    sample_rate_hz : float
+        Rate at which waveforms are played.
+    bits : int
+        Of its converters.
+    channels : int
+        Number of outputs.
+    ceiling_vpp : float
+        Its own ceiling in peak-to-peak volts at the actuator.
+    longest_waveform : int
+        In samples.
+    emulated : bool
+        True where no actuator can move.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range.
+
+    Examples
+    --------
+    >>> Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
+    ...          sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
+    ...          longest_waveform=4096, emulated=True).boot_id
+    7
+    """
+
+    model: str
+    serial_number: str
+    boot_id: int
+    protocol_version: str
+    sample_rate_hz: float
+    bits: int
+    channels: int
+    ceiling_vpp: float
+    longest_waveform: int
+    emulated: bool
+
+    def __post_init__(self) -> None:
+        require_whole("boot_id", self.boot_id, least=0, most=LARGEST_TOKEN)
+        require_positive("sample_rate_hz", self.sample_rate_hz)
+        require_whole("bits", self.bits, least=2, most=32)
+        require_whole("channels", self.channels, least=1, most=64)
+        require_positive("ceiling_vpp", self.ceiling_vpp)
+        require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delivery:
+    """What is known of one burst.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        INDETERMINATE is neither a stimulus nor a miss: leave the trial out and repeat it.
+    token : int
+        Of the burst.
+    boot_id : int
+        Power cycle of the device that answered. NOT_FIRED is said for this power cycle: whoever
+        armed the token in another one takes it as INDETERMINATE.
+    device_us : int or None
+        Onset on the device's clock in microseconds; None if NOT_FIRED.
+    host_before_s, host_after_s : float
+        Host clock readings in seconds between which the burst began; unless FIRED, between which
+        the device was asked.
+    uncertainty_s : float
+        Half of that interval plus what the clocks add to it.
+    retries : int
+        How often the question had to be sent again.
+    level_left_vpp, level_right_vpp : float
+        Level the device really set, in peak-to-peak volts; 0 for a channel whose waveform is zero
+        throughout, and unless FIRED.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range, or `device_us` contradicts the outcome.
+
+    Examples
+    --------
+    >>> Delivery(outcome=Outcome.NOT_FIRED, token=1, boot_id=7, device_us=None, host_before_s=0.0,
+    ...          host_after_s=0.1, uncertainty_s=0.05, retries=0, level_left_vpp=0.0,
+    ...          level_right_vpp=0.0).outcome.value
+    'not_fired'
+    """
+
+    outcome: Outcome
+    token: int
+    boot_id: int
+    device_us: int | None
+    host_before_s: float
+    host_after_s: float
+    uncertainty_s: float
+    retries: int
+    level_left_vpp: float
+    level_right_vpp: float
+
+    def __post_init__(self) -> None:
+        contradictory = Outcome.FIRED if self.device_us is None else Outcome.NOT_FIRED
+        if self.outcome is contradictory:
+            raise ValueError(
+                f"device_us must be given if FIRED and None if NOT_FIRED, got {self.device_us!r}"
+            )
+        require_whole("token", self.token, least=1, most=LARGEST_TOKEN)
+        require_whole("boot_id", self.boot_id, least=0, most=LARGEST_TOKEN)
+        if self.device_us is not None:
+            require_whole("device_us", self.device_us, least=0, most=2**63 - 1)
+        require_real("host_before_s", self.host_before_s)
+        require_real("host_after_s", self.host_after_s, least=self.host_before_s)
+        require_real("uncertainty_s", self.uncertainty_s, least=0.0)
+        require_whole("retries", self.retries, least=0, most=2**31)
+        require_real("level_left_vpp", self.level_left_vpp, least=0.0)
+        require_real("level_right_vpp", self.level_right_vpp, least=0.0)
+
+
+class BurstDevice(Protocol):
+    """Two channels that play loaded waveforms, each at most once per token.
+
+    The steps of a session: `open`, `load`, `enable`, then for each trial `set_levels`, `arm`,
+    `fire`; at the end `close`. A heartbeat, where the device wants one, is the driver's own
+    business. Every step may raise `StateError` (illegal now, nothing was sent), `Rejected` (the
+    device or its limits said no, nothing changed) or `LinkError`.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> from device.limits import Limits
+    >>> from device.mock import MockDevice
+    >>> device: BurstDevice = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
+    >>> device.open().emulated
+    True
+    """
+
+    def open(self) -> Identity:
+        """Connect and return who answered."""
+
+    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
+        """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate."""
+
+    def enable(self) -> None:
+        """Switch the output on; the only way out of a stop."""
+
+    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
+        """Set the levels of both channels in peak-to-peak volts at the actuator."""
+
+    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
+        """Allow `fire(token)` to play a slot for the next `time_to_live_s` seconds."""
+
+    def fire(self, token: int) -> Delivery:
+        """Play the armed slot; the same token again gives the same record, not another burst."""
+
+    def disarm(self, token: int) -> None:
+        """Make sure that a token cannot fire from now on; what it did before stays."""
+
+    def query(self, token: int) -> Delivery:
+        """Return what became of a token; one that is still armed is INDETERMINATE."""
+
+    def stop(self) -> None:
+        """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
+
+    def close(self) -> None:
+        """Stop, then disconnect."""

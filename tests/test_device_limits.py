@@ -1,0 +1,224 @@
+"""Limits: nothing above a ceiling passes, and what passes begins, ends and averages at zero."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.driver import FloatArray, LimitExceeded, Refusal, Rejected
+from device.limits import (
+    Limits,
+    check_burst,
+    check_ceiling,
+    check_rest,
+    check_time_to_live,
+    check_waveforms,
+    least_peaks,
+)
+
+LIMITS = Limits(ceiling_vpp=200.0)
+
+
+def sine(n_samples: int = 97, cycles: int = 1) -> FloatArray:
+    """A burst of whole cycles from exactly 0 to exactly 0."""
+    samples = np.sin(2 * np.pi * cycles * np.arange(n_samples) / (n_samples - 1))
+    samples[-1] = 0.0
+    return samples
+
+
+# --- ceiling
+
+
+def passes(peak: float, level_vpp: float, limits: Limits) -> bool:
+    try:
+        check_ceiling(peak, level_vpp, limits)
+    except LimitExceeded as refused:
+        return refused.code is not Refusal.CEILING
+    return True
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    peak=st.floats(0.0, 1.0),
+    level_vpp=st.floats(0.0, 1e4),
+    gain=st.floats(1e-3, 1e3),
+    ceiling_vpp=st.floats(1e-3, 1e4),
+)
+def test_a_burst_passes_just_if_its_exact_product_is_within_the_ceiling(
+    peak: float, level_vpp: float, gain: float, ceiling_vpp: float
+) -> None:
+    limits = Limits(ceiling_vpp=ceiling_vpp, gain=gain)
+    within = Fraction(peak) * Fraction(level_vpp) * Fraction(gain) <= Fraction(ceiling_vpp)
+    assert passes(peak, level_vpp, limits) is within
+
+
+@settings(deadline=None, max_examples=200)
+@given(level_vpp=st.floats(1e-3, 1e4), peak=st.floats(0.0, 1.0, exclude_min=True))
+def test_exactly_at_the_ceiling_is_allowed_and_one_step_above_is_not(
+    level_vpp: float, peak: float
+) -> None:
+    check_ceiling(1.0, level_vpp, Limits(ceiling_vpp=level_vpp))
+    check_ceiling(peak, level_vpp, Limits(ceiling_vpp=level_vpp))
+    with pytest.raises(LimitExceeded):
+        check_ceiling(1.0, math.nextafter(level_vpp, math.inf), Limits(ceiling_vpp=level_vpp))
+
+
+def test_products_that_round_down_to_the_ceiling_do_not_pass() -> None:
+    rng = np.random.default_rng(5)
+    rounded = 0
+    for gain, level_vpp in zip(rng.uniform(0.5, 2.0, 2000), rng.uniform(1, 200, 2000), strict=True):
+        limits = Limits(ceiling_vpp=level_vpp * gain, gain=gain)
+        above = Fraction(level_vpp) * Fraction(gain) > Fraction(limits.ceiling_vpp)
+        assert passes(1.0, level_vpp, limits) is not above
+        rounded += above
+    assert rounded > 500
+
+
+def test_each_channel_counts_with_its_own_peak() -> None:
+    check_burst((0.5, 1.0), (400.0, 200.0), LIMITS)
+    check_burst((0.0, 1.0), (1e6, 200.0), LIMITS)
+    for levels_vpp in ((401.0, 200.0), (400.0, 201.0)):
+        with pytest.raises(LimitExceeded):
+            check_burst((0.5, 1.0), levels_vpp, LIMITS)
+
+
+def test_the_least_peak_of_a_channel_leaves_silence_out() -> None:
+    assert least_peaks([]) == (0.0, 0.0)
+    assert least_peaks([(0.0, 0.7), (1.0, 0.9), (0.6, 0.0)]) == (0.6, 0.7)
+
+
+# --- waveforms
+
+
+@pytest.mark.parametrize("sample_rate_hz", [22_050.0, 44_100.0, 48_000.0])
+@pytest.mark.parametrize("cycles", [1, 2, 5])
+def test_well_sampled_bursts_that_do_not_fit_the_sample_grid_pass(
+    sample_rate_hz: float, cycles: int
+) -> None:
+    for frequency_hz in np.linspace(20.0, sample_rate_hz / 40, 60):
+        times_s = np.arange(math.ceil(cycles / frequency_hz * sample_rate_hz) + 1) / sample_rate_hz
+        samples = np.sin(2 * np.pi * frequency_hz * times_s)
+        samples[times_s >= cycles / frequency_hz] = 0.0
+        assert abs(samples.sum()) < 1e-3 * np.abs(samples).sum()
+        check_waveforms(samples, 0 * samples, LIMITS)
+
+
+def test_the_peaks_come_back_and_silence_has_none() -> None:
+    assert check_waveforms(sine(), np.zeros(97), LIMITS) == (1.0, 0.0)
+    assert check_waveforms(-0.25 * sine(), 0.5 * sine(), LIMITS) == (0.25, 0.5)
+
+
+def with_sample(index: int, value: float) -> FloatArray:
+    samples = sine()
+    samples[index] = value
+    return samples
+
+
+REFUSED = [
+    (np.zeros(0), Refusal.WAVEFORM_EMPTY),
+    (np.zeros(LIMITS.longest_waveform + 1), Refusal.WAVEFORM_TOO_LONG),
+    (with_sample(3, math.nan), Refusal.NOT_FINITE),
+    (with_sample(3, math.inf), Refusal.NOT_FINITE),
+    (with_sample(3, -math.inf), Refusal.NOT_FINITE),
+    (with_sample(24, 1.0 + 1e-15), Refusal.OUT_OF_RANGE),
+    (with_sample(72, -1.5), Refusal.OUT_OF_RANGE),
+    (with_sample(0, 1e-12), Refusal.EDGES_NOT_ZERO),
+    (with_sample(-1, -1e-12), Refusal.EDGES_NOT_ZERO),
+    (np.abs(sine()), Refusal.DC),
+    (sine(97, cycles=1)[:73] * np.r_[np.ones(72), 0.0], Refusal.DC),
+]
+
+
+@pytest.mark.parametrize(("samples", "code"), REFUSED)
+@pytest.mark.parametrize("right", [False, True])
+def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
+    samples: FloatArray, code: Refusal, *, right: bool
+) -> None:
+    silence = np.zeros(samples.size)
+    left, right_ = (silence, samples) if right else (samples, silence)
+    with pytest.raises(Rejected) as refused:
+        check_waveforms(left, right_, LIMITS)
+    assert refused.value.code is code
+
+
+def test_waveforms_of_different_lengths_are_refused() -> None:
+    with pytest.raises(Rejected) as refused:
+        check_waveforms(sine(97), sine(49), LIMITS)
+    assert refused.value.code is Refusal.LENGTHS_DIFFER
+
+
+def test_a_unipolar_click_is_refused_with_that_reason() -> None:
+    click = np.r_[0.0, np.ones(48), 0.0]
+    with pytest.raises(LimitExceeded, match=r"DC part .*unipolar click.*: left"):
+        check_waveforms(click, 0 * click, LIMITS)
+
+
+# --- rests
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    durations_us=st.lists(st.integers(1, 1_000_000), min_size=2, max_size=20),
+    max_duty=st.floats(0.01, 1.0),
+    least_interval_s=st.floats(0.0, 0.5),
+)
+def test_bursts_as_early_as_allowed_keep_the_duty_over_any_time(
+    durations_us: list[int], max_duty: float, least_interval_s: float
+) -> None:
+    limits = Limits(ceiling_vpp=1.0, max_duty=max_duty, least_interval_s=least_interval_s)
+    elapsed_us = 0
+    for duration_us in durations_us:
+        least_us = duration_us + round(least_interval_s * 1e6)
+        earliest_us = max(least_us, math.ceil(duration_us / max_duty) + 1)
+        check_rest(since_onset_us=earliest_us, duration_us=duration_us, limits=limits)
+        with pytest.raises(LimitExceeded):
+            check_rest(since_onset_us=earliest_us - 3, duration_us=duration_us, limits=limits)
+        elapsed_us += earliest_us
+    assert sum(durations_us) <= max_duty * elapsed_us
+
+
+@pytest.mark.parametrize(
+    ("since_onset_us", "code"),
+    [(0, Refusal.LEAST_INTERVAL), (29_999, Refusal.LEAST_INTERVAL), (39_999, Refusal.DUTY)],
+)
+def test_too_short_a_rest_says_which_limit_it_breaks(since_onset_us: int, code: Refusal) -> None:
+    limits = Limits(ceiling_vpp=1.0, least_interval_s=0.01, max_duty=0.5)
+    with pytest.raises(LimitExceeded) as refused:
+        check_rest(since_onset_us=since_onset_us, duration_us=20_000, limits=limits)
+    assert refused.value.code is code
+    check_rest(since_onset_us=40_000, duration_us=20_000, limits=limits)
+
+
+@pytest.mark.parametrize("time_to_live_us", [-1, 0, 10_000_001])
+def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> None:
+    check_time_to_live(1, LIMITS)
+    check_time_to_live(10_000_000, LIMITS)
+    with pytest.raises(Rejected) as refused:
+        check_time_to_live(time_to_live_us, LIMITS)
+    assert refused.value.code is Refusal.BAD_TIME_TO_LIVE
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ceiling_vpp", 0.0),
+        ("ceiling_vpp", math.nan),
+        ("ceiling_vpp", True),
+        ("ceiling_vpp", "200"),
+        ("gain", -1.0),
+        ("gain", math.inf),
+        ("least_interval_s", -0.1),
+        ("max_duty", 1.1),
+        ("longest_waveform", 0),
+        ("longest_waveform", 1e3),
+        ("dc_tolerance", 0.0),
+        ("longest_time_to_live_s", 0.0),
+    ],
+)
+def test_limits_that_are_none_are_refused_by_name(name: str, value: float) -> None:
+    given_limits: dict[str, float] = {"ceiling_vpp": 200.0} | {name: value}
+    with pytest.raises(ValueError, match=f"{name} must be .*, got {value!r}"):
+        Limits(**given_limits)  # type: ignore[arg-type]  # wrong types are the point
