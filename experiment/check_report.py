@@ -1,0 +1,221 @@
+"""The check of a study in words for a terminal, and as JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from stimuli import CLAMPED, SIMPLY_SUPPORTED
+
+if TYPE_CHECKING:
+    from experiment.actuator import Actuator
+    from experiment.design import Design
+    from experiment.study_check import ConditionCheck, StudyCheck
+    from experiment.study_values import Study
+
+JSON_SCHEMA: Final = 1
+_VERDICTS: Final = {
+    "fit": "fit: the bursts' energy stays below the strip's cut-off",
+    "accepted": "unfit, and accepted by the study: the other finger may feel it too",
+    "unfit": (
+        "UNFIT: change [burst] or the device's sample rate, "
+        "or say in accept_unfit why this stimulus is wanted"
+    ),
+}
+_COLUMN: Final = 15
+
+
+def check_json(check: StudyCheck) -> str:
+    """Write a check as one JSON object on one line; keys carry their SI unit.
+
+    Parameters
+    ----------
+    check : StudyCheck
+        What the check found.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> from experiment.study_check import check_study
+    >>> found = json.loads(check_json(check_study(paper_study())))
+    >>> found["verdict"], round(found["strip"]["cutoff_hz"], 6)
+    ('fit', 2900.0)
+    """
+    study = check.study
+    report = {
+        "schema": JSON_SCHEMA,
+        "verdict": check.verdict,
+        "study": {"name": study.name, "sha256": study.sha256},
+        "strip": _strip_facts(check),
+        "max_energy_above_cutoff": study.max_energy_above_cutoff,
+        "conditions": [_condition_facts(condition) for condition in check.conditions],
+        "device": asdict(study.device),
+        "design": asdict(study.design),
+        "trials": check.trials,
+        "blocks": check.blocks,
+        "duration_s": check.duration_s,
+    }
+    return json.dumps(report, allow_nan=False)
+
+
+def _strip_facts(check: StudyCheck) -> dict[str, Any]:
+    strip = check.study.strip
+    return {
+        "width_m": strip.width_m,
+        "length_m": strip.length_m,
+        "thickness_m": strip.thickness_m,
+        "edge": check.study.edge_basis,
+        "edge_stiffness_n": check.edge_stiffness_n,
+        "cutoff_hz": check.cutoff_hz,
+    }
+
+
+def _condition_facts(check: ConditionCheck) -> dict[str, Any]:
+    return {
+        "name": check.condition.name,
+        "verdict": check.verdict,
+        "reasons": check.burst.reasons,
+        "accept_unfit": check.condition.accept_unfit,
+        "burst": asdict(check.condition.burst),
+        "duration_s": check.condition.burst.duration_s,
+        "peak_hz": check.burst.peak_hz,
+        "band_hz": check.burst.band_hz,
+        "energy_above_cutoff": check.burst.energy_above_cutoff,
+        "staircase_energy_above_cutoff": check.burst.staircase_energy_above_cutoff,
+    }
+
+
+def check_text(check: StudyCheck, file_name: str) -> str:
+    """Write a check as aligned plain text.
+
+    Parameters
+    ----------
+    check : StudyCheck
+        What the check found.
+    file_name : str
+        Where the study was read from.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> from experiment.study_check import check_study
+    >>> print(check_text(check_study(paper_study()), "study.toml").splitlines()[-1])
+    verdict        fit: the bursts' energy stays below the strip's cut-off
+    """
+    study = check.study
+    lines = [_line("study", f"{study.name} ({file_name}), sha256 {study.sha256[:12]}")]
+    lines += _strip_lines(check)
+    for actuator in study.actuators:
+        lines.append(_line(actuator.side, _actuator_text(actuator)))
+    for condition in check.conditions:
+        lines += ["", *_condition_lines(condition)]
+    lines += ["", *_plan_lines(check), "", _line("verdict", _VERDICTS[check.verdict])]
+    return "\n".join(lines)
+
+
+def _line(name: str, text: str) -> str:
+    return f"{name:{_COLUMN}}{text}"
+
+
+def _strip_lines(check: StudyCheck) -> list[str]:
+    strip, material = check.study.strip, check.study.strip.material
+    length = "endless" if strip.length_m is None else f"{strip.length_m * 1e3:g}"
+    lines = [
+        _line(
+            "strip",
+            f"{strip.width_m * 1e3:g} x {length} x {strip.thickness_m * 1e3:g} mm; "
+            f"{material.youngs_modulus_pa / 1e9:g} GPa, Poisson's ratio "
+            f"{material.poisson_ratio:g}, {material.density_kg_m3:g} kg/m3",
+        ),
+        _line("cut-off", f"{check.cutoff_hz:.1f} Hz, {_basis(check)}"),
+    ]
+    if check.edge_stiffness_n is not None:
+        ends_hz = [replace(strip, edge=edge).cutoff_hz() for edge in (SIMPLY_SUPPORTED, CLAMPED)]
+        lines.append(
+            _line("", f"simply supported edges give {ends_hz[0]:.1f} Hz, clamped {ends_hz[1]:.1f}")
+        )
+    if check.study.edge_basis == "measured-cutoff":
+        lines.append(_line("", "a clamped strip that is a little wider can have the same cut-off"))
+    return lines
+
+
+def _basis(check: StudyCheck) -> str:
+    if check.study.edge_basis == "measured-cutoff":
+        return f"measured; as of elastic edges of K = {check.edge_stiffness_n:.2f} N"
+    if check.edge_stiffness_n is not None:
+        return f"computed from elastic edges of K = {check.edge_stiffness_n:g} N"
+    return f"computed from {check.study.edge_basis} edges"
+
+
+def _actuator_text(actuator: Actuator) -> str:
+    lengths_m = (actuator.diameter_m, actuator.length_x_m, actuator.length_y_m)
+    size = " x ".join(f"{length_m * 1e3:g}" for length_m in lengths_m if length_m is not None)
+    return (
+        f"{actuator.shape} {size} mm at x = {actuator.x_m * 1e3:g}, y = {actuator.y_m * 1e3:g} mm"
+    )
+
+
+def _condition_lines(check: ConditionCheck) -> list[str]:
+    burst, found = check.condition.burst, check.burst
+    cycles = "1 cycle" if burst.cycles == 1 else f"{burst.cycles} cycles"
+    window = "no window" if burst.window == "none" else f"{burst.window} window"
+    lower_hz, upper_hz = found.band_hz
+    lines = [
+        _line("condition", f"{check.condition.name}: {check.verdict}"),
+        _line(
+            "burst",
+            f"{cycles} of {burst.frequency_hz:g} Hz, {window}, {burst.duration_s * 1e3:g} ms",
+        ),
+        _line("band", f"{lower_hz:.1f} to {upper_hz:.1f} Hz at half power"),
+        _line("above cut-off", f"{found.energy_above_cutoff:.2e} of the ideal burst's energy"),
+        _line(
+            "",
+            f"{found.staircase_energy_above_cutoff:.2e} of its staircase's at "
+            f"{found.sample_rate_hz:g} Hz",
+        ),
+        _line("", f"{found.max_energy_above_cutoff:.2e} is the limit"),
+    ]
+    lines += [_line("unfit", reason) for reason in found.reasons]
+    if check.verdict == "accepted":
+        lines.append(_line("accepted", f"{check.condition.accept_unfit}"))
+    return lines
+
+
+def _plan_lines(check: StudyCheck) -> list[str]:
+    study, design = check.study, check.study.design
+    each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
+    return [
+        _line("device", _device_text(study)),
+        _line("answers", ", ".join(design.responses)),
+        _line("levels", _levels_text(design)),
+        _line(
+            "trials",
+            f"{check.trials}: {each}{design.trials_per_side} left, {design.trials_per_side} right, "
+            f"{design.both_trials} both, {design.blank_trials} blank; "
+            f"{design.practice_trials} for practice before",
+        ),
+        _line(
+            "session",
+            f"about {math.ceil(check.duration_s / 60)} min in {check.blocks} blocks, "
+            f"breaks of {design.minimum_break_s:g} s",
+        ),
+    ]
+
+
+def _device_text(study: Study) -> str:
+    device = study.device
+    return (
+        f"{device.driver} at {device.sample_rate_hz:g} Hz; highest level "
+        f"{max(study.design.levels_vpp):g} Vpp, ceiling {device.ceiling_vpp:g} Vpp"
+    )
+
+
+def _levels_text(design: Design) -> str:
+    levels = " ".join(f"{level_vpp:g}" for level_vpp in design.levels_vpp)
+    share = design.trials_per_side / len(design.levels_vpp)
+    if design.order == "balanced":
+        return f"{levels} Vpp, balanced: {share:g} of each side and level"
+    spread = math.sqrt(share * (1 - 1 / len(design.levels_vpp)))
+    return f"{levels} Vpp, drawn at random: {share:.3g} +- {spread:.2g} of each side and level"

@@ -1,0 +1,295 @@
+"""A session from its folder to its trials.csv: begun anew, or resumed after an interruption."""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+import time
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from device.driver import Outcome
+from experiment.archive import ArchiveError
+from experiment.journal import JournalWriteError, read_journal
+from experiment.replay import replay
+from experiment.session import Session, delivery_facts, trial_name
+from experiment.study import study_from_canonical
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from device.clock import Clock
+    from device.driver import BurstDevice, DeviceError, Identity
+    from experiment.archive import SessionFolder
+    from experiment.interrupts import StopSignal
+    from experiment.journal import Journal
+    from experiment.plan import Plan
+    from experiment.replay import History, OpenTrial
+    from experiment.responder import Responder
+    from experiment.study import Study
+
+LONGEST_INTERRUPTION_S = 30 * 60
+"""After a longer one, plate, fingers and noise may not be what they were."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What a session is run with.
+
+    Attributes
+    ----------
+    device : BurstDevice
+        The actuators.
+    responder : Responder
+        The participant.
+    clock : Clock
+        The clock of both.
+    stop : StopSignal
+        Tells that the session is to be stopped.
+    resume_anyway : bool
+        The operator's word that a session may go on although host or device changed, or much time
+        went by.
+    """
+
+    device: BurstDevice
+    responder: Responder
+    clock: Clock
+    stop: StopSignal
+    resume_anyway: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a session ended.
+
+    Attributes
+    ----------
+    finished : bool
+        Whether every planned trial is answered.
+    failure : DeviceError or None
+        What the device failed with, if it did.
+    trials_path : Path
+        The trials.csv.
+    torn_file : Path or None
+        Where a last journal line that was cut short was put.
+    """
+
+    finished: bool
+    failure: DeviceError | None
+    trials_path: Path
+    torn_file: Path | None
+
+
+def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
+    """Create a session's folder and run the session.
+
+    Raises
+    ------
+    ArchiveError
+        If the session exists already, or another process holds it.
+    DeviceError
+        If the device cannot be opened; no session is created then.
+    JournalWriteError
+        If the record cannot be kept.
+    """
+    folder.refuse_existing()
+    with folder.locked(), _opened(setting.device) as identity:
+        _refuse_unsuitable(study_from_canonical(plan.study), identity)
+        folder.create(plan, _header(plan, setting, identity))
+        return _run(folder, plan, setting, identity)
+
+
+def resume(folder: SessionFolder, setting: Setting) -> Ending:
+    """Go on with a session that was interrupted; a finished one only gets its trials.csv again.
+
+    Raises
+    ------
+    ArchiveError
+        If there is no session, another process holds it, or it may not go on here and now.
+    JournalError, PlanError
+        If journal or plan cannot be trusted; nothing is changed then.
+    DeviceError
+        If the device cannot be opened.
+    JournalWriteError
+        If the record cannot be kept.
+    """
+    plan = folder.read_plan()
+    with folder.locked(), _opened(setting.device) as identity:
+        _refuse_unsuitable(study_from_canonical(plan.study), identity)
+        return _run(folder, plan, setting, identity)
+
+
+@contextlib.contextmanager
+def _opened(device: BurstDevice) -> Iterator[Identity]:
+    identity = device.open()
+    try:
+        yield identity
+    finally:
+        device.close()
+
+
+def _run(folder: SessionFolder, plan: Plan, setting: Setting, identity: Identity) -> Ending:
+    study = study_from_canonical(plan.study)
+    origin_s = setting.clock.now_s()
+
+    def now_s() -> float:
+        return setting.clock.now_s() - origin_s
+
+    with folder.open_journal(now_s) as journal:
+        history = replay(plan, journal.entries)
+        if history.finished:
+            return Ending(
+                finished=True,
+                failure=None,
+                trials_path=_write_trials(folder),
+                torn_file=journal.torn_file,
+            )
+        if history.opening:
+            origin_s -= history.last_t_s + max(0.0, time.time() - history.last_wall_s)
+            _refuse_another_place(history, identity, setting)
+            journal.append("session_resume", _place(identity), sync=True)
+            if history.open_trial is not None:
+                same_boot = history.boot_id == identity.boot_id
+                _settle(history.open_trial, study, journal, setting.device, same_boot=same_boot)
+            history = replay(plan, read_journal(folder.journal_path).entries)
+        else:
+            journal.append("session_open", _opening(plan, identity, setting), sync=True)
+        session = Session(
+            study=study,
+            plan=plan,
+            history=history,
+            device=setting.device,
+            responder=setting.responder,
+            clock=setting.clock,
+            origin_s=origin_s,
+            journal=journal,
+            stop=setting.stop,
+        )
+        finished = session.run()
+        return Ending(
+            finished=finished,
+            failure=session.failure,
+            trials_path=_write_trials(folder),
+            torn_file=journal.torn_file,
+        )
+
+
+def _write_trials(folder: SessionFolder) -> Path:
+    try:
+        return folder.write_trials()
+    except OSError as error:
+        raise JournalWriteError(
+            f"{folder.path / 'trials.csv'}: cannot be written ({error.strerror}); the journal is "
+            "whole: make room, then `tactstrip export` writes the table"
+        ) from error
+
+
+def _settle(
+    open_trial: OpenTrial, study: Study, journal: Journal, device: BurstDevice, *, same_boot: bool
+) -> None:
+    """Write the end of the trial in which the session was interrupted.
+
+    An answer that was still written stands. A stimulus that went out is voided, one that did not is
+    aborted; where the device cannot tell, or was started anew, the trial is indeterminate.
+    """
+    name = trial_name(open_trial.task)
+    outcome = open_trial.outcome
+    if outcome is None:
+        device.disarm(open_trial.token)
+        delivery = device.query(open_trial.token)
+        if delivery.outcome is Outcome.NOT_FIRED and not same_boot:
+            delivery = replace(delivery, outcome=Outcome.INDETERMINATE)
+        journal.append("stimulus_confirmed", name | delivery_facts(delivery, None))
+        outcome = delivery.outcome
+    again = open_trial.anticipated and study.design.anticipated == "requeue"
+    if outcome == Outcome.FIRED:
+        status = "ok" if open_trial.response is not None and not again else "voided"
+    else:
+        status = "aborted" if outcome == Outcome.NOT_FIRED else "indeterminate"
+    end = {"status": status, "anticipated": open_trial.anticipated}
+    journal.append("trial_end", name | end, sync=True)
+
+
+def _refuse_unsuitable(study: Study, identity: Identity) -> None:
+    """Refuse a device that cannot do what the study asks, before anything is felt."""
+    if identity.sample_rate_hz != study.device.sample_rate_hz:
+        raise ArchiveError(
+            f"device.sample_rate_hz must be that of the device, {identity.sample_rate_hz:g}; "
+            f"got {study.device.sample_rate_hz:g}"
+        )
+    highest_vpp = max(*study.design.levels_vpp, study.design.both_level_vpp or 0.0)
+    if highest_vpp > identity.ceiling_vpp:
+        raise ArchiveError(
+            "design.levels_vpp must be at most the device's own ceiling, "
+            f"{identity.ceiling_vpp:g} Vpp; got {highest_vpp:g}"
+        )
+    for condition in study.conditions:
+        samples = condition.burst.samples(study.device.sample_rate_hz).size
+        if samples > identity.longest_waveform:
+            raise ArchiveError(
+                f"condition {condition.name}: the burst must have at most "
+                f"{identity.longest_waveform} samples at the device's rate; got {samples}"
+            )
+
+
+def _refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
+    """Refuse to go on elsewhere or too late, unless the operator says so."""
+    if setting.resume_anyway:
+        return
+    here = _place(identity)
+    for what in ("host", "device", "serial_number"):
+        if here[what] != history.opening[what]:
+            raise ArchiveError(
+                f"the session was begun with {what} {history.opening[what]!r}; got {here[what]!r}: "
+                "give --resume-anyway if that makes no difference"
+            )
+    gap_s = time.time() - history.last_wall_s
+    if gap_s > LONGEST_INTERRUPTION_S:
+        raise ArchiveError(
+            f"the session was interrupted {gap_s / 60:.0f} minutes ago, the most is "
+            f"{LONGEST_INTERRUPTION_S / 60:.0f}: give --resume-anyway if fingers, plate and noise "
+            "are as they were"
+        )
+
+
+def _place(identity: Identity) -> dict[str, Any]:
+    return {
+        "host": platform.node(),
+        "device": identity.model,
+        "serial_number": identity.serial_number,
+        "boot_id": identity.boot_id,
+    }
+
+
+def _opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
+    return {
+        "participant": plan.participant,
+        "session": plan.session,
+        "plan_sha256": plan.sha256,
+        "simulated": setting.responder.simulated,
+        **_place(identity),
+    }
+
+
+def _header(plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
+    """List what is worth knowing of a session and is not part of the plan."""
+    study = study_from_canonical(plan.study)
+    return {
+        "schema": 1,
+        "begun": datetime.now(UTC).isoformat(timespec="seconds"),
+        **_opening(plan, identity, setting),
+        "device_identity": asdict(identity),
+        "ceiling_vpp": study.device.ceiling_vpp,
+        "responses": plan.responses,
+        "masking_noise": study.masking.noise,
+        "masking_noise_played": False,
+        "unfit_stimuli_accepted": {
+            c.name: c.accept_unfit for c in study.conditions if c.accept_unfit is not None
+        },
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in ("tactstrip", "numpy")},
+    }

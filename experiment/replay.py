@@ -1,0 +1,230 @@
+"""What a journal says: the rows of trials.csv, and what is left to do after an interruption."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from experiment.journal import Entry, JournalError
+from experiment.record import SCHEMA, TrialRow, is_correct
+from experiment.steps import Task
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from experiment.plan import Plan, Trial
+
+
+@dataclass(frozen=True, slots=True)
+class OpenTrial:
+    """A trial whose stimulus was armed and whose end was never written.
+
+    Attributes
+    ----------
+    task : Task
+        The trial and its attempt.
+    token : int
+        The token by which the device knows its stimulus.
+    confirmed : bool
+        Whether the journal already says what became of the stimulus.
+    outcome : str or None
+        That answer of the device.
+    response : str or None
+        The answer of the participant, where it was still written.
+    rt_s : float or None
+        Its time after the onset.
+    anticipated : bool
+        Whether a key came too early.
+    """
+
+    task: Task
+    token: int
+    confirmed: bool
+    outcome: str | None
+    response: str | None
+    rt_s: float | None
+    anticipated: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class History:
+    """Everything that a journal says about its session.
+
+    Attributes
+    ----------
+    rows : tuple of TrialRow
+        One row per presented trial, in the order of presentation.
+    pending : tuple of Task
+        The planned trials without an answer, in the order in which they are due.
+    open_trial : OpenTrial or None
+        The trial in which the session was interrupted.
+    opening : mapping
+        What the first line says of host, device and participant; empty before the first line.
+    boot_id : int or None
+        The power cycle of the device in which the journal's last part was written.
+    resumed : int
+        How often the session was resumed.
+    finished : bool
+        Whether the session was closed with every planned trial answered.
+    last_t_s, last_wall_s : float
+        Time of the last line on the session's and on the calendar's clock.
+    """
+
+    rows: tuple[TrialRow, ...]
+    pending: tuple[Task, ...]
+    open_trial: OpenTrial | None
+    opening: Mapping[str, Any]
+    boot_id: int | None
+    resumed: int
+    finished: bool
+    last_t_s: float
+    last_wall_s: float
+
+
+@dataclass(slots=True)
+class _Presentation:
+    """What the journal has said so far of one attempt at one trial."""
+
+    trial: Trial
+    attempt: int
+    token: int | None = None
+    stimulus: Mapping[str, Any] = field(default_factory=dict)
+    answer: Mapping[str, Any] = field(default_factory=dict)
+    end: Mapping[str, Any] = field(default_factory=dict)
+
+
+def replay(plan: Plan, entries: Iterable[Entry]) -> History:
+    """Tell from a journal what was presented and what is left.
+
+    Parameters
+    ----------
+    plan : Plan
+        The sealed plan of the session.
+    entries : iterable of Entry
+        The journal's lines, verified.
+
+    Raises
+    ------
+    JournalError
+        If the journal belongs to another plan, or names a trial that the plan does not have.
+    """
+    entries = tuple(entries)
+    opening = _opening(plan, entries)
+    shown = _presentations(plan, entries)
+    ended = [p for p in shown if p.end]
+    unended = [p for p in shown if not p.end]
+    if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
+        raise JournalError(f"trial {unended[0].trial.number} was never ended, yet others followed")
+    return History(
+        rows=tuple(_row(plan, p, simulated=opening["simulated"]) for p in ended),
+        pending=_pending(plan, ended),
+        open_trial=_open_trial(unended[0]) if unended else None,
+        opening=opening,
+        boot_id=next((e.facts["boot_id"] for e in reversed(entries) if e.event in _OPENINGS), None),
+        resumed=sum(entry.event == "session_resume" for entry in entries),
+        finished=any(e.event == "session_close" and e.facts["finished"] for e in entries),
+        last_t_s=entries[-1].t_s if entries else 0.0,
+        last_wall_s=entries[-1].wall_s if entries else 0.0,
+    )
+
+
+def _opening(plan: Plan, entries: tuple[Entry, ...]) -> Mapping[str, Any]:
+    if not entries:
+        return {}
+    first = entries[0]
+    if first.event != "session_open":
+        raise JournalError(f"the first line must be session_open; got {first.event}")
+    if first.facts["plan_sha256"] != plan.sha256:
+        raise JournalError(
+            f"the journal belongs to the plan {first.facts['plan_sha256'][:12]}..., "
+            f"not to this one, {plan.sha256[:12]}...; nothing was changed"
+        )
+    return first.facts
+
+
+_OPENINGS = ("session_open", "session_resume")
+_PART = {
+    "stimulus_confirmed": "stimulus",
+    "response": "answer",
+    "trial_end": "end",
+}
+
+
+def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
+    trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
+    shown: dict[tuple[int, int], _Presentation] = {}
+    for entry in entries:
+        if entry.event != "trial_armed" and entry.event not in _PART:
+            continue
+        number, attempt = entry.facts["trial"], entry.facts["attempt"]
+        if number not in trials:
+            raise JournalError(f"the journal names trial {number}, which the plan does not have")
+        if (number, attempt) not in shown:
+            shown[number, attempt] = _Presentation(trials[number], attempt)
+        presentation = shown[number, attempt]
+        if entry.event == "trial_armed":
+            presentation.token = entry.facts["token"]
+        else:
+            setattr(presentation, _PART[entry.event], entry.facts)
+    return list(shown.values())
+
+
+def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
+    """List unanswered trials: block by block, those never presented before the repeats."""
+    answered: set[int] = set()
+    attempts: dict[int, int] = {}
+    for presentation in ended:
+        number = presentation.trial.number
+        if presentation.end["status"] == "ok":
+            answered.add(number)
+        attempts.pop(number, None)
+        attempts[number] = presentation.attempt
+    turn = {number: place for place, number in enumerate(attempts, start=1)}
+    waiting = [trial for trial in plan.trials if trial.number not in answered]
+    waiting.sort(key=lambda trial: (trial.block, turn.get(trial.number, 0), trial.number))
+    return tuple(Task(trial, attempts.get(trial.number, 0) + 1) for trial in waiting)
+
+
+def _open_trial(presentation: _Presentation) -> OpenTrial:
+    assert presentation.token is not None
+    return OpenTrial(
+        task=Task(presentation.trial, presentation.attempt),
+        token=presentation.token,
+        confirmed=bool(presentation.stimulus),
+        outcome=presentation.stimulus.get("outcome"),
+        response=presentation.answer.get("response"),
+        rt_s=presentation.answer.get("rt_s"),
+        anticipated=presentation.answer.get("anticipated", False),
+    )
+
+
+def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRow:
+    trial, stimulus = presentation.trial, presentation.stimulus
+    response = presentation.answer.get("response")
+    return TrialRow(
+        schema=SCHEMA,
+        participant=plan.participant,
+        session=plan.session,
+        condition=trial.condition,
+        block=trial.block,
+        trial=trial.number,
+        attempt=presentation.attempt,
+        kind=trial.kind,
+        side=trial.side,
+        level_vpp=trial.level_vpp,
+        response=response,
+        rt_s=presentation.answer.get("rt_s"),
+        correct=is_correct(trial.kind, trial.side, response),
+        status=presentation.end["status"],
+        onset_s=stimulus.get("onset_s"),
+        foreperiod_s=trial.foreperiod_s,
+        level_left_vpp=stimulus.get("level_left_vpp"),
+        level_right_vpp=stimulus.get("level_right_vpp"),
+        peak_left_um=None,
+        peak_right_um=None,
+        displacement_basis=None,
+        anticipated=presentation.end["anticipated"],
+        noise_ok=None,
+        simulated=simulated,
+        study_sha256=plan.study_sha256,
+    )

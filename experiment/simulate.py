@@ -1,0 +1,140 @@
+"""Simulated participants: a responder that feels and errs like one, and whole studies of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from device.clock import VirtualClock
+from experiment.archive import SessionFolder
+from experiment.conduct import Setting, begin
+from experiment.interrupts import StopSignal
+from experiment.observer import draw_observer
+from experiment.plan import draw_plan
+from experiment.responder import Press
+from experiment.rig import mock_device
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from device.clock import Clock
+    from experiment.observer import Observer
+    from experiment.plan import Plan
+    from experiment.responder import Progress, Question
+    from experiment.study import Study
+
+
+class SimulatedResponder:
+    """An observer that answers by itself; the same answers whenever a session is interrupted.
+
+    Parameters
+    ----------
+    observer : Observer
+        Its psychometric function, guesses, lapses and reaction times.
+    clock : Clock
+        The clock it waits on.
+    seed : int
+        Every trial's chance is drawn from this seed, the trial's number and the attempt.
+    responses : tuple of str
+        The answers offered.
+    """
+
+    simulated = True
+
+    def __init__(
+        self, observer: Observer, clock: Clock, *, seed: int, responses: tuple[str, ...]
+    ) -> None:
+        self._observer = observer
+        self._clock = clock
+        self._seed = seed
+        self._responses = responses
+
+    def cue(self, progress: Progress) -> None:
+        """See the cue."""
+
+    def wait(self, until_s: float) -> Press | None:
+        """Wait, and press nothing."""
+        self._wait_until(until_s)
+        return None
+
+    def ask(self, question: Question) -> Press | None:
+        """Answer as the observer does."""
+        rng = np.random.default_rng((self._seed, question.trial, question.attempt))
+        answer = self._observer.answer(
+            question.level_left_vpp,
+            question.level_right_vpp,
+            responses=self._responses,
+            rng=rng,
+            response_window_s=question.window_s,
+        )
+        if answer.response is None or answer.rt_s is None:
+            self._wait_until(question.onset_s + question.window_s)
+            return None
+        time_s = question.onset_s + answer.rt_s
+        self._wait_until(time_s)
+        return Press(answer.response, time_s)
+
+    def feedback(self, *, correct: bool) -> None:
+        """Learn nothing from it."""
+
+    def _wait_until(self, time_s: float) -> None:
+        self._clock.wait(max(0.0, time_s - self._clock.now_s()))
+
+    def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
+        """Rest as briefly as is allowed, and go on."""
+        self._clock.wait(minimum_s)
+        return True
+
+
+def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResponder:
+    """Draw a participant from the study's simulated population by the plan's seed."""
+    rng = np.random.default_rng((plan.seed, _OBSERVER_STREAM))
+    observer = draw_observer(study.simulation, rng)
+    return SimulatedResponder(observer, clock, seed=plan.seed, responses=plan.responses)
+
+
+_OBSERVER_STREAM = 2**32 - 1
+"""Keeps the observer's own draw apart from those of its trials."""
+
+
+def simulate_study(
+    study: Study, root: Path, *, participants: int, seed: int
+) -> Iterator[SessionFolder]:
+    """Run one session each of simulated participants on mock devices and virtual clocks.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    root : Path
+        Folder for the sessions ``sub-01/ses-01``, ``sub-02/ses-01``, ...
+    participants : int
+        How many, at least 1.
+    seed : int
+        The same seed gives the same trials.csv.
+
+    Yields
+    ------
+    SessionFolder
+        Each session when it is complete.
+    """
+    children = np.random.SeedSequence(seed).spawn(participants)
+    for number, child in enumerate(children, start=1):
+        folder = SessionFolder(root, f"{number:02d}", "01", durable=False)
+        plan = draw_plan(
+            study,
+            participant=folder.participant,
+            session=folder.session,
+            seed=int(child.generate_state(1)[0]),
+        )
+        clock = VirtualClock()
+        setting = Setting(
+            device=mock_device(study, clock),
+            responder=simulated_responder(study, plan, clock),
+            clock=clock,
+            stop=StopSignal(),
+        )
+        begin(folder, plan, setting)
+        yield folder

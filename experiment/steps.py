@@ -1,0 +1,237 @@
+"""The words of the trial: where a session stands, what can happen, what can be done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from experiment.plan import Trial
+
+
+class Phase(StrEnum):
+    """Where a session stands."""
+
+    READY = "ready"  # between two trials
+    FOREPERIOD = "foreperiod"  # the cue is shown, the stimulus has yet to come
+    ARMING = "arming"  # the device was told of the stimulus
+    FIRING = "firing"  # the device was told to emit it
+    ANSWER = "answer"  # the stimulus is out, the answer is awaited
+    BREAK = "break"  # between two blocks
+    PAUSED = "paused"  # on the participant's or the operator's wish
+    FINISHED = "finished"  # every planned trial is answered
+    STOPPED = "stopped"  # before that; the session can be resumed
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A trial to be presented, for the how-many-eth time."""
+
+    trial: Trial
+    attempt: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """A session between two events.
+
+    Attributes
+    ----------
+    pending : tuple of Task
+        What is still to be presented, in order; the first is the current one.
+    keep_anticipated : bool
+        The study's rule: an anticipated trial is kept and flagged, not presented again.
+    response_window_s : float
+        How long an answer is awaited.
+    phase : Phase
+        Where the session stands.
+    block : int or None
+        The open block.
+    anticipated : bool
+        A key came too early in the current trial.
+    failures : int
+        Stimuli in a row that were not delivered.
+    """
+
+    pending: tuple[Task, ...]
+    keep_anticipated: bool
+    response_window_s: float
+    phase: Phase = Phase.READY
+    block: int | None = None
+    anticipated: bool = False
+    failures: int = 0
+
+
+# What happened: the events.
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened."""
+
+
+class TrialDue(Event):
+    """The next trial belongs to the open block, or opens the first."""
+
+
+class BreakDue(Event):
+    """The open block has no trial left, a later one has."""
+
+
+class NothingLeft(Event):
+    """No trial is left."""
+
+
+class Elapsed(Event):
+    """The foreperiod, or the time for an answer, is over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Key(Event):
+    """An answer key was pressed; `rt_s` after the onset, or before it where there is none."""
+
+    response: str
+    rt_s: float | None
+
+
+class EarlyKey(Event):
+    """A key came before an answer was possible; the trial is void."""
+
+
+@dataclass(frozen=True, slots=True)
+class EarlyKeyKept(Event):
+    """The same, where the study keeps and flags such a trial."""
+
+    response: str
+    rt_s: float | None
+
+
+class Armed(Event):
+    """The device holds the stimulus ready."""
+
+
+class Fired(Event):
+    """The device confirmed that the stimulus went out."""
+
+
+class NotFired(Event):
+    """The device confirmed that it did not."""
+
+
+class NotFiredAgain(Event):
+    """The same for the last time: the device does not do its work."""
+
+
+class FiredPerhaps(Event):
+    """Nobody can tell whether it went out."""
+
+
+class DeviceFailed(Event):
+    """The device refused, or its link is lost."""
+
+
+class PauseAsked(Event):
+    """Esc was pressed, or the operator asked for a pause."""
+
+
+class Continued(Event):
+    """The break or pause is over."""
+
+
+class StopAsked(Event):
+    """The session is to be stopped now."""
+
+
+# What is to be done: the effects.
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """Something to be done; a few of them are answered by an event."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenBlock(Effect):
+    """Note that a block begins; its waveforms go to the device."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class CloseBlock(Effect):
+    """Note that a block is over."""
+
+    block: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cue(Effect):
+    """Show that a trial begins."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Wait(Effect):
+    """Let the foreperiod pass, or what is left of it. Answered by Elapsed, Key, PauseAsked."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Arm(Effect):
+    """Journal the token, then arm the device. Answered by Armed or DeviceFailed."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Fire(Effect):
+    """Emit the stimulus. Answered by Fired, NotFired, FiredPerhaps or DeviceFailed."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Listen(Effect):
+    """Wait for the answer. Answered by Key, Elapsed or PauseAsked."""
+
+    task: Task
+    window_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndTrial(Effect):
+    """Record how the trial ended."""
+
+    task: Task
+    status: str
+    response: str | None = None
+    rt_s: float | None = None
+    anticipated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback(Effect):
+    """Tell the participant whether a practice answer was right."""
+
+    correct: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Rest(Effect):
+    """Offer a break, or hold a pause. Answered by Continued or StopAsked."""
+
+    paused: bool
+
+
+class ZeroOutputs(Effect):
+    """Put the device's outputs to zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloseSession(Effect):
+    """Note that the session is over, and whether it is complete."""
+
+    finished: bool

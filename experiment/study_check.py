@@ -1,0 +1,141 @@
+"""What is to be known of a study before anyone takes part: is it fit, and how long does it take."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
+
+from experiment.plan import block_count
+from experiment.study_values import StudyError
+from stimuli import ElasticEdge, check_burst
+
+if TYPE_CHECKING:
+    from experiment.study_values import Condition, Study
+    from stimuli import BurstCheck
+
+Verdict = Literal["fit", "accepted", "unfit"]
+
+ASSUMED_ANSWER_S: Final = 1.0
+"""How long a person is taken to need for an answer, when a session's length is estimated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionCheck:
+    """A condition and how its burst goes with the strip.
+
+    Attributes
+    ----------
+    condition : Condition
+        The condition.
+    burst : BurstCheck
+        What the check of its burst found.
+    """
+
+    condition: Condition
+    burst: BurstCheck
+
+    @property
+    def verdict(self) -> Verdict:
+        """``accepted`` where the burst is unfit and the study says why it is wanted."""
+        if self.burst.fit:
+            return "fit"
+        return "unfit" if self.condition.accept_unfit is None else "accepted"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyCheck:
+    """What the check of a study found.
+
+    Attributes
+    ----------
+    study : Study
+        The study.
+    cutoff_hz : float
+        First cut-off of its strip.
+    conditions : tuple of ConditionCheck
+        Its conditions, as listed.
+    trials : int
+        Trials of all conditions, practice left out.
+    blocks : int
+        Blocks that they are divided into.
+    duration_s : float
+        Estimated length of a session: every foreperiod in the middle of its range, every answer
+        after `ASSUMED_ANSWER_S`, every break at its shortest.
+    """
+
+    study: Study
+    cutoff_hz: float
+    conditions: tuple[ConditionCheck, ...]
+    trials: int
+    blocks: int
+    duration_s: float
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of the conditions' verdicts."""
+        verdicts = {condition.verdict for condition in self.conditions}
+        if "unfit" in verdicts:
+            return "unfit"
+        return "accepted" if "accepted" in verdicts else "fit"
+
+    @property
+    def edge_stiffness_n(self) -> float | None:
+        """Stiffness of an elastic edge; none for simply supported and clamped ones."""
+        edge = self.study.strip.edge
+        return edge.stiffness_n if isinstance(edge, ElasticEdge) else None
+
+
+def check_study(study: Study) -> StudyCheck:
+    """Check every burst of a study against its strip, and count its trials.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Raises
+    ------
+    StudyError
+        If a burst cannot be played at the device's rate, or the design cannot be divided into
+        blocks.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> check = check_study(paper_study())
+    >>> check.verdict, round(check.cutoff_hz), check.trials, check.blocks
+    ('fit', 2900, 155, 5)
+    """
+    trials = study.design.trials * len(study.conditions)
+    try:
+        blocks = block_count(study.design) * len(study.conditions)
+    except ValueError as error:
+        raise StudyError(f"study {study.name}: {error}") from error
+    return StudyCheck(
+        study=study,
+        cutoff_hz=study.strip.cutoff_hz(),
+        conditions=tuple(_check_condition(study, condition) for condition in study.conditions),
+        trials=trials,
+        blocks=blocks,
+        duration_s=_duration_s(study, trials + study.design.practice_trials, blocks),
+    )
+
+
+def _check_condition(study: Study, condition: Condition) -> ConditionCheck:
+    try:
+        burst = check_burst(
+            condition.burst,
+            study.strip,
+            sample_rate_hz=study.device.sample_rate_hz,
+            max_energy_above_cutoff=study.max_energy_above_cutoff,
+        )
+    except ValueError as error:
+        raise StudyError(f"study {study.name}: condition {condition.name}: {error}") from error
+    return ConditionCheck(condition=condition, burst=burst)
+
+
+def _duration_s(study: Study, trials: int, blocks: int) -> float:
+    design = study.design
+    answer_s = min(ASSUMED_ANSWER_S, design.response_window_s)
+    trial_s = sum(design.foreperiod_s) / 2 + answer_s
+    return trials * trial_s + (blocks - 1) * design.minimum_break_s

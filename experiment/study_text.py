@@ -1,0 +1,142 @@
+"""The commented study file that `tactstrip init` writes: a preset, worded by its tables."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin
+
+from experiment.checks import require_word
+
+if TYPE_CHECKING:
+    from experiment.study_tables import Table
+
+Preset = Literal["paper", "recommended"]
+PRESETS: Final[tuple[str, ...]] = get_args(Preset)
+
+_OVERRIDES: Final[dict[str, dict[str, Any]]] = {
+    "paper": {},
+    "recommended": {
+        "study": {"name": "recommended"},
+        "burst": {"window": "hann"},
+        "design": {
+            "blank_trials": 60,
+            "practice_trials": 10,
+            "order": "balanced",
+            "responses": ["left", "right", "both", "none"],
+            "break_every": 43,
+        },
+    },
+}
+_INTRODUCTIONS: Final = {
+    "paper": (
+        "The protocol of A. Ben Dhiab and C. Hudin, 'Confinement of Vibrotactile Stimuli in Narrow "
+        "Plates'. What the paper does not state (waits, breaks, the device) is ours. Every key may "
+        "be left out: the paper preset's value is its default."
+    ),
+    "recommended": (
+        "The paper's plate with the design we recommend: each level equally often in every block, "
+        "'none' as an answer and 60 blank trials to measure guesses, a Hann window to confine the "
+        "burst, practice before the first block."
+    ),
+}
+_LEVELS: Final = {
+    "paper": "",
+    "recommended": (
+        "The levels below are for a pilot session. Place each participant's own afterwards: "
+        "`tactstrip levels DIR --participant ID --write FILE`, then `tactstrip run --levels FILE`."
+    ),
+}
+_CONDITIONS: Final = """\
+# To compare stimuli, list conditions; each runs the whole design. What one leaves out is taken from
+# [burst]. Without any there is one condition, main.
+# [[condition]]
+# name = "two-cycles"
+# cycles = 2
+"""
+_COLUMN: Final = 37
+"""Where a key's comment begins, unless the value is longer."""
+
+
+def write_study_text(preset: str) -> str:
+    r"""Write a commented study file.
+
+    Parameters
+    ----------
+    preset : str
+        ``paper``, which reads back as `experiment.study.paper_study`, or ``recommended``.
+
+    Returns
+    -------
+    str
+        TOML text; comments, keys and values come from the tables that read it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such preset.
+
+    Examples
+    --------
+    >>> lines = write_study_text("paper").splitlines()
+    >>> print(*lines[lines.index("[masking]"):][:3], sep="\n")
+    [masking]
+    noise = "pink"                         # pink | none
+    max_level_dba = 75                     # at the ear; 80 at most
+    """
+    from experiment.study_faults import checked_tables
+
+    require_word("preset", preset, PRESETS)
+    tables = checked_tables(_OVERRIDES[preset])
+    sections = [_comment(_INTRODUCTIONS[preset])]
+    for name in type(tables).model_fields:
+        table = getattr(tables, name)
+        if name == "condition":
+            sections.append(_CONDITIONS)
+        elif isinstance(table, tuple):
+            first, *others = table
+            sections.append(_section(f"[[{name}]]", first))
+            sections += [f"[[{name}]]\n{_keys(other, commented=False)}" for other in others]
+        else:
+            sections.append(
+                _section(f"[{name}]", table, _LEVELS[preset] if name == "design" else "")
+            )
+    return "\n".join(sections)
+
+
+def _section(heading: str, table: Table, remark: str = "") -> str:
+    about = _comment(type(table).__doc__ or "") + _comment(remark)
+    return f"{about}{heading}\n{_keys(table, commented=True)}"
+
+
+def _keys(table: Table, *, commented: bool) -> str:
+    """Write a table's keys; one that is not set stands as a comment, for who needs it."""
+    lines = []
+    for key, field in type(table).model_fields.items():
+        value = getattr(table, key)
+        line = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
+        comment = "; ".join(filter(None, (_words(field.annotation), field.description)))
+        if commented and comment:
+            lines.append(f"{line:{_COLUMN}}  # {comment}")
+        elif commented or value is not None:
+            lines.append(line)
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _words(annotation: object) -> str:
+    """List the words of a key that takes one of several."""
+    words = get_args(annotation) if get_origin(annotation) is Literal else ()
+    return " | ".join(words) if len(words) > 1 else ""
+
+
+def _comment(text: str) -> str:
+    return "".join(f"# {line}\n" for line in textwrap.wrap(text, width=98, break_on_hyphens=False))
+
+
+def _toml(value: object) -> str:
+    """Write a value in TOML; JSON's texts are TOML's, and a whole number needs no point."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(item) for item in value)}]"
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return json.dumps(value)

@@ -1,0 +1,233 @@
+"""A study as everybody but the file's reader sees it: frozen values in SI units.
+
+A file is read by `experiment.study`; the ranges are checked here, whoever builds the values.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, get_args
+
+from experiment.actuator import Actuator, check_actuators
+from experiment.checks import require_word
+from stimuli.checks import finite
+
+if TYPE_CHECKING:
+    from experiment.design import Design
+    from experiment.observer import Observer
+    from stimuli import Burst, Strip
+
+DriverName = Literal["mock"]
+Noise = Literal["pink", "none"]
+EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
+
+MAX_MASKING_LEVEL_DBA = 80.0
+"""Loudest masking noise, dB(A) re 20 uPa, that a person may hear for the length of a session."""
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+_NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -"
+
+
+class StudyError(ValueError):
+    """A study file, or a file of levels, that cannot be used; the message is one line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """One stimulus that the whole design is run with.
+
+    Attributes
+    ----------
+    name : str
+        1 to 32 letters, digits, ``_`` or ``-``.
+    burst : Burst
+        The drive, at unit amplitude.
+    accept_unfit : str or None
+        Why a burst that does not fit the strip is wanted all the same; none where it is not.
+
+    Raises
+    ------
+    ValueError
+        If the name or the reason is no such text.
+
+    Examples
+    --------
+    >>> from stimuli import Burst
+    >>> Condition(name="a/b", burst=Burst(frequency_hz=500.0, cycles=1, window="none"))
+    Traceback (most recent call last):
+    ValueError: name must be 1 to 32 of the characters A-Z a-z 0-9 _ -; got 'a/b'
+    """
+
+    name: str
+    burst: Burst
+    accept_unfit: str | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+            raise ValueError(f"name must be {_NAME_RULE}; got {self.name!r}")
+        reason = self.accept_unfit
+        if reason is not None and not _is_line(reason):
+            raise ValueError(f"accept_unfit must be a reason in one line of text; got {reason!r}")
+
+
+def _is_line(text: object) -> bool:
+    return isinstance(text, str) and text.isprintable() and bool(text.strip())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceSettings:
+    """What drives the actuators, and what it may do.
+
+    Attributes
+    ----------
+    driver : str
+        Name of the driver.
+    sample_rate_hz : float
+        Rate at which the device puts samples out.
+    ceiling_vpp : float
+        Highest level it may ever put out.
+    least_interval_s : float
+        Shortest rest from the end of a burst to the onset of the next.
+    """
+
+    driver: DriverName
+    sample_rate_hz: float
+    ceiling_vpp: float
+    least_interval_s: float
+
+    def __post_init__(self) -> None:
+        require_word("driver", self.driver, get_args(DriverName))
+        finite("sample_rate_hz", self.sample_rate_hz, least=1_000, most=10_000_000)
+        finite("ceiling_vpp", self.ceiling_vpp, above=0, most=1_000)
+        finite("least_interval_s", self.least_interval_s, above=0, most=60)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Masking:
+    """The noise that hides the sound of the actuators.
+
+    Attributes
+    ----------
+    noise : str
+        ``pink`` or ``none``.
+    max_level_dba : float
+        Loudest level at the ear, dB(A) re 20 uPa.
+
+    Raises
+    ------
+    ValueError
+        If the noise is unknown or may be louder than 80 dB(A).
+
+    Examples
+    --------
+    >>> Masking(noise="pink", max_level_dba=85.0)
+    Traceback (most recent call last):
+    ValueError: max_level_dba must be a finite number >= 0 and <= 80, got 85.0
+    """
+
+    noise: Noise
+    max_level_dba: float
+
+    def __post_init__(self) -> None:
+        require_word("noise", self.noise, get_args(Noise))
+        finite("max_level_dba", self.max_level_dba, least=0, most=MAX_MASKING_LEVEL_DBA)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Simulation:
+    """The population that simulated participants are drawn from; see `experiment.observer`.
+
+    Attributes
+    ----------
+    median : Observer
+        The participant in the middle of the population.
+    threshold_sd_db : float
+        Standard deviation of 20 log10(threshold) between participants; they are alike otherwise.
+    """
+
+    median: Observer
+    threshold_sd_db: float
+
+    def __post_init__(self) -> None:
+        finite("threshold_sd_db", self.threshold_sd_db, least=0, most=40)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """Everything that is fixed before the first participant comes.
+
+    Attributes
+    ----------
+    name : str
+        1 to 32 letters, digits, ``_`` or ``-``.
+    strip : Strip
+        The plate.
+    edge_basis : str
+        How its edges were stated: a word of `EdgeBasis`.
+    actuators : tuple of Actuator
+        Left, right.
+    conditions : tuple of Condition
+        At least one; each runs the whole design.
+    design : Design
+    device : DeviceSettings
+    masking : Masking
+    simulation : Simulation
+    max_energy_above_cutoff : float
+        Largest fraction of a burst's energy above the strip's first cut-off.
+    canonical : str
+        The complete study as JSON text with sorted keys, defaults filled in.
+    sha256 : str
+        Checksum of ``canonical``.
+
+    Raises
+    ------
+    ValueError
+        If two parts do not go together: patches off the strip, levels above the device's ceiling,
+        bursts sooner than it allows, conditions of the same name.
+    """
+
+    name: str
+    strip: Strip
+    edge_basis: EdgeBasis
+    actuators: tuple[Actuator, ...]
+    conditions: tuple[Condition, ...]
+    design: Design
+    device: DeviceSettings
+    masking: Masking
+    simulation: Simulation
+    max_energy_above_cutoff: float
+    canonical: str
+    sha256: str
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+            raise ValueError(f"study.name must be {_NAME_RULE}; got {self.name!r}")
+        require_word("strip.edge", self.edge_basis, get_args(EdgeBasis))
+        limit = self.max_energy_above_cutoff
+        finite("burst.max_energy_above_cutoff", limit, above=0, most=1)
+        check_actuators(self.actuators, self.strip)
+        names = [condition.name for condition in self.conditions]
+        if not names or len(set(names)) != len(names):
+            raise ValueError(f"condition names must be distinct, at least one; got {names}")
+        _check_levels(self.design, self.device)
+        _check_durations(self.design, self.conditions)
+
+
+def _check_levels(design: Design, device: DeviceSettings) -> None:
+    ceiling = f"device.ceiling_vpp = {device.ceiling_vpp:g}"
+    named = {f"levels_vpp[{i}]": level_vpp for i, level_vpp in enumerate(design.levels_vpp)}
+    named["both_level"] = design.both_level_vpp or 0.0
+    for name, level_vpp in named.items():
+        if level_vpp > device.ceiling_vpp:
+            raise ValueError(f"design.{name} must be at most {ceiling}; got {level_vpp:g}")
+
+
+def _check_durations(design: Design, conditions: tuple[Condition, ...]) -> None:
+    window = f"design.response_window_s = {design.response_window_s:g}"
+    for condition in conditions:
+        duration_s = condition.burst.duration_s
+        if duration_s > design.response_window_s:
+            raise ValueError(
+                f"condition {condition.name}: the burst must last at most {window}; "
+                f"got {duration_s:g} s"
+            )

@@ -1,0 +1,153 @@
+"""A person at the keyboard of a terminal: for trying an experiment out."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from typing import TYPE_CHECKING, Any, Self
+
+from experiment.responder import ESCAPE, Press
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from experiment.responder import Progress, Question
+
+_ESCAPE_KEY = b"\x1b"
+_ANSWER_OF = {
+    b"\x1b[D": "left",
+    b"\x1bOD": "left",
+    b"l": "left",
+    b"\x1b[C": "right",
+    b"\x1bOC": "right",
+    b"r": "right",
+    b"\x1b[B": "both",
+    b"\x1bOB": "both",
+    b"b": "both",
+    b" ": "none",
+    b"n": "none",
+    _ESCAPE_KEY: ESCAPE,
+}
+_KEY_NAMES = {
+    "left": "left arrow or l",
+    "right": "right arrow or r",
+    "both": "down arrow or b",
+    "none": "space or n",
+}
+_ARROW_BYTES = 3
+_GO_ON = (b"\r", b"\n", b" ")
+
+
+class NoTerminalError(ValueError):
+    """Nobody can press a key here."""
+
+
+class TerminalResponder:
+    """Asks a person at a terminal; a context manager that borrows the terminal's keyboard.
+
+    Parameters
+    ----------
+    clock : Clock
+        The monotonic clock by which keys are timed.
+    responses : tuple of str
+        The answers offered.
+
+    Raises
+    ------
+    NoTerminalError
+        If standard input is no terminal, or the system has no POSIX terminals.
+    """
+
+    simulated = False
+
+    def __init__(self, clock: Clock, *, responses: tuple[str, ...]) -> None:
+        if os.name != "posix" or not sys.stdin.isatty():
+            raise NoTerminalError(
+                "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
+                "use --responder simulated to try a study out without one"
+            )
+        self._clock = clock
+        self._responses = responses
+        self._input = sys.stdin.fileno()
+        self._settings: list[Any] = []
+        self._typed = b""
+
+    def __enter__(self) -> Self:
+        import termios
+        import tty
+
+        self._settings = termios.tcgetattr(self._input)
+        tty.setcbreak(self._input)
+        print("Lay one finger on each actuator. Answer where you felt the stimulus:")
+        for response in self._responses:
+            print(f"  {response:<6} {_KEY_NAMES[response]}")
+        print("  Esc    pause; Esc again stops the session", flush=True)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        import termios
+
+        termios.tcsetattr(self._input, termios.TCSADRAIN, self._settings)
+
+    def cue(self, progress: Progress) -> None:
+        """Show the trial's number; keys typed before it are dropped."""
+        import termios
+
+        termios.tcflush(self._input, termios.TCIFLUSH)
+        self._typed = b""
+        what = "practice" if progress.practice else "trial"
+        print(f"\n{what} {progress.done + 1} of {progress.planned}  ...", end="", flush=True)
+
+    def wait(self, until_s: float) -> Press | None:
+        """Let the foreperiod pass; other keys than an answer or Esc are ignored."""
+        while (key := self._read(until_s)) is not None:
+            if key in _ANSWER_OF:
+                return Press(_ANSWER_OF[key], self._clock.now_s())
+        return None
+
+    def ask(self, question: Question) -> Press | None:
+        """Wait for the answer; a key that means nothing is an invalid answer."""
+        print(" ?", end="", flush=True)
+        key = self._read(question.onset_s + question.window_s)
+        time_s = self._clock.now_s()
+        if key is None:
+            print(" no answer", end="", flush=True)
+            return None
+        response = _ANSWER_OF.get(key, "invalid")
+        print(f" {response}", end="", flush=True)
+        return Press(response, time_s)
+
+    def feedback(self, *, correct: bool) -> None:
+        """Say whether a practice answer was right."""
+        print(" - right" if correct else " - not so", end="", flush=True)
+
+    def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
+        """Wait for Enter or the space bar to go on, or Esc to stop."""
+        what = "Paused" if paused else "Break"
+        print(f"\n{what}: {progress.done} of {progress.planned} trials are done.")
+        if minimum_s > 0:
+            print(f"Rest for at least {minimum_s:g} s; Esc stops the session.", flush=True)
+            rested_s = self._clock.now_s() + minimum_s
+            while (key := self._read(rested_s)) is not None:
+                if key == _ESCAPE_KEY:
+                    return False
+        print("Enter goes on, Esc stops the session.", flush=True)
+        while (key := self._read(None)) not in _GO_ON:
+            if key == _ESCAPE_KEY:
+                return False
+        return True
+
+    def _read(self, until_s: float | None) -> bytes | None:
+        """Return the bytes of the next key, or ``None`` when the time is over."""
+        if not self._typed:
+            remaining_s = None if until_s is None else max(0.0, until_s - self._clock.now_s())
+            ready, _, _ = select.select([self._input], [], [], remaining_s)
+            if not ready:
+                return None
+            self._typed = os.read(self._input, 64)
+            if not self._typed:
+                raise NoTerminalError("the terminal was closed; go on with --resume")
+        is_arrow = len(self._typed) >= _ARROW_BYTES and self._typed[:2] in {b"\x1b[", b"\x1bO"}
+        length = _ARROW_BYTES if is_arrow else 1
+        key, self._typed = self._typed[:length], self._typed[length:]
+        return key

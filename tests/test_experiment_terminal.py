@@ -1,0 +1,160 @@
+"""A person at a real terminal: keys typed into a pseudo-terminal, seen from outside."""
+
+from __future__ import annotations
+
+import csv
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING, Self
+
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
+
+LEFT, RIGHT, DOWN, ESCAPE, ENTER = b"\x1b[D", b"\x1b[C", b"\x1b[B", b"\x1b", b"\n"
+PATIENCE_S = 60
+LATER_S = 0.2
+"""A person takes longer to answer than what counts as anticipated."""
+
+
+@pytest.fixture
+def study_path(tmp_path: Path, short_study_text: str) -> Path:
+    path = tmp_path / "study.toml"
+    patient = short_study_text + "response_window_s = 30\nminimum_break_s = 0\n"
+    path.write_text('[masking]\nnoise = "none"\n' + patient, encoding="utf-8")
+    return path
+
+
+class Terminal:
+    """`tactstrip run` in a process of its own, with a pseudo-terminal for a keyboard."""
+
+    def __init__(self, study_path: Path, *more: str) -> None:
+        self._keyboard, inner = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "from tactstrip import main; main()", "run", str(study_path),
+             "--participant", "01", "--out", str(study_path.parent / "results"), *more],
+            stdin=inner, stdout=inner, stderr=inner, start_new_session=True,
+        )  # fmt: skip
+        os.close(inner)
+        self._seen = b""
+        self.shown = b""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.wait()
+        os.close(self._keyboard)
+
+    def _read(self, until_s: float) -> bool:
+        ready, _, _ = select.select([self._keyboard], [], [], max(0.0, until_s - time.monotonic()))
+        if not ready:
+            return False
+        try:
+            new = os.read(self._keyboard, 4096)
+        except OSError:  # Linux ends a pseudo-terminal so
+            return False
+        self._seen += new
+        self.shown += new
+        return bool(new)
+
+    def expect(self, text: bytes) -> None:
+        until_s = time.monotonic() + PATIENCE_S
+        while text not in self._seen:
+            assert self._read(until_s), (text, self.shown)
+        self._seen = self._seen[self._seen.index(text) + len(text) :]
+
+    def press(self, key: bytes) -> None:
+        os.write(self._keyboard, key)
+
+    def answer(self, *keys: bytes) -> None:
+        for key in keys:
+            self.expect(b" ?")
+            time.sleep(LATER_S)
+            self.press(key)
+
+    def ended(self) -> int:
+        until_s = time.monotonic() + PATIENCE_S
+        while self._read(until_s):
+            pass
+        return self.process.wait(PATIENCE_S)
+
+
+def rows(study_path: Path) -> list[dict[str, str]]:
+    path = study_path.parent / "results" / "sub-01" / "ses-01" / "trials.csv"
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_what_is_pressed_is_what_is_recorded(study_path: Path) -> None:
+    with Terminal(study_path, "--seed", "1") as terminal:
+        terminal.answer(LEFT, RIGHT, DOWN)
+        terminal.expect(b"Break: 3 of 5 trials are done.")
+        terminal.press(ENTER)
+        terminal.answer(b"l", b"x")
+        assert terminal.ended() == 0, terminal.shown
+    recorded = rows(study_path)
+    assert [row["response"] for row in recorded] == ["left", "right", "both", "left", "invalid"]
+    assert {row["simulated"] for row in recorded} == {"false"}
+    assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
+    assert b"160" not in terminal.shown
+
+
+def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
+    study_path: Path,
+) -> None:
+    with Terminal(study_path, "--seed", "1") as terminal:
+        terminal.answer(LEFT, ESCAPE)
+        terminal.expect(b"Paused: 1 of 5")
+        terminal.press(ENTER)
+        terminal.answer(LEFT, ESCAPE)
+        terminal.expect(b"Paused: 2 of 5")
+        terminal.press(ESCAPE)
+        assert terminal.ended() == 4, terminal.shown
+    assert b"--resume" in terminal.shown
+    with Terminal(study_path, "--resume") as terminal:
+        terminal.answer(LEFT, RIGHT)
+        assert b"practice" in terminal.shown
+        terminal.expect(b"right - right")
+        terminal.expect(b"Break")
+        terminal.press(ENTER)
+        terminal.answer(LEFT)
+        terminal.expect(b"Break")
+        terminal.press(ENTER)
+        terminal.answer(LEFT, LEFT)
+        assert terminal.ended() == 0, terminal.shown
+    statuses = [row["status"] for row in rows(study_path) if row["kind"] != "practice"]
+    assert statuses.count("ok") == 5
+    assert statuses.count("voided") == 2
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_while_an_answer_is_awaited_stops_the_session_safely(
+    study_path: Path, number: signal.Signals
+) -> None:
+    with Terminal(study_path, "--seed", "1") as terminal:
+        terminal.answer(LEFT)
+        terminal.expect(b" ?")
+        terminal.process.send_signal(number)
+        assert terminal.ended() == 4, terminal.shown
+    assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
+
+
+def test_without_a_terminal_it_says_what_to_use_instead(study_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", "from tactstrip import main; main()", "run", str(study_path),
+         "--participant", "01", "--out", str(study_path.parent / "results")],
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "--responder simulated" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not (study_path.parent / "results").exists()
