@@ -43,8 +43,8 @@ _INTRODUCTIONS: Final = {
 _LEVELS: Final = {
     "paper": "",
     "recommended": (
-        "The levels below are for a pilot session. Place each participant's own afterwards: "
-        "`tactstrip levels DIR --participant ID --write FILE`, then `tactstrip run --levels FILE`."
+        "The levels below are for a pilot session. Place each participant's own afterwards, in a "
+        "file with levels_vpp = [...], and give it with `tactstrip run --levels FILE`."
     ),
 }
 _CONDITIONS: Final = """\

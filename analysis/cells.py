@@ -1,0 +1,207 @@
+"""The cells of trials.csv: text to numbers, words and flags, or refused with what is allowed."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.errors import ResultFileError, shown
+from experiment.record import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+DETECTED = Column(
+    name="detected",
+    type="str",
+    optional=True,
+    choices=("0", "1", *(word for word in RESPONSES if word in {"timeout", "invalid"})),
+    description="whether the stimulus was felt, in tables that do not tell the side answered",
+)
+
+_LEAST: Mapping[str, int] = MappingProxyType(
+    {
+        "schema": SCHEMA,
+        "block": 0,
+        "trial": 1,
+        "attempt": 1,
+        "rt_s": 0,
+        "level_vpp": 0,
+        "foreperiod_s": 0,
+        "level_left_vpp": 0,
+        "level_right_vpp": 0,
+        "peak_left_um": 0,
+        "peak_right_um": 0,
+    }
+)
+_MOST: Mapping[str, int] = MappingProxyType({"schema": SCHEMA})
+_WORDING: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "schema": (str(SCHEMA),),
+        "level_vpp": ("a number above 0", "in a blank trial 0"),
+    }
+)
+_LARGEST_WHOLE = 2**53
+_LARGEST = 1e300
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WHOLE = re.compile(r"\d+(\.0*)?", re.ASCII)
+_FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellFault:
+    """The first cell of a column that cannot be read.
+
+    Attributes
+    ----------
+    line : int
+        Its line in the file.
+    message : str
+        Column, value and what is allowed.
+    """
+
+    line: int
+    message: str
+
+
+def allowed(column: Column) -> str:
+    """Say in words which cells a column may have.
+
+    >>> from experiment.record import COLUMNS
+    >>> [allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
+    ['a whole number of at least 1', 'true, false or n/a']
+    """
+    least = _LEAST.get(column.name)
+    bound = "" if least is None else f" of at least {least}"
+    kinds = {
+        "int": [f"a whole number{bound}"],
+        "float": [f"a finite number{bound}"],
+        "bool": [*_FLAGS],
+        "str": ["printable text that is not empty"],
+    }
+    words = list(_WORDING.get(column.name, column.choices or kinds[column.type]))
+    if column.optional:
+        words.append(NOT_AVAILABLE)
+    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+def parse(column: Column, text: str) -> object:
+    """Read one cell; ``None`` for ``n/a`` where the column may have it.
+
+    Raises
+    ------
+    ValueError
+        For text that is not allowed in this column.
+
+    Examples
+    --------
+    >>> parse(DETECTED, "1"), parse(DETECTED, "n/a")
+    ('1', None)
+    """
+    if text == NOT_AVAILABLE:
+        if column.optional:
+            return None
+    elif column.choices:
+        if text in column.choices:
+            return text
+    elif column.type == "bool":
+        if text in _FLAGS:
+            return _FLAGS[text]
+    elif column.type != "str":
+        return _number(column, text)
+    elif text and text.isprintable():
+        return text
+    raise ValueError(f"{column.name} must be {allowed(column)}, got {text!r}")
+
+
+def _number(column: Column, text: str) -> float | int:
+    whole = column.type == "int"
+    if (_WHOLE if whole else _NUMBER).fullmatch(text):
+        number = float(text)
+        most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else _LARGEST
+        if _LEAST.get(column.name, -_LARGEST) <= number <= most:
+            return int(number) if whole else number
+    raise ValueError(f"{column.name} must be {allowed(column)}, got {text!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """How one column of a table becomes one of ours.
+
+    Attributes
+    ----------
+    column : Column
+        Ours.
+    label : str
+        The column's name for messages.
+    words : mapping of str to str
+        Their word to ours; other words stay as they are.
+    scale : tuple of float
+        Numerator and denominator that bring a number to our unit.
+    """
+
+    column: Column
+    label: str
+    words: Mapping[str, str] = field(default_factory=dict)
+    scale: tuple[float, float] = (1.0, 1.0)
+
+    def read(self, texts: pd.Series[Any]) -> pd.Series[Any] | CellFault:
+        """Read a column of text cells, each different text only once.
+
+        Parameters
+        ----------
+        texts : pandas.Series
+            Text cells; the index holds their lines.
+
+        Returns
+        -------
+        pandas.Series or CellFault
+            int64, float64 (NaN for none), bool, nullable boolean where the column is optional, a
+            categorical of the column's words, or text; or the first cell that cannot be read.
+
+        Examples
+        --------
+        >>> Reading(column=DETECTED, label="felt").read(pd.Series(["1", "2"], index=[2, 3])).line
+        3
+        """
+        codes, distinct = pd.factorize(texts.to_numpy(dtype=object))
+        values: list[Any] = []
+        for code, text in enumerate(distinct):
+            try:
+                values.append(parse(self.column, self.words.get(text, text)))
+            except ValueError:
+                held = f"holds {shown(text)}" if text else "is empty"
+                message = f"column {shown(self.label)} {held}; allowed: {allowed(self.column)}"
+                return CellFault(
+                    line=int(texts.index[int(np.argmax(codes == code))]), message=message
+                )
+        return pd.Series(_array(self.column, values, self.scale)[codes], index=texts.index)
+
+
+def _array(column: Column, values: list[Any], scale: tuple[float, float]) -> Any:
+    if column.choices:
+        return pd.Categorical(values, categories=list(column.choices))
+    if column.type == "float":
+        numbers = np.array([math.nan if v is None else v for v in values], dtype=np.float64)
+        return numbers * scale[0] / scale[1]
+    if column.type == "bool" and column.optional:
+        return pd.array(values, dtype="boolean")
+    if column.type == "str":
+        return np.array([NOT_AVAILABLE if v is None else v for v in values], dtype=object)
+    return np.array(values, dtype=np.int64 if column.type == "int" else np.bool_)
+
+
+def first_fault(file: str, faults: list[CellFault]) -> None:
+    """Raise the fault that stands highest in the file, if there is one.
+
+    >>> first_fault("t.csv", [])
+    """
+    if faults:
+        fault = min(faults, key=lambda f: f.line)
+        raise ResultFileError(file, fault.line, fault.message)

@@ -1,0 +1,222 @@
+"""What the rows of a file must have in common sense: one rule a line, the first breach is named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.cells import CellFault, first_fault
+from analysis.errors import ResultFileError
+from analysis.rows import expected_correct
+from experiment.record import ANSWERS, NOT_AVAILABLE, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MAX_MEDIAN_RT_S = 10.0
+KEY = ["participant", "session", "trial", "attempt"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Declared:
+    """What the plan of a session declares and its trials must keep to.
+
+    Parameters
+    ----------
+    responses : tuple of str
+        The answers that could be given.
+    response_window_s : float
+        Time within which an answer counts, seconds from the onset.
+
+    Raises
+    ------
+    ValueError
+        For an unknown, doubled or no answer, and for a window that is not finite and positive.
+
+    Examples
+    --------
+    >>> "none" in Declared(responses=("left", "right"), response_window_s=2.0).responses
+    False
+    """
+
+    responses: tuple[str, ...]
+    response_window_s: float
+
+    def __post_init__(self) -> None:
+        unknown = [answer for answer in self.responses if answer not in ANSWERS]
+        if unknown or not self.responses or len(set(self.responses)) < len(self.responses):
+            message = f"responses must be different words of {', '.join(ANSWERS)}"
+            raise ValueError(f"{message}, got {list(self.responses)!r}")
+        if not 0 < self.response_window_s < np.inf:
+            message = "response_window_s must be a finite number above 0"
+            raise ValueError(f"{message}, got {self.response_window_s!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rule:
+    """A column, what it must be, and the rows that break this."""
+
+    column: str
+    must: str
+    broken: pd.Series[bool]
+
+
+def check_rows(rows: pd.DataFrame, file: str, declared: Declared | None) -> None:
+    """Refuse the rows of one file where they contradict themselves or their plan.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Typed rows of one file, with ``line``.
+    file : str
+        The name for messages.
+    declared : Declared or None
+        What the plan says, where there is one.
+
+    Raises
+    ------
+    ResultFileError
+        Naming the first line that breaks a rule.
+
+    Examples
+    --------
+    >>> from analysis.columns import ColumnMap
+    >>> from analysis.rows import mapped_rows
+    >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
+    ...     "response": "left"}, index=[2, 3])
+    >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()), "t.csv", None)
+    Traceback (most recent call last):
+    analysis.errors.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number above 0
+    where there is a stimulus
+    """
+    rules = [*_stimulus_rules(rows), *_answer_rules(rows)]
+    if declared is not None:
+        rules += _plan_rules(rows, declared)
+    first_fault(file, [_fault(rows, rule) for rule in rules if rule.broken.any()])
+    _check_median(rows, file)
+
+
+def _stimulus_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+    kind, side, level = rows["kind"], rows["side"], rows["level_vpp"]
+    for name, sides in (("single", ("left", "right")), ("both", ("both",)), ("blank", ("none",))):
+        yield _Rule(
+            column="side",
+            must=f"{' or '.join(sides)} in a {name} trial",
+            broken=kind.eq(name) & ~side.isin(sides),
+        )
+    blank = side.eq("none")
+    yield _Rule(
+        column="level_vpp",
+        must="a number above 0 where there is a stimulus",
+        broken=~blank & ~level.gt(0),
+    )
+    yield _Rule(
+        column="level_vpp",
+        must="0 or n/a where there is no stimulus",
+        broken=blank & level.gt(0),
+    )
+
+
+def _answer_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+    response = rows["response"]
+    yield _Rule(
+        column="response",
+        must="an answer, timeout or invalid where the status is ok",
+        broken=rows["status"].eq("ok") & response.isna(),
+    )
+    yield _Rule(
+        column="rt_s",
+        must="n/a where there was no answer",
+        broken=rows["rt_s"].notna() & (response.isna() | response.eq("timeout")),
+    )
+    yield _Rule(
+        column="correct",
+        must="what kind, side and response say",
+        broken=rows["correct"].notna()
+        & rows["correct"].ne(expected_correct(rows)).fillna(value=True),
+    )
+
+
+def _plan_rules(rows: pd.DataFrame, declared: Declared) -> Iterator[_Rule]:
+    yield _Rule(
+        column="response",
+        must=f"one of the plan's answers {', '.join(declared.responses)}, timeout or invalid",
+        broken=rows["response"].isin(set(ANSWERS) - set(declared.responses)),
+    )
+    window_s = declared.response_window_s
+    yield _Rule(
+        column="rt_s",
+        must=f"at most the plan's response window {window_s:g}",
+        broken=rows["rt_s"].gt(window_s),
+    )
+
+
+def _fault(rows: pd.DataFrame, rule: _Rule) -> CellFault:
+    row = int(np.argmax(rule.broken.to_numpy()))
+    value = rows[rule.column].iloc[row]
+    shown = NOT_AVAILABLE if pd.isna(value) else format_value(_plain(value))
+    return CellFault(
+        line=int(rows["line"].iloc[row]),
+        message=f"column '{rule.column}' is {shown}; it must be {rule.must}",
+    )
+
+
+def _plain(value: Any) -> object:
+    """Return a numpy scalar as the Python value it is."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _check_median(rows: pd.DataFrame, file: str) -> None:
+    times_s = rows["rt_s"].dropna()
+    if times_s.empty or times_s.median() <= MAX_MEDIAN_RT_S:
+        return
+    line = int(rows.loc[rows["rt_s"].gt(MAX_MEDIAN_RT_S), "line"].iloc[0])
+    message = (
+        f"column 'rt_s' has a median of {times_s.median():g} s in this file, allowed at most "
+        f'{MAX_MEDIAN_RT_S:g} s; if these are milliseconds, a map says [units] rt_s = "ms"'
+    )
+    raise ResultFileError(file, line, message)
+
+
+def check_together(trials: pd.DataFrame) -> None:
+    """Refuse trials of one or several files that are told twice.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        Typed rows with ``file`` and ``line``.
+
+    Raises
+    ------
+    ResultFileError
+        Where participant, session, trial and attempt repeat, or where two attempts of one trial
+        both have the status ok.
+
+    Examples
+    --------
+    >>> twice = pd.DataFrame({"participant": "1", "session": "01", "trial": 5, "attempt": [1, 2],
+    ...     "status": "ok", "file": "t.csv", "line": [6, 9]})
+    >>> check_together(twice.assign(status=["voided", "ok"]))
+    >>> check_together(twice)
+    Traceback (most recent call last):
+    analysis.errors.ResultFileError: t.csv:9: participant 1, session 01, trial 5: status ok,
+    although another attempt of this trial has it at t.csv:6
+    """
+    _refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as")
+    valid = trials[trials["status"].eq("ok")]
+    _refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
+
+
+def _refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
+    repeated = trials.duplicated(key)
+    if not repeated.any():
+        return
+    second = trials[repeated].iloc[0]
+    same = trials[key].eq(second[key]).all(axis="columns")
+    first = trials[same].iloc[0]
+    told = ", ".join(f"{name} {second[name]}" for name in key)
+    message = f"{told}: {what} {first['file']}:{first['line']}"
+    raise ResultFileError(second["file"], int(second["line"]), message)

@@ -1,0 +1,244 @@
+"""MAP.toml: how a table made elsewhere names and codes what trials.csv names and codes."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from analysis.cells import DETECTED, Reading, allowed, parse
+from analysis.errors import ResultFileError, shown
+from experiment.record import COLUMNS, NOT_AVAILABLE, Column, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+REQUIRED = ("participant", "side", "level_vpp", "response")
+SECTIONS = ("columns", "values", "constant", "units")
+# What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
+UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
+    {
+        "_s": {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6)},
+        "_vpp": {"V": (1.0, 1.0), "mV": (1.0, 1e3), "V-peak": (2.0, 1.0), "mV-peak": (2.0, 1e3)},
+    }
+)
+
+# A table made elsewhere may lack these values; a trials.csv has them in every row.
+_OPTIONAL_ELSEWHERE = {"foreperiod_s", "study_sha256"}
+_OURS: Mapping[str, Column] = MappingProxyType(
+    {
+        c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
+        for c in (*COLUMNS, DETECTED)
+    }
+)
+_MAX_MAP_BYTES = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnMap:
+    """Where the columns of trials.csv come from in a table made elsewhere.
+
+    Parameters
+    ----------
+    columns : mapping of str to str
+        Our column to theirs. A column of theirs may serve several of ours. A column that has our
+        name already needs no entry; theirs that nobody names are ignored.
+    values : mapping of str to mapping of str to str
+        For a column of ours, their word to our word; other words stay as they are.
+    constant : mapping of str to str
+        Our column to the one value that it has in every row.
+    units : mapping of str to str
+        Our column to their unit, see `UNITS`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is an
+        amplitude, so that it counts twice.
+    name, sha256 : str
+        File name and checksum of the map, where it was read from a file.
+
+    Raises
+    ------
+    ValueError
+        For a column that trials.csv does not have, a word it does not allow, an unknown unit, a
+        column with both a source and a constant, or ``detected`` beside ``response``.
+
+    Examples
+    --------
+    >>> elsewhere = ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}})
+    >>> elsewhere.reading("response").read(pd.Series(["l", "none", ""])).tolist()
+    ['left', 'none', nan]
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    constant: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        _check_entries(self)
+        for ours, word in self.constant.items():
+            _check_word(f"[constant] {ours}", ours, word)
+        for ours, words in self.values.items():
+            for theirs, word in words.items():
+                _check_word(f"[values.{ours}] {shown(theirs)}", ours, word)
+        for ours, unit in self.units.items():
+            if unit not in _units_of(ours):
+                choices = ", ".join(_units_of(ours)) or "no unit but its own"
+                raise ValueError(f"[units] {ours}: allowed {choices}, got {shown(unit)}")
+
+    def reading(self, ours: str) -> Reading:
+        """Say how cells of this table become a column of ours; an empty cell is ``n/a``.
+
+        >>> ColumnMap(units={"rt_s": "ms"}).reading("rt_s").read(pd.Series(["612"]))[0]
+        np.float64(0.612)
+        """
+        theirs = self.columns.get(ours, ours)
+        scale = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
+        return Reading(
+            column=_OURS[ours],
+            label=ours if ours == theirs else f"{theirs} ({ours})",
+            words={"": NOT_AVAILABLE} | dict(self.values.get(ours, {})),
+            scale=scale,
+        )
+
+    def ours(self, table: pd.DataFrame, file: str) -> pd.DataFrame:
+        """Give a table of text our column names; leave the columns that nobody names out.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            Text cells under their names.
+        file : str
+            The table's name for messages.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Text cells under our names, for those columns that the table or the map has.
+
+        Raises
+        ------
+        ResultFileError
+            Where a column named by the map is missing, a constant contradicts a column of the
+            table, or a required column has no source.
+        """
+        sources = self._sources(list(table.columns), file)
+        cells = {ours: table[theirs] for ours, theirs in sources}
+        return pd.DataFrame(cells | dict(self.constant), index=table.index, dtype=object)
+
+    def _sources(self, header: list[str], file: str) -> list[tuple[str, str]]:
+        for ours, theirs in self.columns.items():
+            if theirs not in header:
+                has = ", ".join(header)
+                message = f"no column {shown(theirs)}, named by the map for {ours}; it has {has}"
+                raise ResultFileError(file, 1, message)
+        for ours in self.constant:
+            if ours in header:
+                message = f"column {shown(ours)} stands in the table, but the map has a constant"
+                raise ResultFileError(file, 1, message)
+        sources = {name: name for name in _OURS if name in header} | dict(self.columns)
+        if "response" in sources and "detected" in sources:
+            del sources["response" if "detected" in self.columns else "detected"]
+        _check_required({*sources, *self.constant}, file)
+        return list(sources.items())
+
+
+def load_column_map(path: str | Path) -> ColumnMap:
+    r"""Read a MAP.toml.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; sections ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``.
+
+    Returns
+    -------
+    ColumnMap
+
+    Raises
+    ------
+    ValueError
+        Naming the file, for text that is not TOML, an unknown section, a value of another type
+        than text, and for everything that `ColumnMap` refuses.
+    OSError
+        Where the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "MAP.toml"
+    ...     _ = path.write_text('[values.kind]\nnull = "blank"')
+    ...     load_column_map(path).values["kind"]["null"]
+    'blank'
+    """
+    path = Path(path)
+    with path.open("rb") as stream:
+        raw = stream.read(_MAX_MAP_BYTES + 1)
+    try:
+        if len(raw) > _MAX_MAP_BYTES:
+            raise ValueError(f"a map has at most {_MAX_MAP_BYTES} bytes")
+        sections = _sections(tomllib.loads(raw.decode()))
+        return ColumnMap(**sections, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _sections(document: dict[str, Any]) -> dict[str, Any]:
+    for name, section in document.items():
+        if name not in SECTIONS or type(section) is not dict:
+            known = ", ".join(f"[{section}]" for section in SECTIONS)
+            raise ValueError(f"[{name}] is not a section of a map, allowed {known}")
+    plain = document.get("constant", {})
+    numbers = {o: format_value(v) for o, v in plain.items() if type(v) in {bool, int, float}}
+    return document | ({"constant": plain | numbers} if numbers else {})
+
+
+def _check_type(section: str, ours: str, value: object) -> None:
+    match section, value:
+        case "values", Mapping() if all(isinstance(word, str) for word in value.values()):
+            return
+        case "columns" | "constant" | "units", str():
+            return
+    wanted = 'a table of "theirs" = "ours"' if section == "values" else "text in quotation marks"
+    raise ValueError(f"[{section}] {ours}: must be {wanted}, got {value!r}")
+
+
+def _check_entries(columns: ColumnMap) -> None:
+    for section in SECTIONS:
+        for ours, value in getattr(columns, section).items():
+            if ours not in _OURS:
+                raise ValueError(f"[{section}] {ours}: not a column of trials.csv")
+            _check_type(section, ours, value)
+    for ours in columns.constant:
+        if ours in columns.columns:
+            raise ValueError(f"[constant] {ours}: [columns] already says where it comes from")
+    if {"detected", "response"} <= {*columns.columns, *columns.constant}:
+        raise ValueError("[columns] detected: allowed only without response, got both")
+
+
+def _check_word(place: str, ours: str, word: str) -> None:
+    column = _OURS[ours]
+    try:
+        parse(column, word)
+    except ValueError:
+        raise ValueError(f"{place}: allowed {allowed(column)}, got {shown(word)}") from None
+
+
+def _check_required(have: set[str], file: str) -> None:
+    missing = [name for name in REQUIRED if name not in have]
+    if "response" in missing and "detected" in have:
+        missing.remove("response")
+    if missing:
+        message = f"no column {', '.join(missing)}; the map must say where it comes from"
+        raise ResultFileError(file, 1, message)
+
+
+def _units_of(ours: str) -> Mapping[str, tuple[float, float]]:
+    matching: Iterable[str] = (suffix for suffix in UNITS if ours.endswith(suffix))
+    return UNITS.get(next(iter(matching), ""), {})

@@ -1,0 +1,144 @@
+"""The command ``analyze``: result files to tables, summary and figures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from experiment.exits import ANSWER_IS_NO, refusals
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analysis.columns import ColumnMap
+    from analysis.tables import Analysis
+
+_METHODS = ("wilson", "jeffreys", "clopper-pearson")
+
+
+def write_analysis(
+    paths: Sequence[str | Path],
+    out_dir: str | Path,
+    *,
+    columns: ColumnMap | None = None,
+    ci: str = "wilson",
+    allow_simulated: bool = False,
+    seed: int | None = None,
+    figures: bool = True,
+) -> Analysis:
+    r"""Read result files, analyse them and write levels, participants, both, blank and summary.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Files and folders as `analysis.read_trials` takes them.
+    out_dir : str or Path
+        The folder to write into; nothing in it changes where anything is refused.
+    columns : ColumnMap, optional
+        What the columns are called in tables made elsewhere.
+    ci : str
+        Method of the cells' intervals.
+    allow_simulated : bool
+        Whether simulated and real sessions may be mixed.
+    seed : int, optional
+        Kept in the summary.
+    figures : bool
+        Whether to draw detection.png and detection.svg.
+
+    Returns
+    -------
+    Analysis
+        What was written.
+
+    Raises
+    ------
+    ResultFileError
+        For a file that is no well-formed table of trials.
+    ValueError
+        For an unknown method, mixed sessions, or a folder that holds what is analysed.
+    OSError
+        Where the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from analysis import ColumnMap
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     analysis = write_analysis([table], folder, columns=ColumnMap(), figures=False)
+    ...     sorted(path.name for path in Path(folder).iterdir())
+    ['levels.csv', 'participants.csv', 'summary.json', 'table.csv']
+    >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
+    [[1, 1]]
+    """
+    from analysis.files import save
+    from analysis.load import read_inputs
+    from analysis.tables import analyse
+
+    loaded = read_inputs(paths, columns)
+    analysis = analyse(loaded, ci=ci, seed=seed, allow_simulated=allow_simulated)
+    read = [Path(file) for file in loaded.trials["file"].unique()]
+    save(analysis, Path(out_dir), with_figures=figures, read=read)
+    return analysis
+
+
+@click.command()
+@click.argument(
+    "paths", nargs=-1, required=True, metavar="PATH...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for the results.  [default: analysis in the one folder given, else ./analysis]",
+)
+@click.option(
+    "--columns", type=click.Path(path_type=Path), help="MAP.toml for a table made elsewhere."
+)
+@click.option(
+    "--ci",
+    type=click.Choice(_METHODS),
+    default=_METHODS[0],
+    show_default=True,
+    help="Interval of each participant's proportion.",
+)
+@click.option("--allow-simulated", is_flag=True, help="Accept simulated sessions beside real ones.")
+@click.option("--seed", type=click.IntRange(min=0), help="Kept in summary.json.")
+@click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
+@click.option("--no-figures", is_flag=True, help="Write tables only.")
+@refusals
+def analyze(
+    paths: tuple[Path, ...],
+    out: Path | None,
+    columns: Path | None,
+    ci: str,
+    seed: int | None,
+    *,
+    allow_simulated: bool,
+    strict: bool,
+    no_figures: bool,
+) -> None:
+    """Turn result CSVs or folders into detection probabilities and figures.
+
+    Of a folder, all sub-*/ses-*/trials.csv are read.
+    """
+    from analysis.columns import load_column_map
+    from analysis.console import print_analysis
+
+    target = out or (paths[0] if len(paths) == 1 and paths[0].is_dir() else Path()) / "analysis"
+    analysis = write_analysis(
+        paths,
+        target,
+        columns=load_column_map(columns) if columns else None,
+        ci=ci,
+        allow_simulated=allow_simulated,
+        seed=seed,
+        figures=not no_figures,
+    )
+    print_analysis(analysis, sys.stdout)
+    click.echo(f"Written to {target}")
+    if strict and analysis.warnings:
+        click.get_current_context().exit(ANSWER_IS_NO)

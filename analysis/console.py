@@ -1,0 +1,177 @@
+"""What the terminal says of an analysis, readable in 80 columns and in a pipe."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from analysis.tables import Analysis
+
+_WIDTH = 80
+_HEADER = (
+    "V p-p",
+    "k/n",
+    "P",
+    "min",
+    "mean",
+    "max",
+    "group 95 %",
+    "both",
+    "other",
+    "late",
+    "p ans",
+)
+_LEGEND = (
+    "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
+    "max: over participants' k/n. group 95 %: interval of the group. both, other: answered both, "
+    "the other side. late: time-outs. p ans: k / answered."
+)
+_LEGEND_ANY = " any: answered left, right or both."
+_FORCED = (
+    'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
+    "k/n starts near 1/2, not at 0."
+)
+
+
+def print_analysis(analysis: Analysis, file: TextIO) -> None:
+    """Print tables, what was left out, and warnings.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What came out.
+    file : text file
+        Where to print; on a terminal the level table is set with lines.
+    """
+    counts = analysis.counts
+    if analysis.simulated:
+        _say(file, f"{analysis.simulated}.")
+    _say(
+        file,
+        f"Trials {counts.trials}, participants {counts.participants}, sessions {counts.sessions}.",
+    )
+    _say(
+        file,
+        f"Counted: single {counts.single}, both {counts.both}, blank {counts.blank}; "
+        f"left out {counts.left_out}.",
+    )
+    for condition, rows in _level_rows(analysis):
+        print(file=file)
+        if counts.conditions > 1:
+            _say(file, f"Condition {condition}")
+        _print_table(_header(analysis), rows, file)
+    if len(analysis.levels):
+        forced = analysis.detected_any is None
+        _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
+        if forced:
+            _say(file, _FORCED)
+    for line in (*_total_lines(analysis), *_excluded_lines(analysis.excluded)):
+        _say(file, line)
+    for warning in analysis.warnings:
+        _say(file, f"warning: {warning}")
+
+
+def _say(file: TextIO, text: str) -> None:
+    encoding = file.encoding or "utf-8"
+    printable = text.encode(encoding, "backslashreplace").decode(encoding)
+    print(textwrap.fill(printable, _WIDTH, subsequent_indent="  "), file=file)
+
+
+def _header(analysis: Analysis) -> list[str]:
+    return [*_HEADER] if analysis.detected_any is None else [*_HEADER, "any"]
+
+
+def _level_rows(analysis: Analysis) -> Iterator[tuple[str, list[list[str]]]]:
+    """Yield each condition with its rows of the printed table."""
+    table = analysis.levels
+    people = analysis.participants.groupby(["condition", "level_vpp"]).size()
+    table = table.assign(people=people.to_numpy())
+    if analysis.detected_any is not None:
+        table = table.assign(any=analysis.detected_any["detected_any"])
+    for condition, levels in table.groupby("condition"):
+        rows = [_level_row(row) for _, row in levels.iterrows()]
+        yield str(condition), rows
+
+
+def _level_row(row: pd.Series[Any]) -> list[str]:
+    cells = [
+        f"{row['level_vpp']:g}",
+        f"{row['detected']}/{row['presented']}",
+        str(row["people"]),
+        *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
+        _interval(row["group_low"], row["group_high"]),
+        *(str(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
+        _p(row["p_answered"]),
+    ]
+    return [*cells, str(row["any"])] if "any" in row.index else cells
+
+
+def _p(value: float) -> str:
+    return "n/a" if math.isnan(value) else f"{value:.3f}"
+
+
+def _interval(low: float, high: float) -> str:
+    return "n/a" if math.isnan(low) else f"{low:.3f}-{high:.3f}"
+
+
+def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None:
+    if file.isatty():
+        from rich.console import Console
+        from rich.table import Table
+
+        table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
+        for name in header:
+            table.add_column(name, justify="right", no_wrap=True)
+        for row in rows:
+            table.add_row(*row)
+        Console(file=file).print(table)
+        return
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    for row in (header, *rows):
+        cells = (cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        print(" ".join(cells), file=file)
+
+
+def _total_lines(analysis: Analysis) -> Iterator[str]:
+    for row in _last_rows(analysis.both):
+        yield (
+            f"Both-finger trials{_where(row)}: {row['noticed']}/{row['presented']} answered both, "
+            f"{_total(row, analysis.ci)}; left only {row['left_only']}, right only "
+            f"{row['right_only']}."
+        )
+    for row in _last_rows(analysis.blank):
+        yield (
+            f"Blank trials{_where(row)}: {row['left'] + row['right'] + row['both']}/"
+            f"{row['presented']} false alarms, {_total(row, analysis.ci)}; left {row['left']}, "
+            f"right {row['right']}, both {row['both']}."
+        )
+
+
+def _total(row: pd.Series[Any], ci: str) -> str:
+    limits = _interval(row["low"], row["high"])
+    return f"{_p(row['p'])}, 95 % {ci.title()} {limits} (ignores participants)"
+
+
+def _last_rows(table: pd.DataFrame) -> Iterator[pd.Series[Any]]:
+    """Yield the total, of each condition where there are several."""
+    by_condition = "condition" in table.columns
+    last = table.drop_duplicates("condition", keep="last") if by_condition else table.tail(1)
+    return (row for _, row in last.iterrows())
+
+
+def _where(row: pd.Series[Any]) -> str:
+    return f" in condition {row['condition']}" if "condition" in row.index else ""
+
+
+def _excluded_lines(excluded: pd.DataFrame) -> Iterator[str]:
+    for reason, rows in excluded.groupby("reason"):
+        each = ", ".join(
+            f"{p} {n}" for p, n in zip(rows["participant"], rows["trials"], strict=True)
+        )
+        yield f"Left out, {reason}: {rows['trials'].sum()} trials ({each})."

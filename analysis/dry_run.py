@@ -1,0 +1,80 @@
+"""The command ``dry-run``: simulated participants on the mock device, then the analysis.
+
+It stands here because imports point one way: the analysis may use the experiment, not the other way
+round.
+"""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from experiment.exits import CommandError, refusals, require_fit
+
+if TYPE_CHECKING:
+    from experiment.study import Study
+
+MOST_PARTICIPANTS = 10_000
+
+
+@click.command("dry-run")
+@click.argument("study_file", metavar="[STUDY]", required=False, type=click.Path(path_type=Path))
+@click.option(
+    "--participants",
+    type=click.IntRange(1, MOST_PARTICIPANTS),
+    default=5,
+    show_default=True,
+    metavar="N",
+    help="How many are simulated.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="A new folder.  [default: dry-run-1, dry-run-2, ...]",
+)
+@refusals
+def dry_run(
+    *, study_file: Path | None, participants: int, seed: int | None, out: Path | None
+) -> None:
+    """Run simulated participants on the mock device, then analyze their sessions.
+
+    Without STUDY it is the paper's protocol. The same seed gives the same trials.csv.
+    """
+    from analysis.commands import write_analysis
+    from analysis.console import print_analysis
+    from experiment.study import paper_study, read_study
+
+    study = paper_study() if study_file is None else read_study(study_file)
+    require_fit(study)
+    folder = _new_folder(out)
+    seed = secrets.randbits(32) if seed is None else seed
+    click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
+    _simulate(study, folder, participants, seed)
+    print_analysis(write_analysis([folder], folder / "analysis", seed=seed), sys.stdout)
+    click.echo(f"Written to {folder / 'analysis'}")
+
+
+def _new_folder(out: Path | None) -> Path:
+    if out is None:
+        out = next(p for n in count(1) if not (p := Path(f"dry-run-{n}")).exists())
+    elif out.exists() and any(out.iterdir()):
+        raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def _simulate(study: Study, folder: Path, participants: int, seed: int) -> None:
+    from experiment.simulate import simulate_study
+
+    sessions = simulate_study(study, folder, participants=participants, seed=seed)
+    hidden = not sys.stderr.isatty()
+    with click.progressbar(sessions, length=participants, file=sys.stderr, hidden=hidden) as bar:
+        for _ in bar:
+            pass

@@ -1,0 +1,204 @@
+"""One analysis of checked trials: all tables, all counts, and what a reader has to be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analysis import counting, detection
+from analysis.intervals import METHODS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from analysis.load import InputFile, Loaded
+
+# Left out as planned, or presented again: nothing to warn of.
+_EXPECTED = ("practice", "control", "voided")
+_NO_STUDY = "n/a"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How many of what; every trial is in exactly one of single, both, blank and left_out.
+
+    Attributes
+    ----------
+    trials, single, both, blank, left_out : int
+        Trials read; counted ones by kind; those left out.
+    timeouts, invalid : int
+        Time-outs and invalid keys among the counted trials.
+    participants, sessions, conditions : int
+        Different ones among all trials read; a session belongs to a participant.
+    simulated : int
+        Trials of simulated participants.
+    """
+
+    trials: int
+    single: int
+    both: int
+    blank: int
+    left_out: int
+    timeouts: int
+    invalid: int
+    participants: int
+    sessions: int
+    conditions: int
+    simulated: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Analysis:
+    """What came out of a set of trials.
+
+    Attributes
+    ----------
+    levels, participants, both, blank, excluded : pandas.DataFrame
+        As the functions of `analysis.detection` and `analysis.counting` return them.
+    detected_any : pandas.DataFrame or None
+        As `analysis.detection.detected_any`; ``None`` where "none" could not be answered.
+    counts : Counts
+        How many trials these are.
+    inputs : tuple of InputFile
+        The files that were read.
+    warnings : tuple of str
+        One sentence each; empty where nothing is amiss.
+    ci : str
+        Method of the cells' intervals.
+    seed : int or None
+        As given.
+    """
+
+    levels: pd.DataFrame
+    participants: pd.DataFrame
+    both: pd.DataFrame
+    blank: pd.DataFrame
+    excluded: pd.DataFrame
+    detected_any: pd.DataFrame | None
+    counts: Counts
+    inputs: tuple[InputFile, ...]
+    warnings: tuple[str, ...]
+    ci: str
+    seed: int | None
+
+    def __post_init__(self) -> None:
+        if self.ci not in METHODS:
+            raise ValueError(f"ci must be one of {', '.join(METHODS)}, got {self.ci!r}")
+        if self.seed is not None and (isinstance(self.seed, bool) or self.seed < 0):
+            raise ValueError(f"seed must be a whole number of at least 0, got {self.seed!r}")
+
+    @property
+    def simulated(self) -> str:
+        """A remark where participants are simulated: all, some, or none (empty text)."""
+        if self.counts.simulated == self.counts.trials:
+            return "Simulated participants"
+        return "Simulated and real participants mixed" if self.counts.simulated else ""
+
+
+def analyse(
+    loaded: Loaded, *, ci: str = "wilson", seed: int | None = None, allow_simulated: bool = False
+) -> Analysis:
+    """Count, tabulate and look for what a reader has to be told.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        From `analysis.load.read_inputs`.
+    ci : str
+        Method of the cells' intervals, see `analysis.proportion_ci`.
+    seed : int, optional
+        Kept with the results; nothing here is drawn at random.
+    allow_simulated : bool
+        Whether simulated and real sessions may be mixed.
+
+    Returns
+    -------
+    Analysis
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, and for simulated sessions beside real ones.
+    """
+    trials = loaded.trials
+    if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
+        one = trials.loc[trials["simulated"], "file"].iloc[0]
+        message = (
+            "paths must not mix simulated with real sessions unless simulated ones are allowed"
+        )
+        raise ValueError(f"{message} (--allow-simulated), got a simulated one in {one}")
+    excluded = counting.excluded_table(trials)
+    return Analysis(
+        levels=detection.level_table(trials),
+        participants=detection.participant_table(trials, ci),
+        both=detection.both_table(trials, ci),
+        blank=detection.blank_table(trials, ci),
+        excluded=excluded,
+        detected_any=detection.detected_any(trials) if counting.offers_none(trials) else None,
+        counts=_counts(trials),
+        inputs=loaded.inputs,
+        warnings=tuple(_warnings(loaded, excluded)),
+        ci=ci,
+        seed=seed,
+    )
+
+
+def _counts(trials: pd.DataFrame) -> Counts:
+    counted = trials[counting.reasons(trials).eq("")]
+    kinds, answers = counted["kind"].astype(object), counted["response"].astype(object)
+    return Counts(
+        trials=len(trials),
+        single=int(kinds.eq("single").sum()),
+        both=int(kinds.eq("both").sum()),
+        blank=int(kinds.eq("blank").sum()),
+        left_out=len(trials) - len(counted),
+        timeouts=int(answers.eq("timeout").sum()),
+        invalid=int(answers.eq("invalid").sum()),
+        participants=trials["participant"].nunique(),
+        sessions=len(trials[["participant", "session"]].drop_duplicates()),
+        conditions=trials["condition"].nunique(),
+        simulated=int(trials["simulated"].sum()),
+    )
+
+
+def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
+    trials = loaded.trials
+    counted = trials[counting.reasons(trials).eq("")]
+    yield from _incomplete(loaded)
+    lost = excluded[~excluded["reason"].isin(_EXPECTED)].groupby("reason")["trials"].sum()
+    if len(lost):
+        told = ", ".join(f"{reason} {number}" for reason, number in lost.items())
+        yield f"{lost.sum()} trials are left out: {told}"
+    empty = sorted({*trials["participant"]} - {*counted["participant"]})
+    if empty:
+        yield f"no trial counts of participant {', '.join(empty)}"
+    if not counted["kind"].eq("single").any():
+        yield "no trial with a single stimulus counts, so there is no level to report"
+    studies = trials.loc[trials["study_sha256"].ne(_NO_STUDY), "study_sha256"].nunique()
+    if studies > 1:
+        yield f"the trials come from {studies} different studies (study_sha256)"
+    if 0 < trials["simulated"].sum() < len(trials):
+        yield f"{trials['simulated'].sum()} of {len(trials)} trials are simulated, the others real"
+    yield from _about_none(counted)
+
+
+def _incomplete(loaded: Loaded) -> Iterator[str]:
+    for folder in loaded.without_table:
+        yield f"session {folder} has no trials.csv; tactstrip export rebuilds it from its journal"
+    trials = loaded.trials[loaded.trials["kind"].isin(counting.COUNTED_KINDS)]
+    key = ["participant", "session", "trial"]
+    valid = trials[key].assign(ok=trials["status"].eq("ok")).groupby(key, as_index=False).any()
+    people = valid[~valid["ok"]].groupby(key[:2]).size().reset_index(name="missing")
+    for row in people.itertuples():
+        where = f"participant {row.participant}, session {row.session}"
+        yield f"{where}: planned trials without a valid attempt: {row.missing}"
+
+
+def _about_none(counted: pd.DataFrame) -> Iterator[str]:
+    offered = counted["none_offered"].fillna(value=False)
+    if offered.any() and not offered.all():
+        yield f'"none" could be answered in {offered.sum()} of {len(offered)} trials only'
+    if counted["kind"].eq("blank").any() and not offered.all():
+        yield 'blank trials without "none" as an answer: a false alarm is nearly certain there'

@@ -1,0 +1,134 @@
+"""The text of a CSV file in chunks of rows: bounded in memory, every row with its line number."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+from itertools import islice
+from typing import TYPE_CHECKING, BinaryIO
+
+import pandas as pd
+
+from analysis.errors import ResultFileError, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MAX_LINE_BYTES = 65_536
+CHUNK_ROWS = 4_096
+
+_OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
+
+
+def text_chunks(
+    stream: BinaryIO, file: str, *, bom_allowed: bool = False
+) -> Iterator[pd.DataFrame]:
+    r"""Read a comma-separated file as frames of at most `CHUNK_ROWS` rows of text.
+
+    Parameters
+    ----------
+    stream : binary file
+        Read from where it stands, never further than the first fault.
+    file : str
+        The name for messages.
+    bom_allowed : bool
+        Whether the file may begin with a byte order mark.
+
+    Yields
+    ------
+    pandas.DataFrame
+        Columns: the header's names; cells: text; index: the line on which the row begins.
+
+    Raises
+    ------
+    ResultFileError
+        For an empty file, a header alone, a doubled column, another delimiter, a row with too few
+        or too many fields, text that is not UTF-8, a NUL byte or a line over `MAX_LINE_BYTES`.
+
+    Examples
+    --------
+    >>> import io
+    >>> [frame] = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
+    >>> frame.loc[2].tolist()
+    ['left', '0.5']
+    """
+    records = _records(stream, file, bom_allowed=bom_allowed)
+    _, header = next(records, (0, []))
+    _check_header(header, file)
+    chunk = list(islice(records, CHUNK_ROWS))
+    if not chunk:
+        raise ResultFileError(file, 1, "a header and no trials below it")
+    while chunk:
+        for line, row in chunk:
+            if len(row) != len(header):
+                raise ResultFileError(file, line, _wrong_width(row, len(header)))
+        lines, rows = zip(*chunk, strict=True)
+        yield pd.DataFrame(list(rows), columns=header, index=list(lines), dtype=object)
+        chunk = list(islice(records, CHUNK_ROWS))
+
+
+def _records(stream: BinaryIO, file: str, *, bom_allowed: bool) -> Iterator[tuple[int, list[str]]]:
+    """Yield each record with the line on which it begins."""
+    reader = csv.reader(_lines(stream, file, bom_allowed=bom_allowed), strict=True)
+    begins = 1
+    try:
+        for row in reader:
+            yield begins, row
+            begins = reader.line_num + 1
+    except csv.Error as error:
+        message = f"not a well-formed CSV record, or a quotation mark is never closed ({error})"
+        raise ResultFileError(file, begins, message) from None
+
+
+def _lines(stream: BinaryIO, file: str, *, bom_allowed: bool) -> Iterator[str]:
+    number = 0
+    while raw := stream.readline(MAX_LINE_BYTES + 1):
+        number += 1
+        if number == 1:
+            raw = _without_mark(raw, file, bom_allowed=bom_allowed)
+        if len(raw) > MAX_LINE_BYTES:
+            message = f"the line is longer than {MAX_LINE_BYTES} bytes; this is no table of trials"
+            raise ResultFileError(file, number, message)
+        if b"\0" in raw:
+            raise ResultFileError(file, number, "a NUL byte; save the table as UTF-8 text")
+        try:
+            yield raw.decode()
+        except UnicodeDecodeError as error:
+            bad = raw[error.start]
+            message = f"byte 0x{bad:02x} is not UTF-8; save the table as UTF-8 text"
+            raise ResultFileError(file, number, message) from None
+
+
+def _without_mark(raw: bytes, file: str, *, bom_allowed: bool) -> bytes:
+    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise ResultFileError(file, 1, "the text is UTF-16; save it as UTF-8")
+    if not raw.startswith(codecs.BOM_UTF8):
+        return raw
+    if not bom_allowed:
+        message = (
+            "the file begins with a byte order mark, so a spreadsheet has rewritten it; "
+            "take the original, or save it as UTF-8 without BOM"
+        )
+        raise ResultFileError(file, 1, message)
+    return raw.removeprefix(codecs.BOM_UTF8)
+
+
+def _check_header(header: list[str], file: str) -> None:
+    if not header:
+        raise ResultFileError(file, 1, "the file is empty, or its first line is not a header")
+    joined = ",".join(header)
+    likely = max(_OTHER_DELIMITERS, key=joined.count)
+    if joined.count(likely) > joined.count(","):
+        message = (
+            f"the columns seem to be separated by {_OTHER_DELIMITERS[likely]}; only commas are read"
+        )
+        raise ResultFileError(file, 1, message)
+    for position, name in enumerate(header):
+        if name in header[:position]:
+            raise ResultFileError(file, 1, f"the header names column {shown(name)} twice")
+
+
+def _wrong_width(row: list[str], expected: int) -> str:
+    if not row:
+        return f"an empty line; each row has {expected} fields"
+    return f"too {'few' if len(row) < expected else 'many'} fields: {len(row)}, not {expected}"

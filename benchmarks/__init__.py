@@ -1,0 +1,1 @@
+"""Run time against error, and stability; ``python -m benchmarks [NAME ...]``."""

@@ -1,0 +1,45 @@
+"""Run the benchmarks named on the command line, or all, and write docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+
+NAMES = ("startup", "session", "journal")
+PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
+
+
+def machine() -> str:
+    """Describe the machine in one line."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        cpu = names[0].split(":")[1].strip() if names else cpu
+    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "pandas", "matplotlib"))
+    return (
+        f"{cpu}, {os.cpu_count()} cores, {platform.system()}, "
+        f"Python {platform.python_version()}, {packages}"
+    )
+
+
+def main(names: list[str]) -> None:
+    """Run benchmarks, print their sections, and write the page if all were run."""
+    unknown = set(names) - set(NAMES)
+    if unknown:
+        sys.exit(f"unknown: {', '.join(sorted(unknown))}; there are: {', '.join(NAMES)}")
+    sections = []
+    for name in names or NAMES:
+        sections.append(import_module(f"benchmarks.{name}").section())
+        print(sections[-1], flush=True)
+    if not names:
+        head = f"# Benchmarks\n\nMeasured by `make bench` on: {machine()}.\n"
+        PAGE.write_text("\n".join([head, *sections]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,388 @@
+"""The command analyze: files, output, exit codes, and that a refusal changes nothing."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner, Result
+
+from analysis import ColumnMap, print_analysis, write_analysis
+from analysis.commands import analyze
+from analysis.files import NAMES
+from analysis.intervals import METHODS
+
+EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
+TABLE, MAP = EXAMPLES / "synthetic-trials.csv", EXAMPLES / "synthetic-columns.toml"
+HEADER = "participant,session,trial,kind,side,level_vpp,response,status,simulated\n"
+ONE = "1,01,{},single,left,60,left,ok,{}\n"
+
+
+def run(*arguments: object) -> Result:
+    result = CliRunner().invoke(analyze, [str(a) for a in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+    return result
+
+
+def table(path: Path, *rows: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(HEADER + "".join(rows), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def names(tmp_path: Path) -> Path:
+    """An empty map: the tables of these tests have our names, but not all our columns."""
+    path = tmp_path / "names.toml"
+    path.write_text("", encoding="utf-8")
+    return path
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_the_example_gives_every_file_and_exit_code_0(tmp_path: Path) -> None:
+    result = run(TABLE, "--columns", MAP, "--out", tmp_path / "out")
+    assert result.exit_code == 0
+    assert set(files(tmp_path / "out")) == set(NAMES)
+    assert result.stderr == ""
+
+
+def test_a_second_run_gives_the_same_bytes(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "else" / "where"
+    elsewhere.mkdir(parents=True)
+    copied = [elsewhere / path.name for path in (TABLE, MAP)]
+    for path, copy in zip((TABLE, MAP), copied, strict=True):
+        copy.write_bytes(path.read_bytes())
+    run(TABLE, "--columns", MAP, "--out", tmp_path / "1")
+    run(TABLE, "--columns", MAP, "--out", tmp_path / "1")
+    run(copied[0], "--columns", copied[1], "--out", tmp_path / "2")
+    assert files(tmp_path / "1") == files(tmp_path / "2")
+
+
+def test_the_tables_have_the_promised_columns(tmp_path: Path) -> None:
+    run(TABLE, "--columns", MAP, "--out", tmp_path, "--no-figures")
+    promised = {
+        "levels.csv": "condition level_vpp detected presented p_min p_mean p_max p_pooled "
+        "group_low group_high over_report mislocalised timeouts p_answered",
+        "participants.csv": "participant condition level_vpp detected presented p low high",
+        "both.csv": "participant noticed presented p low high left_only right_only",
+        "blank.csv": "participant left right both presented p low high",
+    }
+    for name, columns in promised.items():
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        assert text.splitlines()[0] == ",".join(columns.split())
+    assert not (tmp_path / "detection.png").exists()
+
+
+def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
+    run(TABLE, "--columns", MAP, "--out", tmp_path, "--seed", 7, "--no-figures")
+    text = (tmp_path / "summary.json").read_text(encoding="utf-8")
+    summary = json.loads(text)
+    assert list(summary) == [
+        *("schema", "definitions", "inputs", "versions", "seed", "counts", "excluded", "levels"),
+        *("both", "blank", "warnings"),
+    ]
+    assert summary["inputs"] == [
+        {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        for path in (MAP, TABLE)
+    ]
+    assert str(EXAMPLES) not in text
+    assert str(tmp_path) not in text
+    counts = summary["counts"]
+    assert summary["seed"] == 7
+    parts = [counts[name] for name in ("single", "both", "blank", "left_out")]
+    assert (counts["trials"], parts) == (370, [300, 20, 50, 0])
+    levels = list(csv.DictReader(io.StringIO((tmp_path / "levels.csv").read_text())))
+    assert [row["detected_any"] >= row["detected"] for row in summary["levels"]] == [True] * 5
+    for row, told in zip(levels, summary["levels"], strict=True):
+        assert {name: float(row[name]) for name in row if name != "condition"} == {
+            name: told[name] for name in row if name != "condition"
+        }
+
+
+def test_definitions_and_documentation_name_every_output_column(tmp_path: Path) -> None:
+    run(TABLE, "--columns", MAP, "--out", tmp_path, "--no-figures")
+    documented = (EXAMPLES.parent / "statistics.md").read_text(encoding="utf-8")
+    told = json.loads((tmp_path / "summary.json").read_text())["definitions"]
+    defined = {name for key in told for name in key.split(", ")}
+    for path in tmp_path.glob("*.csv"):
+        for column in path.read_text().splitlines()[0].split(","):
+            assert f"`{column}`" in documented, (path.name, column)
+            assert column in defined | {"condition", "participant", "level_vpp"}, column
+
+
+def test_split_files_give_the_numbers_of_the_whole(tmp_path: Path) -> None:
+    lines = TABLE.read_text(encoding="utf-8").splitlines(keepends=True)
+    parts = [lines[1:100], lines[100:250], lines[250:]]
+    for number, part in enumerate(parts):
+        (tmp_path / f"{number}.csv").write_text(lines[0] + "".join(part))
+    run(TABLE, "--columns", MAP, "--out", tmp_path / "whole")
+    run(*(tmp_path / f"{n}.csv" for n in (2, 0, 1)), "--columns", MAP, "--out", tmp_path / "split")
+    whole, split = files(tmp_path / "whole"), files(tmp_path / "split")
+    del whole["summary.json"], split["summary.json"]  # it names the files
+    assert whole == split
+
+
+def test_the_output_reads_in_80_columns(tmp_path: Path) -> None:
+    result = run(TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 80 + len(str(tmp_path))
+    assert "\x1b" not in result.stdout
+    assert lines[1] == "Counted: single 300, both 20, blank 50; left out 0."
+    assert "ignores participants" in " ".join(result.stdout.split())
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    for level in summary["levels"]:
+        row = next(line for line in lines if line.split()[:1] == [f"{level['level_vpp']:g}"])
+        assert row.split()[1] == f"{level['detected']}/{level['presented']}"
+        assert row.split()[-1] == str(level["detected_any"])
+
+
+def test_a_terminal_gets_the_same_numbers(tmp_path: Path) -> None:
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    analysis = write_analysis([TABLE], tmp_path, columns=ColumnMap(**map_of_example()))
+    plain, terminal = io.StringIO(), Terminal()
+    print_analysis(analysis, plain)
+    print_analysis(analysis, terminal)
+    numbers = [line.split() for line in plain.getvalue().splitlines() if "/60 " in line]
+    assert len(numbers) == 5
+    shown = [line.split() for line in terminal.getvalue().splitlines() if "/60 " in line]
+    assert shown == numbers
+
+
+def map_of_example() -> dict[str, Any]:
+    return {"values": {"kind": {"null": "blank"}}}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_interval_is_the_one_asked_for(tmp_path: Path, method: str) -> None:
+    run(TABLE, "--columns", MAP, "--out", tmp_path, "--ci", method, "--no-figures")
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["definitions"]["ci"] == method
+
+
+def test_results_go_into_the_folder_that_was_given(tmp_path: Path, names: Path) -> None:
+    study = tmp_path / "study"
+    table(study / "sub-1" / "ses-01" / "trials.csv", ONE.format(1, "false"))
+    assert run(study, "--columns", names, "--no-figures").exit_code == 0
+    assert (study / "analysis" / "levels.csv").exists()
+    before = files(study / "analysis")
+    assert run(study, "--columns", names, "--no-figures").exit_code == 0
+    assert files(study / "analysis") == before
+
+
+def test_results_of_files_go_into_the_current_folder(
+    tmp_path: Path, names: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = table(tmp_path / "t.csv", ONE.format(1, "false"))
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    assert run(path, "--columns", names, "--no-figures").exit_code == 0
+    assert (tmp_path / "here" / "analysis" / "levels.csv").exists()
+
+
+def test_tables_of_older_data_do_not_stay(tmp_path: Path, names: Path) -> None:
+    run(TABLE, "--columns", MAP, "--out", tmp_path / "out")
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    run(table(tmp_path / "t.csv", ONE.format(1, "false")), "--columns", names,
+        "--out", tmp_path / "out", "--no-figures")  # fmt: skip
+    assert set(files(tmp_path / "out")) == {
+        *("levels.csv", "participants.csv", "summary.json", "notes.txt"),
+    }
+
+
+def test_a_refusal_is_one_line_with_exit_code_2_and_changes_nothing(tmp_path: Path) -> None:
+    run(TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
+    before = files(tmp_path / "out")
+    broken = tmp_path / "broken.csv"
+    broken.write_text(TABLE.read_text().replace("S03,1,40,single", "S03,1,40,double"))
+    result = run(TABLE, broken, "--columns", MAP, "--out", tmp_path / "out")
+    line = broken.read_text()[: broken.read_text().index("double")].count("\n") + 1
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"error: {broken}:{line}: column 'kind' holds 'double'")
+    assert result.stderr.count("\n") == 1
+    assert result.stdout == ""
+    assert files(tmp_path / "out") == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["broken.csv", "out"]
+
+
+@pytest.mark.parametrize("name", ["levels.csv", "summary.json"])
+def test_what_is_analysed_is_never_overwritten(tmp_path: Path, names: Path, name: str) -> None:
+    path = table(tmp_path / name, ONE.format(1, "false"))
+    before = path.read_bytes()
+    result = run(path, "--columns", names, "--out", tmp_path)
+    assert result.exit_code == 2
+    assert "must not hold what is analysed" in result.stderr
+    assert path.read_bytes() == before
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    result = run(TABLE, "--columns", MAP, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "must be a folder" in result.stderr
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_a_failure_while_drawing_leaves_the_old_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    columns = ColumnMap(**map_of_example())
+    write_analysis([TABLE], tmp_path / "out", columns=columns)
+    before = files(tmp_path / "out")
+
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("analysis.figures.write_figures", fail)
+    with pytest.raises(OSError, match="No space left"):
+        write_analysis([TABLE], tmp_path / "out", columns=columns, ci="jeffreys")
+    assert files(tmp_path / "out") == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "PATH"),
+        ([TABLE, "--ci", "wald"], "wald"),
+        ([TABLE, "--seed", "-1"], "-1"),
+        ([TABLE, "--columns", "no/such.toml"], "no/such.toml"),
+        (["no/such.csv"], "error: no/such.csv: no such file or folder"),
+        ([TABLE], "a table made elsewhere needs --columns MAP.toml"),
+    ],
+)
+def test_bad_usage_has_exit_code_2(tmp_path: Path, arguments: list[object], words: str) -> None:
+    result = run(*arguments, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert words in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, names: Path) -> None:
+    paths = [
+        table(tmp_path / "1.csv", ONE.format(1, "false")),
+        table(tmp_path / "2.csv", ONE.format(2, "true")),
+    ]
+    options = ("--columns", names, "--out", tmp_path / "out", "--no-figures")
+    result = run(*paths, *options)
+    assert result.exit_code == 2
+    assert "--allow-simulated" in result.stderr
+    assert str(paths[1]) in result.stderr
+    assert not (tmp_path / "out").exists()
+    result = run(*paths, *options, "--allow-simulated")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Simulated and real participants mixed.")
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"] == [
+        "1 of 2 trials are simulated, the others real"
+    ]
+
+
+def test_simulated_sessions_alone_are_marked_and_accepted(tmp_path: Path, names: Path) -> None:
+    path = table(tmp_path / "t.csv", ONE.format(1, "true"))
+    result = run(path, "--columns", names, "--out", tmp_path / "out", "--strict", "--no-figures")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Simulated participants.")
+
+
+WARNED = [
+    ("1,01,2,single,left,60,n/a,device_error,false\n", "1 trials are left out: device_error 1"),
+    ("1,01,2,single,left,60,left,voided,false\n", "planned trials without a valid attempt: 1"),
+    ("2,01,2,practice,left,60,left,ok,false\n", "no trial counts of participant 2"),
+    ("1,01,2,blank,none,0,left,ok,false\n", 'blank trials without "none" as an answer'),
+]
+
+
+@pytest.mark.parametrize(("row", "words"), WARNED)
+def test_strict_turns_a_warning_into_exit_code_1(
+    tmp_path: Path, names: Path, row: str, words: str
+) -> None:
+    path = table(tmp_path / "t.csv", ONE.format(1, "false"), row)
+    options = (path, "--columns", names, "--out", tmp_path / "out", "--no-figures")
+    plain, strict = run(*options), run(*options, "--strict")
+    assert (plain.exit_code, strict.exit_code) == (0, 1)
+    assert plain.stdout == strict.stdout
+    assert words in " ".join(plain.stdout.split())
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"]
+    assert any(words in warning for warning in told)
+
+
+def test_what_is_left_out_is_printed_with_its_reason(tmp_path: Path, names: Path) -> None:
+    rows = [ONE.format(1, "false"), "1,01,2,practice,left,60,left,ok,false\n"]
+    path = table(tmp_path / "t.csv", *rows, "2,01,2,practice,left,60,left,ok,false\n")
+    result = run(path, "--columns", names, "--out", tmp_path / "out", "--no-figures")
+    assert "Left out, practice: 2 trials (1 1, 2 1)." in result.stdout
+
+
+def test_a_session_without_a_table_is_a_warning(tmp_path: Path, names: Path) -> None:
+    table(tmp_path / "s" / "sub-1" / "ses-01" / "trials.csv", ONE.format(1, "false"))
+    (tmp_path / "s" / "sub-1" / "ses-02").mkdir()
+    result = run(tmp_path / "s", "--columns", names, "--no-figures", "--strict")
+    assert result.exit_code == 1
+    assert "session sub-1/ses-02 has no trials.csv" in result.stdout
+
+
+def test_a_study_where_nothing_counts_says_so(tmp_path: Path, names: Path) -> None:
+    path = table(tmp_path / "t.csv", "1,01,1,practice,left,60,left,ok,false\n")
+    result = run(path, "--columns", names, "--out", tmp_path / "out")
+    assert result.exit_code == 0
+    assert "no trial with a single stimulus counts" in result.stdout
+    assert set(files(tmp_path / "out")) == {"levels.csv", "participants.csv", "summary.json"}
+
+
+def test_different_studies_in_one_analysis_are_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(
+        "participant,side,level_vpp,response,study_sha256\n1,left,60,left,a\n2,left,60,left,b\n"
+    )
+    analysis = write_analysis([path], tmp_path / "o", columns=ColumnMap(), figures=False)
+    assert analysis.warnings == ("the trials come from 2 different studies (study_sha256)",)
+
+
+def test_conditions_are_printed_one_by_one(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    rows = "1,both,60,both,{0}\n1,left,60,left,{0}\n"
+    path.write_text(
+        "participant,side,level_vpp,response,condition\n" + rows.format("a") + rows.format("b")
+    )
+    analysis = write_analysis([path], tmp_path / "o", columns=ColumnMap(), figures=False)
+    shown = io.StringIO()
+    print_analysis(analysis, shown)
+    assert "Condition a\n" in shown.getvalue()
+    assert "Both-finger trials in condition b: 1/1" in shown.getvalue()
+    assert (tmp_path / "o" / "both.csv").read_text().startswith("condition,participant,")
+
+
+@pytest.mark.parametrize(("wrong", "words"), [(True, "seed"), (-1, "seed")])
+def test_a_seed_is_a_whole_number(tmp_path: Path, wrong: int, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        write_analysis([TABLE], tmp_path / "o", columns=ColumnMap(**map_of_example()), seed=wrong)
+    assert not (tmp_path / "o").exists()
+
+
+def test_the_help_imports_no_numpy_pandas_rich_or_matplotlib() -> None:
+    code = (
+        "import sys\nfrom analysis.commands import analyze\n"
+        "analyze(['--help'], standalone_mode=False)\n"
+        "sys.exit(bool({'numpy', 'pandas', 'rich', 'matplotlib'} & set(sys.modules)))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+def test_an_unknown_name_of_the_package_is_refused() -> None:
+    import analysis
+
+    with pytest.raises(AttributeError, match="no attribute 'wald'"):
+        _ = analysis.wald
+    assert all(getattr(analysis, name) is not None for name in analysis.__all__)

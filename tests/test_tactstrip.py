@@ -1,0 +1,170 @@
+"""The front door: instant help, one line for every error, and the whole way in one command."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tactstrip import COMMANDS, main
+
+ROOT = Path(__file__).parent.parent
+HEAVY = {"numpy", "scipy", "pandas", "pydantic", "rich", "matplotlib", "statsmodels", "psychopy",
+         "serial", "filelock"}  # fmt: skip
+
+
+def imported_by(*arguments: str) -> set[str]:
+    """Run the command line in a process of its own and list the packages it imported."""
+    program = (
+        "import sys\nfrom tactstrip import main\n"
+        "try:\n    main(sys.argv[1:])\nexcept SystemExit as end:\n    assert not end.code, end\n"
+        "print('\\n'.join(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True
+    )
+    return {line.split(".")[0] for line in done.stderr.splitlines()}
+
+
+def test_help_imports_nothing_heavy() -> None:
+    assert not imported_by("--help") & HEAVY
+
+
+@pytest.mark.parametrize("command", list(COMMANDS))
+def test_the_help_of_a_command_imports_nothing_heavy(command: str) -> None:
+    assert not imported_by(command, "--help") & HEAVY
+
+
+def test_a_dry_run_imports_no_psychopy_no_statsmodels_and_no_serial(tmp_path: Path) -> None:
+    used = imported_by("dry-run", "--participants", "1", "--out", str(tmp_path / "out"))
+    assert not used & {"psychopy", "statsmodels", "serial"}
+
+
+def test_every_command_is_listed_with_its_help() -> None:
+    told = CliRunner().invoke(main, ["--help"]).output
+    for name, (_, _, text) in COMMANDS.items():
+        assert re.search(rf"^  {name} +{re.escape(text)}$", told, re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nonsense"],
+        ["run"],
+        ["run", "nowhere.toml", "--participant", "01", "--responder", "simulated"],
+        ["run", "nowhere.toml", "--participant", "no/slash"],
+        ["check", "nowhere.toml"],
+        ["check", "."],
+        ["dry-run", "nowhere.toml"],
+        ["dry-run", "--participants", "0"],
+        ["analyze", "nowhere"],
+        ["export", "nowhere"],
+    ],
+)
+def test_bad_input_is_one_line_on_stderr_and_exit_2(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
+    assert isinstance(result.exception, SystemExit)
+    assert result.stdout == ""
+    errors = [line for line in result.stderr.splitlines() if line.lower().startswith("error")]
+    assert len(errors) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_dry_runs_with_one_seed_give_the_same_sessions_and_the_same_analysis(
+    tmp_path: Path,
+) -> None:
+    outputs = []
+    for name in ("a", "b"):
+        result = CliRunner().invoke(main, ["dry-run", "--seed", "7", "--out", str(tmp_path / name)])
+        assert result.exit_code == 0, result.stderr
+        outputs.append(result.stdout.replace(str(tmp_path / name), "OUT"))
+    assert outputs[0] == outputs[1]
+    assert re.search(r"^ +60 ", outputs[0], re.MULTILINE)
+    assert "Both-finger trials" in outputs[0]
+    sessions = sorted((tmp_path / "a").glob("sub-*/ses-*/trials.csv"))
+    assert [path.parent.parent.name for path in sessions] == [f"sub-0{n}" for n in range(1, 6)]
+    for path in sessions:
+        twin = tmp_path / "b" / path.relative_to(tmp_path / "a")
+        assert path.read_bytes() == twin.read_bytes()
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert len(rows) == 155
+        assert {(row["status"], row["simulated"]) for row in rows} == {("ok", "true")}
+        assert {row["kind"] for row in rows} == {"single", "both"}
+    names = ("levels.csv", "participants.csv", "both.csv", "summary.json",
+             "detection.png", "detection.svg")  # fmt: skip
+    for name in names:
+        one, two = (tmp_path / run / "analysis" / name for run in ("a", "b"))
+        assert one.read_bytes() == two.read_bytes()
+    summary = json.loads((tmp_path / "a" / "analysis" / "summary.json").read_text("utf-8"))
+    assert summary["seed"] == 7
+
+
+def test_dry_runs_without_out_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dry-run-1").mkdir()
+    result = CliRunner().invoke(main, ["dry-run", "--participants", "1"])
+    assert result.exit_code == 0
+    assert (tmp_path / "dry-run-2" / "analysis" / "levels.csv").exists()
+
+
+def test_a_dry_run_never_writes_into_a_folder_with_files(tmp_path: Path) -> None:
+    (tmp_path / "precious.txt").write_text("kept", encoding="utf-8")
+    result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path)])
+    assert result.exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
+
+
+def test_an_unfit_stimulus_is_not_run_unless_the_study_says_why(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    unfit = '[strip]\nedge = "simply-supported"\n[burst]\nfrequency_hz = 1500\n'
+    study.write_text(unfit, encoding="utf-8")
+    out = tmp_path / "out"
+    commands = (
+        ["dry-run", str(study), "--participants", "1", "--out", str(out)],
+        ["run", str(study), "--participant", "01", "--responder", "simulated", "--out", str(out)],
+    )
+    for command in commands:
+        result = CliRunner().invoke(main, command)
+        assert result.exit_code == 1
+        assert "unfit" in result.stderr
+        assert not out.exists()
+    study.write_text(unfit + 'accept_unfit = "control condition"\n', encoding="utf-8")
+    result = CliRunner().invoke(main, commands[1])
+    assert result.exit_code == 0, result.stderr
+    header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
+    assert header["unfit_stimuli_accepted"] == {"main": "control condition"}
+
+
+def test_the_lines_of_the_readme_run_and_say_what_the_plate_does(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    block = re.search(r"```python\n(.*?)```", readme, re.DOTALL)
+    assert block is not None
+    exec(compile(block[1], "README.md", "exec"), {})
+    told = capsys.readouterr().out
+    assert "no wave below 1926.0 Hz" in told
+    assert "205.6 to 654.4 Hz" in told
+    assert "fit for this plate: True" in told
+
+
+def test_the_commands_of_the_readme_exist() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    block = re.search(r"```sh\n(tactstrip init.*?)```", readme, re.DOTALL)
+    assert block is not None
+    for line in block[1].splitlines():
+        _, command, *rest = line.split("#")[0].split()
+        options = {word for word in rest if word.startswith("--")}
+        told = CliRunner().invoke(main, [command, "--help"]).output
+        assert all(option in told for option in options), line
