@@ -2,74 +2,105 @@
 
 from __future__ import annotations
 
-import re
+import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 from statistics import median
 
 REPEATS = 5
-PARTS = ("numpy", "pydantic", "pandas", "matplotlib.figure", "scipy.special", "rich", "click")
-COMMAND = [sys.executable, "-c", "from tactstrip import main; main()"]
+COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
+PHASES = """
+import json, sys, time
+from pathlib import Path
+marks = [("start of Python", time.perf_counter())]
+def mark(name):
+    marks.append((name, time.perf_counter()))
+import analysis.dry_run
+mark("import of the command (click)")
+from experiment.study import paper_study
+study = paper_study()
+mark("import of numpy and pydantic, the study")
+from experiment.simulate import simulate_study
+root = Path(sys.argv[1])
+for _ in simulate_study(study, root, participants=5, seed=7):
+    pass
+mark("five sessions of 155 trials")
+from analysis.load import read_inputs
+from analysis.tables import analyse
+import pandas
+mark("import of pandas")
+analysis_ = analyse(read_inputs([root], None), ci="wilson", seed=7, allow_simulated=False)
+mark("reading, checking, tables")
+import matplotlib.figure
+mark("import of matplotlib")
+from analysis.files import save
+save(analysis_, root / "analysis", with_figures=True, read=[])
+mark("writing, figure as PNG and SVG")
+print(json.dumps([(b[0], b[1] - a[1]) for a, b in zip(marks, marks[1:])]))
+"""
 
 
-def _run(*arguments: str, options: tuple[str, ...] = ()) -> tuple[float, str]:
-    start = time.perf_counter()
-    done = subprocess.run(
-        [COMMAND[0], *options, *COMMAND[1:], *arguments],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    return time.perf_counter() - start, done.stderr
+def _drop_page_cache() -> bool:
+    """Make the system forget the files that it has read, where that is possible and allowed."""
+    switch = Path("/proc/sys/vm/drop_caches")
+    if not os.access(switch, os.W_OK):
+        return False
+    os.sync()
+    try:
+        switch.write_text("3")
+    except OSError:
+        return False
+    return True
 
 
-def _dry_run_s(*options: str) -> float:
+def _seconds(*arguments: str, cold: bool) -> float | None:
     with tempfile.TemporaryDirectory() as folder:
-        return _run("dry-run", "--seed", "7", "--out", f"{folder}/out", *options)[0]
+        if cold and not _drop_page_cache():
+            return None
+        where = [argument.replace("OUT", f"{folder}/out") for argument in arguments]
+        start = time.perf_counter()
+        subprocess.run([*COMMAND, *where], check=True, capture_output=True)
+        return time.perf_counter() - start
 
 
-def _imports_s() -> dict[str, float]:
-    """Return the cumulative import time of each heavy part within one dry run."""
+def _row(label: str, *arguments: str) -> str:
+    warm_s = median(_seconds(*arguments, cold=False) or 0.0 for _ in range(REPEATS))
+    cold_s = _seconds(*arguments, cold=True)
+    cold = "not allowed here" if cold_s is None else f"{cold_s:.2f} s"
+    return f"| {label} | {cold} | {warm_s:.2f} s |"
+
+
+def _phases() -> list[tuple[str, float]]:
     with tempfile.TemporaryDirectory() as folder:
-        told = _run(
-            "dry-run", "--seed", "7", "--out", f"{folder}/out", options=("-X", "importtime")
+        done = subprocess.run(
+            [sys.executable, "-c", PHASES, folder], check=True, capture_output=True, text=True
         )
-    times: dict[str, float] = {}
-    for line in told[1].splitlines():
-        match = re.match(r"import time:\s+\d+ \|\s+(\d+) \|\s+(\S+)$", line)
-        if match and match[2] in PARTS:
-            times[match[2]] = int(match[1]) * 1e-6
-    return times
+    return [(name, seconds) for name, seconds in json.loads(done.stdout)]
 
 
 def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
-    help_s = median(_run("--help")[0] for _ in range(REPEATS))
-    figures_s = median(_dry_run_s() for _ in range(REPEATS))
-    tables_s = median(_dry_run_s("--participants", "1") for _ in range(REPEATS))
-    imports = [f"| import of {name} | {s:.2f} s |" for name, s in _imports_s().items()]
+    dry_run = ("dry-run", "--seed", "7", "--out", "OUT")
     return "\n".join(
         [
             "## Start",
             "",
-            f"Median of {REPEATS} new processes, files in the page cache.",
+            f"New processes: one with the page cache dropped, the median of {REPEATS} with it.",
             "",
-            "| what | time |",
+            "| what | cold | warm |",
+            "|---|---|---|",
+            _row("`tactstrip --help`", "--help"),
+            _row("`tactstrip dry-run`: the paper's protocol, five participants, figures", *dry_run),
+            "",
+            "Where the time of a warm dry run goes:",
+            "",
+            "| part | time |",
             "|---|---|",
-            f"| `tactstrip --help` | {help_s:.2f} s |",
-            (
-                f"| `tactstrip dry-run`: the paper's protocol, five participants, figures "
-                f"| {figures_s:.2f} s |"
-            ),
-            f"| the same with one participant | {tables_s:.2f} s |",
-            *imports,
-            "",
-            (
-                "The import times are those of one dry run under `-X importtime`, each with what "
-                "it imports itself and what no earlier import had brought."
-            ),
+            *(f"| {name} | {seconds:.2f} s |" for name, seconds in _phases()),
             "",
         ]
     )
