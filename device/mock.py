@@ -52,7 +52,7 @@ class MockDevice(HostDriver):
     output : OutputStage
         Converter and amplifier.
     drift_ppm, offset_s : float
-        The device's clock shows host time x (1 + drift_ppm 1e-6) + offset_s; never less than 0.
+        The device's clock shows host time x (1 + drift_ppm 1e-6) + offset_s, offset_s >= 0.
     rng : numpy.random.Generator or None
         Source of boot ids; None takes the system's.
 
@@ -91,7 +91,7 @@ class MockDevice(HostDriver):
         rng: np.random.Generator | None = None,
     ) -> None:
         require_real("drift_ppm", drift_ppm, least=-1e5, most=1e5)
-        require_real("offset_s", offset_s)
+        require_real("offset_s", offset_s, least=0.0)
         self._bench = _Bench(
             clock,
             limits=device_limits,

@@ -13,14 +13,23 @@ from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock, Timeout
 
-from experiment.journal import Journal, read_journal, sync_folder
+from experiment.journal import (
+    Journal,
+    JournalError,
+    JournalWriteError,
+    read_journal,
+    sync_folder,
+)
 from experiment.plan import Plan, PlanError, plan_from_json
-from experiment.record import trials_csv
+from experiment.record import NOT_AVAILABLE, trials_csv
 from experiment.replay import replay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from experiment.replay import History
+
+_TEMPORARY = ".tmp"
 _IDENTIFIER = re.compile(r"[A-Za-z0-9]{1,32}")
 
 
@@ -49,7 +58,17 @@ def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
     OSError
         If it cannot be written; the former file, if any, is unchanged then.
     """
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        _write_and_replace(path, text, durable=durable)
+    except OSError as error:
+        error.filename = str(path)
+        raise
+    if durable:
+        sync_folder(path.parent)
+
+
+def _write_and_replace(path: Path, text: str, *, durable: bool) -> None:
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_TEMPORARY, dir=path.parent)
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
             file.write(text)
@@ -61,8 +80,6 @@ def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-    if durable:
-        sync_folder(path.parent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +120,11 @@ class SessionFolder:
         """The journal."""
         return self.path / "journal.jsonl"
 
+    @property
+    def trials_path(self) -> Path:
+        """The table of presented trials."""
+        return self.path / "trials.csv"
+
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
         """Hold the session for this process alone.
@@ -119,6 +141,8 @@ class SessionFolder:
         except Timeout as error:
             raise ArchiveError(f"{self.path}: another process is running this session") from error
         try:
+            for left_over in self.path.glob(f".*{_TEMPORARY}"):
+                left_over.unlink()
             yield
         finally:
             lock.release()
@@ -148,10 +172,14 @@ class SessionFolder:
             If the session exists already.
         """
         self.refuse_existing()
+        _read_participants(self.root)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
         write_atomically(self.path / "header.json", header_text, durable=self.durable)
         _enter_participant(self.root, self.participant, durable=self.durable)
         write_atomically(self.plan_path, plan.to_json(), durable=self.durable)
+        if self.durable:
+            sync_folder(self.path.parent)
+            sync_folder(self.root)
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.
@@ -177,12 +205,48 @@ class SessionFolder:
         """Open the journal for writing, at its end."""
         return Journal(self.journal_path, now_s=now_s, durable=self.durable)
 
+    def read_history(self, plan: Plan) -> History:
+        """Read the journal, none being an empty one, and return what it says.
+
+        Raises
+        ------
+        JournalError
+            If the journal cannot be trusted, belongs to another plan, or tells of fewer trials
+            than trials.csv, which is built from it.
+        """
+        entries = read_journal(self.journal_path).entries if self.journal_path.exists() else ()
+        try:
+            history = replay(plan, entries)
+        except JournalError as error:
+            raise JournalError(f"{self.journal_path}: {error}") from error
+        written = _rows_in(self.trials_path)
+        if written > len(history.rows):
+            raise JournalError(
+                f"{self.journal_path}: must tell of at least the {written} trials of trials.csv; "
+                f"got {len(history.rows)}; restore it from a copy: nothing was changed"
+            )
+        return history
+
     def write_trials(self) -> Path:
-        """Build trials.csv anew from plan and journal, and return its path."""
-        history = replay(self.read_plan(), read_journal(self.journal_path).entries)
-        path = self.path / "trials.csv"
-        write_atomically(path, trials_csv(history.rows), durable=self.durable)
-        return path
+        """Build trials.csv anew from plan and journal, and return its path.
+
+        Raises
+        ------
+        JournalWriteError
+            If it cannot be written; the journal holds all of it.
+        """
+        history = self.read_history(self.read_plan())
+        try:
+            write_atomically(self.trials_path, trials_csv(history.rows), durable=self.durable)
+        except OSError as error:
+            raise JournalWriteError(
+                f"{self.trials_path}: cannot be written ({error.strerror})"
+            ) from error
+        return self.trials_path
+
+
+def _rows_in(table: Path) -> int:
+    return max(0, table.read_bytes().count(b"\n") - 1) if table.exists() else 0
 
 
 def _read_plan(path: Path) -> Plan:
@@ -192,14 +256,29 @@ def _read_plan(path: Path) -> Plan:
         raise PlanError(f"{path}: {error}") from error
 
 
-def _enter_participant(root: Path, participant: str, *, durable: bool) -> None:
+def _read_participants(root: Path) -> list[list[str]]:
+    """Return the cells of participants.tsv, at least its heading."""
     path = root / "participants.tsv"
+    if not path.exists():
+        return [["participant_id"]]
+    try:
+        table = [line.split("\t") for line in path.read_text(encoding="utf-8").splitlines()]
+    except UnicodeDecodeError as error:
+        raise ArchiveError(f"{path}: must be UTF-8; got {error}") from error
+    if not table or table[0][0] != "participant_id":
+        raise ArchiveError(f"{path}:1: the first column must be participant_id")
+    return table
+
+
+def _enter_participant(root: Path, participant: str, *, durable: bool) -> None:
     with FileLock(root / ".participants.lock"):
-        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-        lines = lines or ["participant_id"]
+        table = _read_participants(root)
         name = f"sub-{participant}"
-        if name not in (line.split("\t")[0] for line in lines):
-            write_atomically(path, "\n".join([*lines, name]) + "\n", durable=durable)
+        if name in (row[0] for row in table):
+            return
+        table.append([name, *[NOT_AVAILABLE] * (len(table[0]) - 1)])
+        text = "".join("\t".join(row) + "\n" for row in table)
+        write_atomically(root / "participants.tsv", text, durable=durable)
 
 
 def session_folders(root: Path) -> list[SessionFolder]:

@@ -25,6 +25,8 @@ _VERDICTS: Final = {
     ),
 }
 _COLUMN: Final = 15
+THICK: Final = 0.1
+"""From this (k h)^2 on, the theory of thin plates misses by more than a few per cent."""
 
 
 def check_json(check: StudyCheck) -> str:
@@ -69,6 +71,7 @@ def _strip_facts(check: StudyCheck) -> dict[str, Any]:
         "edge": check.study.edge_basis,
         "edge_stiffness_n": check.edge_stiffness_n,
         "cutoff_hz": check.cutoff_hz,
+        "thinness": check.thinness,
     }
 
 
@@ -135,6 +138,10 @@ def _strip_lines(check: StudyCheck) -> list[str]:
         ends_hz = [replace(strip, edge=edge).cutoff_hz() for edge in (SIMPLY_SUPPORTED, CLAMPED)]
         lines.append(
             _line("", f"simply supported edges give {ends_hz[0]:.1f} Hz, clamped {ends_hz[1]:.1f}")
+        )
+    if check.thinness > THICK:
+        lines.append(
+            _line("warning", f"not a thin plate: (k h)^2 = {check.thinness:.2g} at the cut-off")
         )
     if check.study.edge_basis == "measured-cutoff":
         lines.append(_line("", "a clamped strip that is a little wider can have the same cut-off"))

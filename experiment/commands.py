@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.exits import CommandError, refusals, require_fit
+from experiment.exits import (
+    DEVICE_FAILED,
+    STOPPED_EARLY,
+    CommandError,
+    refusals,
+    require_fit,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,9 +26,6 @@ if TYPE_CHECKING:
     from experiment.plan import Plan
     from experiment.responder import Responder
     from experiment.study import Study
-
-DEVICE_FAILED = 3
-STOPPED_EARLY = 4
 
 
 @click.command()
@@ -78,89 +81,90 @@ def run(
     Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
     in any way goes on with --resume.
     """
+    from device.clock import MonotonicClock, VirtualClock
     from experiment.archive import SessionFolder
-    from experiment.study import read_levels, read_study, with_levels
+    from experiment.conduct import Setting, begin, resume
+    from experiment.interrupts import StopSignal
+    from experiment.rig import DRIVERS
+    from experiment.study import read_levels, read_study
 
-    del driver  # the mock is the only one so far, and the study names it already
-    folder = SessionFolder(out, participant, session)
-    study = read_study(study_file)
-    if levels_file is not None:
-        study = with_levels(study, read_levels(levels_file, participant))
-    if resuming or resume_anyway:
-        plan = folder.read_plan()
-        _refuse_contradictions(plan, study, seed, placed=levels_file is not None)
-    else:
-        plan = _new_plan(folder, study, seed)
-    ending = _conduct(
-        folder, study, plan, responder, resuming=resuming, resume_anyway=resume_anyway
-    )
+    stop = StopSignal()
+    with stop.on_signals():
+        folder = SessionFolder(out, participant, session)
+        study = read_study(study_file)
+        levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
+        resuming = resuming or resume_anyway
+        plan_of = _plan_to_resume if resuming else _new_plan
+        plan = plan_of(folder, study, seed, levels_vpp)
+        clock = VirtualClock() if responder == "simulated" else MonotonicClock()
+        with _responder(responder, study, plan, clock) as someone, _failures():
+            setting = Setting(
+                device=DRIVERS[driver or study.device.driver](study, clock),
+                responder=someone,
+                clock=clock,
+                stop=stop,
+                resume_anyway=resume_anyway,
+            )
+            ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
     _report(ending, plan)
 
 
-def _new_plan(folder: SessionFolder, study: Study, seed: int | None) -> Plan:
+def _new_plan(
+    folder: SessionFolder, study: Study, seed: int | None, levels_vpp: tuple[float, ...] | None
+) -> Plan:
     from experiment.plan import draw_plan
 
     folder.refuse_existing()
     require_fit(study)
     seed = secrets.randbits(32) if seed is None else seed
+    plan = draw_plan(
+        study,
+        participant=folder.participant,
+        session=folder.session,
+        seed=seed,
+        levels_vpp=levels_vpp,
+    )
     click.echo(f"seed {seed}")
-    return draw_plan(study, participant=folder.participant, session=folder.session, seed=seed)
+    return plan
 
 
-def _refuse_contradictions(plan: Plan, study: Study, seed: int | None, *, placed: bool) -> None:
-    """Refuse options that say otherwise than the session that is to be resumed."""
-    from experiment.study import study_from_canonical, with_levels
+def _plan_to_resume(
+    folder: SessionFolder, study: Study, seed: int | None, levels_vpp: tuple[float, ...] | None
+) -> Plan:
+    """Return the session's plan; refuse options that say otherwise than it does."""
+    from experiment.study import study_from_canonical
 
-    if seed is not None and seed != plan.seed:
-        raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
-    levels_vpp = study_from_canonical(plan.study).design.levels_vpp
-    if not placed:
-        study = with_levels(study, levels_vpp)
-    elif study.design.levels_vpp != levels_vpp:
-        raise CommandError(
-            f"--levels must be those of the session, {levels_vpp}; got {study.design.levels_vpp}"
-        )
-    if study.sha256 != plan.study_sha256:
+    plan = folder.read_plan()
+    if study.sha256 != plan.file_sha256:
         raise CommandError(
             "STUDY is not the study that this session was begun with "
-            f"(sha256 {plan.study_sha256[:12]}...); got {study.sha256[:12]}..."
+            f"(sha256 {plan.file_sha256[:12]}...); got {study.sha256[:12]}..."
         )
+    if seed is not None and seed != plan.seed:
+        raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
+    planned_vpp = study_from_canonical(plan.study).design.levels_vpp
+    if levels_vpp is not None and levels_vpp != planned_vpp:
+        raise CommandError(
+            f"--levels must be those of the session, {planned_vpp}; got {levels_vpp}"
+        )
+    return plan
 
 
-def _conduct(
-    folder: SessionFolder,
-    study: Study,
-    plan: Plan,
-    responder_name: str,
-    *,
-    resuming: bool,
-    resume_anyway: bool,
-) -> Ending:
-    from device.clock import MonotonicClock, VirtualClock
+@contextlib.contextmanager
+def _failures() -> Iterator[None]:
+    """Give failures of device and disk their exit codes."""
     from device.driver import DeviceError
-    from experiment.conduct import Setting, begin, resume
-    from experiment.interrupts import StopSignal
     from experiment.journal import JournalWriteError
-    from experiment.rig import mock_device
 
-    clock = VirtualClock() if responder_name == "simulated" else MonotonicClock()
-    stop = StopSignal()
     try:
-        with _responder(responder_name, study, plan, clock) as responder, stop.on_signals():
-            setting = Setting(
-                device=mock_device(study, clock),
-                responder=responder,
-                clock=clock,
-                stop=stop,
-                resume_anyway=resume_anyway,
-            )
-            if resuming or resume_anyway:
-                return resume(folder, setting)
-            return begin(folder, plan, setting)
+        yield
     except DeviceError as error:
         raise CommandError(f"device: {error}", exit_code=DEVICE_FAILED) from error
     except JournalWriteError as error:
-        raise CommandError(str(error), exit_code=STOPPED_EARLY) from error
+        raise CommandError(
+            f"{error}; what is recorded is safe: make room, then go on with --resume",
+            exit_code=STOPPED_EARLY,
+        ) from error
 
 
 @contextlib.contextmanager
@@ -202,5 +206,13 @@ def export(*, folder: Path) -> None:
     """Build every trials.csv below DIR anew from its plan and journal."""
     from experiment.archive import session_folders
 
+    refused = []
     for session in session_folders(folder):
-        click.echo(session.write_trials())
+        try:
+            with session.locked():
+                click.echo(session.write_trials())
+        except ValueError as error:
+            refused.append(str(error))
+    if refused:
+        others = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        raise CommandError(refused[0] + others)

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from device.driver import Outcome
 from experiment.archive import ArchiveError
-from experiment.journal import JournalWriteError, read_journal
-from experiment.replay import replay
+from experiment.record import NOT_AVAILABLE
 from experiment.session import Session, delivery_facts, trial_name
+from experiment.stimulus import host_limits, require_suitable
 from experiment.study import study_from_canonical
+from experiment.study_check import check_study
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -90,16 +91,18 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     ------
     ArchiveError
         If the session exists already, or another process holds it.
+    SuitabilityError
+        If the device cannot do what the study asks; no session is created then.
     DeviceError
         If the device cannot be opened; no session is created then.
     JournalWriteError
         If the record cannot be kept.
     """
     folder.refuse_existing()
-    with folder.locked(), _opened(setting.device) as identity:
-        _refuse_unsuitable(study_from_canonical(plan.study), identity)
-        folder.create(plan, _header(plan, setting, identity))
-        return _run(folder, plan, setting, identity)
+    study = study_from_canonical(plan.study)
+    with folder.locked(), _opened(setting.device, study) as identity:
+        folder.create(plan, _header(study, plan, setting, identity))
+        return _run(folder, study, plan, setting, identity)
 
 
 def resume(folder: SessionFolder, setting: Setting) -> Ending:
@@ -111,80 +114,88 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
         If there is no session, another process holds it, or it may not go on here and now.
     JournalError, PlanError
         If journal or plan cannot be trusted; nothing is changed then.
+    SuitabilityError
+        If the device cannot do what the study asks.
     DeviceError
         If the device cannot be opened.
     JournalWriteError
         If the record cannot be kept.
     """
     plan = folder.read_plan()
-    with folder.locked(), _opened(setting.device) as identity:
-        _refuse_unsuitable(study_from_canonical(plan.study), identity)
-        return _run(folder, plan, setting, identity)
+    study = study_from_canonical(plan.study)
+    with folder.locked(), _opened(setting.device, study) as identity:
+        return _run(folder, study, plan, setting, identity)
 
 
 @contextlib.contextmanager
-def _opened(device: BurstDevice) -> Iterator[Identity]:
+def _opened(device: BurstDevice, study: Study) -> Iterator[Identity]:
     identity = device.open()
     try:
+        require_suitable(study, identity)
         yield identity
     finally:
         device.close()
 
 
-def _run(folder: SessionFolder, plan: Plan, setting: Setting, identity: Identity) -> Ending:
-    study = study_from_canonical(plan.study)
+def _run(
+    folder: SessionFolder, study: Study, plan: Plan, setting: Setting, identity: Identity
+) -> Ending:
+    history = folder.read_history(plan)
     origin_s = setting.clock.now_s()
-
-    def now_s() -> float:
-        return setting.clock.now_s() - origin_s
-
-    with folder.open_journal(now_s) as journal:
-        history = replay(plan, journal.entries)
-        if history.finished:
-            return Ending(
-                finished=True,
-                failure=None,
-                trials_path=_write_trials(folder),
-                torn_file=journal.torn_file,
+    if history.opening:
+        origin_s -= history.last_t_s + max(0.0, time.time() - history.last_wall_s)
+    if history.opening and not history.finished:
+        _refuse_another_place(history, identity, setting)
+    with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
+        finished, failure = history.finished, None
+        if not finished:
+            _enter(
+                study=study,
+                plan=plan,
+                history=history,
+                journal=journal,
+                setting=setting,
+                identity=identity,
             )
-        if history.opening:
-            origin_s -= history.last_t_s + max(0.0, time.time() - history.last_wall_s)
-            _refuse_another_place(history, identity, setting)
-            journal.append("session_resume", _place(identity), sync=True)
-            if history.open_trial is not None:
-                same_boot = history.boot_id == identity.boot_id
-                _settle(history.open_trial, study, journal, setting.device, same_boot=same_boot)
-            history = replay(plan, read_journal(folder.journal_path).entries)
-        else:
-            journal.append("session_open", _opening(plan, identity, setting), sync=True)
-        session = Session(
-            study=study,
-            plan=plan,
-            history=history,
-            device=setting.device,
-            responder=setting.responder,
-            clock=setting.clock,
-            origin_s=origin_s,
-            journal=journal,
-            stop=setting.stop,
-        )
-        finished = session.run()
+            session = Session(
+                study=study,
+                plan=plan,
+                history=folder.read_history(plan),
+                resumed=bool(history.opening),
+                device=setting.device,
+                responder=setting.responder,
+                clock=setting.clock,
+                origin_s=origin_s,
+                journal=journal,
+                stop=setting.stop,
+            )
+            finished = session.run()
+            failure = session.failure
         return Ending(
             finished=finished,
-            failure=session.failure,
-            trials_path=_write_trials(folder),
+            failure=failure,
+            trials_path=folder.write_trials(),
             torn_file=journal.torn_file,
         )
 
 
-def _write_trials(folder: SessionFolder) -> Path:
-    try:
-        return folder.write_trials()
-    except OSError as error:
-        raise JournalWriteError(
-            f"{folder.path / 'trials.csv'}: cannot be written ({error.strerror}); the journal is "
-            "whole: make room, then `tactstrip export` writes the table"
-        ) from error
+def _enter(
+    *,
+    study: Study,
+    plan: Plan,
+    history: History,
+    journal: Journal,
+    setting: Setting,
+    identity: Identity,
+) -> None:
+    """Note the beginning, or the resume; there, settle the trial that is still open."""
+    if not history.opening:
+        journal.append("session_open", _opening(plan, identity, setting), sync=True)
+        return
+    journal.append("session_resume", _place(identity), sync=True)
+    if history.open_trial is not None:
+        same_boot = history.open_trial.boot_id == identity.boot_id
+        _settle(history.open_trial, study, journal, setting.device, same_boot=same_boot)
 
 
 def _settle(
@@ -213,30 +224,13 @@ def _settle(
     journal.append("trial_end", name | end, sync=True)
 
 
-def _refuse_unsuitable(study: Study, identity: Identity) -> None:
-    """Refuse a device that cannot do what the study asks, before anything is felt."""
-    if identity.sample_rate_hz != study.device.sample_rate_hz:
-        raise ArchiveError(
-            f"device.sample_rate_hz must be that of the device, {identity.sample_rate_hz:g}; "
-            f"got {study.device.sample_rate_hz:g}"
-        )
-    highest_vpp = max(*study.design.levels_vpp, study.design.both_level_vpp or 0.0)
-    if highest_vpp > identity.ceiling_vpp:
-        raise ArchiveError(
-            "design.levels_vpp must be at most the device's own ceiling, "
-            f"{identity.ceiling_vpp:g} Vpp; got {highest_vpp:g}"
-        )
-    for condition in study.conditions:
-        samples = condition.burst.samples(study.device.sample_rate_hz).size
-        if samples > identity.longest_waveform:
-            raise ArchiveError(
-                f"condition {condition.name}: the burst must have at most "
-                f"{identity.longest_waveform} samples at the device's rate; got {samples}"
-            )
-
-
 def _refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
-    """Refuse to go on elsewhere or too late, unless the operator says so."""
+    """Refuse another kind of participant; another place or time, unless the operator says so."""
+    if setting.responder.simulated != history.opening["simulated"]:
+        who = "a simulated participant" if history.opening["simulated"] else "a person"
+        raise ArchiveError(
+            f"the session was begun with {who} and can only go on so: give another --responder"
+        )
     if setting.resume_anyway:
         return
     here = _place(identity)
@@ -274,22 +268,31 @@ def _opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]
     }
 
 
-def _header(plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
+_UNKNOWN_YET = (
+    "calibration",
+    "consent_version",
+    "noise_level_dba",
+    "noise_sha256",
+    "operator",
+    "screen",
+)
+
+
+def _header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
     """List what is worth knowing of a session and is not part of the plan."""
-    study = study_from_canonical(plan.study)
+    accepted = [c.condition for c in check_study(study).conditions if c.verdict == "accepted"]
     return {
         "schema": 1,
         "begun": datetime.now(UTC).isoformat(timespec="seconds"),
         **_opening(plan, identity, setting),
         "device_identity": asdict(identity),
-        "ceiling_vpp": study.device.ceiling_vpp,
+        "limits": asdict(host_limits(study.device)),
         "responses": plan.responses,
         "masking_noise": study.masking.noise,
         "masking_noise_played": False,
-        "unfit_stimuli_accepted": {
-            c.name: c.accept_unfit for c in study.conditions if c.accept_unfit is not None
-        },
+        "unfit_stimuli_accepted": {c.name: c.accept_unfit for c in accepted},
         "platform": platform.platform(),
         "python": platform.python_version(),
         "versions": {name: version(name) for name in ("tactstrip", "numpy")},
+        **dict.fromkeys(_UNKNOWN_YET, NOT_AVAILABLE),
     }

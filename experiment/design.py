@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from experiment.checks import require_word
+from experiment.engine import EARLIEST_ANSWER_S
 from experiment.record import ANSWERS
 from stimuli.checks import finite, whole
 
@@ -15,8 +16,8 @@ Anticipated = Literal["requeue", "keep"]
 
 MAX_TRIALS = 10_000
 """More trials of one sort than a person can be asked for: a slip of the keyboard."""
-ANTICIPATION_S = 0.1
-"""A key pressed sooner than this after the onset cannot be an answer to it."""
+LEAST_LEVEL_VPP = 0.1
+"""A hundred steps of a device that counts its levels in millivolts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +89,7 @@ class Design:
         for name in ("both_trials", "blank_trials", "practice_trials", "break_every"):
             whole(name, getattr(self, name), least=0, most=MAX_TRIALS)
         if self.both_level_vpp is not None:
-            finite("both_level_vpp", self.both_level_vpp, above=0)
+            finite("both_level", self.both_level_vpp, least=LEAST_LEVEL_VPP)
         require_word("order", self.order, get_args(Order))
         require_word("condition_order", self.condition_order, get_args(ConditionOrder))
         require_word("anticipated", self.anticipated, get_args(Anticipated))
@@ -125,12 +126,12 @@ class Design:
     def _check_times(self) -> None:
         finite("foreperiod_s[0]", self.foreperiod_s[0], above=0, most=60)
         finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0], most=60)
-        finite("response_window_s", self.response_window_s, above=ANTICIPATION_S, most=60)
+        finite("response_window_s", self.response_window_s, above=EARLIEST_ANSWER_S, most=60)
         finite("minimum_break_s", self.minimum_break_s, least=0, most=3600)
 
 
 def check_levels(levels_vpp: tuple[float, ...]) -> None:
-    """Refuse levels that are not increasing, or not above 0.
+    """Refuse levels that are not increasing, or below what a device can set.
 
     Examples
     --------
@@ -140,6 +141,7 @@ def check_levels(levels_vpp: tuple[float, ...]) -> None:
     """
     if not levels_vpp:
         raise ValueError("levels_vpp must hold at least one level; got none")
+    finite("levels_vpp[0]", levels_vpp[0], least=LEAST_LEVEL_VPP)
     below_vpp = 0.0
     for place, level_vpp in enumerate(levels_vpp):
         finite(f"levels_vpp[{place}]", level_vpp, above=below_vpp)

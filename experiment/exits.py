@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import functools
 from typing import IO, TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
@@ -16,7 +18,12 @@ ANSWER_IS_NO: Final = 1
 """Exit code: done, and the answer is no."""
 BAD_INPUT: Final = 2
 """Exit code: bad input or usage."""
+DEVICE_FAILED: Final = 3
+"""Exit code: device failure."""
+STOPPED_EARLY: Final = 4
+"""Exit code: stopped early, can be resumed."""
 
+_FULL: Final = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
 
@@ -44,8 +51,9 @@ class CommandError(click.ClickException):
         vars(self)["exit_code"] = exit_code
 
     def show(self, file: IO[Any] | None = None) -> None:
-        """Write the line, to stderr unless told otherwise."""
-        click.echo(f"error: {self.format_message()}", file=file, err=file is None)
+        """Write the line, to stderr unless told otherwise; a closed terminal is no new error."""
+        with contextlib.suppress(OSError):
+            click.echo(f"error: {self.format_message()}", file=file, err=file is None)
 
 
 def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
@@ -75,7 +83,8 @@ def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
             raise
         except OSError as error:
             where = f"{error.filename}: " if error.filename is not None else ""
-            raise CommandError(f"{where}{error.strerror or error}") from error
+            hint = "; make room, then run it again" if error.errno in _FULL else ""
+            raise CommandError(f"{where}{error.strerror or error}{hint}") from error
         except ValueError as error:
             raise CommandError(str(error)) from error
 

@@ -194,10 +194,7 @@ class Journal:
         self._seq += 1
 
     def _write_error(self, error: OSError) -> JournalWriteError:
-        return JournalWriteError(
-            f"{self._path}: cannot be written ({error.strerror}); "
-            "make room, then go on with --resume: what is recorded is safe"
-        )
+        return JournalWriteError(f"{self._path}: cannot be written ({error.strerror})")
 
     def close(self) -> None:
         """Close the file."""

@@ -13,7 +13,7 @@ import numpy as np
 from experiment.record import KINDS, SIDES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from experiment.study import Condition, Design, Study
 
@@ -80,6 +80,8 @@ class Plan:
         The study as canonical JSON text.
     study_sha256 : str
         Checksum of that text.
+    file_sha256 : str
+        Checksum of the study as its file states it, before levels were placed.
     responses : tuple of str
         The answers that the study offers.
     response_window_s : float
@@ -98,6 +100,7 @@ class Plan:
     generator: str
     study: str
     study_sha256: str
+    file_sha256: str
     responses: tuple[str, ...]
     response_window_s: float
     trials: tuple[Trial, ...]
@@ -148,7 +151,7 @@ def verify(plan: Plan) -> None:
     found = _checksum(plan)
     if plan.sha256 != found:
         raise PlanError(
-            f"the plan's sha256 must be {found[:12]}...; got {plan.sha256[:12]!r}: "
+            f"the plan's sha256 must be {found[:12]}...; got {str(plan.sha256)[:12]!r}: "
             "the plan was changed after it was sealed"
         )
 
@@ -175,21 +178,30 @@ def plan_from_json(text: str) -> Plan:
         plan = Plan(**fields)
     except PlanError:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise PlanError(f"not a plan of this program: {error}") from error
     verify(plan)
     return plan
 
 
-def draw_plan(study: Study, *, participant: str, session: str, seed: int) -> Plan:
+def draw_plan(
+    study: Study,
+    *,
+    participant: str,
+    session: str,
+    seed: int,
+    levels_vpp: Sequence[float] | None = None,
+) -> Plan:
     """Draw and seal a session's trials.
 
     Parameters
     ----------
     study : Study
-        The study, with the levels to be used.
+        The study.
     participant, session : str
         Identifiers of the session's folder.
+    levels_vpp : sequence of float, optional
+        Levels placed for this participant, instead of the study's.
     seed : int
         Seed, 0 or more; the same seed gives the same plan.
 
@@ -197,9 +209,16 @@ def draw_plan(study: Study, *, participant: str, session: str, seed: int) -> Pla
     ------
     PlanError
         If the design cannot be drawn as the study asks.
+    StudyError
+        If the study cannot be run at these levels.
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise PlanError(f"seed must be a whole number >= 0; got {seed!r}")
+    file_sha256 = study.sha256
+    if levels_vpp is not None:
+        from experiment.study import with_levels
+
+        study = with_levels(study, levels_vpp)
     rng = np.random.Generator(np.random.PCG64(seed))
     trials = tuple(_number(_draw_trials(study, rng)))
     return seal(
@@ -210,6 +229,7 @@ def draw_plan(study: Study, *, participant: str, session: str, seed: int) -> Pla
             generator=f"PCG64 of numpy {np.__version__}",
             study=study.canonical,
             study_sha256=study.sha256,
+            file_sha256=file_sha256,
             responses=study.design.responses,
             response_window_s=study.design.response_window_s,
             trials=trials,

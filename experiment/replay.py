@@ -25,6 +25,8 @@ class OpenTrial:
         The trial and its attempt.
     token : int
         The token by which the device knows its stimulus.
+    boot_id : int
+        The device's power cycle in which it was armed.
     confirmed : bool
         Whether the journal already says what became of the stimulus.
     outcome : str or None
@@ -39,6 +41,7 @@ class OpenTrial:
 
     task: Task
     token: int
+    boot_id: int
     confirmed: bool
     outcome: str | None
     response: str | None
@@ -60,10 +63,8 @@ class History:
         The trial in which the session was interrupted.
     opening : mapping
         What the first line says of host, device and participant; empty before the first line.
-    boot_id : int or None
-        The power cycle of the device in which the journal's last part was written.
-    resumed : int
-        How often the session was resumed.
+    warm_up : tuple of Task
+        The plan's warm-up trials, for the next resume.
     finished : bool
         Whether the session was closed with every planned trial answered.
     last_t_s, last_wall_s : float
@@ -74,8 +75,7 @@ class History:
     pending: tuple[Task, ...]
     open_trial: OpenTrial | None
     opening: Mapping[str, Any]
-    boot_id: int | None
-    resumed: int
+    warm_up: tuple[Task, ...]
     finished: bool
     last_t_s: float
     last_wall_s: float
@@ -88,6 +88,7 @@ class _Presentation:
     trial: Trial
     attempt: int
     token: int | None = None
+    boot_id: int = 0
     stimulus: Mapping[str, Any] = field(default_factory=dict)
     answer: Mapping[str, Any] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=dict)
@@ -109,6 +110,13 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
         If the journal belongs to another plan, or names a trial that the plan does not have.
     """
     entries = tuple(entries)
+    try:
+        return _history(plan, entries)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise JournalError(f"a line of the journal lacks what it must say: {error}") from error
+
+
+def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
     opening = _opening(plan, entries)
     shown = _presentations(plan, entries)
     ended = [p for p in shown if p.end]
@@ -120,8 +128,7 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
         pending=_pending(plan, ended),
         open_trial=_open_trial(unended[0]) if unended else None,
         opening=opening,
-        boot_id=next((e.facts["boot_id"] for e in reversed(entries) if e.event in _OPENINGS), None),
-        resumed=sum(entry.event == "session_resume" for entry in entries),
+        warm_up=_warm_up(plan, ended),
         finished=any(e.event == "session_close" and e.facts["finished"] for e in entries),
         last_t_s=entries[-1].t_s if entries else 0.0,
         last_wall_s=entries[-1].wall_s if entries else 0.0,
@@ -153,7 +160,10 @@ _PART = {
 def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
     shown: dict[tuple[int, int], _Presentation] = {}
+    boot_id = 0
     for entry in entries:
+        if entry.event in _OPENINGS:
+            boot_id = entry.facts["boot_id"]
         if entry.event != "trial_armed" and entry.event not in _PART:
             continue
         number, attempt = entry.facts["trial"], entry.facts["attempt"]
@@ -162,11 +172,18 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
         if (number, attempt) not in shown:
             shown[number, attempt] = _Presentation(trials[number], attempt)
         presentation = shown[number, attempt]
+        if presentation.end:
+            raise JournalError(f"trial {number}, attempt {attempt}, goes on after its end")
         if entry.event == "trial_armed":
-            presentation.token = entry.facts["token"]
+            presentation.token, presentation.boot_id = entry.facts["token"], boot_id
         else:
             setattr(presentation, _PART[entry.event], entry.facts)
     return list(shown.values())
+
+
+def _warm_up(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
+    attempts = {presentation.trial.number: presentation.attempt for presentation in ended}
+    return tuple(Task(trial, attempts.get(trial.number, 0) + 1) for trial in plan.warm_up)
 
 
 def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
@@ -190,6 +207,7 @@ def _open_trial(presentation: _Presentation) -> OpenTrial:
     return OpenTrial(
         task=Task(presentation.trial, presentation.attempt),
         token=presentation.token,
+        boot_id=presentation.boot_id,
         confirmed=bool(presentation.stimulus),
         outcome=presentation.stimulus.get("outcome"),
         response=presentation.answer.get("response"),

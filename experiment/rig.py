@@ -10,7 +10,10 @@ from device.output import OutputStage
 from experiment.stimulus import host_limits
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from device.clock import Clock
+    from device.driver import BurstDevice
     from experiment.study import Study
 
 
@@ -31,3 +34,7 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
         device_limits=replace(DEVICE_LIMITS, least_interval_s=limits.least_interval_s),
         output=OutputStage(sample_rate_hz=study.device.sample_rate_hz),
     )
+
+
+DRIVERS: Mapping[str, Callable[[Study, Clock], BurstDevice]] = {"mock": mock_device}
+"""Every driver by its name in the study file and on the command line."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from device.driver import DeviceError, Outcome
+from device.driver import DeviceError, Outcome, RefusedError
 from experiment import steps
 from experiment.engine import step, upcoming
 from experiment.interrupts import StopRequested
@@ -39,8 +39,10 @@ class Session:
         Its sealed plan.
     history : History
         What the journal says already; empty for a new session.
+    resumed : bool
+        Whether it goes on after an interruption: a person gets the warm-up trials then.
     device : BurstDevice
-        The actuators, opened and enabled.
+        The actuators, opened.
     responder : Responder
         The participant.
     clock : Clock
@@ -59,6 +61,7 @@ class Session:
         study: Study,
         plan: Plan,
         history: History,
+        resumed: bool,
         device: BurstDevice,
         responder: Responder,
         clock: Clock,
@@ -83,8 +86,10 @@ class Session:
         self._delivery: Delivery | None = None
         self._onset_s = 0.0
         self.failure: DeviceError | None = None
+        warm_up = history.warm_up if resumed and not responder.simulated else ()
+        pending = (*warm_up, *history.pending) if history.pending else ()
         self._state = steps.State(
-            pending=(*self._warm_up(history), *history.pending),
+            pending=pending,
             keep_anticipated=study.design.anticipated == "keep",
             response_window_s=study.design.response_window_s,
         )
@@ -102,11 +107,6 @@ class Session:
             steps.ZeroOutputs: self._zero_outputs,
             steps.CloseSession: self._close,
         }
-
-    def _warm_up(self, history: History) -> tuple[steps.Task, ...]:
-        if not history.resumed or self._responder.simulated or not history.pending:
-            return ()
-        return tuple(steps.Task(trial, history.resumed) for trial in self._plan.warm_up)
 
     def run(self) -> bool:
         """Run to the end, or until the session is stopped; return whether it is complete.
@@ -194,6 +194,9 @@ class Session:
         self._rested_s = self._clock.now_s() + self._interval_s
         try:
             self._delivery = self._device.fire(self._token)
+        except RefusedError as error:
+            self._note_fault(error)
+            return steps.NotFired()
         except DeviceError as error:
             return self._device_failed(error)
         before_s, after_s = self._delivery.host_before_s, self._delivery.host_after_s
@@ -261,10 +264,12 @@ class Session:
 
     def _device_failed(self, error: DeviceError) -> steps.Event:
         self.failure = error
-        self._journal.append(
-            "fault", {"error": type(error).__name__, "message": str(error)}, sync=True
-        )
+        self._note_fault(error)
         return steps.DeviceFailed()
+
+    def _note_fault(self, error: DeviceError) -> None:
+        facts = {"error": type(error).__name__, "message": str(error)}
+        self._journal.append("fault", facts, sync=True)
 
 
 _EVENT_OF: dict[Outcome, steps.Event] = {

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from experiment.study import Study
 
 
+class SimulationError(RuntimeError):
+    """A simulated session that did not come to its end."""
+
+
 class SimulatedResponder:
     """An observer that answers by itself; the same answers whenever a session is interrupted.
 
@@ -119,6 +123,11 @@ def simulate_study(
     ------
     SessionFolder
         Each session when it is complete.
+
+    Raises
+    ------
+    SimulationError
+        If the mock device refuses a stimulus.
     """
     children = np.random.SeedSequence(seed).spawn(participants)
     for number, child in enumerate(children, start=1):
@@ -136,5 +145,7 @@ def simulate_study(
             clock=clock,
             stop=StopSignal(),
         )
-        begin(folder, plan, setting)
+        ending = begin(folder, plan, setting)
+        if ending.failure is not None:
+            raise SimulationError(f"participant {folder.participant}: device: {ending.failure}")
         yield folder

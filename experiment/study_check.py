@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
+from device.clock import VirtualClock
 from experiment.plan import block_count
+from experiment.rig import DRIVERS
+from experiment.stimulus import require_suitable
 from experiment.study_values import StudyError
 from stimuli import ElasticEdge, check_burst
 
@@ -79,6 +83,14 @@ class StudyCheck:
         return "accepted" if "accepted" in verdicts else "fit"
 
     @property
+    def thinness(self) -> float:
+        """(k h)^2 at the cut-off: by about this part the theory of thin plates is wrong there."""
+        strip = self.study.strip
+        mass_kg_m2 = strip.material.density_kg_m3 * strip.thickness_m
+        omega = 2 * math.pi * self.cutoff_hz
+        return omega * math.sqrt(mass_kg_m2 / strip.bending_stiffness_n_m) * strip.thickness_m**2
+
+    @property
     def edge_stiffness_n(self) -> float | None:
         """Stiffness of an elastic edge; none for simply supported and clamped ones."""
         edge = self.study.strip.edge
@@ -96,7 +108,7 @@ def check_study(study: Study) -> StudyCheck:
     Raises
     ------
     StudyError
-        If a burst cannot be played at the device's rate, or the design cannot be divided into
+        If the device cannot play a burst or reach a level, or the design cannot be divided into
         blocks.
 
     Examples
@@ -107,14 +119,16 @@ def check_study(study: Study) -> StudyCheck:
     ('fit', 2900, 155, 5)
     """
     trials = study.design.trials * len(study.conditions)
+    conditions = tuple(_check_condition(study, condition) for condition in study.conditions)
     try:
         blocks = block_count(study.design) * len(study.conditions)
+        require_suitable(study, DRIVERS[study.device.driver](study, VirtualClock()).open())
     except ValueError as error:
         raise StudyError(f"study {study.name}: {error}") from error
     return StudyCheck(
         study=study,
         cutoff_hz=study.strip.cutoff_hz(),
-        conditions=tuple(_check_condition(study, condition) for condition in study.conditions),
+        conditions=conditions,
         trials=trials,
         blocks=blocks,
         duration_s=_duration_s(study, trials + study.design.practice_trials, blocks),
@@ -130,7 +144,10 @@ def _check_condition(study: Study, condition: Condition) -> ConditionCheck:
             max_energy_above_cutoff=study.max_energy_above_cutoff,
         )
     except ValueError as error:
-        raise StudyError(f"study {study.name}: condition {condition.name}: {error}") from error
+        raise StudyError(
+            f"study {study.name}: condition {condition.name}: [burst] and device.sample_rate_hz "
+            f"do not go together: {error}"
+        ) from error
     return ConditionCheck(condition=condition, burst=burst)
 
 

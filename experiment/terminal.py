@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import select
 import sys
 from typing import TYPE_CHECKING, Any, Self
 
+from experiment.interrupts import StopRequested
 from experiment.responder import ESCAPE, Press
 
 if TYPE_CHECKING:
@@ -34,7 +37,8 @@ _KEY_NAMES = {
     "both": "down arrow or b",
     "none": "space or n",
 }
-_ARROW_BYTES = 3
+_KEY = re.compile(rb"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|.", re.DOTALL)
+"""A key: a control sequence as a whole, or one byte."""
 _GO_ON = (b"\r", b"\n", b" ")
 
 
@@ -71,6 +75,7 @@ class TerminalResponder:
         self._input = sys.stdin.fileno()
         self._settings: list[Any] = []
         self._typed = b""
+        self._gone = False
 
     def __enter__(self) -> Self:
         import termios
@@ -78,25 +83,31 @@ class TerminalResponder:
 
         self._settings = termios.tcgetattr(self._input)
         tty.setcbreak(self._input)
-        print("Lay one finger on each actuator. Answer where you felt the stimulus:")
-        for response in self._responses:
-            print(f"  {response:<6} {_KEY_NAMES[response]}")
-        print("  Esc    pause; Esc again stops the session", flush=True)
+        lines = [f"  {response:<6} {_KEY_NAMES[response]}" for response in self._responses]
+        self._say(
+            "Lay one finger on each actuator. Answer where you felt the stimulus:",
+            *lines,
+            "  Esc    pause; Esc again stops the session",
+            "",
+        )
         return self
 
     def __exit__(self, *_: object) -> None:
         import termios
 
-        termios.tcsetattr(self._input, termios.TCSADRAIN, self._settings)
+        self._say("", "")
+        with contextlib.suppress(termios.error):  # the terminal may be gone
+            termios.tcsetattr(self._input, termios.TCSADRAIN, self._settings)
 
     def cue(self, progress: Progress) -> None:
         """Show the trial's number; keys typed before it are dropped."""
         import termios
 
-        termios.tcflush(self._input, termios.TCIFLUSH)
+        with contextlib.suppress(termios.error):
+            termios.tcflush(self._input, termios.TCIFLUSH)
         self._typed = b""
         what = "practice" if progress.practice else "trial"
-        print(f"\n{what} {progress.done + 1} of {progress.planned}  ...", end="", flush=True)
+        self._say("", f"{what} {progress.done + 1} of {progress.planned}  ...")
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; other keys than an answer or Esc are ignored."""
@@ -107,47 +118,80 @@ class TerminalResponder:
 
     def ask(self, question: Question) -> Press | None:
         """Wait for the answer; a key that means nothing is an invalid answer."""
-        print(" ?", end="", flush=True)
+        self._say(" ?")
         key = self._read(question.onset_s + question.window_s)
         time_s = self._clock.now_s()
         if key is None:
-            print(" no answer", end="", flush=True)
+            self._say(" no answer")
             return None
         response = _ANSWER_OF.get(key, "invalid")
-        print(f" {response}", end="", flush=True)
+        self._say(f" {response}")
         return Press(response, time_s)
 
     def feedback(self, *, correct: bool) -> None:
         """Say whether a practice answer was right."""
-        print(" - right" if correct else " - not so", end="", flush=True)
+        self._say(" - right" if correct else " - not so")
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Wait for Enter or the space bar to go on, or Esc to stop."""
         what = "Paused" if paused else "Break"
-        print(f"\n{what}: {progress.done} of {progress.planned} trials are done.")
+        self._say("", f"{what}: {progress.done} of {progress.planned} trials are done.", "")
         if minimum_s > 0:
-            print(f"Rest for at least {minimum_s:g} s; Esc stops the session.", flush=True)
+            self._say(f"Rest for at least {minimum_s:g} s; Esc stops the session.", "")
             rested_s = self._clock.now_s() + minimum_s
             while (key := self._read(rested_s)) is not None:
                 if key == _ESCAPE_KEY:
                     return False
-        print("Enter goes on, Esc stops the session.", flush=True)
+        self._say("Enter goes on, Esc stops the session.", "")
         while (key := self._read(None)) not in _GO_ON:
             if key == _ESCAPE_KEY:
                 return False
         return True
 
+    def _say(self, *lines: str) -> None:
+        """Write lines; the last stays open. A terminal that is gone ends the next wait."""
+        if self._gone:
+            return
+        try:
+            sys.stdout.write("\n".join(lines))
+            sys.stdout.flush()
+        except OSError:
+            self._lose_terminal()
+
+    def _lose_terminal(self) -> None:
+        """Note that nobody sees the screen; what is still written goes nowhere."""
+        self._gone = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
     def _read(self, until_s: float | None) -> bytes | None:
-        """Return the bytes of the next key, or ``None`` when the time is over."""
+        """Return the bytes of the next key, or ``None`` when the time is over.
+
+        Raises
+        ------
+        StopRequested
+            If the terminal is gone: nobody can answer any more.
+        """
+        if self._gone:
+            raise StopRequested
         if not self._typed:
             remaining_s = None if until_s is None else max(0.0, until_s - self._clock.now_s())
             ready, _, _ = select.select([self._input], [], [], remaining_s)
             if not ready:
                 return None
-            self._typed = os.read(self._input, 64)
-            if not self._typed:
-                raise NoTerminalError("the terminal was closed; go on with --resume")
-        is_arrow = len(self._typed) >= _ARROW_BYTES and self._typed[:2] in {b"\x1b[", b"\x1bO"}
-        length = _ARROW_BYTES if is_arrow else 1
-        key, self._typed = self._typed[:length], self._typed[length:]
-        return key
+            self._typed = self._typed_now()
+        match = _KEY.match(self._typed)
+        assert match is not None
+        self._typed = self._typed[match.end() :]
+        return match[0]
+
+    def _typed_now(self) -> bytes:
+        try:
+            typed = os.read(self._input, 64)
+        except OSError:
+            typed = b""
+        if not typed:
+            self._lose_terminal()
+            raise StopRequested
+        return typed

@@ -174,7 +174,8 @@ class Burst:
         Returns
         -------
         float
-            Fraction from 0 to 1. Its relative error stays near 1e-13 however small it is.
+            Fraction from 0 to 1. Its relative error stays below 1e-12 up to 1000
+            cycles however small it is; the rounding of f T adds about 1e-15 per cycle.
 
         Raises
         ------

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 
-from stimuli.checks import finite, finite_array
+from stimuli.checks import finite, finite_array, instance
 from stimuli.energy import staircase_energy_above
 from stimuli.windows import MOST_Y, transform
 
@@ -139,6 +139,11 @@ class BurstCheck:
     max_energy_above_cutoff: float
     sample_rate_hz: float
 
+    def __post_init__(self) -> None:
+        shares = ("energy_above_cutoff", "staircase_energy_above_cutoff", "max_energy_above_cutoff")
+        for name in shares:
+            finite(name, getattr(self, name), least=0.0, most=1.0)
+
     @property
     def fit(self) -> bool:
         """Whether both energies keep the limit."""
@@ -191,7 +196,8 @@ def check_burst(
     Raises
     ------
     ValueError
-        If the limit is not from 0 to 1, or `Burst.samples` refuses the rate.
+        If burst or strip is none, the limit is not from 0 to 1, or `Burst.samples` refuses the
+        rate.
 
     Notes
     -----
@@ -211,6 +217,11 @@ def check_burst(
     >>> check_burst(burst, plate.with_cutoff(2900.0), sample_rate_hz=8000.0).fit
     False
     """
+    from stimuli.burst import Burst
+    from stimuli.strip import Strip
+
+    instance("burst", burst, Burst, "a Burst")
+    instance("strip", strip, Strip, "a Strip")
     limit = finite("max_energy_above_cutoff", max_energy_above_cutoff, least=0.0, most=1.0)
     cutoff_hz = strip.cutoff_hz()
     return BurstCheck(

@@ -13,11 +13,12 @@ from device.driver import LinkError, Outcome, Refusal, rejection
 from experiment.archive import ArchiveError, SessionFolder
 from experiment.conduct import Setting, begin, resume
 from experiment.interrupts import StopSignal
-from experiment.journal import Journal, read_journal
+from experiment.journal import Journal, JournalError, read_journal
 from experiment.plan import draw_plan
 from experiment.replay import replay
 from experiment.responder import ESCAPE, Press
 from experiment.rig import mock_device
+from experiment.stimulus import SuitabilityError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -384,6 +385,103 @@ def test_a_device_too_weak_for_the_study_is_refused_before_anything_is_felt(
 ) -> None:
     text = short_study_text.replace("[80, 160]", "[80, 260]")
     lab = Lab(make_study(text + "[device]\nceiling_vpp = 300\n"), tmp_path)
-    with pytest.raises(ArchiveError, match="at most the device's own ceiling, 200 Vpp; got 260"):
+    with pytest.raises(
+        SuitabilityError, match="at most the device's own ceiling, 200 Vpp; got 260"
+    ):
+        lab.begin()
+    assert not lab.folder.plan_path.exists()
+
+
+def test_a_refused_fire_is_a_device_error_and_the_trial_comes_again(lab: Lab) -> None:
+    arm = lab.device.arm
+    armed: list[int] = []
+
+    def arm_and_dawdle(token: int, slot: int, *, time_to_live_s: float) -> None:
+        arm(token, slot, time_to_live_s=time_to_live_s)
+        armed.append(token)
+        if len(armed) == 1:
+            lab.clock.wait(2 * time_to_live_s)
+
+    lab.device.arm = arm_and_dawdle  # type: ignore[method-assign] # of this test's device alone
+    assert lab.begin().finished
+    assert lab.statuses()[0] == (1, 1, "device_error")
+    assert len(lab.device.emitted) == 5
+
+
+def test_a_second_interruption_on_a_restarted_device_leaves_the_trial_indeterminate(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(Crash):
+        lab.begin(ask={1: Crash()})
+    lab.device.reset()
+
+    def crash(token: int) -> None:
+        raise Crash
+
+    with monkeypatch.context() as patch:
+        patch.setattr(lab.device, "disarm", crash)
+        with pytest.raises(Crash):
+            lab.resume()
+    assert lab.resume().finished
+    assert lab.statuses()[0] == (1, 1, "indeterminate")
+
+
+def test_warm_up_trials_are_never_taken_for_one_another(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Scripted, "simulated", False)
+    crashes: tuple[dict[int, object], ...] = (
+        {2: Crash()},
+        {1: ("left", 0.05), 3: Crash()},
+        {2: Crash()},
+    )
+    for crash in crashes:
+        with pytest.raises(Crash):
+            lab.resume(ask=crash) if lab.folder.plan_path.exists() else lab.begin(ask=crash)
+    assert lab.resume().finished
+    keys = [(row.trial, row.attempt) for row in lab.rows]
+    assert len(set(keys)) == len(keys)
+    assert len(keys) == len(lab.device.emitted)
+
+
+def test_a_session_begun_with_a_person_does_not_go_on_with_a_simulation(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(Scripted, "simulated", False)
+        with pytest.raises(Crash):
+            lab.begin(ask={2: Crash()})
+    lines = lab.folder.journal_path.read_bytes()
+    for anyway in (False, True):
+        with pytest.raises(ArchiveError, match="begun with a person and can only go on so"):
+            resume(lab.folder, replace(lab.setting(), resume_anyway=anyway))
+    assert lab.folder.journal_path.read_bytes() == lines
+
+
+def test_a_lost_journal_is_not_begun_anew_over_its_table(lab: Lab) -> None:
+    lab.begin(ask={3: (ESCAPE, 0.3)}, pause={1: False})
+    table = lab.folder.trials_path.read_bytes()
+    journal = lab.folder.journal_path.read_bytes()
+    lines = journal.splitlines(keepends=True)
+    for rest in (b"", b"".join(lines[:8])):
+        lab.folder.journal_path.write_bytes(rest)
+        with pytest.raises(JournalError, match="at least the 3 trials of trials"):
+            lab.resume()
+        with pytest.raises(JournalError, match="restore it from a copy"):
+            lab.folder.write_trials()
+    lab.folder.journal_path.unlink()
+    with pytest.raises(JournalError, match="at least the 3 trials"):
+        lab.resume()
+    assert lab.folder.trials_path.read_bytes() == table
+    lab.folder.journal_path.write_bytes(journal)
+    assert lab.resume().finished
+
+
+def test_a_burst_that_the_device_would_refuse_is_refused_before_a_session_exists(
+    tmp_path: Path, make_study: Callable[[str], Study], short_study_text: str
+) -> None:
+    burst = '[burst]\nfrequency_hz = 5000\naccept_unfit = "a control"\n'
+    lab = Lab(make_study(burst + short_study_text), tmp_path)
+    with pytest.raises(SuitabilityError, match=r"condition main: .* DC part"):
         lab.begin()
     assert not lab.folder.plan_path.exists()

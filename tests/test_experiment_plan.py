@@ -178,10 +178,14 @@ def test_a_changed_plan_is_refused() -> None:
     with pytest.raises(PlanError, match="changed after it was sealed"):
         plan_from_json(json.dumps(changed))
     with pytest.raises(PlanError, match="sha256"):
+        plan_from_json(json.dumps(json.loads(plan.to_json()) | {"sha256": None}))
+    with pytest.raises(PlanError, match="sha256"):
         verify(replace(plan, seed=2))
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"schema": 2}', '{"schema": 1}', "nonsense"])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"schema": 2}', '{"schema": 1}', "nonsense", "[" * 100_000]
+)
 def test_what_is_no_plan_is_refused(text: str) -> None:
     with pytest.raises(PlanError):
         plan_from_json(text)

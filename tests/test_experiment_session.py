@@ -272,8 +272,9 @@ def test_resume_refuses_options_that_contradict_the_session(
     told = refused(study_path, "--resume", "--levels", str(levels))
     assert "--levels must be those of the session" in told
     text = study_path.read_text("utf-8")
-    study_path.write_text(text.replace("both_trials = 1", "both_trials = 2"), encoding="utf-8")
-    assert "not the study that this session was begun with" in refused(study_path, "--resume")
+    for edit in (("both_trials = 1", "both_trials = 2"), ("[80, 160]", "[70, 160]")):
+        study_path.write_text(text.replace(*edit), encoding="utf-8")
+        assert "not the study that this session was begun with" in refused(study_path, "--resume")
     study_path.write_text("# a comment changes nothing\n" + text, encoding="utf-8")
     assert run(study_path, "--resume", "--seed", "1").exit_code == 0
 
@@ -336,6 +337,7 @@ main(sys.argv[2:])
         )  # fmt: skip
         assert done.returncode == 4, done.stderr
         assert len(done.stderr.splitlines()) == 1
+        assert "journal.jsonl: cannot be written" in done.stderr
         assert "make room, then go on with --resume" in done.stderr
         folder = SessionFolder(study_path.parent / "results", "01", session)
         assert len(read_journal(folder.journal_path).entries) == lines - 1
@@ -359,4 +361,68 @@ main(sys.argv[1:])
     )  # fmt: skip
     assert done.returncode == 2, done.stderr
     assert len(done.stderr.splitlines()) == 1
+    assert "header.json: File too large; make room, then run it again" in done.stderr
     assert run(study_path, "--seed", "1").exit_code == 0
+
+
+def test_a_full_disk_at_the_end_says_that_the_record_is_whole(study_path: Path) -> None:
+    limited = """
+import resource, sys
+from experiment import archive
+write = archive.write_atomically
+def write_until_full(path, text, *, durable):
+    if path.name == "trials.csv":
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
+    write(path, text, durable=durable)
+archive.write_atomically = write_until_full
+from tactstrip import main
+main(sys.argv[1:])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", limited, *arguments(study_path, "--seed", "1")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 4, done.stderr
+    assert "trials.csv: cannot be written" in done.stderr
+    assert run(study_path, "--resume").exit_code == 0
+    assert_complete_and_true(study_path, ())
+
+
+def test_what_a_killed_process_left_half_written_is_swept_up(study_path: Path) -> None:
+    folder = folder_of(study_path)
+    folder.path.mkdir(parents=True)
+    (folder.path / ".plan.json.x1y2.tmp").write_text("half", encoding="utf-8")
+    assert run(study_path).exit_code == 0
+    assert not list(folder.path.glob(".*.tmp"))
+
+
+def test_a_table_of_participants_that_is_none_is_refused_by_name(study_path: Path) -> None:
+    table = study_path.parent / "results" / "participants.tsv"
+    table.parent.mkdir()
+    for content in (b"\xff\xfe", b"name\tage\n", b""):
+        table.write_bytes(content)
+        result = run(study_path)
+        assert result.exit_code == 2
+        assert "participants.tsv" in result.stderr
+        assert table.read_bytes() == content
+        assert not folder_of(study_path).plan_path.exists()
+    table.write_text("participant_id\tage\nsub-00\t20\n", encoding="utf-8")
+    assert run(study_path).exit_code == 0
+    assert table.read_text("utf-8") == "participant_id\tage\nsub-00\t20\nsub-01\tn/a\n"
+
+
+def test_one_session_that_cannot_be_exported_does_not_stop_the_others(study_path: Path) -> None:
+    for session in ("01", "02", "03"):
+        run(study_path, "--session", session)
+    first = folder_of(study_path)
+    raw = bytearray(first.journal_path.read_bytes())
+    raw[100] ^= 1
+    first.journal_path.write_bytes(raw)
+    third = SessionFolder(first.root, "01", "03")
+    third.trials_path.unlink()
+    third.journal_path.unlink()
+    result = CliRunner().invoke(main, ["export", str(first.root)])
+    assert result.exit_code == 2
+    assert "this line is damaged" in result.stderr
+    assert len(result.stdout.splitlines()) == 2
+    assert third.trials_path.read_text("utf-8").count("\n") == 1

@@ -316,7 +316,7 @@ def test_an_unknown_key_is_refused_by_name_with_the_nearest_one(text: str, said:
     ("text", "said"),
     [
         ("levels_vpp = [60, 60]", "design.levels_vpp[1] must be a finite number > 60, got 60"),
-        ("levels_vpp = [-3, 60]", "design.levels_vpp[0] must be a finite number > 0, got -3"),
+        ("levels_vpp = [-3, 60]", "design.levels_vpp[0] must be a finite number >= 0.1, got -3"),
         ("levels_vpp = [60, nan]", "design.levels_vpp[1] must be a finite number; got nan"),
         ("levels_vpp = [60, inf]", "design.levels_vpp[1] must be a finite number; got inf"),
         ("levels_vpp = [60, true]", "design.levels_vpp[1] must be a number; got True"),

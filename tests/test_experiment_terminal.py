@@ -52,7 +52,12 @@ class Terminal:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
-        os.close(self._keyboard)
+        self.close()
+
+    def close(self) -> None:
+        if self._keyboard >= 0:
+            os.close(self._keyboard)
+        self._keyboard = -1
 
     def _read(self, until_s: float) -> bool:
         ready, _, _ = select.select([self._keyboard], [], [], max(0.0, until_s - time.monotonic()))
@@ -146,6 +151,24 @@ def test_a_signal_while_an_answer_is_awaited_stops_the_session_safely(
         terminal.process.send_signal(number)
         assert terminal.ended() == 4, terminal.shown
     assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
+
+
+def test_a_terminal_that_is_closed_stops_the_session_safely(study_path: Path) -> None:
+    with Terminal(study_path, "--seed", "1") as terminal:
+        terminal.answer(LEFT)
+        terminal.expect(b" ?")
+        terminal.close()
+        assert terminal.process.wait(PATIENCE_S) == 4
+    assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
+
+
+def test_a_function_key_is_one_invalid_answer(study_path: Path) -> None:
+    with Terminal(study_path, "--seed", "1") as terminal:
+        terminal.answer(b"\x1b[15~", b"\x1b[1;5D", LEFT)
+        terminal.expect(b"Break")
+        terminal.press(ESCAPE)
+        assert terminal.ended() == 4
+    assert [row["response"] for row in rows(study_path)] == ["invalid", "invalid", "left"]
 
 
 def test_without_a_terminal_it_says_what_to_use_instead(study_path: Path) -> None:
