@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import click
+
+from experiment.exits import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 COMMANDS = {
     "init": ("experiment.commands_study", "init", "Write a commented study file."),
@@ -17,8 +24,12 @@ COMMANDS = {
 """Command: the module and the name where it is defined, and what the help says of it."""
 
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C outside a session, as shells have it."""
+
+
 class _FrontDoor(click.Group):
-    """A group whose commands are imported when they are called."""
+    """A group whose commands are imported when they are called, and whose errors are one line."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -35,12 +46,39 @@ class _FrontDoor(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        with _one_line("tactstrip"):
+            return super().make_context(*args, **kwargs)
 
-@click.group(cls=_FrontDoor, context_settings={"help_option_names": ["-h", "--help"]})
+    def invoke(self, ctx: click.Context) -> Any:
+        with _one_line(ctx.command_path):
+            return super().invoke(ctx)
+
+
+@contextmanager
+def _one_line(command: str) -> Iterator[None]:
+    """Say what is wrong with a command line, or that it was interrupted, in one line."""
+    try:
+        yield
+    except click.UsageError as error:
+        where = error.ctx.command_path if error.ctx else command
+        raise CommandError(f"{error.format_message()} See {where} --help.") from error
+    except KeyboardInterrupt as error:
+        raise CommandError("interrupted", exit_code=INTERRUPTED) from error
+
+
+@click.group(
+    cls=_FrontDoor,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(package_name="tactstrip")
-def main() -> None:
+@click.pass_context
+def main(ctx: click.Context) -> None:
     """Run vibrotactile detection experiments on narrow strip plates.
 
     Exit codes: 0 done; 1 done, and the answer is no; 2 bad input or usage; 3 device failure;
     4 stopped early, can be resumed.
     """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())

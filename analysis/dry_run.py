@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.exits import CommandError, refusals, require_fit
+from experiment.exits import DEVICE_FAILED, CommandError, refusals, require_fit
 
 if TYPE_CHECKING:
     from experiment.study import Study
@@ -63,18 +63,33 @@ def dry_run(
 
 def _new_folder(out: Path | None) -> Path:
     if out is None:
-        out = next(p for n in count(1) if not (p := Path(f"dry-run-{n}")).exists())
-    elif out.exists() and any(out.iterdir()):
+        return next(path for n in count(1) if _made(path := Path(f"dry-run-{n}")))
+    if out.exists() and any(out.iterdir()):
         raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
     out.mkdir(parents=True, exist_ok=True)
     return out
 
 
+def _made(folder: Path) -> bool:
+    """Make a folder; False where another process or an earlier run was first."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    return True
+
+
 def _simulate(study: Study, folder: Path, participants: int, seed: int) -> None:
-    from experiment.simulate import simulate_study
+    from experiment.journal import JournalWriteError
+    from experiment.simulate import SimulationError, simulate_study
 
     sessions = simulate_study(study, folder, participants=participants, seed=seed)
     hidden = not sys.stderr.isatty()
-    with click.progressbar(sessions, length=participants, file=sys.stderr, hidden=hidden) as bar:
-        for _ in bar:
-            pass
+    try:
+        with click.progressbar(sessions, participants, file=sys.stderr, hidden=hidden) as bar:
+            for _ in bar:
+                pass
+    except SimulationError as error:
+        raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
+    except JournalWriteError as error:
+        raise CommandError(f"{error}; make room, then run it again") from error

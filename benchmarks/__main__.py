@@ -31,7 +31,10 @@ def main(names: list[str]) -> None:
     """Run benchmarks, print their sections, and write the page if all were run."""
     unknown = set(names) - set(NAMES)
     if unknown:
-        sys.exit(f"unknown: {', '.join(sorted(unknown))}; there are: {', '.join(NAMES)}")
+        print(
+            f"unknown: {', '.join(sorted(unknown))}; there are: {', '.join(NAMES)}", file=sys.stderr
+        )
+        sys.exit(2)
     sections = []
     for name in names or NAMES:
         sections.append(import_module(f"benchmarks.{name}").section())

@@ -45,7 +45,12 @@ print(json.dumps([(b[0], b[1] - a[1]) for a, b in zip(marks, marks[1:])]))
 
 
 def _drop_page_cache() -> bool:
-    """Make the system forget the files that it has read, where that is possible and allowed."""
+    """Make the system forget the files that it has read, if BENCH_DROP_CACHES=1 asks for it.
+
+    It slows the whole machine down for a while, and only root can do it, on Linux.
+    """
+    if os.environ.get("BENCH_DROP_CACHES") != "1":
+        return False
     switch = Path("/proc/sys/vm/drop_caches")
     if not os.access(switch, os.W_OK):
         return False
@@ -70,7 +75,7 @@ def _seconds(*arguments: str, cold: bool) -> float | None:
 def _row(label: str, *arguments: str) -> str:
     warm_s = median(_seconds(*arguments, cold=False) or 0.0 for _ in range(REPEATS))
     cold_s = _seconds(*arguments, cold=True)
-    cold = "not allowed here" if cold_s is None else f"{cold_s:.2f} s"
+    cold = "not measured" if cold_s is None else f"{cold_s:.2f} s"
     return f"| {label} | {cold} | {warm_s:.2f} s |"
 
 

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from device.driver import LinkError
+from device.mock import MockDevice
 from tactstrip import COMMANDS, main
 
 ROOT = Path(__file__).parent.parent
@@ -56,7 +58,10 @@ def test_every_command_is_listed_with_its_help() -> None:
     "arguments",
     [
         ["nonsense"],
+        ["--nonsense"],
         ["run"],
+        ["run", "study.toml", "--participant", "01", "--driver", "none"],
+        ["analyze"],
         ["run", "nowhere.toml", "--participant", "01", "--responder", "simulated"],
         ["run", "nowhere.toml", "--participant", "no/slash"],
         ["check", "nowhere.toml"],
@@ -75,8 +80,8 @@ def test_bad_input_is_one_line_on_stderr_and_exit_2(
     assert result.exit_code == 2
     assert isinstance(result.exception, SystemExit)
     assert result.stdout == ""
-    errors = [line for line in result.stderr.splitlines() if line.lower().startswith("error")]
-    assert len(errors) == 1
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stderr.startswith("error: ")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -108,6 +113,60 @@ def test_two_dry_runs_with_one_seed_give_the_same_sessions_and_the_same_analysis
         assert one.read_bytes() == two.read_bytes()
     summary = json.loads((tmp_path / "a" / "analysis" / "summary.json").read_text("utf-8"))
     assert summary["seed"] == 7
+
+
+def test_the_command_alone_shows_its_help() -> None:
+    result = CliRunner().invoke(main, [])
+    assert result.exit_code == 0
+    assert "Commands:" in result.stdout
+
+
+def test_an_interrupted_dry_run_ends_with_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiment.simulate.simulate_study", interrupt)
+    result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path / "out")])
+    assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
+
+
+def test_a_dry_run_whose_device_fails_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise LinkError("no answer")
+
+    monkeypatch.setattr(MockDevice, "arm", fail)
+    result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path / "out")])
+    assert (result.exit_code, result.stderr) == (3, "error: participant 01: device: no answer\n")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[device]\nceiling_vpp = 300\n[design]\nlevels_vpp = [60, 250]", "own ceiling, 200 Vpp"),
+        ("[burst]\ncycles = 1000", "too long"),
+        ('[burst]\nfrequency_hz = 5000\naccept_unfit = "a control"', "DC part"),
+        ("[device]\nsample_rate_hz = 1000", "device.sample_rate_hz"),
+        ("[design]\nlevels_vpp = [0.01, 60]", "levels_vpp[0] must be"),
+    ],
+)
+def test_what_no_device_could_run_is_refused_by_the_check(
+    tmp_path: Path, text: str, told: str
+) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(text, encoding="utf-8")
+    result = CliRunner().invoke(main, ["check", str(study)])
+    assert result.exit_code == 2
+    assert told in result.stderr
+
+
+def test_a_thick_plate_is_warned_of(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text('[strip]\nedge = "clamped"\nthickness_mm = 5', encoding="utf-8")
+    assert "not a thin plate" in CliRunner().invoke(main, ["check", str(study)]).output
 
 
 def test_dry_runs_without_out_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
