@@ -184,7 +184,7 @@ def test_json_of_an_unfit_study_exits_1_and_names_the_reasons() -> None:
     [
         ("[design]\ntrails_per_side = 3", "did you mean trials_per_side?"),
         ("[design", "study.toml:1: "),
-        ("[device]\nsample_rate_hz = 1500", "condition main: sample_rate_hz must be"),
+        ("[device]\nsample_rate_hz = 1500", "do not go together: sample_rate_hz must be"),
         (
             '[design]\norder = "balanced"\nbreak_every = 2',
             "study paper: design.break_every must be 0 or at least 11",
