@@ -49,6 +49,7 @@ _WORDING: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 _LARGEST_WHOLE = 2**53
 _LARGEST = 1e300
+_LONGEST_TEXT = 64
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WHOLE = re.compile(r"\d+(\.0*)?", re.ASCII)
 _FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
@@ -83,7 +84,7 @@ def allowed(column: Column) -> str:
         "int": [f"a whole number{bound}"],
         "float": [f"a finite number{bound}"],
         "bool": [*_FLAGS],
-        "str": ["printable text that is not empty"],
+        "str": [f"printable text of 1 to {_LONGEST_TEXT} characters"],
     }
     words = list(_WORDING.get(column.name, column.choices or kinds[column.type]))
     if column.optional:
@@ -115,7 +116,7 @@ def parse(column: Column, text: str) -> object:
             return _FLAGS[text]
     elif column.type != "str":
         return _number(column, text)
-    elif text and text.isprintable():
+    elif 0 < len(text) <= _LONGEST_TEXT and text.isprintable():
         return text
     raise ValueError(f"{column.name} must be {allowed(column)}, got {text!r}")
 
@@ -143,7 +144,7 @@ class Reading:
     words : mapping of str to str
         Their word to ours; other words stay as they are.
     scale : tuple of float
-        Numerator and denominator that bring a number to our unit.
+        Numerator and denominator that bring a number of theirs to our unit.
     """
 
     column: Column
@@ -174,22 +175,28 @@ class Reading:
         values: list[Any] = []
         for code, text in enumerate(distinct):
             try:
-                values.append(parse(self.column, self.words.get(text, text)))
+                values.append(self._value(text))
             except ValueError:
                 held = f"holds {shown(text)}" if text else "is empty"
                 message = f"column {shown(self.label)} {held}; allowed: {allowed(self.column)}"
                 return CellFault(
                     line=int(texts.index[int(np.argmax(codes == code))]), message=message
                 )
-        return pd.Series(_array(self.column, values, self.scale)[codes], index=texts.index)
+        return pd.Series(_array(self.column, values)[codes], index=texts.index)
+
+    def _value(self, text: str) -> object:
+        """Read one cell; a word of theirs stands for a value in our unit already."""
+        if text in self.words:
+            return parse(self.column, self.words[text])
+        value = parse(self.column, text)
+        return value * self.scale[0] / self.scale[1] if isinstance(value, float) else value
 
 
-def _array(column: Column, values: list[Any], scale: tuple[float, float]) -> Any:
+def _array(column: Column, values: list[Any]) -> Any:
     if column.choices:
         return pd.Categorical(values, categories=list(column.choices))
     if column.type == "float":
-        numbers = np.array([math.nan if v is None else v for v in values], dtype=np.float64)
-        return numbers * scale[0] / scale[1]
+        return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
     if column.type == "bool" and column.optional:
         return pd.array(values, dtype="boolean")
     if column.type == "str":

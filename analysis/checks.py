@@ -9,50 +9,17 @@ import numpy as np
 import pandas as pd
 
 from analysis.cells import CellFault, first_fault
-from analysis.errors import ResultFileError
+from analysis.detection import TOTAL
+from analysis.errors import ResultFileError, one_line
 from analysis.rows import expected_correct
-from experiment.record import ANSWERS, NOT_AVAILABLE, format_value
+from experiment.record import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 MAX_MEDIAN_RT_S = 10.0
+LEAST_LEVEL_VPP, MOST_LEVEL_VPP = 1e-6, 1e6
 KEY = ["participant", "session", "trial", "attempt"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Declared:
-    """What the plan of a session declares and its trials must keep to.
-
-    Parameters
-    ----------
-    responses : tuple of str
-        The answers that could be given.
-    response_window_s : float
-        Time within which an answer counts, seconds from the onset.
-
-    Raises
-    ------
-    ValueError
-        For an unknown, doubled or no answer, and for a window that is not finite and positive.
-
-    Examples
-    --------
-    >>> "none" in Declared(responses=("left", "right"), response_window_s=2.0).responses
-    False
-    """
-
-    responses: tuple[str, ...]
-    response_window_s: float
-
-    def __post_init__(self) -> None:
-        unknown = [answer for answer in self.responses if answer not in ANSWERS]
-        if unknown or not self.responses or len(set(self.responses)) < len(self.responses):
-            message = f"responses must be different words of {', '.join(ANSWERS)}"
-            raise ValueError(f"{message}, got {list(self.responses)!r}")
-        if not 0 < self.response_window_s < np.inf:
-            message = "response_window_s must be a finite number above 0"
-            raise ValueError(f"{message}, got {self.response_window_s!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,8 +31,8 @@ class _Rule:
     broken: pd.Series[bool]
 
 
-def check_rows(rows: pd.DataFrame, file: str, declared: Declared | None) -> None:
-    """Refuse the rows of one file where they contradict themselves or their plan.
+def check_rows(rows: pd.DataFrame, file: str) -> None:
+    """Refuse the rows of one file where they contradict themselves.
 
     Parameters
     ----------
@@ -73,8 +40,6 @@ def check_rows(rows: pd.DataFrame, file: str, declared: Declared | None) -> None
         Typed rows of one file, with ``line``.
     file : str
         The name for messages.
-    declared : Declared or None
-        What the plan says, where there is one.
 
     Raises
     ------
@@ -87,16 +52,22 @@ def check_rows(rows: pd.DataFrame, file: str, declared: Declared | None) -> None
     >>> from analysis.rows import mapped_rows
     >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
     ...     "response": "left"}, index=[2, 3])
-    >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()), "t.csv", None)
+    >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()), "t.csv")
     Traceback (most recent call last):
-    analysis.errors.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number above 0
-    where there is a stimulus
+    analysis.errors.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number from
+    1e-06 to 1e+06 where there is a stimulus
     """
-    rules = [*_stimulus_rules(rows), *_answer_rules(rows)]
-    if declared is not None:
-        rules += _plan_rules(rows, declared)
+    rules = [_participant_rule(rows), *_stimulus_rules(rows), *_answer_rules(rows)]
     first_fault(file, [_fault(rows, rule) for rule in rules if rule.broken.any()])
     _check_median(rows, file)
+
+
+def _participant_rule(rows: pd.DataFrame) -> _Rule:
+    return _Rule(
+        column="participant",
+        must="another name, for this is the name of the total's row",
+        broken=rows["participant"].eq(TOTAL),
+    )
 
 
 def _stimulus_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
@@ -110,8 +81,8 @@ def _stimulus_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
     blank = side.eq("none")
     yield _Rule(
         column="level_vpp",
-        must="a number above 0 where there is a stimulus",
-        broken=~blank & ~level.gt(0),
+        must=f"a number from {LEAST_LEVEL_VPP:g} to {MOST_LEVEL_VPP:g} where there is a stimulus",
+        broken=~blank & ~level.between(LEAST_LEVEL_VPP, MOST_LEVEL_VPP),
     )
     yield _Rule(
         column="level_vpp",
@@ -137,20 +108,6 @@ def _answer_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
         must="what kind, side and response say",
         broken=rows["correct"].notna()
         & rows["correct"].ne(expected_correct(rows)).fillna(value=True),
-    )
-
-
-def _plan_rules(rows: pd.DataFrame, declared: Declared) -> Iterator[_Rule]:
-    yield _Rule(
-        column="response",
-        must=f"one of the plan's answers {', '.join(declared.responses)}, timeout or invalid",
-        broken=rows["response"].isin(set(ANSWERS) - set(declared.responses)),
-    )
-    window_s = declared.response_window_s
-    yield _Rule(
-        column="rt_s",
-        must=f"at most the plan's response window {window_s:g}",
-        broken=rows["rt_s"].gt(window_s),
     )
 
 
@@ -218,5 +175,5 @@ def _refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
     same = trials[key].eq(second[key]).all(axis="columns")
     first = trials[same].iloc[0]
     told = ", ".join(f"{name} {second[name]}" for name in key)
-    message = f"{told}: {what} {first['file']}:{first['line']}"
+    message = f"{told}: {what} {one_line(first['file'])}:{first['line']}"
     raise ResultFileError(second["file"], int(second["line"]), message)

@@ -14,6 +14,7 @@ import pandas as pd
 
 from analysis.cells import DETECTED, Reading, allowed, parse
 from analysis.errors import ResultFileError, shown
+from analysis.sources import read_regular
 from experiment.record import COLUMNS, NOT_AVAILABLE, Column, format_value
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ _OURS: Mapping[str, Column] = MappingProxyType(
     }
 )
 _MAX_MAP_BYTES = 1_000_000
+_ANSWERED = ("response", "detected")
+_TWO_ANSWERS = "response and detected both tell the answer; [columns] must name one as the source"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +51,13 @@ class ColumnMap:
     ----------
     columns : mapping of str to str
         Our column to theirs. A column of theirs may serve several of ours. A column that has our
-        name already needs no entry; theirs that nobody names are ignored.
+        name already needs no entry, and empty text leaves it out; theirs that nobody names are
+        ignored.
     values : mapping of str to mapping of str to str
         For a column of ours, their word to our word; other words stay as they are.
     constant : mapping of str to str
-        Our column to the one value that it has in every row.
+        Our column to the one value that it has in every row, in our unit; a level only where there
+        is a stimulus.
     units : mapping of str to str
         Our column to their unit, see `UNITS`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is an
         amplitude, so that it counts twice.
@@ -63,7 +68,7 @@ class ColumnMap:
     ------
     ValueError
         For a column that trials.csv does not have, a word it does not allow, an unknown unit, a
-        column with both a source and a constant, or ``detected`` beside ``response``.
+        constant with a source or a unit, or ``detected`` beside ``response``.
 
     Examples
     --------
@@ -97,7 +102,7 @@ class ColumnMap:
         >>> ColumnMap(units={"rt_s": "ms"}).reading("rt_s").read(pd.Series(["612"]))[0]
         np.float64(0.612)
         """
-        theirs = self.columns.get(ours, ours)
+        theirs = self.columns.get(ours) or ours
         scale = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
         return Reading(
             column=_OURS[ours],
@@ -125,25 +130,29 @@ class ColumnMap:
         ------
         ResultFileError
             Where a column named by the map is missing, a constant contradicts a column of the
-            table, or a required column has no source.
+            table, a required column has no source, or ``response`` and ``detected`` have one.
         """
         sources = self._sources(list(table.columns), file)
         cells = {ours: table[theirs] for ours, theirs in sources}
         return pd.DataFrame(cells | dict(self.constant), index=table.index, dtype=object)
 
     def _sources(self, header: list[str], file: str) -> list[tuple[str, str]]:
-        for ours, theirs in self.columns.items():
+        named = _named(self)
+        for ours, theirs in named.items():
             if theirs not in header:
                 has = ", ".join(header)
                 message = f"no column {shown(theirs)}, named by the map for {ours}; it has {has}"
                 raise ResultFileError(file, 1, message)
+        own = {name: name for name in _OURS if name in header and name not in self.columns}
         for ours in self.constant:
-            if ours in header:
+            if ours in own:
                 message = f"column {shown(ours)} stands in the table, but the map has a constant"
                 raise ResultFileError(file, 1, message)
-        sources = {name: name for name in _OURS if name in header} | dict(self.columns)
-        if "response" in sources and "detected" in sources:
-            del sources["response" if "detected" in self.columns else "detected"]
+        sources = own | named
+        if {*_ANSWERED} <= {*sources, *self.constant}:
+            if not named.keys() & {*_ANSWERED}:
+                raise ResultFileError(file, 1, _TWO_ANSWERS)
+            sources = {o: t for o, t in sources.items() if o not in _ANSWERED or o in named}
         _check_required({*sources, *self.constant}, file)
         return list(sources.items())
 
@@ -163,8 +172,8 @@ def load_column_map(path: str | Path) -> ColumnMap:
     Raises
     ------
     ValueError
-        Naming the file, for text that is not TOML, an unknown section, a value of another type
-        than text, and for everything that `ColumnMap` refuses.
+        Naming the file, for anything but a regular file, text that is not TOML, an unknown section,
+        a value of another type than text, and for everything that `ColumnMap` refuses.
     OSError
         Where the file cannot be read.
 
@@ -178,14 +187,11 @@ def load_column_map(path: str | Path) -> ColumnMap:
     'blank'
     """
     path = Path(path)
-    with path.open("rb") as stream:
-        raw = stream.read(_MAX_MAP_BYTES + 1)
     try:
-        if len(raw) > _MAX_MAP_BYTES:
-            raise ValueError(f"a map has at most {_MAX_MAP_BYTES} bytes")
+        raw = read_regular(path, _MAX_MAP_BYTES)
         sections = _sections(tomllib.loads(raw.decode()))
         return ColumnMap(**sections, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
 
 
@@ -216,10 +222,16 @@ def _check_entries(columns: ColumnMap) -> None:
                 raise ValueError(f"[{section}] {ours}: not a column of trials.csv")
             _check_type(section, ours, value)
     for ours in columns.constant:
-        if ours in columns.columns:
+        if ours in _named(columns):
             raise ValueError(f"[constant] {ours}: [columns] already says where it comes from")
-    if {"detected", "response"} <= {*columns.columns, *columns.constant}:
+        if ours in columns.units:
+            raise ValueError(f"[units] {ours}: a constant is in our unit, so it has no other")
+    if {*_ANSWERED} <= {*_named(columns), *columns.constant}:
         raise ValueError("[columns] detected: allowed only without response, got both")
+
+
+def _named(columns: ColumnMap) -> dict[str, str]:
+    return {ours: theirs for ours, theirs in columns.columns.items() if theirs}
 
 
 def _check_word(place: str, ours: str, word: str) -> None:

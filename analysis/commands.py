@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from analysis.methods import METHODS
 from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
 
     from analysis.columns import ColumnMap
     from analysis.tables import Analysis
-
-_METHODS = ("wilson", "jeffreys", "clopper-pearson")
 
 
 def write_analysis(
@@ -58,7 +57,8 @@ def write_analysis(
     ResultFileError
         For a file that is no well-formed table of trials.
     ValueError
-        For an unknown method, mixed sessions, or a folder that holds what is analysed.
+        For an unknown method, and for a folder that holds what is analysed, or other files under
+        the names of those that would be written.
     OSError
         Where the folder cannot be written.
 
@@ -100,8 +100,8 @@ def write_analysis(
 )
 @click.option(
     "--ci",
-    type=click.Choice(_METHODS),
-    default=_METHODS[0],
+    type=click.Choice(METHODS),
+    default=METHODS[0],
     show_default=True,
     help="Interval of each participant's proportion.",
 )

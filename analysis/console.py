@@ -39,16 +39,18 @@ _FORCED = (
 )
 
 
-def print_analysis(analysis: Analysis, file: TextIO) -> None:
+def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     """Print tables, what was left out, and warnings.
 
     Parameters
     ----------
     analysis : Analysis
         What came out.
-    file : text file
-        Where to print; on a terminal the level table is set with lines.
+    file : text file or None
+        Where to print; ``None``, which `sys.stdout` is where it was closed, prints nothing.
     """
+    if file is None:
+        return
     counts = analysis.counts
     if analysis.simulated:
         _say(file, f"{analysis.simulated}.")
@@ -121,17 +123,6 @@ def _interval(low: float, high: float) -> str:
 
 
 def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None:
-    if file.isatty():
-        from rich.console import Console
-        from rich.table import Table
-
-        table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 1, 0, 0))
-        for name in header:
-            table.add_column(name, justify="right", no_wrap=True)
-        for row in rows:
-            table.add_row(*row)
-        Console(file=file).print(table)
-        return
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     for row in (header, *rows):
         cells = (cell.rjust(width) for cell, width in zip(row, widths, strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import warnings
 from dataclasses import dataclass
@@ -10,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -24,7 +23,8 @@ _MARKERS = ("o", "s", "^", "D", "v", "P")
 _GROUP, _MANY = "#0072B2", "#8A8A8A"
 _PANEL_IN = (5.6, 4.2)
 _PER_ROW = 3
-_CLOSEST_TICKS = 0.09
+_CLOSEST_TICKS = 0.08
+_LEAST_MARGIN = 1.001
 _STYLE: Any = {
     "font.size": 10.0,
     "axes.spines.top": False,
@@ -61,8 +61,8 @@ class DetectionData:
     note: str = ""
 
 
-def write_figures(data: DetectionData, folder: Path) -> None:
-    """Write `NAMES` into a folder.
+def render(data: DetectionData) -> tuple[bytes, bytes]:
+    """Draw the figure; return it as PNG and as SVG, the contents of `NAMES`.
 
     Each participant is a thin line. Where everybody was tested at a level, the unweighted mean
     stands on a thick line with the group interval; a single participant has the interval of each
@@ -72,19 +72,24 @@ def write_figures(data: DetectionData, folder: Path) -> None:
     ----------
     data : DetectionData
         What to show.
-    folder : Path
-        An existing folder.
+
+    Returns
+    -------
+    png, svg : bytes
+        The same on every run.
     """
     import matplotlib as mpl
 
     with mpl.rc_context(), warnings.catch_warnings():
-        # A name in a script that the font lacks is drawn as boxes; that is no reason to stop.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        # A letter that the font lacks, or names too long for the panel, are no reason to stop.
+        warnings.simplefilter("ignore", UserWarning)
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
         figure = _figure(data)
-        figure.savefig(folder / NAMES[0], format="png")
-        figure.savefig(folder / NAMES[1], format="svg", metadata={"Date": None})
+        png, svg = io.BytesIO(), io.BytesIO()
+        figure.savefig(png, format="png")
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+    return png.getvalue(), svg.getvalue()
 
 
 def _figure(data: DetectionData) -> Figure:
@@ -191,9 +196,9 @@ def _dress(axes: Axes, levels_vpp: Any) -> None:
 
     axes.set_xscale("log")
     low, high = float(levels_vpp.min()), float(levels_vpp.max())
-    margin = (high / low) ** 0.06 if high > low else 1.2
+    margin = max((high / low) ** 0.06, _LEAST_MARGIN)
     axes.set_xlim(low / margin, high * margin)
-    ticks = _spaced(np.unique(levels_vpp), high / low)
+    ticks = _spaced(np.unique(levels_vpp), high / low * margin**2)
     axes.xaxis.set_major_locator(FixedLocator(ticks))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -205,7 +210,10 @@ def _dress(axes: Axes, levels_vpp: Any) -> None:
 
 
 def _spaced(levels_vpp: Any, ratio: float) -> list[float]:
-    """Choose the levels that get a tick, so that no label covers its neighbour."""
+    """Choose the levels that get a tick, so that no label covers its neighbour.
+
+    `ratio` is that of the axis's ends.
+    """
     closest = _CLOSEST_TICKS * math.log(ratio)
     ticks: list[float] = []
     for level in levels_vpp:

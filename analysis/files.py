@@ -7,6 +7,7 @@ import io
 import json
 import math
 import platform
+import re
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -25,9 +26,10 @@ if TYPE_CHECKING:
     from analysis.tables import Analysis
 
 SCHEMA = 1
-NAMES = (
-    "levels.csv", "participants.csv", "both.csv", "blank.csv", *figures.NAMES, "summary.json",
-)  # fmt: skip
+SUMMARY = "summary.json"
+# The summary first: wherever moving stops, the next analysis knows the folder for one of its own.
+NAMES = (SUMMARY, "levels.csv", "participants.csv", "both.csv", "blank.csv", *figures.NAMES)
+_SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "definitions": \{')
 
 DEFINITIONS: Mapping[str, str] = MappingProxyType(
     {
@@ -118,10 +120,10 @@ def _records(table: pd.DataFrame) -> list[dict[str, object]]:
 
 
 def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterable[Path]) -> None:
-    """Write the files of an analysis into a folder; older ones of the same names are replaced.
+    """Write the files of an analysis into a folder; those of an earlier analysis are replaced.
 
-    They are written into a temporary folder beside it and moved when all of them are complete.
-    A file of `NAMES` that this analysis does not have is removed, so that none tells of older data.
+    They are written into a temporary folder in it and moved when all of them are complete. A file
+    of an earlier analysis that this one does not have is removed, so that none tells of older data.
 
     Parameters
     ----------
@@ -137,18 +139,20 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
     Raises
     ------
     ValueError
-        Where `out_dir` is not a folder, or a file that was analysed would be overwritten.
+        Where `out_dir` is not a folder, or has under one of `NAMES` a folder, a file that was
+        analysed, or any file without a summary.json of an earlier analysis beside it.
     OSError
-        Where the folder cannot be written; nothing in it has changed then.
+        Where the folder cannot be written; no file in it has changed then.
     """
     _check_target(out_dir, read)
-    out_dir.parent.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=".analysis-", dir=out_dir.parent) as name:
+    contents = _contents(analysis, with_figures=with_figures)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(prefix=".analysis-", dir=out_dir) as name:
         made = Path(name)
-        _write(analysis, made, with_figures=with_figures)
-        out_dir.mkdir(exist_ok=True)
+        for file, content in contents.items():
+            _write(made / file, content, out_dir / file)
         for file in NAMES:
-            if (made / file).exists():
+            if file in contents:
                 (made / file).replace(out_dir / file)
             else:
                 (out_dir / file).unlink(missing_ok=True)
@@ -157,19 +161,33 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
 def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
     if out_dir.exists() and not out_dir.is_dir():
         raise ValueError(f"out_dir must be a folder, got the file {out_dir}")
-    targets = [out_dir / name for name in NAMES if (out_dir / name).exists()]
+    named = [out_dir / name for name in NAMES]
+    there = [target for target in named if target.exists() or target.is_symlink()]
     for path in read:
-        if any(path.samefile(target) for target in targets):
+        if any(target.exists() and path.samefile(target) for target in there):
             raise ValueError(f"out_dir must not hold what is analysed, got {path} there")
+    for target in there:
+        if target.is_dir():
+            raise ValueError(f"out_dir must not hold a folder with a result's name, got {target}")
+    if there and not _is_summary(out_dir / SUMMARY):
+        message = "out_dir must not hold files that are not of an earlier analysis"
+        raise ValueError(f"{message}, got {there[0]}")
 
 
-def _write(analysis: Analysis, folder: Path, *, with_figures: bool) -> None:
+def _is_summary(path: Path) -> bool:
+    """Tell whether a file begins as `summary_text` does."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return _SUMMARY_BEGINS.match(stream.read(100)) is not None
+
+
+def _contents(analysis: Analysis, *, with_figures: bool) -> dict[str, bytes]:
     tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
     possible = {"both.csv": analysis.both, "blank.csv": analysis.blank}
     tables |= {name: table for name, table in possible.items() if len(table)}
-    for name, table in tables.items():
-        (folder / name).write_text(csv_text(table), encoding="utf-8", newline="")
-    (folder / "summary.json").write_text(summary_text(analysis), encoding="utf-8", newline="")
+    contents = {SUMMARY: summary_text(analysis).encode()}
+    contents |= {name: csv_text(table).encode() for name, table in tables.items()}
     if with_figures and len(analysis.levels):
         data = figures.DetectionData(
             levels=analysis.levels,
@@ -178,4 +196,12 @@ def _write(analysis: Analysis, folder: Path, *, with_figures: bool) -> None:
             ci=analysis.ci,
             note=analysis.simulated,
         )
-        figures.write_figures(data, folder)
+        contents |= zip(figures.NAMES, figures.render(data), strict=True)
+    return contents
+
+
+def _write(path: Path, content: bytes, target: Path) -> None:
+    try:
+        path.write_bytes(content)
+    except OSError as error:  # of a full disk, which does not say where
+        raise OSError(error.errno, error.strerror, str(target)) from error

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
+from analysis.methods import METHODS
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-METHODS = ("wilson", "jeffreys", "clopper-pearson")
 LOWER, UPPER = 0.025, 0.975
 
 

@@ -120,6 +120,8 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     absent = [name for name in _NAMES if name not in rows and name != "response"]
     for name in absent:
         rows[name] = UNNUMBERED if name == "trial" else _default(name, columns, rows.index)
+    if "level_vpp" in columns.constant:
+        rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq("none"))
     answer = rows["response"] if "response" in rows else rows["detected"]
     rows["rt_s"] = rows["rt_s"].mask(answer.eq("timeout"))
     return rows
@@ -142,7 +144,8 @@ def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
     """Turn ``detected`` into the response it stands for, and fill in what is correct.
 
     A detected stimulus was answered with its side, a missed one with ``none``. A blank trial has
-    no side: a felt one counts for the only side at which the table has stimuli.
+    no side: a felt one counts for the only side at which the table has stimuli. Then tell where
+    "none" was an answer.
 
     Parameters
     ----------
@@ -154,7 +157,9 @@ def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The columns of `experiment.record.COLUMNS` in their order, and ``line``.
+        The columns of `experiment.record.COLUMNS` in their order, ``line``, and ``none_offered``:
+        true where ``detected`` says yes or no, or where "none" was answered in the same condition,
+        else missing.
 
     Raises
     ------
@@ -170,14 +175,18 @@ def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
     >>> rows[["response", "correct"]].to_numpy().tolist()
     [['left', True], ['none', False], ['left', False]]
     """
-    if "response" not in rows:
+    yes_or_no = "response" not in rows
+    if yes_or_no:
         answers = rows["detected"].astype(object).replace({"0": "none"})
         felt = answers.eq("1")
         answers = answers.mask(felt, _felt_side(rows, felt, file))
         rows["response"] = pd.Categorical(answers, categories=list(RESPONSES))
     stated = rows["correct"].astype("boolean")
     rows["correct"] = stated.fillna(expected_correct(rows))
-    return rows[[*_NAMES, "line"]]
+    none = rows["response"].eq("none") | yes_or_no
+    said = rows["condition"].isin(set(rows.loc[none, "condition"]))
+    rows["none_offered"] = said.astype("boolean").mask(~said)
+    return rows[[*_NAMES, "line", "none_offered"]]
 
 
 def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool], file: str) -> pd.Series[Any]:

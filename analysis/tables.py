@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analysis import counting, detection
-from analysis.intervals import METHODS
+from analysis.errors import ResultFileError
+from analysis.methods import METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -120,15 +121,15 @@ def analyse(
     Raises
     ------
     ValueError
-        For an unknown method, and for simulated sessions beside real ones.
+        For an unknown method.
+    ResultFileError
+        For simulated trials beside real ones.
     """
     trials = loaded.trials
     if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
-        one = trials.loc[trials["simulated"], "file"].iloc[0]
-        message = (
-            "paths must not mix simulated with real sessions unless simulated ones are allowed"
-        )
-        raise ValueError(f"{message} (--allow-simulated), got a simulated one in {one}")
+        one = trials[trials["simulated"]].iloc[0]
+        message = "a simulated trial, and others are real; --allow-simulated accepts both"
+        raise ResultFileError(one["file"], int(one["line"]), message)
     excluded = counting.excluded_table(trials)
     return Analysis(
         levels=detection.level_table(trials),
@@ -186,19 +187,29 @@ def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
 
 def _incomplete(loaded: Loaded) -> Iterator[str]:
     for folder in loaded.without_table:
-        yield f"session {folder} has no trials.csv; tactstrip export rebuilds it from its journal"
+        yield f"session {folder} has no trials.csv; tactstrip export DIR builds it"
+    for one in loaded.progress:
+        if one.valid < one.planned:
+            where = _session(one.participant, one.session)
+            yield f"{where}: {one.valid} of {one.planned} planned trials have a valid attempt"
+    planned = {(one.participant, one.session) for one in loaded.progress}
     trials = loaded.trials[loaded.trials["kind"].isin(counting.COUNTED_KINDS)]
     key = ["participant", "session", "trial"]
     valid = trials[key].assign(ok=trials["status"].eq("ok")).groupby(key, as_index=False).any()
     people = valid[~valid["ok"]].groupby(key[:2]).size().reset_index(name="missing")
     for row in people.itertuples():
-        where = f"participant {row.participant}, session {row.session}"
-        yield f"{where}: planned trials without a valid attempt: {row.missing}"
+        if (row.participant, row.session) not in planned:
+            where = _session(row.participant, row.session)
+            yield f"{where}: trials without a valid attempt: {row.missing}"
+
+
+def _session(participant: object, session: object) -> str:
+    return f"participant {participant}, session {session}"
 
 
 def _about_none(counted: pd.DataFrame) -> Iterator[str]:
     offered = counted["none_offered"].fillna(value=False)
     if offered.any() and not offered.all():
-        yield f'"none" could be answered in {offered.sum()} of {len(offered)} trials only'
-    if counted["kind"].eq("blank").any() and not offered.all():
+        yield f'"none" is known to be an answer in {offered.sum()} of {len(offered)} trials only'
+    if not offered[counted["kind"].eq("blank")].all():
         yield 'blank trials without "none" as an answer: a false alarm is nearly certain there'

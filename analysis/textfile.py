@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 MAX_LINE_BYTES = 65_536
 CHUNK_ROWS = 4_096
 
+# UTF-32 first: in little-endian order its mark begins with that of UTF-16.
+_OTHER_MARKS = {
+    "UTF-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
+    "UTF-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+}
 _OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
@@ -100,8 +105,9 @@ def _lines(stream: BinaryIO, file: str, *, bom_allowed: bool) -> Iterator[str]:
 
 
 def _without_mark(raw: bytes, file: str, *, bom_allowed: bool) -> bytes:
-    if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise ResultFileError(file, 1, "the text is UTF-16; save it as UTF-8")
+    for encoding, marks in _OTHER_MARKS.items():
+        if raw.startswith(marks):
+            raise ResultFileError(file, 1, f"the text is {encoding}; save it as UTF-8")
     if not raw.startswith(codecs.BOM_UTF8):
         return raw
     if not bom_allowed:

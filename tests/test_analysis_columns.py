@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
 import pytest
 
 from analysis import ColumnMap, ResultFileError, load_column_map, read_trials
@@ -11,8 +13,6 @@ from analysis.load import read_inputs
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    import pandas as pd
 
 LEAST = "participant,side,level_vpp,response\n"
 
@@ -137,11 +137,95 @@ def test_an_unanswered_trial_of_zeros_and_ones_must_be_explained(tmp_path: Path)
     assert read(tmp_path, table, columns)["response"].tolist() == ["left", "timeout"]
 
 
-def test_a_response_beats_detected_unless_the_map_names_detected(tmp_path: Path) -> None:
-    table = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
-    assert read(tmp_path, table)["response"].tolist() == ["right"]
-    named = ColumnMap(columns={"detected": "detected"})
-    assert read(tmp_path, table, named)["response"].tolist() == ["left"]
+TWO_ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
+
+
+@pytest.mark.parametrize(
+    ("columns", "response"),
+    [
+        ({"detected": "detected"}, "left"),
+        ({"response": "response"}, "right"),
+        ({"response": ""}, "left"),
+        ({"detected": ""}, "right"),
+    ],
+)
+def test_of_two_answers_the_map_names_the_source(
+    tmp_path: Path, columns: dict[str, str], response: str
+) -> None:
+    assert read(tmp_path, TWO_ANSWERS, ColumnMap(columns=columns))["response"].tolist() == [
+        response
+    ]
+
+
+def test_two_answers_without_a_named_source_are_refused(tmp_path: Path) -> None:
+    error = refused(tmp_path, TWO_ANSWERS)
+    assert error.line == 1
+    assert "response and detected both tell the answer" in str(error)
+    for name, table in (
+        ("detected", "participant,side,level_vpp,response\n1,left,60,left\n"),
+        ("response", "participant,side,level_vpp,detected\n1,left,60,1\n"),
+    ):
+        constant = ColumnMap(constant={name: {"detected": "0", "response": "none"}[name]})
+        assert "both tell the answer" in str(refused(tmp_path, table, constant))
+
+
+def test_a_word_of_theirs_stands_for_a_value_in_our_unit(tmp_path: Path) -> None:
+    columns = ColumnMap(
+        values={"level_vpp": {"low": "60", "1000": "95"}}, units={"level_vpp": "mV"}
+    )
+    table = LEAST + "1,left,low,left\n1,left,130000,left\n1,left,1000,left\n"
+    assert read(tmp_path, table, columns)["level_vpp"].tolist() == [60.0, 130.0, 95.0]
+
+
+def test_a_column_with_an_empty_source_is_not_taken(tmp_path: Path) -> None:
+    table = "participant,trial,side,level_vpp,response\n1,a,left,60,left\n1,a,left,60,none\n"
+    assert refused(tmp_path, table).line == 2
+    trials = read(tmp_path, table, load(tmp_path, '[columns]\ntrial = ""\n'))
+    assert trials["trial"].tolist() == [1, 2]
+    columns = ColumnMap(columns={"trial": "", "side": ""}, constant={"side": "right"})
+    assert read(tmp_path, table, columns)["side"].tolist() == ["right", "right"]
+    assert "no column side" in str(refused(tmp_path, table, ColumnMap(columns={"side": ""})))
+
+
+def test_a_constant_level_is_that_of_the_stimuli(tmp_path: Path) -> None:
+    table = "participant,side,response\n1,left,left\n1,none,none\n"
+    levels = read(tmp_path, table, ColumnMap(constant={"level_vpp": "60"}))["level_vpp"]
+    assert levels.iloc[0] == 60.0
+    assert levels.isna().tolist() == [False, True]
+
+
+def offered(trials: pd.DataFrame) -> list[bool | None]:
+    return [None if value is pd.NA else bool(value) for value in trials["none_offered"]]
+
+
+def test_one_answer_none_shows_that_it_was_offered_in_its_file_and_condition(
+    tmp_path: Path,
+) -> None:
+    header = "participant,side,level_vpp,response,condition\n"
+    (tmp_path / "2.csv").write_text(header + "2,left,60,left,a\n")
+    (tmp_path / "1.csv").write_text(
+        header + "1,left,60,none,a\n1,left,60,left,a\n1,left,60,left,b\n"
+    )
+    trials = read_trials([tmp_path / "1.csv", tmp_path / "2.csv"], ColumnMap())
+    assert offered(trials) == [True, True, None, None]
+
+
+def test_a_table_that_says_yes_or_no_offered_none(tmp_path: Path) -> None:
+    table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,1\n"
+    assert offered(read(tmp_path, table)) == [True, True]
+
+
+@pytest.mark.parametrize("level", ["1e-7", "1.1e6", "1e300"])
+def test_a_level_that_no_actuator_has_is_refused(tmp_path: Path, level: str) -> None:
+    error = refused(tmp_path, LEAST + f"1,left,60,left\n1,left,{level},left\n")
+    assert error.line == 3
+    assert "it must be a number from 1e-06 to 1e+06" in str(error)
+
+
+def test_the_bounds_of_levels_are_in_our_unit(tmp_path: Path) -> None:
+    table = LEAST + "1,left,1000000000,left\n"
+    columns = ColumnMap(units={"level_vpp": "mV"})
+    assert read(tmp_path, table, columns)["level_vpp"].tolist() == [1e6]
 
 
 def test_a_time_beside_a_time_out_is_no_reaction_time(tmp_path: Path) -> None:
@@ -214,8 +298,10 @@ def test_a_table_that_does_not_fit_its_map_is_refused(
         ('[units]\nlevel_vpp = "Vrms"', "[units] level_vpp: allowed V, mV, V-peak, mV-peak"),
         ('[units]\nside = "ms"', "[units] side: allowed no unit but its own, got 'ms'"),
         ('[columns]\nresponse = "a"\ndetected = "b"', "detected: allowed only without response"),
+        ('[constant]\nrt_s = 1\n[units]\nrt_s = "ms"', "[units] rt_s: a constant is in our unit"),
         ("[columns\n", "MAP.toml: "),
-        ("x" * 1_000_001, "a map has at most 1000000 bytes"),
+        ("a = " + "[" * 100_000, "MAP.toml: "),
+        ("x" * 1_000_001, "it has at most 1000000 bytes"),
     ],
 )
 def test_a_map_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, words: str) -> None:
@@ -230,6 +316,12 @@ def test_a_map_made_in_python_is_held_to_the_same_types(section: str) -> None:
     sections: dict[str, Any] = {section: {"rt_s": 5}}
     with pytest.raises(ValueError, match=rf"\[{section}\] rt_s: must be .* got 5"):
         ColumnMap(**sections)
+
+
+def test_a_map_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "MAP.toml")
+    with pytest.raises(ValueError, match=r"MAP\.toml: not a regular file"):
+        load_column_map(tmp_path / "MAP.toml")
 
 
 def test_a_map_that_is_not_utf8_is_refused(tmp_path: Path) -> None:

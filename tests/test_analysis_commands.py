@@ -6,8 +6,10 @@ import csv
 import hashlib
 import io
 import json
+import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from click.testing import CliRunner, Result
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.commands import analyze
 from analysis.files import NAMES
-from analysis.intervals import METHODS
+from analysis.methods import METHODS
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 TABLE, MAP = EXAMPLES / "synthetic-trials.csv", EXAMPLES / "synthetic-columns.toml"
@@ -146,7 +148,7 @@ def test_the_output_reads_in_80_columns(tmp_path: Path) -> None:
         assert row.split()[-1] == str(level["detected_any"])
 
 
-def test_a_terminal_gets_the_same_numbers(tmp_path: Path) -> None:
+def test_a_terminal_gets_the_same_text(tmp_path: Path) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True
@@ -155,10 +157,18 @@ def test_a_terminal_gets_the_same_numbers(tmp_path: Path) -> None:
     plain, terminal = io.StringIO(), Terminal()
     print_analysis(analysis, plain)
     print_analysis(analysis, terminal)
-    numbers = [line.split() for line in plain.getvalue().splitlines() if "/60 " in line]
-    assert len(numbers) == 5
-    shown = [line.split() for line in terminal.getvalue().splitlines() if "/60 " in line]
-    assert shown == numbers
+    assert plain.getvalue().count("/60 ") == 5
+    assert terminal.getvalue() == plain.getvalue()
+
+
+def test_a_closed_standard_output_is_no_failure(tmp_path: Path) -> None:
+    code = "from analysis.commands import analyze; analyze()"
+    command = (
+        f"'{sys.executable}' -c '{code}' '{TABLE}' --columns '{MAP}' --no-figures --out out >&-"
+    )
+    done = subprocess.run(["sh", "-c", command], cwd=tmp_path, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert (tmp_path / "out" / "levels.csv").exists()
 
 
 def map_of_example() -> dict[str, Any]:
@@ -245,11 +255,80 @@ def test_a_failure_while_drawing_leaves_the_old_results(
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("analysis.figures.write_figures", fail)
+    monkeypatch.setattr("analysis.figures.render", fail)
     with pytest.raises(OSError, match="No space left"):
         write_analysis([TABLE], tmp_path / "out", columns=columns, ci="jeffreys")
     assert files(tmp_path / "out") == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_full_disk_names_the_file_and_leaves_the_old_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = (TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
+    run(*options)
+    before = files(tmp_path / "out")
+    write_bytes = Path.write_bytes
+
+    def full(path: Path, content: bytes) -> int:
+        if path.name == "both.csv":
+            raise OSError(28, "No space left on device")
+        return write_bytes(path, content)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    result = run(*options, "--ci", "jeffreys")
+    assert result.exit_code == 2
+    target = tmp_path / "out" / "both.csv"
+    assert result.stderr.startswith(f"error: {target}: No space left on device")
+    assert files(tmp_path / "out") == before
+
+
+def test_nothing_is_written_beside_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[object] = []
+
+    class Recorded(tempfile.TemporaryDirectory[str]):
+        def __init__(self, prefix: str, dir: Path) -> None:  # noqa: A002 (its name in the library)
+            used.append(dir)
+            super().__init__(prefix=prefix, dir=dir)
+
+    monkeypatch.setattr("analysis.files.TemporaryDirectory", Recorded)
+    run(TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
+    assert used == [tmp_path / "out"]
+
+
+@pytest.mark.parametrize("name", ["blank.csv", "detection.svg", "summary.json"])
+def test_files_of_the_user_are_never_replaced_or_removed(
+    tmp_path: Path, names: Path, name: str
+) -> None:
+    path = table(tmp_path / "a.csv", ONE.format(1, "false"))
+    (tmp_path / name).write_text("mine")
+    before = files(tmp_path)
+    result = run(path, "--columns", names, "--no-figures", "--out", tmp_path)
+    assert result.exit_code == 2
+    assert f"not of an earlier analysis, got {tmp_path / name}" in result.stderr
+    assert files(tmp_path) == before
+
+
+def test_a_folder_in_the_place_of_a_file_changes_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(TABLE, "--columns", MAP, "--out", out, "--no-figures")
+    before = files(out)
+    (out / "detection.svg").mkdir()
+    result = run(TABLE, "--columns", MAP, "--out", out, "--ci", "jeffreys")
+    assert result.exit_code == 2
+    assert f"got {out / 'detection.svg'}" in result.stderr
+    (out / "detection.svg").rmdir()
+    assert files(out) == before
+
+
+def test_a_name_that_is_not_utf8_is_told_in_ascii(tmp_path: Path, names: Path) -> None:
+    path = table(tmp_path / os.fsdecode(b"t\xff.csv"), ONE.format(1, "false"))
+    result = run(path, "--columns", names, "--out", tmp_path / "out", "--no-figures")
+    assert result.exit_code == 0
+    told = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))["inputs"]
+    assert "t\\udcff.csv" in [file["name"] for file in told]
 
 
 @pytest.mark.parametrize(
@@ -279,7 +358,7 @@ def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, names: Path) 
     result = run(*paths, *options)
     assert result.exit_code == 2
     assert "--allow-simulated" in result.stderr
-    assert str(paths[1]) in result.stderr
+    assert result.stderr.startswith(f"error: {paths[1]}:2: a simulated trial, and others are real")
     assert not (tmp_path / "out").exists()
     result = run(*paths, *options, "--allow-simulated")
     assert result.exit_code == 0
@@ -287,6 +366,21 @@ def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, names: Path) 
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"] == [
         "1 of 2 trials are simulated, the others real"
     ]
+
+
+def test_simulated_and_real_rows_in_one_file_have_a_line(tmp_path: Path, names: Path) -> None:
+    path = table(tmp_path / "t.csv", ONE.format(1, "false"), ONE.format(2, "true"))
+    result = run(path, "--columns", names, "--out", tmp_path / "out", "--no-figures")
+    assert result.stderr.startswith(f"error: {path}:3: a simulated trial")
+
+
+def test_blank_trials_are_judged_by_their_own_condition(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    header = "participant,side,level_vpp,response,condition\n"
+    path.write_text(header + "1,none,0,none,a\n1,left,60,none,a\n1,left,60,left,b\n")
+    analysis = write_analysis([path], tmp_path / "o", columns=ColumnMap(), figures=False)
+    assert analysis.warnings == ('"none" is known to be an answer in 2 of 3 trials only',)
+    assert analysis.detected_any is None
 
 
 def test_simulated_sessions_alone_are_marked_and_accepted(tmp_path: Path, names: Path) -> None:
@@ -298,7 +392,7 @@ def test_simulated_sessions_alone_are_marked_and_accepted(tmp_path: Path, names:
 
 WARNED = [
     ("1,01,2,single,left,60,n/a,device_error,false\n", "1 trials are left out: device_error 1"),
-    ("1,01,2,single,left,60,left,voided,false\n", "planned trials without a valid attempt: 1"),
+    ("1,01,2,single,left,60,left,voided,false\n", "session 01: trials without a valid attempt: 1"),
     ("2,01,2,practice,left,60,left,ok,false\n", "no trial counts of participant 2"),
     ("1,01,2,blank,none,0,left,ok,false\n", 'blank trials without "none" as an answer'),
 ]
@@ -330,7 +424,7 @@ def test_a_session_without_a_table_is_a_warning(tmp_path: Path, names: Path) -> 
     (tmp_path / "s" / "sub-1" / "ses-02").mkdir()
     result = run(tmp_path / "s", "--columns", names, "--no-figures", "--strict")
     assert result.exit_code == 1
-    assert "session sub-1/ses-02 has no trials.csv" in result.stdout
+    assert "session sub-1/ses-02 has no trials.csv; tactstrip export DIR" in result.stdout
 
 
 def test_a_study_where_nothing_counts_says_so(tmp_path: Path, names: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -12,10 +11,7 @@ import pytest
 
 from analysis import level_table
 from analysis.detection import participant_table
-from analysis.figures import NAMES, DetectionData, write_figures
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from analysis.figures import DetectionData, render
 
 LEVELS_VPP = (60.0, 95.0, 130.0, 165.0, 200.0)
 
@@ -49,86 +45,91 @@ def data(
     )
 
 
-def texts(shown: DetectionData, folder: Path) -> str:
+def texts(shown: DetectionData) -> str:
     """Return the SVG; matplotlib writes each text beside its glyphs as a comment."""
-    write_figures(shown, folder)
-    return (folder / "detection.svg").read_text(encoding="utf-8")
+    return render(shown)[1].decode()
 
 
-def test_the_same_data_give_the_same_bytes(tmp_path: Path) -> None:
-    written = []
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        write_figures(data(), tmp_path / name)
-        written.append([(tmp_path / name / file).read_bytes() for file in NAMES])
-    assert written[0] == written[1]
+def test_the_same_data_give_the_same_bytes() -> None:
+    assert render(data()) == render(data())
 
 
-def test_both_axes_are_named_with_their_units(tmp_path: Path) -> None:
-    svg = texts(data(), tmp_path)
+def test_both_axes_are_named_with_their_units() -> None:
+    svg = texts(data())
     assert "Level, logarithmic (V peak-to-peak)" in svg
     assert "Detection probability (detected / presented)" in svg
 
 
-def test_the_ticks_are_the_levels(tmp_path: Path) -> None:
-    svg = texts(data(), tmp_path)
+def test_the_ticks_are_the_levels() -> None:
+    svg = texts(data())
     for level in LEVELS_VPP:
         assert f"<!-- {level:g} -->" in svg
     assert "<!-- 100 -->" not in svg
 
 
-def test_ticks_that_would_cover_each_other_are_left_out(tmp_path: Path) -> None:
-    svg = texts(data(levels=(100.0, 101.0, 200.0)), tmp_path)
+def test_ticks_that_would_cover_each_other_are_left_out() -> None:
+    svg = texts(data(levels=(100.0, 101.0, 200.0)))
     assert "<!-- 100 -->" in svg
     assert "<!-- 101 -->" not in svg
 
 
-def test_few_participants_are_named_and_many_are_not(tmp_path: Path) -> None:
-    assert "participant S05" in texts(data(6), tmp_path)
-    crowd = texts(data(20), tmp_path)
+def test_few_participants_are_named_and_many_are_not() -> None:
+    assert "participant S05" in texts(data(6))
+    crowd = texts(data(20))
     assert "participant S05" not in crowd
     assert "each of 20 participants" in crowd
     assert "mean of participants" in crowd
 
 
-def test_one_participant_has_the_intervals_of_the_cells_and_no_mean(tmp_path: Path) -> None:
-    svg = texts(data(1), tmp_path)
+def test_one_participant_has_the_intervals_of_the_cells_and_no_mean() -> None:
+    svg = texts(data(1))
     assert "95 % interval (Wilson)" in svg
     assert "mean of participants" not in svg
 
 
-def test_no_mean_is_drawn_over_different_people(tmp_path: Path) -> None:
-    svg = texts(data(3, own_levels=True), tmp_path)
+def test_no_mean_is_drawn_over_different_people() -> None:
+    svg = texts(data(3, own_levels=True))
     assert "no level was given to everybody" in svg
     assert "95 % interval of the group" not in svg
 
 
-def test_guessing_is_marked_only_in_a_forced_choice(tmp_path: Path) -> None:
-    assert "guessing left or right: 1/2" in texts(data(forced_choice=True), tmp_path)
-    assert "guessing" not in texts(data(), tmp_path)
+def test_guessing_is_marked_only_in_a_forced_choice() -> None:
+    assert "guessing left or right: 1/2" in texts(data(forced_choice=True))
+    assert "guessing" not in texts(data())
 
 
-def test_conditions_have_a_panel_each(tmp_path: Path) -> None:
-    svg = texts(data(2, ("bare", "covered", "x", "y")), tmp_path)
+def test_conditions_have_a_panel_each() -> None:
+    svg = texts(data(2, ("bare", "covered", "x", "y")))
     assert all(f"condition {name}" in svg for name in ("bare", "covered", "x", "y"))
 
 
-def test_one_level_is_drawn(tmp_path: Path) -> None:
-    assert "<!-- 60 -->" in texts(data(levels=(60.0,)), tmp_path)
+def test_one_level_is_drawn() -> None:
+    assert "<!-- 60 -->" in texts(data(levels=(60.0,)))
 
 
-@pytest.mark.parametrize("name", ["$\\frac{", "参加者", "_", "<b>&"])
-def test_any_name_can_be_drawn(tmp_path: Path, name: str) -> None:
-    write_figures(data(2, name=name), tmp_path)
-    assert all((tmp_path / file).stat().st_size > 1000 for file in NAMES)
+@pytest.mark.parametrize("name", ["$\frac{", "参加者", "_", "<b>&", "W" * 64, "参" * 64])
+@pytest.mark.parametrize("people", [2, 6])
+def test_any_name_can_be_drawn_without_a_warning(name: str, people: int) -> None:
+    assert all(len(file) > 1000 for file in render(data(people, ("main", name), name=name)))
 
 
-def test_settings_of_the_user_neither_show_nor_change(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "levels", [(60.0, 60.00000000000001), (60.0, 60.001), (1e-6, 1e6), (1e-6,), (1e6,)]
+)
+def test_any_levels_can_be_drawn_without_a_warning(levels: tuple[float, ...]) -> None:
+    assert f"<!-- {levels[0]:g} -->" in texts(data(levels=levels))
+
+
+def test_levels_that_are_nearly_the_same_have_one_tick() -> None:
+    assert texts(data(levels=(60.0, 60.00000000000001))).count("<!-- 60 -->") == 1
+
+
+def test_settings_of_the_user_neither_show_nor_change() -> None:
     import matplotlib as mpl
 
-    plain = texts(data(), tmp_path)
+    plain = texts(data())
     with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
-        assert texts(data(), tmp_path) == plain
+        assert texts(data()) == plain
         assert mpl.rcParams["font.size"] == 30.0
 
 

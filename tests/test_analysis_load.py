@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis import ResultFileError, read_trials
+from analysis import ColumnMap, ResultFileError, read_trials
 from analysis.load import read_inputs
 from analysis.textfile import CHUNK_ROWS
 from experiment.record import COLUMNS, TrialRow, is_correct, trials_csv
@@ -165,8 +165,10 @@ def test_a_session_without_a_table_is_told(tmp_path: Path) -> None:
         ("status", "fine", "ok, device_error, indeterminate, aborted or voided"),
         ("displacement_basis", "guess", "measured, predicted or n/a"),
         ("schema", "2", "allowed: 1"),
-        ("participant", "n/a", "printable text that is not empty"),
-        ("participant", "a\x1bb", "printable text that is not empty"),
+        ("participant", "n/a", "printable text of 1 to 64 characters"),
+        ("participant", "a\x1bb", "printable text of 1 to 64 characters"),
+        ("participant", "a" * 65, "printable text of 1 to 64 characters"),
+        ("condition", "a" * 3000, "printable text of 1 to 64 characters"),
         ("condition", "", "column 'condition' is empty"),
         ("trial", "0", "a whole number of at least 1"),
         ("trial", "1.5", "a whole number of at least 1"),
@@ -355,9 +357,49 @@ def test_a_damaged_file_is_read_or_refused_with_its_line(
 def test_the_same_file_named_twice_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
     (tmp_path / "other.csv").symlink_to(path)
-    assert "the same file as" in str(refused(path, path))
-    assert "the same file as" in str(refused(tmp_path, path))
-    assert "the same file as" in str(refused(path, tmp_path / "other.csv"))
+    assert "the same contents as" in str(refused(path, path))
+    assert "the same contents as" in str(refused(tmp_path, path))
+    assert "the same contents as" in str(refused(path, tmp_path / "other.csv"))
+
+
+@pytest.mark.parametrize("columns", [None, ColumnMap()])
+def test_a_copy_of_a_table_is_refused(tmp_path: Path, columns: ColumnMap | None) -> None:
+    first, copy = write(tmp_path / "a.csv", row(1)), tmp_path / "b.csv"
+    copy.write_bytes(first.read_bytes())
+    with pytest.raises(ResultFileError, match="the same contents as") as caught:
+        read_trials([first, copy], columns)
+    assert caught.value.file == str(copy)
+
+
+def test_a_copy_that_numbers_no_trials_does_not_double_the_data(tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    with pytest.raises(ResultFileError, match="the same contents as"):
+        read_trials([tmp_path / "a.csv", tmp_path / "b.csv"], ColumnMap())
+
+
+def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
+    for number in ("1", "2"):
+        table = tmp_path / f"sub-{number}" / "ses-01" / "trials.csv"
+        write(table, row(1, participant=number))
+    (tmp_path / "sub-1" / "ses-02").mkdir()
+    loaded = read_inputs([tmp_path / "sub-1", tmp_path / "sub-2"])
+    names = [f"sub-{number}/ses-01/trials.csv" for number in ("1", "2")]
+    assert [file.name for file in loaded.inputs] == names
+    assert loaded.without_table == ("sub-1/ses-02",)
+    tables = [tmp_path / name for name in names]
+    assert [file.name for file in read_inputs(tables).inputs] == names
+
+
+def test_a_folder_whose_only_session_was_killed_names_the_remedy(tmp_path: Path) -> None:
+    (tmp_path / "sub-1" / "ses-01").mkdir(parents=True)
+    assert "tactstrip export DIR builds it" in str(refused(tmp_path))
+
+
+def test_a_participant_with_the_name_of_the_total_is_refused(tmp_path: Path) -> None:
+    error = refused(write(tmp_path / "trials.csv", row(1), row(2, participant="all")))
+    assert error.line == 3
+    assert "column 'participant' is all; it must be another name" in str(error)
 
 
 def test_a_name_with_a_line_end_stays_on_one_line(tmp_path: Path) -> None:
