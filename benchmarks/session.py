@@ -6,12 +6,16 @@ import tempfile
 import time
 from pathlib import Path
 from statistics import median
+from typing import TYPE_CHECKING
 
+from experiment.draw import draw_plan
 from experiment.engine import step, upcoming
-from experiment.plan import Plan, draw_plan
 from experiment.simulate import simulate_study
 from experiment.steps import Armed, Continued, Elapsed, Fired, Key, Phase, State, Task
 from experiment.study import paper_study
+
+if TYPE_CHECKING:
+    from experiment.plan import Plan
 
 REPEATS = 20
 

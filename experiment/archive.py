@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from experiment.replay import History
 
 _TEMPORARY = ".tmp"
+_TOTALS = "all"
+"""What the analysis calls its rows of totals: nobody's name."""
 _IDENTIFIER = re.compile(r"[A-Za-z0-9]{1,32}")
 
 
@@ -43,10 +45,13 @@ def check_identifier(name: str, value: str) -> str:
     Raises
     ------
     ArchiveError
-        Unless it consists of 1 to 32 letters a-z, A-Z and digits.
+        Unless it consists of 1 to 32 letters a-z, A-Z and digits, and is not ``all``.
     """
-    if not _IDENTIFIER.fullmatch(value):
-        raise ArchiveError(f"{name} must be 1 to 32 letters (a-z, A-Z) or digits; got {value!r}")
+    if not _IDENTIFIER.fullmatch(value) or value == _TOTALS:
+        raise ArchiveError(
+            f"{name} must be 1 to 32 letters (a-z, A-Z) or digits, and not {_TOTALS!r}; "
+            f"got {value!r}"
+        )
     return value
 
 

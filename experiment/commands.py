@@ -112,7 +112,7 @@ def run(
 def _new_plan(
     folder: SessionFolder, study: Study, seed: int | None, levels_vpp: tuple[float, ...] | None
 ) -> Plan:
-    from experiment.plan import draw_plan
+    from experiment.draw import draw_plan
 
     folder.refuse_existing()
     require_fit(study)

@@ -9,9 +9,9 @@ import numpy as np
 from device.clock import VirtualClock
 from experiment.archive import SessionFolder
 from experiment.conduct import Setting, begin
+from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
 from experiment.observer import draw_observer
-from experiment.plan import draw_plan
 from experiment.responder import Press
 from experiment.rig import mock_device
 

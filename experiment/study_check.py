@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 from device.clock import VirtualClock
-from experiment.plan import block_count
+from experiment.draw import block_count
 from experiment.rig import DRIVERS
 from experiment.stimulus import require_suitable
 from experiment.study_values import StudyError

@@ -12,9 +12,9 @@ from device.clock import VirtualClock
 from device.driver import LinkError, Outcome, Refusal, rejection
 from experiment.archive import ArchiveError, SessionFolder
 from experiment.conduct import Setting, begin, resume
+from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
 from experiment.journal import Journal, JournalError, read_journal
-from experiment.plan import draw_plan
 from experiment.replay import replay
 from experiment.responder import ESCAPE, Press
 from experiment.rig import mock_device

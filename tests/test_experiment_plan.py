@@ -12,7 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiment.plan import PlanError, block_count, draw_plan, plan_from_json, verify
+from experiment.draw import block_count, draw_plan
+from experiment.plan import PlanError, plan_from_json, verify
 from experiment.study import paper_study, study_from_text
 
 if TYPE_CHECKING:

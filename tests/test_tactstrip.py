@@ -64,6 +64,7 @@ def test_every_command_is_listed_with_its_help() -> None:
         ["analyze"],
         ["run", "nowhere.toml", "--participant", "01", "--responder", "simulated"],
         ["run", "nowhere.toml", "--participant", "no/slash"],
+        ["run", "nowhere.toml", "--participant", "all"],
         ["check", "nowhere.toml"],
         ["check", "."],
         ["dry-run", "nowhere.toml"],
