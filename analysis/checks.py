@@ -31,7 +31,7 @@ class _Rule:
     broken: pd.Series[bool]
 
 
-def check_rows(rows: pd.DataFrame, file: str) -> None:
+def check_rows(rows: pd.DataFrame, file: str, *, planned: bool = False) -> None:
     """Refuse the rows of one file where they contradict themselves.
 
     Parameters
@@ -40,6 +40,9 @@ def check_rows(rows: pd.DataFrame, file: str) -> None:
         Typed rows of one file, with ``line``.
     file : str
         The name for messages.
+    planned : bool
+        Whether a plan tells how long an answer was waited for; without one, slow answers are
+        taken for milliseconds.
 
     Raises
     ------
@@ -59,7 +62,8 @@ def check_rows(rows: pd.DataFrame, file: str) -> None:
     """
     rules = [_participant_rule(rows), *_stimulus_rules(rows), *_answer_rules(rows)]
     first_fault(file, [_fault(rows, rule) for rule in rules if rule.broken.any()])
-    _check_median(rows, file)
+    if not planned:
+        _check_median(rows, file)
 
 
 def _participant_rule(rows: pd.DataFrame) -> _Rule:
@@ -150,12 +154,12 @@ def check_together(trials: pd.DataFrame) -> None:
     ------
     ResultFileError
         Where participant, session, trial and attempt repeat, or where two attempts of one trial
-        both have the status ok.
+        both have the status ok; practice may be repeated, as warm-up after every resume.
 
     Examples
     --------
     >>> twice = pd.DataFrame({"participant": "1", "session": "01", "trial": 5, "attempt": [1, 2],
-    ...     "status": "ok", "file": "t.csv", "line": [6, 9]})
+    ...     "kind": "single", "status": "ok", "file": "t.csv", "line": [6, 9]})
     >>> check_together(twice.assign(status=["voided", "ok"]))
     >>> check_together(twice)
     Traceback (most recent call last):
@@ -163,7 +167,7 @@ def check_together(trials: pd.DataFrame) -> None:
     although another attempt of this trial has it at t.csv:6
     """
     _refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as")
-    valid = trials[trials["status"].eq("ok")]
+    valid = trials[trials["status"].eq("ok") & trials["kind"].ne("practice")]
     _refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
 
 

@@ -121,7 +121,10 @@ def read_inputs(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
     inputs = [file for one in read for file in (one.table, one.plan) if file is not None]
     if columns is not None and columns.sha256:
         inputs.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
-    trials = _numbered(pd.concat([one.rows for one in read], ignore_index=True))
+    told = [one.rows for one in read if not one.rows.empty]
+    if not told:
+        raise ResultFileError(sources[0].path, 1, "no session here has a trial yet")
+    trials = _numbered(pd.concat(told, ignore_index=True))
     check_together(trials)
     return Loaded(
         trials=trials,
@@ -135,10 +138,10 @@ def _read_source(source: Source, columns: ColumnMap | None) -> _Read:
     file = str(source.path)
     sealed = read_plan(source.path)
     try:
-        rows, sha256 = _read_rows(source.path, columns)
+        rows, sha256 = _read_rows(source.path, columns, empty_allowed=sealed is not None)
     except OSError as error:
         raise unreadable(error, source.path) from None
-    check_rows(rows, file)
+    check_rows(rows, file, planned=sealed is not None)
     rows.loc[rows["side"].eq("none"), "level_vpp"] = float("nan")
     # As objects: a file's name need not be text that can be encoded.
     rows.insert(len(rows.columns) - 2, "file", pd.Series(file, index=rows.index, dtype=object))
@@ -152,26 +155,32 @@ def _read_source(source: Source, columns: ColumnMap | None) -> _Read:
         rows=rows,
         table=table,
         plan=InputFile(name=source.name.removesuffix(TABLE) + PLAN, sha256=plan_sha256),
-        progress=progress(rows, plan),
+        progress=progress(rows, plan, source.path),
     )
 
 
 def _check_copies(sources: Sequence[Source], read: Sequence[_Read]) -> None:
     first: dict[str, Path] = {}
     for source, one in zip(sources, read, strict=True):
+        if one.rows.empty:  # sessions that were stopped before their first trial are all alike
+            continue
         if one.table.sha256 in first:
             message = f"the same contents as {one_line(str(first[one.table.sha256]))}"
             raise ResultFileError(source.path, None, message)
         first[one.table.sha256] = source.path
 
 
-def _read_rows(path: Path, columns: ColumnMap | None) -> tuple[pd.DataFrame, str]:
+def _read_rows(
+    path: Path, columns: ColumnMap | None, *, empty_allowed: bool
+) -> tuple[pd.DataFrame, str]:
     """Read the rows of one file and the checksum of its bytes, these after the rows are sound."""
     file = str(path)
     with path.open("rb") as stream:
         chunks = [
             own_rows(text, file) if columns is None else mapped_rows(text, file, columns)
-            for text in text_chunks(stream, file, bom_allowed=columns is not None)
+            for text in text_chunks(
+                stream, file, bom_allowed=columns is not None, empty_allowed=empty_allowed
+            )
         ]
         stream.seek(0)
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()

@@ -38,12 +38,18 @@ class Progress:
         Planned trials with a valid attempt.
     planned : int
         Trials of the plan; the warm-up after a resume is not among them.
+    file_sha256 : str
+        Checksum of the study as its file states it, before levels were placed.
+    unexported : int
+        Trials of which the journal beside the table tells, and the table does not.
     """
 
     participant: str
     session: str
     valid: int
     planned: int
+    file_sha256: str
+    unexported: int
 
 
 def read_plan(table: Path) -> tuple[Plan, str] | None:
@@ -151,14 +157,16 @@ def _known(value: Any) -> Any:
     return None if pd.isna(value) else value
 
 
-def progress(rows: pd.DataFrame, plan: Plan) -> Progress:
+def progress(rows: pd.DataFrame, plan: Plan, table: Path) -> Progress:
     """Count the planned trials that have a valid attempt.
 
+    >>> from pathlib import Path
     >>> from types import SimpleNamespace
     >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
-    >>> plan = SimpleNamespace(participant="01", session="01", trials=trials)
-    >>> progress(pd.DataFrame({"trial": [1, 2, 3], "status": ["ok", "voided", "ok"]}), plan)
-    Progress(participant='01', session='01', valid=1, planned=2)
+    >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f")
+    >>> rows = pd.DataFrame({"trial": [1, 2, 3], "status": ["ok", "voided", "ok"]})
+    >>> progress(rows, plan, Path("trials.csv"))
+    Progress(participant='01', session='01', valid=1, planned=2, file_sha256='f', unexported=0)
     """
     numbers = {trial.number for trial in plan.trials}
     valid = rows.loc[rows["status"].eq("ok"), "trial"].isin(numbers)
@@ -167,4 +175,10 @@ def progress(rows: pd.DataFrame, plan: Plan) -> Progress:
         session=plan.session,
         valid=int(valid.sum()),
         planned=len(numbers),
+        file_sha256=plan.file_sha256,
+        unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(rows)),
     )
+
+
+def _ended(journal: Path) -> int:
+    return journal.read_bytes().count(b'"event":"trial_end"') if journal.is_file() else 0

@@ -177,12 +177,21 @@ def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
         yield f"no trial counts of participant {', '.join(empty)}"
     if not counted["kind"].eq("single").any():
         yield "no trial with a single stimulus counts, so there is no level to report"
-    studies = trials.loc[trials["study_sha256"].ne(_NO_STUDY), "study_sha256"].nunique()
+    studies = _studies(loaded)
     if studies > 1:
         yield f"the trials come from {studies} different studies (study_sha256)"
     if 0 < trials["simulated"].sum() < len(trials):
         yield f"{trials['simulated'].sum()} of {len(trials)} trials are simulated, the others real"
     yield from _about_none(counted)
+
+
+def _studies(loaded: Loaded) -> int:
+    """Count the studies; levels placed for a participant make no other one, by its plan."""
+    trials, key = loaded.trials, ["participant", "session"]
+    of_plan = {(one.participant, one.session): one.file_sha256 for one in loaded.progress}
+    known = trials.loc[trials["study_sha256"].ne(_NO_STUDY), [*key, "study_sha256"]]
+    told = known.drop_duplicates().itertuples(index=False)
+    return len({of_plan.get((row[0], row[1]), row[2]) for row in told})
 
 
 def _incomplete(loaded: Loaded) -> Iterator[str]:
@@ -192,6 +201,12 @@ def _incomplete(loaded: Loaded) -> Iterator[str]:
         if one.valid < one.planned:
             where = _session(one.participant, one.session)
             yield f"{where}: {one.valid} of {one.planned} planned trials have a valid attempt"
+        if one.unexported > 0:
+            where = _session(one.participant, one.session)
+            yield (
+                f"{where}: its journal tells of {one.unexported} more trials than its trials.csv; "
+                "tactstrip export DIR builds that anew"
+            )
     planned = {(one.participant, one.session) for one in loaded.progress}
     trials = loaded.trials[loaded.trials["kind"].isin(counting.COUNTED_KINDS)]
     key = ["participant", "session", "trial"]

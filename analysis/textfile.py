@@ -26,7 +26,7 @@ _OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
 def text_chunks(
-    stream: BinaryIO, file: str, *, bom_allowed: bool = False
+    stream: BinaryIO, file: str, *, bom_allowed: bool = False, empty_allowed: bool = False
 ) -> Iterator[pd.DataFrame]:
     r"""Read a comma-separated file as frames of at most `CHUNK_ROWS` rows of text.
 
@@ -38,6 +38,8 @@ def text_chunks(
         The name for messages.
     bom_allowed : bool
         Whether the file may begin with a byte order mark.
+    empty_allowed : bool
+        Whether a header alone will do: one frame without rows.
 
     Yields
     ------
@@ -62,7 +64,9 @@ def text_chunks(
     _check_header(header, file)
     chunk = list(islice(records, CHUNK_ROWS))
     if not chunk:
-        raise ResultFileError(file, 1, "a header and no trials below it")
+        if not empty_allowed:
+            raise ResultFileError(file, 1, "a header and no trials below it")
+        yield pd.DataFrame(columns=header, dtype=object)
     while chunk:
         for line, row in chunk:
             if len(row) != len(header):

@@ -106,7 +106,7 @@ def run(
                 resume_anyway=resume_anyway,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
-    _report(ending, plan)
+        _report(ending, plan)
 
 
 def _new_plan(

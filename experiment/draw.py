@@ -68,7 +68,7 @@ def draw_plan(
             responses=study.design.responses,
             response_window_s=study.design.response_window_s,
             trials=trials,
-            warm_up=_warm_up(study, len(trials)),
+            warm_up=_warm_up(study, trials),
         )
     )
 
@@ -173,12 +173,12 @@ def _practice(design: Design, condition: Condition, rng: np.random.Generator) ->
         yield _trial(design, condition, PRACTICE_BLOCK, stimulus, rng)
 
 
-def _warm_up(study: Study, planned: int) -> tuple[Trial, ...]:
+def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
     return tuple(
         Trial(
-            number=planned + place,
+            number=len(planned) + place,
             block=PRACTICE_BLOCK,
-            condition=study.conditions[0].name,
+            condition=planned[0].condition,
             kind="practice",
             side=side,
             level_vpp=max(study.design.levels_vpp),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from experiment.plan import PRACTICE_BLOCK
 from experiment.record import is_correct
 from experiment.steps import (
     Arm,
@@ -37,6 +38,7 @@ from experiment.steps import (
     OpenBlock,
     PauseAsked,
     Phase,
+    PracticeOver,
     Rest,
     State,
     StopAsked,
@@ -54,6 +56,7 @@ def transitions() -> Mapping[tuple[Phase, type[Event]], tuple[Phase, Action]]:
     """Return the table of the trial: in this phase, on this event, go there and do that."""
     return {
         (Phase.READY, TrialDue): (Phase.FOREPERIOD, cue_and_wait),
+        (Phase.READY, PracticeOver): (Phase.READY, close_block),
         (Phase.READY, BreakDue): (Phase.BREAK, close_block_and_rest),
         (Phase.READY, NothingLeft): (Phase.FINISHED, close_block_and_session),
         (Phase.READY, StopAsked): (Phase.STOPPED, stop_between_trials),
@@ -126,15 +129,17 @@ def upcoming(state: State) -> Event:
     if not state.pending:
         return NothingLeft()
     if state.block is not None and state.pending[0].trial.block != state.block:
-        return BreakDue()
+        return PracticeOver() if state.block == PRACTICE_BLOCK else BreakDue()
     return TrialDue()
 
 
 def _refine(state: State, event: Event) -> Event:
-    """Call a key that comes too early, and a failure that repeats itself, by their names."""
+    """Call a key too early or too late, and a failure that repeats itself, by their names."""
     match event:
         case Key(response, rt_s) if rt_s is None or rt_s < EARLIEST_ANSWER_S:
             return EarlyKeyKept(response, rt_s) if state.keep_anticipated else EarlyKey()
+        case Key(_, float(rt_s)) if rt_s > state.response_window_s:
+            return Elapsed()
         case NotFired() if state.failures + 1 >= MOST_FAILURES:
             return NotFiredAgain()
         case FiredPerhaps() if state.failures + 1 >= MOST_FAILURES:
@@ -236,10 +241,16 @@ def report_indeterminate_and_stop(state: State, _: Event) -> Change:
     return _give_up(state, "indeterminate")
 
 
+def close_block(state: State, _: Event) -> Change:
+    """Close the block and go straight on."""
+    assert state.block is not None
+    return replace(state, block=None), (CloseBlock(state.block),)
+
+
 def close_block_and_rest(state: State, _: Event) -> Change:
     """Close the block and offer a break."""
-    assert state.block is not None
-    return replace(state, block=None), (CloseBlock(state.block), Rest(paused=False))
+    state, effects = close_block(state, _)
+    return state, (*effects, Rest(paused=False))
 
 
 def close_block_and_session(state: State, _: Event) -> Change:

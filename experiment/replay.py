@@ -27,14 +27,10 @@ class OpenTrial:
         The token by which the device knows its stimulus.
     boot_id : int
         The device's power cycle in which it was armed.
-    confirmed : bool
-        Whether the journal already says what became of the stimulus.
     outcome : str or None
-        That answer of the device.
+        What the device said of the stimulus, where that was still written.
     response : str or None
         The answer of the participant, where it was still written.
-    rt_s : float or None
-        Its time after the onset.
     anticipated : bool
         Whether a key came too early.
     """
@@ -42,10 +38,8 @@ class OpenTrial:
     task: Task
     token: int
     boot_id: int
-    confirmed: bool
     outcome: str | None
     response: str | None
-    rt_s: float | None
     anticipated: bool
 
 
@@ -208,10 +202,8 @@ def _open_trial(presentation: _Presentation) -> OpenTrial:
         task=Task(presentation.trial, presentation.attempt),
         token=presentation.token,
         boot_id=presentation.boot_id,
-        confirmed=bool(presentation.stimulus),
         outcome=presentation.stimulus.get("outcome"),
         response=presentation.answer.get("response"),
-        rt_s=presentation.answer.get("rt_s"),
         anticipated=presentation.answer.get("anticipated", False),
     )
 

@@ -148,19 +148,25 @@ class Session:
 
     def _open_block(self, effect: steps.OpenBlock) -> None:
         trial = effect.task.trial
-        if trial.condition != self._loaded:
-            condition = self._conditions[trial.condition]
-            load_condition(self._device, condition, self._study.device)
-            self._device.enable()
-            self._interval_s = onset_interval_s(condition, self._study.device)
-            self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
-            self._loaded = trial.condition
-        self._journal.append("block_start", {"block": trial.block, "condition": trial.condition})
+        facts = {"block": trial.block, "condition": trial.condition}
+        self._journal.append("block_start", facts)
 
     def _close_block(self, effect: steps.CloseBlock) -> None:
         self._journal.append("block_end", {"block": effect.block})
 
+    def _load(self, condition_name: str) -> None:
+        """Load a condition's waveforms, unless the device has them."""
+        if condition_name == self._loaded:
+            return
+        condition = self._conditions[condition_name]
+        load_condition(self._device, condition, self._study.device)
+        self._device.enable()
+        self._loaded = condition_name
+        self._interval_s = onset_interval_s(condition, self._study.device)
+        self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
+
     def _cue(self, effect: steps.Cue) -> None:
+        self._load(effect.task.trial.condition)
         self._responder.cue(self._progress())
         due_s = self._clock.now_s() + effect.task.trial.foreperiod_s
         self._due_s = max(due_s, self._rested_s)

@@ -75,6 +75,10 @@ class TrialDue(Event):
     """The next trial belongs to the open block, or opens the first."""
 
 
+class PracticeOver(Event):
+    """Practice, or the warm-up after a resume, has no trial left, a later block has."""
+
+
 class BreakDue(Event):
     """The open block has no trial left, a later one has."""
 

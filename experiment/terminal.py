@@ -106,8 +106,8 @@ class TerminalResponder:
         with contextlib.suppress(termios.error):
             termios.tcflush(self._input, termios.TCIFLUSH)
         self._typed = b""
-        what = "practice" if progress.practice else "trial"
-        self._say("", f"{what} {progress.done + 1} of {progress.planned}  ...")
+        place = f"trial {progress.done + 1} of {progress.planned}"
+        self._say("", f"{'practice' if progress.practice else place}  ...")
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; other keys than an answer or Esc are ignored."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 from typing import TYPE_CHECKING
@@ -10,11 +11,20 @@ from typing import TYPE_CHECKING
 import pytest
 
 from analysis import ColumnMap, ResultFileError, read_trials
+from analysis.checks import check_rows
 from analysis.load import read_inputs
+from analysis.rows import own_rows
 from analysis.tables import analyse
+from analysis.textfile import text_chunks
+from device.clock import VirtualClock
 from experiment.archive import SessionFolder
+from experiment.conduct import Setting, begin
+from experiment.draw import draw_plan
+from experiment.interrupts import StopSignal
 from experiment.record import format_value
-from experiment.simulate import simulate_study
+from experiment.rig import mock_device
+from experiment.simulate import simulate_study, simulated_responder
+from experiment.study import study_from_canonical
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +33,7 @@ if TYPE_CHECKING:
     from experiment.study import Study
 
 FIRST = "sub-01/ses-01"
+SECOND = "sub-02/ses-01"
 
 
 @pytest.fixture
@@ -76,8 +87,76 @@ def test_a_session_that_was_stopped_early_is_a_warning(results: Path) -> None:
     table = results / FIRST / "trials.csv"
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     table.write_text("".join(lines[:3]), encoding="utf-8")
+    journal = results / FIRST / "journal.jsonl"
+    entries = journal.read_bytes().splitlines(keepends=True)
+    ends = [n for n, line in enumerate(entries) if b'"event":"trial_end"' in line]
+    journal.write_bytes(b"".join(entries[: ends[1] + 1]))
     told = "participant 01, session 01: 2 of 5 planned trials have a valid attempt"
     assert warnings_of(results) == (told,)
+
+
+def test_a_table_that_lags_behind_its_journal_is_a_warning(results: Path) -> None:
+    table = results / FIRST / "trials.csv"
+    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    table.write_text("".join(lines[:3]), encoding="utf-8")
+    short, behind = warnings_of(results)
+    assert short.endswith("2 of 5 planned trials have a valid attempt")
+    assert "its journal tells of 3 more trials than its trials.csv; tactstrip export" in behind
+
+
+def test_a_session_stopped_before_its_first_trial_is_a_warning(results: Path) -> None:
+    for session in (FIRST, SECOND):
+        table = results / session / "trials.csv"
+        table.write_text(table.read_text("utf-8").splitlines()[0] + "\n", encoding="utf-8")
+        (results / session / "journal.jsonl").unlink()
+    with pytest.raises(ResultFileError, match="no session here has a trial yet"):
+        read_trials([results])
+
+
+def test_one_session_without_a_trial_does_not_stop_the_others(results: Path) -> None:
+    table = results / FIRST / "trials.csv"
+    table.write_text(table.read_text("utf-8").splitlines()[0] + "\n", encoding="utf-8")
+    (results / FIRST / "journal.jsonl").unlink()
+    told = "participant 01, session 01: 0 of 5 planned trials have a valid attempt"
+    assert warnings_of(results) == (told,)
+
+
+def test_warm_up_may_be_repeated_and_a_planned_trial_may_not(results: Path) -> None:
+    table = results / FIRST / "trials.csv"
+    plan = SessionFolder(results, "01", "01").read_plan()
+    lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+    table.write_text("".join([*lines, lines[-1], lines[-1]]), encoding="utf-8")
+    warm_up = plan.warm_up[0]
+    cells = {name: getattr(warm_up, name) for name in ("kind", "side", "block", "level_vpp")}
+    cells |= {"trial": warm_up.number, "response": warm_up.side, "correct": True, "rt_s": 0.5}
+    for line, attempt in ((7, 1), (8, 2)):
+        for column, value in (cells | {"attempt": attempt}).items():
+            change(table, line, column, format_value(value))
+    assert len(read_trials([table])) == 7
+
+
+def test_placed_levels_make_no_other_study(results: Path, tmp_path: Path) -> None:
+    study = study_from_canonical(SessionFolder(results, "01", "01").read_plan().study)
+    folder = SessionFolder(results, "placed", "01", durable=False)
+    plan = draw_plan(study, participant="placed", session="01", seed=5, levels_vpp=(70.0, 150.0))
+    clock = VirtualClock()
+    setting = Setting(
+        device=mock_device(study, clock),
+        responder=simulated_responder(study, plan, clock),
+        clock=clock,
+        stop=StopSignal(),
+    )
+    assert begin(folder, plan, setting).finished
+    assert warnings_of(results) == ()
+
+
+def test_slow_answers_within_the_studys_window_are_no_milliseconds(results: Path) -> None:
+    text = (results / FIRST / "trials.csv").read_text("utf-8")
+    rows = own_rows(next(text_chunks(io.BytesIO(text.encode()), "t.csv")), "t.csv")
+    slow = rows.assign(rt_s=20.0)
+    check_rows(slow, "t.csv", planned=True)
+    with pytest.raises(ResultFileError, match="milliseconds"):
+        check_rows(slow, "t.csv")
 
 
 def test_a_planned_trial_without_a_valid_attempt_is_told_once(results: Path) -> None:

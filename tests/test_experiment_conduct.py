@@ -485,3 +485,26 @@ def test_a_burst_that_the_device_would_refuse_is_refused_before_a_session_exists
     with pytest.raises(SuitabilityError, match=r"condition main: .* DC part"):
         lab.begin()
     assert not lab.folder.plan_path.exists()
+
+
+def test_practice_after_a_resume_is_felt_in_its_own_condition(
+    tmp_path: Path,
+    make_study: Callable[[str], Study],
+    short_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Scripted, "simulated", False)
+    conditions = '[[condition]]\nname = "one"\n[[condition]]\nname = "two"\ncycles = 2\n'
+    text = short_study_text.replace("both_trials", "practice_trials = 3\nboth_trials")
+    first = set()
+    for seed in range(8):
+        lab = Lab(make_study(conditions + text), tmp_path / str(seed))
+        lab.plan = draw_plan(lab.study, participant="01", session="01", seed=seed)
+        first.add(lab.plan.trials[0].condition)
+        with pytest.raises(Crash):
+            lab.begin(ask={2: Crash()})
+        assert lab.resume().finished
+        felt = [row for row in lab.rows if row.level_left_vpp is not None or row.status == "voided"]
+        for row, emission in zip(felt, lab.device.emitted, strict=True):
+            assert len(emission.left_v) == {"one": 97, "two": 193}[row.condition]
+    assert first == {"one", "two"}

@@ -40,6 +40,7 @@ from experiment.steps import (
     OpenBlock,
     PauseAsked,
     Phase,
+    PracticeOver,
     Rest,
     State,
     StopAsked,
@@ -146,6 +147,19 @@ def test_an_answer_at_the_earliest_moment_counts() -> None:
     assert effects[-1].status == "ok"
 
 
+def test_an_answer_after_the_window_is_a_timeout() -> None:
+    _, effects = follow(ready(trial(1)), [*FELT, Key("left", 3.01)])
+    assert effects[-1] == EndTrial(task=Task(trial(1), 1), status="ok", response="timeout")
+
+
+def test_practice_goes_over_into_the_first_block_without_a_break() -> None:
+    practice = trial(1, block=0, kind="practice")
+    state, _ = follow(ready(practice, trial(2)), [*FELT, Key("left", 0.5)])
+    assert upcoming(state) == PracticeOver()
+    state, effects = follow(state, [PracticeOver(), TrialDue()])
+    assert effects[:2] == [CloseBlock(0), OpenBlock(Task(trial(2), 1))]
+
+
 def test_a_study_may_keep_an_anticipated_trial_and_flag_it() -> None:
     state = ready(trial(1), keep_anticipated=True)
     early = [TrialDue(), Key("left", None), Elapsed(), Armed(), Fired(), Key("right", 0.6)]
@@ -218,6 +232,7 @@ def test_a_stimulus_that_went_out_forgives_earlier_failures() -> None:
 
 EVENTS = [
     TrialDue(),
+    PracticeOver(),
     BreakDue(),
     NothingLeft(),
     Elapsed(),

@@ -129,8 +129,6 @@ def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
         terminal.answer(LEFT, RIGHT)
         assert b"practice" in terminal.shown
         terminal.expect(b"right - right")
-        terminal.expect(b"Break")
-        terminal.press(ENTER)
         terminal.answer(LEFT)
         terminal.expect(b"Break")
         terminal.press(ENTER)
