@@ -1,0 +1,266 @@
+"""The dispersion equation of a strip with any edges, and every root of it.
+
+In the units of `stimuli.section`; equations (31) to (34) of docs/model.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.section import Section, cross_waves, outgoing_root, ratio, scaled_sinc
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+
+_SPARE: Final = 6
+"""Roots sought beyond those asked for: what they hide in the order is no more than a pair."""
+
+_REACH: Final = 1.2
+"""How far beyond the roots sought the modes of equation (32) are taken one by one."""
+
+_STEPS: Final = 15
+_SETTLED: Final = 1e-13
+_NUDGE: Final = 1e-8
+_NEAR_PAIR: Final = 1e-6
+
+_PAIR: Final = 0.1
+_WIDTHS: Final = (3e-3, 3e-4)
+"""Pairs of starting values nearer than this are parted anew, in parabolas of these widths; both
+times 1 + |a|, of which 2 pi is the usual distance of two roots."""
+
+_SMALL: Final = 1e-4
+
+
+def dispersion(section: Section, x: Complex) -> tuple[Complex, Complex]:
+    """Return the dispersion function and its derivative, equations (31) and (33).
+
+    It is an entire function of x whose roots are the waves of the strip, and it has no others.
+
+    Parameters
+    ----------
+    section : Section
+        Strip, frequency and symmetry.
+    x : ndarray of complex128
+        Decays squared, -(p W / 2)^2.
+
+    Returns
+    -------
+    value, slope : ndarray of complex128, shape of `x`
+        Both times exp(i (a + b)) / (1 + c), which keeps them from overflow.
+
+    Examples
+    --------
+    On simple supports the roots are (n pi / 2)^2 - z and (n pi / 2)^2 + z:
+
+    >>> supported = Section(bending=1.0, compliance=math.inf, symmetric=True)
+    >>> value, _ = dispersion(supported, np.array([math.pi**2 / 4 - 1, math.pi**2 / 4 + 1, 5.0]))
+    >>> (abs(value) < 1e-15).tolist()
+    [True, True, False]
+    """
+    slack, grip = section.weights
+    waves = cross_waves(x, section.bending)
+    a, b, apart = waves.a, waves.b, waves.apart
+    cos_a, cos_b = _scaled_cosine(a), _scaled_cosine(b)
+    sinc_a, sinc_b = scaled_sinc(a), scaled_sinc(b)
+    sinc_s = scaled_sinc(waves.total)
+    sinc_d = np.exp(2j * b) * scaled_sinc(waves.difference)
+    twist = np.where(
+        apart,
+        (sinc_d - sinc_s) / np.where(apart, 2 * a * b, 1),
+        ratio(sinc_a * cos_b - sinc_b * cos_a, np.where(apart, 1, waves.gap)),
+    )
+    if section.symmetric:
+        value = slack * cos_a * cos_b + grip * (sinc_s + sinc_d) / 2
+        bend = grip * (twist - sinc_a * sinc_b)
+        return value, (bend - slack * (sinc_a * cos_b + cos_a * sinc_b)) / 2
+    slope_a, slope_b = _sinc_slope(a, cos_a, sinc_a), _sinc_slope(b, cos_b, sinc_b)
+    twist_slope = np.where(
+        apart,
+        ((sinc_a - cos_a) * cos_b - a**2 * twist) / np.where(apart, 2 * (a * b) ** 2, 1),
+        ratio(slope_a * cos_b - slope_b * cos_a, np.where(apart, 1, waves.gap)),
+    )
+    value = slack * sinc_a * sinc_b + grip * twist
+    return value, slack * (slope_a * sinc_b + sinc_a * slope_b) + grip * twist_slope
+
+
+def _scaled_cosine(angle: Complex) -> Complex:
+    """Return exp(i t) cos(t)."""
+    turn: Complex = np.exp(2j * angle)
+    return (turn + 1) / 2
+
+
+def _sinc_slope(root: Complex, cosine: Complex, sinc: Complex) -> Complex:
+    """Return the derivative of sin(t) / t by t^2."""
+    square = root**2
+    small = abs(square) < _SMALL
+    near = -sinc / 6 * (1 + square / 15)
+    return np.where(small, near, (cosine - sinc) / (2 * np.where(small, 1, square)))
+
+
+def decays_squared(section: Section, count: int) -> Complex:
+    """Return the squares x = -(p W / 2)^2 of the first waves, ordered by their p.
+
+    Parameters
+    ----------
+    section : Section
+        Strip, frequency and symmetry; edges that are not simply supported.
+    count : int
+        How many roots.
+
+    Returns
+    -------
+    ndarray of complex128, shape (count,)
+        Roots of `dispersion`, by increasing Im p, then decreasing Re p; without loss they are
+        real or come in exactly conjugate pairs.
+
+    Examples
+    --------
+    Clamped edges at rest: s + sin(s) = 0 for s = 2 sqrt(x) (Papkovich and Fadle):
+
+    >>> x = decays_squared(Section(bending=0.0, compliance=0.0, symmetric=True), 2)
+    >>> s = 2 * np.sqrt(x)
+    >>> s.round(6), bool(np.all(abs(s + np.sin(s)) < 1e-13))
+    (array([4.212392-2.250729j, 4.212392+2.250729j]), True)
+    """
+    start = _ordered(_starting_values(section, count + _SPARE))
+    roots = _polished(section, start[: count + _SPARE // 2])
+    if complex(section.bending).imag == 0 and complex(section.compliance).imag == 0:
+        roots = _mirrored(roots)
+    return _ordered(roots)[:count]
+
+
+def _ordered(x: Complex) -> Complex:
+    p = outgoing_root(-x)
+    return x[np.lexsort((-p.real, p.imag))]
+
+
+def _starting_values(section: Section, count: int) -> Complex:
+    """Return the roots of the truncated equation (32), as eigenvalues; too many of them."""
+    z = section.bending
+    slack, grip = section.weights
+    q, load = _modes(z, count, 0.5 if section.symmetric else 0.0)
+    # what the modes leave out is a constant, exact at one place below all poles
+    place = np.array([complex(-z - 1)])
+    ends = [Section(bending=z, compliance=c, symmetric=section.symmetric) for c in (0, math.inf)]
+    clamped, supported = (dispersion(end, place)[0][0] for end in ends)
+    rest = clamped / supported - np.sum(2 * load**2 / ((q**2 - place) ** 2 - z**2))
+    strength = 2 * grip / (slack + grip * rest)
+    size = len(q)
+    matrix = np.zeros((2 * size, 2 * size), dtype=np.complex128)
+    matrix[:size, :size] = matrix[size:, size:] = np.diag(q**2)
+    matrix[:size, size:] = np.eye(size)
+    matrix[size:, :size] = z**2 * np.eye(size) - strength * np.outer(load, load)
+    values = np.linalg.eigvals(matrix if np.any(matrix.imag) else matrix.real)
+    return values.astype(np.complex128)
+
+
+def _modes(
+    bending: complex, count: int, offset: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return q and the root of half the numerator of each term of (32), with its tail (34).
+
+    Modes one by one as far as the roots sought reach, then two that stand for all the others:
+    Gauss's rule in 1 / q over the tail, of which the middle node is the constant left out.
+    """
+    q = (np.arange(1, count + 1) - offset) * math.pi
+    supported = _ordered(np.concatenate([q**2 - bending, q**2 + bending]).astype(np.complex128))
+    last = math.sqrt(np.max(abs(supported[:count] + bending)))
+    q = (np.arange(1, 4 + int(_REACH * last / math.pi)) - offset) * math.pi
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    edge = q[-1] + math.pi / 2
+    far = edge / nodes[3:]
+    return np.append(q, far), np.append(q, far * np.sqrt(weights[3:] * edge / math.pi) / nodes[3:])
+
+
+def _polished(section: Section, x: Complex) -> Complex:
+    """Return the roots next to starting values, no two of which find the same one.
+
+    Newton's step with the other values as poles (Ehrlich, Aberth), started a little beside the
+    real axis, where a real pair and a complex one do not meet.
+    """
+    x = _parted(section, x) * (1 + _NUDGE * np.exp(1j * np.arange(len(x))))
+    for _ in range(_STEPS):
+        value, slope = dispersion(section, x)
+        poles = ratio(np.ones((1, 1), dtype=np.complex128), x[:, np.newaxis] - x)
+        step = ratio(value, slope - value * np.sum(poles, axis=1))
+        x = x - step
+        if np.all(abs(step) <= _SETTLED * (abs(x) + abs(section.bending))):
+            break
+    return _merged(section, x)
+
+
+def _parted(section: Section, x: Complex) -> Complex:
+    """Return starting values whose near pairs are those of the exact function.
+
+    The starting values may part along the real axis where the roots part across it. Newton's
+    steps n at two places m + h and m - h give the parabola (x - mean)^2 - square there.
+    """
+    across = 1 + np.sqrt(abs(x + section.bending))
+    first, second = _near_pairs(x, _PAIR * across)
+    if not len(first):
+        return x
+    mean = (x[first] + x[second]) / 2
+    half = np.zeros_like(mean)
+    for width in _WIDTHS:
+        h = width * across[first]
+        above, below = (ratio(*dispersion(section, mean + shift)) for shift in (h, -h))
+        offset = ratio(2 * h * (h + below), below - above + 2 * h)
+        mean, half = mean + h - offset, np.sqrt(offset * (offset - 2 * above))
+    x = x.copy()
+    x[first], x[second] = mean + half, mean - half
+    return x
+
+
+def _merged(section: Section, x: Complex) -> Complex:
+    """Return roots of which near pairs are as certain as they can be.
+
+    Either of a pair is known to the root of the precision only; the mean, where the slope
+    vanishes, and the square of the half distance, a value over a curvature, are known to all.
+    """
+    across = 1 + np.sqrt(abs(x + section.bending))
+    first, second = _near_pairs(x, _NEAR_PAIR * across)
+    if not len(first):
+        return x
+    mean, h = (x[first] + x[second]) / 2, _WIDTHS[1] * across[first]
+    for _ in range(3):
+        curve = (dispersion(section, mean + h)[1] - dispersion(section, mean - h)[1]) / (2 * h)
+        mean = mean - dispersion(section, mean)[1] / curve
+    value = dispersion(section, mean)[0]
+    noise = 4 * np.finfo(np.float64).eps * abs(section.weights[1]) / across[first]
+    half = np.sqrt(np.where(abs(value) < noise, 0, -2 * value / curve))
+    x = x.copy()
+    x[first], x[second] = mean + half, mean - half
+    return x
+
+
+def _near_pairs(
+    x: Complex, distance: NDArray[np.floating]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the places of values that are each other's nearest, and nearer than a distance."""
+    between = abs(x[:, np.newaxis] - x)
+    np.fill_diagonal(between, math.inf)
+    partner = np.argmin(between, axis=1)
+    place = np.arange(len(x))
+    near = (partner[partner] == place) & (place < partner) & (np.min(between, axis=1) < distance)
+    return place[near], partner[near]
+
+
+def _mirrored(x: Complex) -> Complex:
+    """Return roots of a real function as such: real, or in exactly conjugate pairs.
+
+    Of a near pair the mean and the square of the half distance are real, whichever it is.
+    """
+    x = x.copy()
+    first, second = _near_pairs(x, _NEAR_PAIR * abs(x))
+    mean, half = (x[first] + x[second]).real / 2, (x[first] - x[second]) / 2
+    half = np.sqrt((half**2).real.astype(np.complex128))
+    x[first], x[second] = mean + half, mean - half
+    distance = abs(x[:, np.newaxis] - x.conj())
+    partner = np.argmin(distance, axis=1)
+    paired = np.min(distance, axis=1) < _NEAR_PAIR * abs(x)
+    return np.where(paired, (x + x[partner].conj()) / 2, x)
