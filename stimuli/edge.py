@@ -95,3 +95,29 @@ def edge_phase(mode: int, compliance: float) -> float:
         hold = math.tanh(z) if mode % 2 else 1 / math.tanh(z)
         phase = math.atan(1 / (2 * compliance * z + hold))
     return phase
+
+
+def edge_grip(cutoff_hz: float, supported_hz: float, clamped_hz: float) -> float:
+    """Return the K W / D of a first cut-off, equation (18), free of cancellation at both limits.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        First cut-off of the strip.
+    supported_hz, clamped_hz : float
+        The first cut-offs on simple supports and between clamps; the one wanted lies between.
+
+    Examples
+    --------
+    >>> 2 / edge_grip(2.0, 1.0, 2.2669) > 2 / edge_grip(2.1, 1.0, 2.2669)
+    True
+    """
+    clamped = edge_phase(1, 0.0)
+    ratio = math.sqrt(cutoff_hz / supported_hz)
+    phase = (math.pi / 2) * (cutoff_hz - supported_hz) / supported_hz / (1 + ratio)
+    clamped_ratio = math.sqrt(clamped_hz / supported_hz)
+    rest = (math.pi / 2) * (clamped_hz - cutoff_hz) / supported_hz / (clamped_ratio + ratio)
+    z = math.pi / 2 + phase
+    free = math.sin(rest) / (math.sin(phase) * math.sin(clamped))
+    free += math.sinh(rest) / (math.cosh(z) * math.cosh(math.pi / 2 + clamped))
+    return 4 * z / free

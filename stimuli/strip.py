@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import math
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from stimuli.checks import finite, finite_array, instance, whole
-from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge, edge_phase
+from stimuli.checks import finite, finite_complex, instance, whole
+from stimuli.dispersion import decays_squared
+from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge, edge_grip, edge_phase
+from stimuli.exceptional import exceptional_bending
 from stimuli.material import Material
+from stimuli.section import Section, outgoing_root
+from stimuli.shapes import folded, is_wave, wave_shape
+from stimuli.supported import supported_cutoff_hz, supported_wavenumbers
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -20,10 +25,14 @@ if TYPE_CHECKING:
 Symmetry = Literal["symmetric", "antisymmetric"]
 
 _MOST_MODES: Final = 10_000
+_MOST_HELD: Final = 1_000
+"""Most wavenumbers of edges that are not simply supported: a second of computing."""
+
+_LEAST_BENDING: Final = 1e-30
+"""Below it (k W / 2)^2 changes no digit of a wavenumber."""
+
 _MOST_CUTOFFS: Final = 1e9
 """Frequencies above so many first cut-offs are refused: no plate is thin against such waves."""
-
-_PI_SQUARED: Final = Fraction("9.86960440108935861883449099987615113531369940724079")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,23 +169,25 @@ class Strip:
                 f"{supported_hz:.10g} Hz, and below that of the clamped one, "
                 f"{clamped_hz:.10g} Hz, got {frequency_hz!r}"
             )
-        stiffness_n = self._edge_stiffness_n(wanted_hz, supported_hz, clamped_hz)
+        grip = edge_grip(wanted_hz, supported_hz, clamped_hz)
+        stiffness_n = self.bending_stiffness_n_m / self.width_m * grip
         return dataclasses.replace(self, edge=ElasticEdge(stiffness_n=stiffness_n))
 
     def wavenumbers_rad_m(
         self, frequency_hz: float, n_modes: int = 4, symmetry: Symmetry = "symmetric"
     ) -> NDArray[np.complex128]:
-        """Return the wavenumbers of the outgoing waves along the strip, equations (9) and (19).
+        """Return the wavenumbers of the outgoing waves along the strip.
 
-        Both branches are listed: the waves of equation (9), which propagate above their cut-off,
-        and those of equation (19), which never do. Only simply supported edges are implemented.
+        All are listed, whatever the edges: waves that propagate, waves that decay, and waves that
+        oscillate while they decay, which without loss come in pairs +-Re p + i Im p. Equations
+        (9) and (19) for simply supported edges, (31) for the others.
 
         Parameters
         ----------
         frequency_hz : float
-            Frequency from 0 to 1e9 first cut-offs.
+            Frequency from 0 to 1e9 first cut-offs of the simply supported strip.
         n_modes : int
-            How many wavenumbers to return.
+            How many wavenumbers to return, up to 1000; up to 10000 for simply supported edges.
         symmetry : {"symmetric", "antisymmetric"}
             Symmetry of the modes about the centre line.
 
@@ -184,101 +195,201 @@ class Strip:
         -------
         ndarray of complex128, shape (n_modes,)
             Wavenumbers p of exp(+i p x) exp(-i omega t) in rad/m, x > 0: Im p > 0, or Im p = 0
-            and p > 0. By increasing imaginary part; propagating waves first, the largest first.
+            and p > 0. By increasing imaginary part; propagating waves first, the largest first;
+            both members of a pair, Re p > 0 first. The last may be half of a pair.
 
         Raises
         ------
         ValueError
-            If an argument is out of its range, or the edges are not simply supported.
+            If an argument is out of its range.
 
         Notes
         -----
-        Source: paper, section II-A, for the first branch. Near a cut-off the result is as exact
-        as the inputs: the detuning is taken in rational arithmetic.
+        Source: paper, section II-A, for the first branch on simple supports. The error is what a
+        few units in the last place of the inputs would make: unbounded at a cut-off and where two
+        wavenumbers coalesce (`exceptional_point_hz`).
 
         Examples
         --------
-        Below the first cut-off every wave is evanescent, and at rest both branches meet:
+        At rest the two lowest waves are one on simple supports, a pair between clamps:
 
-        >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, Strip
-        >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
-        ...               edge=SIMPLY_SUPPORTED)
-        >>> strip.wavenumbers_rad_m(500.0, n_modes=2).imag.round(6)
-        array([108.129134, 141.034834])
-        >>> strip.wavenumbers_rad_m(0.0, n_modes=2).imag.round(6)
-        array([125.663706, 125.663706])
+        >>> from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, Strip
+        >>> strips = [Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=edge)
+        ...           for edge in (SIMPLY_SUPPORTED, CLAMPED)]
+        >>> for strip in strips:
+        ...     print(strip.wavenumbers_rad_m(0.0, n_modes=2).round(6))
+        [0.+125.663706j 0.+125.663706j]
+        [ 90.029144+168.495689j -90.029144+168.495689j]
         """
-        most_hz = _MOST_CUTOFFS * self._supported_cutoff_hz()
-        frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=most_hz)
-        n_modes = whole("n_modes", n_modes, least=1, most=_MOST_MODES)
-        if symmetry not in ("symmetric", "antisymmetric"):
-            raise ValueError(f"symmetry must be symmetric or antisymmetric, got {symmetry!r}")
-        self._require_simple_support("wavenumbers")
-        first = 1 if symmetry == "symmetric" else 2
+        section = self._section(frequency_hz, symmetry)
+        supported = math.isinf(self._edge_compliance())
+        most = _MOST_MODES if supported else _MOST_HELD
+        n_modes = whole("n_modes", n_modes, least=1, most=most)
+        if not supported:
+            return outgoing_root(-decays_squared(section, n_modes)) * (2 / self.width_m)
+        first = 1 if section.symmetric else 2
         modes = range(first, first + 2 * n_modes, 2)
-        ratio = self._squared_frequency_ratio(frequency_hz)
-        factor = self.material.stiffness_factor(frequency_hz)
-        q = math.pi / self.width_m * np.array(modes)
-        p = np.concatenate([q, q]) * _relative_wavenumbers(modes, ratio, factor)
-        return p[np.lexsort((-p.real, p.imag))][:n_modes]
+        plate = (self.material, self.width_m, self.thickness_m)
+        return supported_wavenumbers(*plate, frequency_hz, modes)[:n_modes]
+
+    def exceptional_point_hz(self) -> float:
+        """Return the frequency where the two lowest symmetric wavenumbers coalesce.
+
+        Below it they are a pair +-Re p + i Im p: the field away from a load then has nulls along
+        the strip. Between it and the first cut-off both are purely imaginary.
+
+        Returns
+        -------
+        float
+            The exceptional point of the strip without loss, equation (35), in Hz. Simply
+            supported edges have none above 0 Hz, where all their wavenumbers meet in twos: 0,
+            which is also the limit of ever softer springs.
+
+        Examples
+        --------
+        It lies below the first cut-off:
+
+        >>> from stimuli import ALUMINIUM, CLAMPED, Strip
+        >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+        >>> round(strip.exceptional_point_hz(), 6), round(strip.cutoff_hz(), 6)
+        (3618.11525, 4366.096943)
+        """
+        bending = exceptional_bending(self._edge_compliance())
+        return self._supported_cutoff_hz() * bending / (math.pi / 2) ** 2
 
     def mode_shape(self, mode: int, y_m: ArrayLike) -> NDArray[np.float64]:
-        """Return the shape of a mode across the simply supported strip, equations (7) and (8).
+        """Return the shape of a mode across the strip at its cut-off.
+
+        On simple supports it is sin(n pi y / W), equations (7) and (8), the shape of that mode at
+        every frequency. With other edges the shape changes with frequency: see `wave_shape`.
 
         Parameters
         ----------
         mode : int
-            Number n of the mode, from 1.
+            Number n of the mode, from 1, as in `cutoff_hz`; odd modes are symmetric.
         y_m : array_like of float
             Places across the strip, from 0 to its width.
 
         Returns
         -------
         ndarray of float64, shape of `y_m`
-            sin(n pi y / W): unit amplitude, exactly 0 on both edges.
+            Shape with a mean square of 1/2 over the width, as a sine, exactly 0 on both edges and
+            rising from y = 0. Different modes are orthogonal.
 
         Raises
         ------
         ValueError
-            If an argument is out of its range, or the edges are not simply supported.
+            If an argument is out of its range.
 
         Examples
         --------
         Odd modes are symmetric about the centre line, even ones have a node there:
 
-        >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, Strip
+        >>> from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, Strip
         >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
         ...               edge=SIMPLY_SUPPORTED)
         >>> strip.mode_shape(1, [0.0, 0.005, 0.0125, 0.02]).round(4).tolist()
         [0.0, 0.5878, 1.0, 0.5878]
         >>> float(strip.mode_shape(2, 0.0125).round(12))
         0.0
+
+        Between clamps the shape is that of the clamped beam:
+
+        >>> clamped = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+        >>> clamped.mode_shape(1, [0.0, 0.005, 0.0125, 0.02]).round(4).tolist()
+        [0.0, 0.438, 1.123, 0.438]
         """
         mode = whole("mode", mode, least=1, most=_MOST_MODES)
-        y = finite_array("y_m", y_m)
-        if np.any((y < 0) | (y > self.width_m)):
-            raise ValueError(f"y_m must lie from 0 to the width {self.width_m:g} m, got {y_m!r}")
-        self._require_simple_support("mode shapes")
-        # counted from the nearer edge, so that both edges are exact zeros
-        other = self.width_m - y
-        mirrored = np.where(y > other, -1.0 if mode % 2 == 0 else 1.0, 1.0)
-        return mirrored * np.sin(mode * np.pi * (np.minimum(y, other) / self.width_m))
+        from_edge, parity = folded(y_m, self.width_m, symmetric=mode % 2 == 1)
+        compliance = self._edge_compliance()
+        if math.isinf(compliance):
+            # counted from the nearer edge, so that both edges are exact zeros
+            return parity * np.sin(mode * np.pi * (from_edge / 2))
+        bending = (mode * (math.pi / 2) + edge_phase(mode, compliance)) ** 2
+        section = Section(bending=bending, compliance=compliance, symmetric=mode % 2 == 1)
+        return parity * wave_shape(section, 0.0, from_edge).real
+
+    def wave_shape(
+        self,
+        wavenumber_rad_m: complex,
+        frequency_hz: float,
+        y_m: ArrayLike,
+        symmetry: Symmetry = "symmetric",
+    ) -> NDArray[np.complex128]:
+        """Return the shape across the strip of one wave, equation (36).
+
+        Parameters
+        ----------
+        wavenumber_rad_m : complex
+            One of `wavenumbers_rad_m` for this frequency and symmetry, of either sign, its
+            square exact to 1e-6 (|p|^2 + |k|^2).
+        frequency_hz : float
+            Frequency, as in `wavenumbers_rad_m`.
+        y_m : array_like of float
+            Places across the strip, from 0 to its width.
+        symmetry : {"symmetric", "antisymmetric"}
+            Symmetry of the wave about the centre line.
+
+        Returns
+        -------
+        ndarray of complex128, shape of `y_m`
+            Shape with a mean of |U|^2 of 1/2 over the width, exactly 0 on both edges; its phase
+            makes U' + (W / 2) U'' at y = 0 real and positive. Without loss a real p^2 has a real
+            shape, and the two members of a pair have conjugate ones.
+
+        Raises
+        ------
+        ValueError
+            If an argument is out of its range, or the strip has no such wave.
+
+        Examples
+        --------
+        Coming from below, the shape of the slowest wave becomes that of the cut-off:
+
+        >>> from stimuli import ALUMINIUM, CLAMPED, Strip
+        >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+        >>> for ratio in (0.9, 0.999):
+        ...     p = strip.wavenumbers_rad_m(ratio * strip.cutoff_hz())[0]
+        ...     shape = strip.wave_shape(p, ratio * strip.cutoff_hz(), 0.0125)
+        ...     print((shape / strip.mode_shape(1, 0.0125)).real.round(4))
+        1.0055
+        1.0
+        """
+        section = self._section(frequency_hz, symmetry)
+        from_edge, parity = folded(y_m, self.width_m, symmetric=section.symmetric)
+        half = finite_complex("wavenumber_rad_m", wavenumber_rad_m) * (self.width_m / 2)
+        if not is_wave(section, -half * half):
+            raise ValueError(
+                "wavenumber_rad_m must be one of the strip's wavenumbers for this frequency and "
+                f"symmetry, got {wavenumber_rad_m!r}"
+            )
+        return parity * wave_shape(section, -half * half, from_edge)
+
+    def _section(self, frequency_hz: float, symmetry: Symmetry) -> Section:
+        """Return what the dispersion equation needs of the strip at one frequency."""
+        first_hz = self._supported_cutoff_hz()
+        frequency_hz = finite(
+            "frequency_hz", frequency_hz, least=0.0, most=_MOST_CUTOFFS * first_hz
+        )
+        if symmetry not in ("symmetric", "antisymmetric"):
+            raise ValueError(f"symmetry must be symmetric or antisymmetric, got {symmetry!r}")
+        factor = self.material.stiffness_factor(frequency_hz)
+        compliance: complex = self._edge_compliance()
+        if (
+            isinstance(self.edge, ElasticEdge)
+            and self.edge.lossless
+            and not cmath.isinf(compliance)
+        ):
+            compliance *= factor
+        bending = (math.pi / 2) ** 2 * (frequency_hz / first_hz) / cmath.sqrt(factor)
+        return Section(
+            bending=bending if abs(bending) > _LEAST_BENDING else 0.0,
+            compliance=compliance,
+            symmetric=symmetry == "symmetric",
+        )
 
     def _supported_cutoff_hz(self) -> float:
-        """Return f_1 of the simply supported strip, equation (14)."""
-        material = self.material
-        relief = (1 - material.poisson_ratio) * (1 + material.poisson_ratio)
-        speed_m_s = math.sqrt(material.youngs_modulus_pa / (material.density_kg_m3 * relief))
-        return math.pi / (4 * math.sqrt(3)) * self.thickness_m / self.width_m**2 * speed_m_s
-
-    def _squared_frequency_ratio(self, frequency_hz: float) -> Fraction:
-        """Return (f / f_1)^2 of the simply supported strip, exact but for pi, equation (14)."""
-        material = self.material
-        nu = Fraction(material.poisson_ratio)
-        inertia = Fraction(material.density_kg_m3) * (1 - nu * nu)
-        size = Fraction(self.width_m) ** 4 / Fraction(self.thickness_m) ** 2
-        stiffness = Fraction(material.youngs_modulus_pa)
-        return 48 * Fraction(frequency_hz) ** 2 * size * inertia / (_PI_SQUARED * stiffness)
+        return supported_cutoff_hz(self.material, self.width_m, self.thickness_m)
 
     def _edge_compliance(self) -> float:
         """Return 2 D / (K W): infinite for simply supported edges, 0 for clamped ones."""
@@ -286,42 +397,3 @@ class Strip:
             return math.inf if self.edge is SIMPLY_SUPPORTED else 0.0
         hold_n_m = self.edge.stiffness_n * self.width_m
         return 2 * self.bending_stiffness_n_m / hold_n_m if hold_n_m else math.inf
-
-    def _edge_stiffness_n(self, cutoff_hz: float, supported_hz: float, clamped_hz: float) -> float:
-        """Return the K of a first cut-off, equation (18), free of cancellation at both limits."""
-        clamped = edge_phase(1, 0.0)
-        ratio = math.sqrt(cutoff_hz / supported_hz)
-        phase = (math.pi / 2) * (cutoff_hz - supported_hz) / supported_hz / (1 + ratio)
-        clamped_ratio = math.sqrt(clamped_hz / supported_hz)
-        rest = (math.pi / 2) * (clamped_hz - cutoff_hz) / supported_hz / (clamped_ratio + ratio)
-        z = math.pi / 2 + phase
-        grip = math.sin(rest) / (math.sin(phase) * math.sin(clamped))
-        grip += math.sinh(rest) / (math.cosh(z) * math.cosh(math.pi / 2 + clamped))
-        return 4 * z * self.bending_stiffness_n_m / (self.width_m * grip)
-
-    def _require_simple_support(self, what: str) -> None:
-        if not math.isinf(self._edge_compliance()):
-            raise ValueError(
-                f"{what} are available for simply supported edges only "
-                f"(edge=SIMPLY_SUPPORTED), got {self.edge!r}"
-            )
-
-
-def _relative_wavenumbers(modes: range, ratio: Fraction, factor: complex) -> NDArray[np.complex128]:
-    """Return p / q_n of both branches, equations (9) and (19), first branch first.
-
-    p^2 / q^2 = -(1 - r c) and -(1 + r c) with r = k^2 / q^2 without loss and c = 1 / sqrt(factor).
-    1 - r c = (1 - r^2) / (1 + r) + r (1 - c): no cancellation at cut-off nor at small loss.
-    """
-    detuning = np.array([float(1 - ratio / mode**4) for mode in modes])
-    r = math.sqrt(ratio) / np.square(np.array(modes, dtype=np.float64))
-    c = factor**-0.5
-    deficit = complex(0.0, factor.imag) / factor / (1 + c)
-    return _outgoing_root(-np.concatenate([detuning / (1 + r) + r * deficit, 1 + r * c]))
-
-
-def _outgoing_root(square: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Return the root with Im > 0, or Im = 0 and Re > 0, whatever the sign of a zero."""
-    root: NDArray[np.complex128] = np.sqrt(square)
-    root[(root.imag < 0) | ((root.imag == 0) & (root.real < 0))] *= -1.0
-    return root + 0j

@@ -400,14 +400,6 @@ def test_wrong_wavenumber_requests_are_refused() -> None:
         PLATE.wavenumbers_rad_m(500.0, n_modes=0)
 
 
-@pytest.mark.parametrize("edge", [CLAMPED, ElasticEdge(stiffness_n=1.0)])
-def test_what_is_known_for_simple_supports_only_says_so(edge: IdealEdge | ElasticEdge) -> None:
-    with pytest.raises(ValueError, match="wavenumbers are available for simply supported edges"):
-        on(edge).wavenumbers_rad_m(500.0)
-    with pytest.raises(ValueError, match="mode shapes are available for simply supported edges"):
-        on(edge).mode_shape(1, 0.01)
-
-
 @pytest.mark.parametrize("bad", [-1e-6, 0.0251, [0.01, math.nan], "middle", [True]])
 def test_places_beside_the_strip_are_refused(bad: Any) -> None:
     with pytest.raises(ValueError, match="y_m must"):
