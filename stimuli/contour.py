@@ -1,0 +1,111 @@
+"""A path in the plane of s = p W that passes above some guided waves and below all others.
+
+    s(t) = i lowest + reach sinh(t + i tilt)
+
+opens upwards, so that exp(i s |x|) dies along it, and maps a strip |Im t| < tilt onto a region free
+of poles: the trapezoidal rule converges exponentially in the number of its nodes, equation (41).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+_REACH: Final = 0.6
+"""Reach as a part of the gap between the waves below and above the path."""
+
+_LEAST_GAP: Final = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contour:
+    """One path per frequency.
+
+    Attributes
+    ----------
+    s : ndarray of complex128, shape (n_frequencies, n_nodes)
+        Nodes.
+    weight : ndarray of complex128, shape (n_frequencies, n_nodes)
+        ds / (2 pi) of the trapezoidal rule. Every second node alone, with doubled weights, is
+        the rule of twice the step.
+    n_below : ndarray of int, shape (n_frequencies,)
+        How many of the waves, slowest decay first, lie below the path.
+    ceiling : ndarray of float64, shape (n_frequencies,)
+        Decay of the first wave above the path.
+    """
+
+    s: Complex
+    weight: Complex
+    n_below: NDArray[np.int_]
+    ceiling: Real
+
+
+def contour(p: Complex, rtol: float, finest: float, nearest: float) -> Contour:
+    """Return the paths that need the fewest nodes.
+
+    Parameters
+    ----------
+    p : ndarray of complex128, shape (n_frequencies, n_modes)
+        Known waves, slowest decay first; the path stays below the last of them.
+    rtol : float
+        Wanted relative error of the integral.
+    finest : float
+        Smallest size of the load in widths: beyond s = 1 / finest the integrand falls as s^-3.
+    nearest : float
+        Least distance along the strip that is asked; far from the load the path ends early.
+
+    Returns
+    -------
+    Contour
+
+    Examples
+    --------
+    The integral of exp(i s x) / (s^2 + a^2) above i a is empty, below it the residue's:
+
+    >>> p = np.array([[1j, 3j]])
+    >>> path = contour(p, 1e-12, 1.0, 0.5)
+    >>> part = (path.weight * np.exp(0.5j * path.s) / (path.s**2 + 9)).sum()
+    >>> bool(path.n_below[0] == 1 and abs(part - np.exp(-1.5) / 6) < 1e-12)
+    True
+    """
+    lowest, reach, tilt, n_below = _chosen(p)
+    digits = np.log(1 / rtol) + 3
+    step = 2 * np.pi * tilt / digits
+    far = np.log(2 / (finest * reach) + 2) + 0.5 * digits
+    if nearest > 0:
+        far = np.minimum(far, np.arccosh(1 + digits / (nearest * reach * np.sin(tilt))))
+    n_half = 2 * int(np.ceil(np.max(far / step) / 2))
+    t = step[:, np.newaxis] * np.arange(-n_half, n_half + 1)
+    turned = t + 1j * tilt[:, np.newaxis]
+    s = 1j * lowest[:, np.newaxis] + reach[:, np.newaxis] * np.sinh(turned)
+    weight = (step * reach)[:, np.newaxis] * np.cosh(turned) / (2 * np.pi)
+    ceiling = np.take_along_axis(p.imag, n_below[:, np.newaxis], axis=1)[:, 0]
+    return Contour(s=s, weight=weight, n_below=n_below, ceiling=ceiling)
+
+
+def _chosen(p: Complex) -> tuple[Real, Real, Real, NDArray[np.int_]]:
+    """Return lowest point, reach, tilt and the number of waves below, for each frequency."""
+    n_frequencies, n_modes = p.shape
+    best = np.full(n_frequencies, -1.0)
+    chosen = np.zeros((3, n_frequencies))
+    n_below = np.zeros(n_frequencies, dtype=np.int_)
+    for below in range(1, n_modes):
+        low = p[:, below - 1].imag
+        gap = np.maximum(p[:, below].imag - low, 0.0)
+        reach = _REACH * np.maximum(gap, _LEAST_GAP)
+        above = (p[:, below:] - 1j * low[:, np.newaxis]) / reach[:, np.newaxis]
+        tilt = np.min(np.arcsinh(above).imag, axis=1) / 2
+        merit = np.where(gap > _LEAST_GAP, tilt / (12 + np.log(1 + 1 / reach)), 0.0)
+        better = merit > best
+        best = np.where(better, merit, best)
+        n_below = np.where(better, below, n_below)
+        chosen = np.where(better, np.stack([low, reach, tilt]), chosen)
+    return chosen[0], chosen[1], chosen[2], n_below
