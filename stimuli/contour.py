@@ -36,6 +36,9 @@ class Contour:
     weight : ndarray of complex128, shape (n_frequencies, n_nodes)
         ds / (2 pi) of the trapezoidal rule. Every second node alone, with doubled weights, is
         the rule of twice the step.
+    mirrored : bool
+        Only one half of the path is listed, with doubled weights: without loss the terms of
+        the other half are the conjugates, so that the real part of the sum is the integral.
     n_below : ndarray of int, shape (n_frequencies,)
         How many of the waves, slowest decay first, lie below the path.
     ceiling : ndarray of float64, shape (n_frequencies,)
@@ -44,11 +47,14 @@ class Contour:
 
     s: Complex
     weight: Complex
+    mirrored: bool
     n_below: NDArray[np.int_]
     ceiling: Real
 
 
-def contour(p: Complex, rtol: float, finest: float, nearest: float) -> Contour:
+def contour(
+    p: Complex, rtol: float, *, finest: float, nearest: float, mirrored: bool = False
+) -> Contour:
     """Return the paths that need the fewest nodes.
 
     Parameters
@@ -61,6 +67,8 @@ def contour(p: Complex, rtol: float, finest: float, nearest: float) -> Contour:
         Smallest size of the load in widths: beyond s = 1 / finest the integrand falls as s^-3.
     nearest : float
         Least distance along the strip that is asked; far from the load the path ends early.
+    mirrored : bool
+        Whether one half of the path is enough: no loss.
 
     Returns
     -------
@@ -71,7 +79,7 @@ def contour(p: Complex, rtol: float, finest: float, nearest: float) -> Contour:
     The integral of exp(i s x) / (s^2 + a^2) above i a is empty, below it the residue's:
 
     >>> p = np.array([[1j, 3j]])
-    >>> path = contour(p, 1e-12, 1.0, 0.5)
+    >>> path = contour(p, 1e-12, finest=1.0, nearest=0.5)
     >>> part = (path.weight * np.exp(0.5j * path.s) / (path.s**2 + 9)).sum()
     >>> bool(path.n_below[0] == 1 and abs(part - np.exp(-1.5) / 6) < 1e-12)
     True
@@ -83,12 +91,14 @@ def contour(p: Complex, rtol: float, finest: float, nearest: float) -> Contour:
     if nearest > 0:
         far = np.minimum(far, np.arccosh(1 + digits / (nearest * reach * np.sin(tilt))))
     n_half = 2 * int(np.ceil(np.max(far / step) / 2))
-    t = step[:, np.newaxis] * np.arange(-n_half, n_half + 1)
-    turned = t + 1j * tilt[:, np.newaxis]
+    number = np.arange(0 if mirrored else -n_half, n_half + 1)
+    turned = step[:, np.newaxis] * number + 1j * tilt[:, np.newaxis]
     s = 1j * lowest[:, np.newaxis] + reach[:, np.newaxis] * np.sinh(turned)
     weight = (step * reach)[:, np.newaxis] * np.cosh(turned) / (2 * np.pi)
+    if mirrored:
+        weight[:, 1:] *= 2
     ceiling = np.take_along_axis(p.imag, n_below[:, np.newaxis], axis=1)[:, 0]
-    return Contour(s=s, weight=weight, n_below=n_below, ceiling=ceiling)
+    return Contour(s=s, weight=weight, mirrored=mirrored, n_below=n_below, ceiling=ceiling)
 
 
 def _chosen(p: Complex) -> tuple[Real, Real, Real, NDArray[np.int_]]:

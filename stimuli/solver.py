@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.contour import Contour, contour
+from stimuli.contour import contour
 from stimuli.disc import inside_excess
 from stimuli.guided import Guided, guided
 from stimuli.transform import Source, transformed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from stimuli.contour import Contour
 
     Complex = NDArray[np.complex128]
     Real = NDArray[np.float64]
@@ -22,8 +24,50 @@ _LEAST_DISTANCE: Final = 1e-8
 """Distances from a disc's centre are kept above this part of its radius: the two logarithms that
 cancel there differ by less than rounding."""
 
-_CIRCLE_NODES: Final = 32
+_EXTRA_WAVES: Final = 6
+_CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 _EPS: Final = float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Task:
+    """What is asked of one load, in units of the width.
+
+    Attributes
+    ----------
+    k : ndarray of complex128, shape (n_frequencies,)
+        Bending wavenumbers times the width, not small.
+    hold : ndarray of complex128, shape (n_frequencies,)
+        1 / (kappa W): 0 for clamped, infinite for simply supported edges.
+    source : Source
+        The load.
+    distance, across : ndarray of float64, shape (n_points,)
+        |x| from the load's centre and Y of each point.
+    rtol : float
+        Wanted relative error.
+    """
+
+    k: Complex
+    hold: Complex
+    source: Source
+    distance: Real
+    across: Real
+    rtol: float
+
+    def at(self, points: NDArray[np.bool_]) -> Task:
+        """Return the task for some of its points."""
+        return replace(self, distance=self.distance[points], across=self.across[points])
+
+    @property
+    def clearance(self) -> Real:
+        """Distance along the strip from the load's end, negative beside it."""
+        return self.distance - self.source.half_length - self.source.radius
+
+    @property
+    def lossless(self) -> bool:
+        """Whether the field is real but for propagating waves."""
+        held = self.hold[np.isfinite(self.hold)]
+        return not (np.any(self.k.imag) or np.any(held.imag))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,32 +78,15 @@ class Part:
     error: Real
 
 
-def solved(
-    k: Complex,
-    hold: Complex,
-    source: Source,
-    distance: Real,
-    across: Real,
-    *,
-    rtol: float,
-    signs: tuple[int, ...] = (1, -1),
-) -> Part:
+def solved(task: Task, signs: tuple[int, ...] = (1, -1)) -> Part:
     """Return D U / W^2 of a load at points, equations (40) to (43).
 
     Parameters
     ----------
-    k : ndarray of complex128, shape (n_frequencies,)
-        Bending wavenumber times the width, not small.
-    hold : ndarray of complex128, shape (n_frequencies,)
-        1 / (kappa W).
-    source : Source
-        The load.
-    distance, across : ndarray of float64, shape (n_points,)
-        |x| from the load's centre and Y of each point.
-    rtol : float
-        Wanted relative error.
+    task : Task
+        Load, points, wavenumbers and wanted error.
     signs : tuple of int
-        Symmetries to compute.
+        Symmetries about the centre line that are computed: +1 symmetric, -1 antisymmetric.
 
     Returns
     -------
@@ -72,104 +99,148 @@ def solved(
     >>> from stimuli.transverse import Span
     >>> def at(y0, y):
     ...     source = Source(span=Span(low=y0, high=y0))
-    ...     place = np.array([0.4]), np.array([y])
-    ...     return solved(np.array([2 + 0j]), np.array([0j]), source, *place, rtol=1e-10).value
+    ...     return solved(Task(k=np.array([2 + 0j]), hold=np.array([0j]), source=source, rtol=1e-10,
+    ...                        distance=np.array([0.4]), across=np.array([y]))).value
     >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
     True
     """
-    value = np.zeros((k.size, distance.size), dtype=np.complex128)
+    value = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
     error = np.zeros(value.shape)
     for sign in signs:
-        part = _one_symmetry(k, hold, source, distance, across, rtol, sign)
-        value, error = value + part.value, error + part.error
+        modes = guided(task.k, task.hold, n_waves(task.k), sign)
+        far = task.clearance >= far_clearance(modes, task.rtol)
+        for points, method in ((far, _far), (~far, _near)):
+            if np.any(points):
+                part = method(task.at(points), modes)
+                value[:, points] += part.value
+                error[:, points] += part.error
+    source = task.source
     if source.radius:
-        apart = _clipped(source, np.hypot(distance, across - source.span.low))
-        excess = inside_excess(k, source.radius, apart, moment=source.moment)
+        apart = _clipped(source, np.hypot(task.distance, task.across - source.span.low))
+        excess = inside_excess(task.k, source.radius, apart, moment=source.moment)
         value, error = value + excess, error + 8 * _EPS * np.abs(excess)
     return Part(value=value, error=error)
 
 
-def _one_symmetry(
-    k: Complex, hold: Complex, source: Source, distance: Real, across: Real, rtol: float, sign: int
-) -> Part:
-    n_modes = int(np.max(k.real) / (2 * np.pi)) + 6
-    modes = guided(k, hold, n_modes, sign)
-    finest = min(x for x in (2 * source.half_length, source.span.length, source.radius, 1.0) if x)
-    nearest = max(float(np.min(distance)) - source.half_length, 0.0)
-    path = contour(modes.p, rtol, finest, 0.0 if source.radius else nearest)
-    waves = _waves(modes, path.n_below, k, hold, source, distance, across, sign)
-    rest = _integral(path, k, hold, source, distance, across, sign)
+def n_waves(k: Complex) -> int:
+    """Return how many guided waves of one symmetry are found: all that propagate and some."""
+    return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
+
+
+def far_clearance(modes: Guided, rtol: float) -> float:
+    """Return the distance from a load beyond which the known guided waves are enough."""
+    spread = np.min(modes.p[:, -1].imag - modes.p[:, 0].imag)
+    return float((np.log(1 / rtol) + 4) / spread)
+
+
+def _far(task: Task, modes: Guided) -> Part:
+    """Return the sum over all known guided waves, equation (40)."""
+    terms = _terms(task, modes, np.full(task.k.size, modes.p.shape[1]))
+    part = _sum_of_waves(task, modes, terms)
+    return replace(part, error=part.error + np.abs(terms[:, -1]))
+
+
+def _near(task: Task, modes: Guided) -> Part:
+    """Return the guided waves below a path and the integral along it, (40) and (41)."""
+    source = task.source
+    sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
+    nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
+    path = contour(
+        modes.p,
+        task.rtol,
+        finest=min(size for size in sizes if size > 0),
+        nearest=0.0 if source.radius else nearest,
+        mirrored=task.lossless,
+    )
+    terms = _terms(task, modes, path.n_below)
+    waves = _sum_of_waves(task, modes, terms)
+    rest = _integral(task, path, modes.sign, np.max(np.abs(terms), axis=1))
     return Part(value=waves.value + rest.value, error=waves.error + rest.error)
 
 
-def _waves(
-    modes: Guided,
-    n_below: NDArray[np.int_],
-    k: Complex,
-    hold: Complex,
-    source: Source,
-    distance: Real,
-    across: Real,
-    sign: int,
-) -> Part:
-    """Return the guided waves below the path, equation (40)."""
+def _terms(task: Task, modes: Guided, n_below: NDArray[np.int_]) -> Complex:
+    """Return the first guided waves at the points, shape (n_frequencies, n_modes, n_points)."""
     most = int(np.max(n_below))
     p = modes.p[:, :most]
-    used = np.arange(most) < n_below[:, np.newaxis]
-    weight = 1j * modes.excited(k[:, np.newaxis], source)[:, :most] / modes.norms()[:, :most]
-    weight = np.where(used, weight, 0.0)[..., np.newaxis]
-    along = source.along(p[..., np.newaxis], distance)
-    terms = weight * modes.shapes(across)[:, :most] * along
-    size = 1 + np.abs(p[..., np.newaxis]) * distance
-    error = 4 * _EPS * (np.abs(terms) * size).sum(axis=1)
-    return Part(value=terms.sum(axis=1), error=error)
+    weight = 1j * modes.excited(task.k[:, np.newaxis], task.source) / modes.norms()
+    weight = np.where(np.arange(most) < n_below[:, np.newaxis], weight[:, :most], 0.0)
+    along = task.source.along(p[..., np.newaxis], task.distance)
+    terms: Complex = weight[..., np.newaxis] * modes.shapes(task.across)[:, :most] * along
+    for row, first in zip(*_close_pairs(p, n_below), strict=True):
+        _merge(terms, task, modes, int(row), int(first))
+    return terms
 
 
-def _integral(
-    path: Contour,
-    k: Complex,
-    hold: Complex,
-    source: Source,
-    distance: Real,
-    across: Real,
-    sign: int,
-) -> Part:
+def _sum_of_waves(task: Task, modes: Guided, terms: Complex) -> Part:
+    p = modes.p[:, : terms.shape[1], np.newaxis]
+    size = np.abs(terms) * (1 + np.abs(p) * task.distance)
+    return Part(value=terms.sum(axis=1), error=4 * _EPS * size.sum(axis=1))
+
+
+def _close_pairs(p: Complex, n_below: NDArray[np.int_]) -> tuple[NDArray[np.intp], ...]:
+    """Return rows and first members of pairs that may have to be taken together."""
+    close = np.abs(np.diff(p, axis=1)) < _CLOSE * np.abs(p[:, 1:])
+    close &= np.arange(1, p.shape[1]) < n_below[:, np.newaxis]
+    return np.nonzero(close)
+
+
+_CLOSE: Final = 0.1
+"""Relative distance of two waves below which their sum is taken on a circle about both."""
+
+
+def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> None:
+    """Replace two waves near their exceptional point by their sum, equation (44)."""
+    p = modes.p[row]
+    centre, apart = (p[first] + p[first + 1]) / 2, abs(p[first] - p[first + 1])
+    others = np.concatenate([np.delete(p, [first, first + 1]), -p])
+    radius = np.minimum(0.4 * np.min(np.abs(others - centre)), 3 / (task.distance + 1e-9))
+    merged = radius > 2 * apart
+    if not np.any(merged):
+        return
+    turn = radius[merged] * _CIRCLE[:, np.newaxis]
+    some = task.at(merged)
+    k, hold = task.k[row : row + 1], task.hold[row : row + 1]
+    kernel = transformed(centre + turn, k, hold, task.source, some.across, modes.sign)
+    ring = 1j * np.mean(kernel * turn * task.source.along(centre + turn, some.distance), axis=0)
+    terms[row, first, merged] = ring
+    terms[row, first + 1, merged] = 0.0
+
+
+def _integral(task: Task, path: Contour, sign: int, largest: Real) -> Part:
     """Return the integral along the path, equation (41)."""
     s = path.s[..., np.newaxis]
-    k3, hold3 = k[:, np.newaxis, np.newaxis], hold[:, np.newaxis, np.newaxis]
-    kernel = transformed(s, k3, hold3, source, across, sign)
-    logarithm = np.zeros((k.size, distance.size), dtype=np.complex128)
-    if source.radius:
-        kernel, logarithm = _without_logarithm(kernel, path, k, source, distance, across, sign)
-    terms = kernel * source.along(s, distance) * path.weight[..., np.newaxis]
-    fine, coarse = terms.sum(axis=1), 2 * terms[:, 1::2].sum(axis=1)
+    k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
+    kernel = transformed(s, k, hold, task.source, task.across, sign)
+    logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
+    if task.source.radius:
+        kernel, logarithm = _without_logarithm(kernel, path, task, sign)
+    terms = kernel * task.source.along(s, task.distance) * path.weight[..., np.newaxis]
+    fine, coarse = terms.sum(axis=1), 2 * terms[:, ::2].sum(axis=1)
+    if path.mirrored:
+        fine, coarse = fine.real + 0j, coarse.real + 0j
     size = np.abs(terms).sum(axis=1)
-    step_error = np.abs(fine - coarse) ** 2 / np.maximum(size, 1e-300)
-    error = step_error + 4 * _EPS * size * (1 + 1 / np.abs(k[:, np.newaxis]) ** 2)
+    difference = np.abs(fine - coarse)
+    error = difference * np.minimum(1.0, difference / np.maximum(np.maximum(size, largest), 1e-300))
+    error += 4 * _EPS * size * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
     return Part(value=fine + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
 
 
 def _without_logarithm(
-    kernel: Complex,
-    path: Contour,
-    k: Complex,
-    source: Source,
-    distance: Real,
-    across: Real,
-    sign: int,
+    kernel: Complex, path: Contour, task: Task, sign: int
 ) -> tuple[Complex, Complex]:
     """Take the logarithm at a disc's centre out of the kernel, equation (42)."""
     from scipy.special import kv
 
-    one, two = source.branch_weights(k)
-    strength = ((one - two) / (4 * k * k))[:, np.newaxis]
+    source = task.source
+    one, two = source.branch_weights(task.k)
+    strength = ((one - two) / (4 * task.k**2))[:, np.newaxis]
     m = path.ceiling[:, np.newaxis]
     root = np.sqrt(path.s**2 + m * m)[..., np.newaxis]
-    logarithm = np.zeros((k.size, distance.size), dtype=np.complex128)
-    for part, apart in ((1, across - source.span.low), (sign, across + source.span.low)):
+    logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
+    for part, apart in ((1, task.across - source.span.low), (sign, task.across + source.span.low)):
         spread = np.exp(-root * np.abs(apart)) / (2 * root)
         kernel = kernel - part * strength[..., np.newaxis] * spread
-        r = _clipped(source, np.hypot(distance, apart))
+        r = _clipped(source, np.hypot(task.distance, apart))
         logarithm += part * strength * kv(0, m * r) / (2 * np.pi)
     return kernel, logarithm
 
