@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _REACH: Final = 0.6
 """Reach as a part of the gap between the waves below and above the path."""
 
+_SPARE: Final = 6.0
+"""Nepers beyond the wanted error, for values that are small against the terms of their sum."""
+
 _LEAST_GAP: Final = 1e-3
 
 
@@ -41,6 +44,10 @@ class Contour:
         the other half are the conjugates, so that the real part of the sum is the integral.
     n_below : ndarray of int, shape (n_frequencies,)
         How many of the waves, slowest decay first, lie below the path.
+    leak : ndarray of complex128, shape (n_frequencies, n_modes)
+        Error of the rule as a part of each wave's own term, equation (45).
+    floor : ndarray of float64, shape (n_frequencies,)
+        The same for whatever is not a wave.
     ceiling : ndarray of float64, shape (n_frequencies,)
         Decay of the first wave above the path.
     """
@@ -49,6 +56,8 @@ class Contour:
     weight: Complex
     mirrored: bool
     n_below: NDArray[np.int_]
+    leak: Complex
+    floor: Real
     ceiling: Real
 
 
@@ -60,7 +69,7 @@ def contour(
     Parameters
     ----------
     p : ndarray of complex128, shape (n_frequencies, n_modes)
-        Known waves, slowest decay first; the path stays below the last of them.
+        Known waves, slowest decay first; at least two stay above the path.
     rtol : float
         Wanted relative error of the integral.
     finest : float
@@ -78,14 +87,14 @@ def contour(
     --------
     The integral of exp(i s x) / (s^2 + a^2) above i a is empty, below it the residue's:
 
-    >>> p = np.array([[1j, 3j]])
+    >>> p = np.array([[1j, 3j, 5j]])
     >>> path = contour(p, 1e-12, finest=1.0, nearest=0.5)
     >>> part = (path.weight * np.exp(0.5j * path.s) / (path.s**2 + 9)).sum()
     >>> bool(path.n_below[0] == 1 and abs(part - np.exp(-1.5) / 6) < 1e-12)
     True
     """
     lowest, reach, tilt, n_below = _chosen(p)
-    digits = np.log(1 / rtol) + 3
+    digits = np.log(1 / rtol) + _SPARE
     step = 2 * np.pi * tilt / digits
     far = np.log(2 / (finest * reach) + 2) + 0.5 * digits
     if nearest > 0:
@@ -98,7 +107,19 @@ def contour(
     if mirrored:
         weight[:, 1:] *= 2
     ceiling = np.take_along_axis(p.imag, n_below[:, np.newaxis], axis=1)[:, 0]
-    return Contour(s=s, weight=weight, mirrored=mirrored, n_below=n_below, ceiling=ceiling)
+    poles = np.arcsinh((p - 1j * lowest[:, np.newaxis]) / reach[:, np.newaxis])
+    poles -= 1j * tilt[:, np.newaxis]
+    side = np.where(poles.imag > 0, 1, -1)
+    leak = side / np.expm1(-2j * np.pi * side * poles / step[:, np.newaxis])
+    return Contour(
+        s=s,
+        weight=weight,
+        mirrored=mirrored,
+        n_below=n_below,
+        leak=leak,
+        floor=np.exp(-2 * np.pi * tilt / step),
+        ceiling=ceiling,
+    )
 
 
 def _chosen(p: Complex) -> tuple[Real, Real, Real, NDArray[np.int_]]:
@@ -107,7 +128,7 @@ def _chosen(p: Complex) -> tuple[Real, Real, Real, NDArray[np.int_]]:
     best = np.full(n_frequencies, -1.0)
     chosen = np.zeros((3, n_frequencies))
     n_below = np.zeros(n_frequencies, dtype=np.int_)
-    for below in range(1, n_modes):
+    for below in range(1, n_modes - 1):
         low = p[:, below - 1].imag
         gap = np.maximum(p[:, below].imag - low, 0.0)
         reach = _REACH * np.maximum(gap, _LEAST_GAP)

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     Real = NDArray[np.float64]
 
 _POLISHING_STEPS: Final = 5
+_REAL: Final = 1e-6
+"""Relative imaginary part of p^2 below which it is rounding, where there is no loss."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -210,9 +212,9 @@ def _matrices(size: int, sign: int) -> tuple[Real, Real, Real, float]:
 def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
     """Return p^2 after Newton steps on the dispersion relation."""
     k, hold = k[:, np.newaxis], hold[:, np.newaxis]
-    real = np.all(k.imag == 0) and np.all(hold.imag == 0)
-    if real:
-        z = np.where(np.abs(z.imag) < 1e-6 * (1 + np.abs(z)), z.real + 0j, z)
+    lossless = not (np.any(k.imag) or np.any(hold.imag))
+    real = lossless & (np.abs(z.imag) < _REAL * (1 + np.abs(z)))
+    z = np.where(real, z.real + 0j, z)
     apart = np.abs(z[:, :, np.newaxis] - z[:, np.newaxis, :])
     apart += np.where(np.eye(z.shape[1], dtype=bool), np.inf, 0.0)
     reach = 0.1 * np.min(apart, axis=2)
@@ -220,7 +222,8 @@ def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
     for _ in range(_POLISHING_STEPS):
         value, slope = _dispersion(z, k, hold, sign)
         z = z - value / slope
-    return np.where(np.abs(z - start) <= reach, z, start)
+    z = np.where(np.abs(z - start) <= reach, z, start)
+    return np.where(real, z.real + 0j, z)
 
 
 def _dispersion(z: Complex, k: Complex, hold: Complex, sign: int) -> tuple[Complex, Complex]:

@@ -25,6 +25,10 @@ _LEAST_DISTANCE: Final = 1e-8
 cancel there differ by less than rounding."""
 
 _EXTRA_WAVES: Final = 6
+_CLOSE: Final = 0.1
+"""Relative distance of two waves below which their sum is taken on a circle about both."""
+
+_ACROSS: Final = np.linspace(-0.5, 0.5, 17)
 _CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 _EPS: Final = float(np.finfo(np.float64).eps)
 
@@ -135,9 +139,13 @@ def far_clearance(modes: Guided, rtol: float) -> float:
 
 def _far(task: Task, modes: Guided) -> Part:
     """Return the sum over all known guided waves, equation (40)."""
-    terms = _terms(task, modes, np.full(task.k.size, modes.p.shape[1]))
-    part = _sum_of_waves(task, modes, terms)
-    return replace(part, error=part.error + np.abs(terms[:, -1]))
+    terms = _together(_separate_terms(task, modes, modes.shapes(task.across)), task, modes)
+    largest = np.max(np.abs(modes.shapes(_ACROSS)), axis=2, keepdims=True)
+    envelope = np.max(np.abs(_separate_terms(task, modes, largest + 0j)[:, -2:]), axis=1)
+    decay = modes.p.imag[:, -1] - modes.p.imag[:, -3]
+    left_out = envelope * np.exp(-decay[:, np.newaxis] * np.maximum(task.clearance, 0.0))
+    error = _rounding(task, modes, terms) + left_out
+    return Part(value=terms.sum(axis=1), error=error)
 
 
 def _near(task: Task, modes: Guided) -> Part:
@@ -152,40 +160,35 @@ def _near(task: Task, modes: Guided) -> Part:
         nearest=0.0 if source.radius else nearest,
         mirrored=task.lossless,
     )
-    terms = _terms(task, modes, path.n_below)
-    waves = _sum_of_waves(task, modes, terms)
-    rest = _integral(task, path, modes.sign, np.max(np.abs(terms), axis=1))
-    return Part(value=waves.value + rest.value, error=waves.error + rest.error)
+    alone = _separate_terms(task, modes, modes.shapes(task.across))
+    leaked = 2 * np.abs((alone * path.leak[..., np.newaxis]).sum(axis=1))
+    terms = _together(alone, task, modes)
+    rest = _integral(task, path, modes.sign)
+    below = np.arange(terms.shape[1]) < path.n_below[:, np.newaxis]
+    terms = np.where(below[..., np.newaxis], terms, 0.0)
+    error = rest.error + leaked + _rounding(task, modes, terms)
+    return Part(value=terms.sum(axis=1) + rest.value, error=error)
 
 
-def _terms(task: Task, modes: Guided, n_below: NDArray[np.int_]) -> Complex:
-    """Return the first guided waves at the points, shape (n_frequencies, n_modes, n_points)."""
-    most = int(np.max(n_below))
-    p = modes.p[:, :most]
+def _separate_terms(task: Task, modes: Guided, shapes: Complex) -> Complex:
+    """Return each guided wave at the points, shape (n_frequencies, n_modes, n_points)."""
     weight = 1j * modes.excited(task.k[:, np.newaxis], task.source) / modes.norms()
-    weight = np.where(np.arange(most) < n_below[:, np.newaxis], weight[:, :most], 0.0)
-    along = task.source.along(p[..., np.newaxis], task.distance)
-    terms: Complex = weight[..., np.newaxis] * modes.shapes(task.across)[:, :most] * along
-    for row, first in zip(*_close_pairs(p, n_below), strict=True):
+    along = task.source.along(modes.p[..., np.newaxis], task.distance)
+    return weight[..., np.newaxis] * shapes * along
+
+
+def _together(alone: Complex, task: Task, modes: Guided) -> Complex:
+    """Return the terms with the sum of close pairs in the place of the first of each."""
+    terms = alone.copy()
+    close = np.abs(np.diff(modes.p, axis=1)) < _CLOSE * np.abs(modes.p[:, 1:])
+    for row, first in zip(*np.nonzero(close), strict=True):
         _merge(terms, task, modes, int(row), int(first))
     return terms
 
 
-def _sum_of_waves(task: Task, modes: Guided, terms: Complex) -> Part:
-    p = modes.p[:, : terms.shape[1], np.newaxis]
-    size = np.abs(terms) * (1 + np.abs(p) * task.distance)
-    return Part(value=terms.sum(axis=1), error=4 * _EPS * size.sum(axis=1))
-
-
-def _close_pairs(p: Complex, n_below: NDArray[np.int_]) -> tuple[NDArray[np.intp], ...]:
-    """Return rows and first members of pairs that may have to be taken together."""
-    close = np.abs(np.diff(p, axis=1)) < _CLOSE * np.abs(p[:, 1:])
-    close &= np.arange(1, p.shape[1]) < n_below[:, np.newaxis]
-    return np.nonzero(close)
-
-
-_CLOSE: Final = 0.1
-"""Relative distance of two waves below which their sum is taken on a circle about both."""
+def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
+    size = np.abs(terms) * (1 + np.abs(modes.p[..., np.newaxis]) * task.distance)
+    return np.asarray(4 * _EPS * size.sum(axis=1))
 
 
 def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> None:
@@ -206,7 +209,7 @@ def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> N
     terms[row, first + 1, merged] = 0.0
 
 
-def _integral(task: Task, path: Contour, sign: int, largest: Real) -> Part:
+def _integral(task: Task, path: Contour, sign: int) -> Part:
     """Return the integral along the path, equation (41)."""
     s = path.s[..., np.newaxis]
     k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
@@ -215,14 +218,13 @@ def _integral(task: Task, path: Contour, sign: int, largest: Real) -> Part:
     if task.source.radius:
         kernel, logarithm = _without_logarithm(kernel, path, task, sign)
     terms = kernel * task.source.along(s, task.distance) * path.weight[..., np.newaxis]
-    fine, coarse = terms.sum(axis=1), 2 * terms[:, ::2].sum(axis=1)
+    value, size = terms.sum(axis=1), np.abs(terms).sum(axis=1)
     if path.mirrored:
-        fine, coarse = fine.real + 0j, coarse.real + 0j
-    size = np.abs(terms).sum(axis=1)
-    difference = np.abs(fine - coarse)
-    error = difference * np.minimum(1.0, difference / np.maximum(np.maximum(size, largest), 1e-300))
-    error += 4 * _EPS * size * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
-    return Part(value=fine + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
+        value = value.real + 0j
+    ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
+    lost = path.floor[:, np.newaxis] + 4 * _EPS * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
+    error = 4 * ends + lost * size
+    return Part(value=value + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
 
 
 def _without_logarithm(

@@ -100,10 +100,9 @@ def transformed(
     value -= two * supported_kernel(g2, across, source.span, sign)
     if not np.all(np.isinf(hold)):
         end1, end2 = shape(g1, np.array(0.5), sign), shape(g2, np.array(0.5), sign)
-        slope1, slope2 = shape(g1, np.array(0.5), -sign), shape(g2, np.array(0.5), -sign)
         psi = shape(g2, across, sign) / end2 - shape(g1, across, sign) / end1
         load = two * shape_integral(g2, source.span, sign) / end2
         load -= one * shape_integral(g1, source.span, sign) / end1
-        grip = g2 * slope2 / end2 - g1 * slope1 / end1
+        grip = 2 * k2 / (g1 + g2) - sign * (g2 * np.exp(-g2) / end2 - g1 * np.exp(-g1) / end1)
         value -= psi * load / (2 * (2 * k2 * hold + grip))
     return value / (2 * k2)
