@@ -1,9 +1,20 @@
-"""What is felt: the strip, the burst and the check of one against the other."""
+"""What is felt: the strip, its loads and its field, the burst and the check on the strip."""
 
 from stimuli.burst import Burst
 from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from stimuli.energy import staircase_energy_above
+from stimuli.field import Response, displacement, response
+from stimuli.load import (
+    ForceRectangle,
+    Load,
+    MomentDisc,
+    MomentRectangle,
+    PointForce,
+    PressureDisc,
+    PressureRectangle,
+)
 from stimuli.material import ALUMINIUM, Material
+from stimuli.scene import Scene, Work
 from stimuli.spectrum import BurstCheck, check_burst
 from stimuli.strip import Strip
 
@@ -14,9 +25,21 @@ __all__ = [
     "Burst",
     "BurstCheck",
     "ElasticEdge",
+    "ForceRectangle",
     "IdealEdge",
+    "Load",
     "Material",
+    "MomentDisc",
+    "MomentRectangle",
+    "PointForce",
+    "PressureDisc",
+    "PressureRectangle",
+    "Response",
+    "Scene",
     "Strip",
+    "Work",
     "check_burst",
+    "displacement",
+    "response",
     "staircase_energy_above",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
@@ -25,6 +26,9 @@ _LEAST_DISTANCE: Final = 1e-8
 cancel there differ by less than rounding."""
 
 _EXTRA_WAVES: Final = 6
+_LEAST_SPREAD: Final = 12.0
+"""Decay per width of the last known wave against the first: 4 pi at rest, more above."""
+
 _CLOSE: Final = 0.1
 """Relative distance of two waves below which their sum is taken on a circle about both."""
 
@@ -58,7 +62,7 @@ class Task:
     across: Real
     rtol: float
 
-    def at(self, points: NDArray[np.bool_]) -> Task:
+    def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Task:
         """Return the task for some of its points."""
         return replace(self, distance=self.distance[points], across=self.across[points])
 
@@ -82,7 +86,7 @@ class Part:
     error: Real
 
 
-def solved(task: Task, signs: tuple[int, ...] = (1, -1)) -> Part:
+def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Part:
     """Return D U / W^2 of a load at points, equations (40) to (43).
 
     Parameters
@@ -91,6 +95,8 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1)) -> Part:
         Load, points, wavenumbers and wanted error.
     signs : tuple of int
         Symmetries about the centre line that are computed: +1 symmetric, -1 antisymmetric.
+    skip : bool
+        Whether the integral is left out where the guided waves are enough.
 
     Returns
     -------
@@ -112,7 +118,7 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1)) -> Part:
     error = np.zeros(value.shape)
     for sign in signs:
         modes = guided(task.k, task.hold, n_waves(task.k), sign)
-        far = task.clearance >= far_clearance(modes, task.rtol)
+        far = (task.clearance >= far_clearance(task.rtol)) & skip
         for points, method in ((far, _far), (~far, _near)):
             if np.any(points):
                 part = method(task.at(points), modes)
@@ -131,15 +137,21 @@ def n_waves(k: Complex) -> int:
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
 
 
-def far_clearance(modes: Guided, rtol: float) -> float:
-    """Return the distance from a load beyond which the known guided waves are enough."""
-    spread = np.min(modes.p[:, -1].imag - modes.p[:, 0].imag)
-    return float((np.log(1 / rtol) + 4) / spread)
+def far_clearance(rtol: float) -> float:
+    """Return the distance from a load in widths beyond which the guided waves are enough.
+
+    Examples
+    --------
+    >>> round(far_clearance(1e-6), 2)
+    1.48
+    """
+    return (math.log(1 / rtol) + 4) / _LEAST_SPREAD
 
 
 def _far(task: Task, modes: Guided) -> Part:
     """Return the sum over all known guided waves, equation (40)."""
-    terms = _together(_separate_terms(task, modes, modes.shapes(task.across)), task, modes)
+    alone = _separate_terms(task, modes, modes.shapes(task.across))
+    terms = _together(alone, task, modes, np.ones(modes.p.shape, dtype=np.bool_))
     largest = np.max(np.abs(modes.shapes(_ACROSS)), axis=2, keepdims=True)
     envelope = np.max(np.abs(_separate_terms(task, modes, largest + 0j)[:, -2:]), axis=1)
     decay = modes.p.imag[:, -1] - modes.p.imag[:, -3]
@@ -162,9 +174,9 @@ def _near(task: Task, modes: Guided) -> Part:
     )
     alone = _separate_terms(task, modes, modes.shapes(task.across))
     leaked = 2 * np.abs((alone * path.leak[..., np.newaxis]).sum(axis=1))
-    terms = _together(alone, task, modes)
+    below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
+    terms = _together(alone, task, modes, below)
     rest = _integral(task, path, modes.sign)
-    below = np.arange(terms.shape[1]) < path.n_below[:, np.newaxis]
     terms = np.where(below[..., np.newaxis], terms, 0.0)
     error = rest.error + leaked + _rounding(task, modes, terms)
     return Part(value=terms.sum(axis=1) + rest.value, error=error)
@@ -177,17 +189,20 @@ def _separate_terms(task: Task, modes: Guided, shapes: Complex) -> Complex:
     return weight[..., np.newaxis] * shapes * along
 
 
-def _together(alone: Complex, task: Task, modes: Guided) -> Complex:
+def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]) -> Complex:
     """Return the terms with the sum of close pairs in the place of the first of each."""
     terms = alone.copy()
     close = np.abs(np.diff(modes.p, axis=1)) < _CLOSE * np.abs(modes.p[:, 1:])
+    close &= used[:, 1:]
     for row, first in zip(*np.nonzero(close), strict=True):
         _merge(terms, task, modes, int(row), int(first))
     return terms
 
 
 def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
-    size = np.abs(terms) * (1 + np.abs(modes.p[..., np.newaxis]) * task.distance)
+    p = np.abs(modes.p)[..., np.newaxis]
+    detuning = 1 + np.abs(task.k[:, np.newaxis, np.newaxis]) ** 2 / np.maximum(p, 1e-150) ** 2
+    size = np.abs(terms) * (1 + p * task.distance) * detuning
     return np.asarray(4 * _EPS * size.sum(axis=1))
 
 

@@ -1,0 +1,206 @@
+"""The displacement of a strip over frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.checks import instance
+from stimuli.edge import CLAMPED, ElasticEdge
+from stimuli.scene import Job, Scene, Work, unit_scale_m2
+from stimuli.solver import Part, Task, solved
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from stimuli.strip import Strip
+    from stimuli.sweep import Band
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+_SOFTEST: Final = 1e18
+"""1 / (kappa W) that stands for a simple support where nothing is to be skipped."""
+
+_CHUNK: Final = 300
+"""Pairs of a frequency and a place that are solved at once: more do not fit the cache."""
+
+_AT_CUTOFF: Final = 4e-15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """The displacement of a scene with its error.
+
+    Attributes
+    ----------
+    displacement_m : ndarray of complex128, shape (n_frequencies, n_loads, n_points)
+        Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t).
+    error_m : ndarray of float64, same shape
+        Estimate of its error.
+    work : Work
+        What was computed.
+    """
+
+    displacement_m: Complex
+    error_m: Real
+    work: Work
+
+
+def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Complex:
+    """Return the displacement of a strip at points under unit loads, equations (30) to (46).
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points.
+    frequencies_hz : array_like of float, shape (n_frequencies,)
+        Frequencies from 0.
+    rtol : float
+        Wanted relative error, from 1e-12 to 0.1. It holds for every value, down to a floor of
+        1e-3 rtol of the field's largest value there: where waves cancel, a null is not resolved
+        further.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n_frequencies, n_loads, n_points)
+        Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t).
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or a frequency is a cut-off of a strip without loss,
+        where the field is infinite.
+
+    Examples
+    --------
+    A load and a point may be exchanged:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> there = displacement(Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.005),),
+    ...                            points_m=((0.02, 0.015),)), [5000.0])
+    >>> back = displacement(Scene(strip=strip, loads=(PointForce(x_m=0.02, y_m=0.015),),
+    ...                           points_m=((0.0, 0.005),)), [5000.0])
+    >>> bool(abs(there / back - 1).max() < 1e-6)
+    True
+    """
+    return response(scene, frequencies_hz, rtol).displacement_m
+
+
+def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Response:
+    """Return the displacement with an estimate of its error and the work done.
+
+    Parameters
+    ----------
+    scene, frequencies_hz, rtol
+        As for `displacement`.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    ValueError
+        As for `displacement`.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> scene = Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.0125),),
+    ...               points_m=((0.0, 0.0125),))
+    >>> at_300_hz = response(scene, [300.0], rtol=1e-10)
+    >>> true_m = 1.35672670270450974e-05
+    >>> error_m = abs(at_300_hz.displacement_m[0, 0, 0] - true_m)
+    >>> bool(error_m < 1e-10 * true_m), bool(error_m < at_300_hz.error_m[0, 0, 0])
+    (True, True)
+    """
+    instance("scene", scene, Scene, "a Scene")
+    work = scene.work(frequencies_hz, rtol)
+    frequencies, rtol = scene.checked(frequencies_hz, rtol)
+    jobs = scene.jobs()
+    _refuse_cutoffs(scene, frequencies, jobs)
+    shape = (frequencies.size, len(scene.loads), len(scene.points_m))
+    value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
+    stiffness = scene.strip.bending_stiffness_n_m * _stiffness_factors(scene.strip, frequencies)
+    for band in scene.bands(frequencies, rtol, jobs):
+        for job in jobs:
+            part = _between(band, _solved_at(scene, job, band.solved_hz, rtol))
+            for load, places in zip(job.loads, job.places, strict=True):
+                scale = unit_scale_m2(scene.loads[load], scene.strip.width_m)
+                scales = (scale / stiffness[band.rows])[:, np.newaxis]
+                value[band.rows, load] = part.value[:, places] * scales
+                error[band.rows, load] = part.error[:, places] * np.abs(scales)
+    return Response(displacement_m=value, error_m=error, work=work)
+
+
+def _between(band: Band, part: Part) -> Part:
+    """Return what the solved frequencies give at the asked ones, equation (46)."""
+    if band.matrix is None or band.last is None:
+        return part
+    error = np.abs(band.matrix) @ part.error
+    return Part(value=band.matrix @ part.value, error=error + np.max(np.abs(band.last @ part.value), axis=0))
+
+
+def _solved_at(scene: Scene, job: Job, frequencies_hz: Real, rtol: float) -> Part:
+    """Return D U in units of the width for a job, in portions that fit the cache."""
+    k, hold = _dimensionless(scene, frequencies_hz)
+    size = (frequencies_hz.size, job.distance.size)
+    value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
+    order = np.argsort(frequencies_hz)
+    task = Task(
+        k=k, hold=hold, source=job.source, distance=job.distance, across=job.across, rtol=rtol
+    )
+    for places in np.array_split(np.arange(size[1]), -(-size[1] // _CHUNK)):
+        n_rows = max(1, _CHUNK // places.size)
+        for rows in np.array_split(order, -(-size[0] // n_rows)):
+            some = replace(task.at(places), k=k[rows], hold=hold[rows])
+            part = solved(some, job.signs, skip=scene.skip)
+            value[np.ix_(rows, places)] = part.value
+            error[np.ix_(rows, places)] = part.error
+    return Part(value=value, error=error)
+
+
+def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Complex, Complex]:
+    """Return k W and 1 / (kappa W)."""
+    strip = scene.strip
+    factor = _stiffness_factors(strip, frequencies_hz)
+    inertia = strip.material.density_kg_m3 * strip.thickness_m / strip.bending_stiffness_n_m
+    k = np.sqrt(2 * np.pi * frequencies_hz) * inertia**0.25 * strip.width_m * factor**-0.25
+    edge = strip.edge
+    if scene.is_supported:
+        return k, np.full(k.size, (np.inf if scene.skip else _SOFTEST) + 0j)
+    if edge is CLAMPED or not isinstance(edge, ElasticEdge):
+        return k, np.zeros(k.size, dtype=np.complex128)
+    hold = strip.bending_stiffness_n_m / (edge.stiffness_n * strip.width_m)
+    return k, hold * (factor if edge.lossless else np.ones(k.size, dtype=np.complex128))
+
+
+def _stiffness_factors(strip: Strip, frequencies_hz: Real) -> Complex:
+    """Return what the loss makes of the bending stiffness, equation (15)."""
+    material = strip.material
+    loss = material.loss_factor + 2 * np.pi * frequencies_hz * material.viscous_time_s
+    return np.asarray(1 - 1j * loss)
+
+
+def _refuse_cutoffs(scene: Scene, frequencies_hz: Real, jobs: tuple[Job, ...]) -> None:
+    """Refuse frequencies at which a wave without loss neither propagates nor decays."""
+    material = scene.strip.material
+    if material.loss_factor or material.viscous_time_s or not frequencies_hz.size:
+        return
+    even = any(-1 in job.signs for job in jobs)
+    mode, highest_hz = 1, float(np.max(frequencies_hz))
+    while (cutoff_hz := scene.strip.cutoff_hz(mode)) <= highest_hz * (1 + 1e-9):
+        at = np.abs(frequencies_hz - cutoff_hz) <= _AT_CUTOFF * cutoff_hz
+        if np.any(at) and (even or mode % 2):
+            raise ValueError(
+                "frequencies_hz must not hold a cut-off of a strip without loss: the field is "
+                f"infinite at {cutoff_hz!r} Hz, the cut-off of mode {mode}, got "
+                f"{float(frequencies_hz[at][0])!r}"
+            )
+        mode += 1

@@ -1,0 +1,333 @@
+"""A strip, its loads and the places looked at: what has to be computed, what not, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.checks import finite, finite_array, instance
+from stimuli.edge import SIMPLY_SUPPORTED, ElasticEdge
+from stimuli.load import ForceRectangle, Load, PressureDisc, PressureRectangle
+from stimuli.solver import far_clearance
+from stimuli.strip import Strip
+from stimuli.sweep import Band, bands
+from stimuli.transform import Source
+from stimuli.transverse import Span
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Real = NDArray[np.float64]
+
+_DECIMALS: Final = 15
+"""Places in widths that agree to so many decimals are one place."""
+
+LEAST_RTOL: Final = 1e-12
+MOST_RTOL: Final = 0.1
+_MOST_CUTOFFS: Final = 5000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Work:
+    """What a scene asks for and what of it is computed.
+
+    Attributes
+    ----------
+    frequencies_asked, frequencies_solved : int
+        The others follow from these by interpolation.
+    pairs_asked, pairs_solved : int
+        Pairs of a load and a point; the others are the same but for symmetry.
+    symmetries_asked, symmetries_solved : int
+        Symmetric and antisymmetric waves, for each different load.
+    integrals_asked, integrals_solved : int
+        Pairs, times symmetries, for which more is needed than the guided waves.
+    wall_correction : bool
+        Whether the edges are anything else than simple supports.
+    skipped : tuple of str
+        What is left out and why.
+    """
+
+    frequencies_asked: int
+    frequencies_solved: int
+    pairs_asked: int
+    pairs_solved: int
+    symmetries_asked: int
+    symmetries_solved: int
+    integrals_asked: int
+    integrals_solved: int
+    wall_correction: bool
+    skipped: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Job:
+    """All that is computed for loads that differ in nothing but their place, in widths.
+
+    Attributes
+    ----------
+    source : Source
+        The load.
+    loads : tuple of int
+        Which loads of the scene it stands for.
+    distance, across : ndarray of float64, shape (n_pairs,)
+        Different places relative to the load.
+    places : ndarray of int, shape (n_loads, n_points)
+        Where each load's points are among them.
+    signs : tuple of int
+        Symmetries that are not zero.
+    """
+
+    source: Source
+    loads: tuple[int, ...]
+    distance: Real
+    across: Real
+    places: NDArray[np.intp]
+    signs: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """An endless strip with loads and the points at which its displacement is wanted.
+
+    Attributes
+    ----------
+    strip : Strip
+        The strip, with `length_m` None: finite strips are not implemented.
+    loads : tuple of Load
+        At least one load, each wholly on the strip.
+    points_m : tuple of (float, float)
+        At least one point (x, y).
+    skip : bool
+        Whether what does not change the result is left out. Switched off, everything is
+        computed for every load, point and frequency: for tests and benchmarks.
+
+    Raises
+    ------
+    ValueError
+        If there is no load or no point, or one of them is not on the strip, or the strip is
+        finite.
+
+    Examples
+    --------
+    Two discs and the places above them are one pair of distances, and on the centre line only
+    symmetric waves count:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> discs = tuple(MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035))
+    >>> scene = Scene(strip=strip, loads=discs, points_m=((-0.035, 0.0125), (0.035, 0.0125)))
+    >>> work = scene.work([300.0], rtol=1e-6)
+    >>> work.pairs_asked, work.pairs_solved, work.symmetries_asked, work.symmetries_solved
+    (4, 2, 4, 1)
+    """
+
+    strip: Strip
+    loads: tuple[Load, ...]
+    points_m: tuple[tuple[float, float], ...]
+    skip: bool = field(default=True)
+
+    def __post_init__(self) -> None:
+        instance("strip", self.strip, Strip, "a Strip")
+        instance("skip", self.skip, bool, "True or False")
+        if self.strip.length_m is not None:
+            raise ValueError(
+                "strip must be endless (length_m=None): fields of finite strips are not "
+                f"implemented, got length_m={self.strip.length_m!r}"
+            )
+        object.__setattr__(self, "loads", _some("loads", self.loads))
+        for load in self.loads:
+            instance("loads", load, Load, "a tuple of loads")
+            _check_on_strip(load, self.strip.width_m)
+        points = [_point(point, self.strip.width_m) for point in _some("points_m", self.points_m)]
+        object.__setattr__(self, "points_m", tuple(points))
+
+    def work(self, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Work:
+        """Return what will be computed and what is left out, with the reason.
+
+        Parameters
+        ----------
+        frequencies_hz : array_like of float, shape (n_frequencies,)
+            Frequencies.
+        rtol : float
+            Wanted relative error.
+
+        Returns
+        -------
+        Work
+
+        Raises
+        ------
+        ValueError
+            If a frequency or `rtol` is out of its range.
+        """
+        frequencies, rtol = self.checked(frequencies_hz, rtol)
+        jobs = self.jobs()
+        found = self.bands(frequencies, rtol, jobs)
+        n_pairs = len(self.loads) * len(self.points_m)
+        near = [self.near(job, rtol) for job in jobs]
+        work = Work(
+            frequencies_asked=frequencies.size,
+            frequencies_solved=sum(band.solved_hz.size for band in found),
+            pairs_asked=n_pairs,
+            pairs_solved=sum(job.distance.size for job in jobs),
+            symmetries_asked=2 * len(self.loads),
+            symmetries_solved=sum(len(job.signs) for job in jobs),
+            integrals_asked=2 * n_pairs,
+            integrals_solved=sum(n * len(j.signs) for n, j in zip(near, jobs, strict=True)),
+            wall_correction=not (self.skip and self.is_supported),
+            skipped=(),
+        )
+        object.__setattr__(work, "skipped", tuple(_reasons(work, found)))
+        return work
+
+    @property
+    def is_supported(self) -> bool:
+        """Whether both edges are simple supports."""
+        edge = self.strip.edge
+        if isinstance(edge, ElasticEdge):
+            return edge.stiffness_n == 0
+        return edge is SIMPLY_SUPPORTED
+
+    def checked(self, frequencies_hz: ArrayLike, rtol: float) -> tuple[Real, float]:
+        """Return frequencies and tolerance, or refuse them.
+
+        Raises
+        ------
+        ValueError
+            If they are not one-dimensional, from 0 to 5000 first cut-offs, or `rtol` is not from
+            1e-12 to 0.1.
+        """
+        frequencies = finite_array("frequencies_hz", frequencies_hz)
+        most_hz = _MOST_CUTOFFS * self.strip.cutoff_hz()
+        if frequencies.ndim != 1 or np.any((frequencies < 0) | (frequencies > most_hz)):
+            raise ValueError(
+                "frequencies_hz must be a one-dimensional array of frequencies from 0 to "
+                f"{most_hz:.6g} Hz, got {frequencies_hz!r}"
+            )
+        return frequencies, finite("rtol", rtol, least=LEAST_RTOL, most=MOST_RTOL)
+
+    def bands(self, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...]) -> tuple[Band, ...]:
+        """Return how each frequency is obtained."""
+        farthest = max(float(np.max(job.distance)) for job in jobs)
+        return bands(self.strip, frequencies_hz, rtol, farthest, skip=self.skip)
+
+    def near(self, job: Job, rtol: float) -> int:
+        """Return for how many places of a job the guided waves are not enough."""
+        if not self.skip:
+            return int(job.distance.size)
+        clearance = job.distance - job.source.half_length - job.source.radius
+        return int(np.count_nonzero(clearance < far_clearance(rtol)))
+
+    def jobs(self) -> tuple[Job, ...]:
+        """Return what has to be computed, each different thing once."""
+        width_m = self.strip.width_m
+        x, y = np.array(self.points_m).T
+        across = np.round((2 * y - width_m) / (2 * width_m), _DECIMALS)
+        groups: dict[object, list[tuple[int, Source, Real, Real]]] = {}
+        for index, load in enumerate(self.loads):
+            source, turn = _source(load, width_m)
+            distance = np.round(np.abs(x - load.x_m) / width_m, _DECIMALS)
+            places = turn * across
+            if self.skip and source.span.low == -source.span.high:
+                places = -np.abs(places)
+            key = source if self.skip else index
+            groups.setdefault(key, []).append((index, source, distance, places))
+        return tuple(self._job(members) for members in groups.values())
+
+    def _job(self, members: list[tuple[int, Source, Real, Real]]) -> Job:
+        source = members[0][1]
+        pairs = np.concatenate([np.column_stack([m[2], m[3]]) for m in members])
+        inverse = np.arange(len(pairs))
+        if self.skip:
+            pairs, inverse = np.unique(pairs, axis=0, return_inverse=True)
+        symmetric = source.span.low == -source.span.high or bool(np.all(pairs[:, 1] == 0))
+        return Job(
+            source=source,
+            loads=tuple(m[0] for m in members),
+            distance=pairs[:, 0],
+            across=pairs[:, 1],
+            places=inverse.reshape(len(members), -1),
+            signs=(1,) if self.skip and symmetric else (1, -1),
+        )
+
+
+def _some(name: str, values: Iterable[object]) -> tuple[object, ...]:
+    instance(name, values, (tuple, list), "a tuple")
+    if not tuple(values):
+        raise ValueError(f"{name} must hold at least one, got {values!r}")
+    return tuple(values)
+
+
+def _point(point: object, width_m: float) -> tuple[float, float]:
+    if not isinstance(point, (tuple, list)) or len(point) != 2:  # noqa: PLR2004
+        raise ValueError(f"points_m must hold pairs (x, y), got {point!r}")
+    x_m = finite("points_m: x", point[0], least=-1e3, most=1e3)
+    return x_m, finite("points_m: y", point[1], least=0.0, most=width_m)
+
+
+def _check_on_strip(load: Load, width_m: float) -> None:
+    """Refuse a load that is not wholly on the strip; one that touches an edge is."""
+    reach_m = load.half_size_m[1]
+    slack_m = 1e-12 * width_m
+    if not reach_m - slack_m <= load.y_m <= width_m - reach_m + slack_m:
+        raise ValueError(
+            f"loads: y_m must lie from {reach_m:g} to {width_m - reach_m:g} m, so that the load "
+            f"is on the strip, got {load!r}"
+        )
+
+
+def _source(load: Load, width_m: float) -> tuple[Source, int]:
+    """Return a load in widths, mirrored so that it lies at or below the centre line, and how."""
+    centre = round((2 * load.y_m - width_m) / (2 * width_m), _DECIMALS)
+    turn = -1 if centre > 0 else 1
+    centre = turn * centre
+    along_m, across_m = load.half_size_m
+    moment = load.is_moment
+    if hasattr(load, "radius_m"):
+        span = Span(low=centre, high=centre)
+        return Source(span=span, radius=min(along_m / width_m, 0.5), moment=moment), turn
+    half = across_m / width_m
+    span = Span(low=max(centre - half, -0.5), high=min(centre + half, 0.5))
+    return Source(span=span, half_length=along_m / width_m, moment=moment), turn
+
+
+def unit_scale_m2(load: Load, width_m: float) -> float:
+    """Return what makes of the dimensionless field D times metres per unit load, equation (30)."""
+    if isinstance(load, (PressureDisc, PressureRectangle)):
+        return width_m**4
+    if isinstance(load, ForceRectangle):
+        return width_m**4 / load.area_m2
+    return width_m**2
+
+
+def _reasons(work: Work, found: tuple[Band, ...]) -> Iterable[str]:
+    """Say what is left out and why."""
+    for band in found:
+        if band.matrix is not None:
+            yield (
+                f"{band.rows.size} frequencies follow from {band.solved_hz.size}: {band.reason}"
+            )
+    counts = (
+        ("pairs", work.pairs_asked, work.pairs_solved, "they are repeated or mirror images"),
+        (
+            "symmetries",
+            work.symmetries_asked,
+            work.symmetries_solved,
+            "zero on the centre line, or the load is repeated",
+        ),
+        (
+            "integrals",
+            work.integrals_asked,
+            work.integrals_solved,
+            "far from the load the guided waves are enough, or it is zero or repeated",
+        ),
+    )
+    for name, asked, solved, why in counts:
+        if solved < asked:
+            yield f"{asked - solved} of {asked} {name}: {why}"
+    if not work.wall_correction:
+        yield "the wall correction: the edges are simply supported"

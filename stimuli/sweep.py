@@ -1,0 +1,145 @@
+"""At which frequencies a field is solved, and how it follows at the others.
+
+Below the first cut-off the field is an analytic function of f^2 (of f with viscous loss), so that
+its values at a few Chebyshev nodes give it everywhere. At the lowest frequencies this is the only
+way: there the two branches cancel, and the nodes are the nearest places where they do not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.edge import SIMPLY_SUPPORTED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.strip import Strip
+
+    Real = NDArray[np.float64]
+
+_UPPER: Final = 0.9
+"""Part of the first cut-off up to which a sweep is interpolated."""
+
+_LOWEST: Final = 0.003
+"""Part of the supported strip's first cut-off below which nothing is solved: (k W)^2 = 0.03."""
+
+_LOWEST_TOP: Final = 0.01
+"""Top of the interval for those frequencies, as the same part."""
+
+_LOWEST_NODES: Final = 12
+_FARTHEST: Final = 6.0
+"""Distance in widths up to which a sweep is interpolated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Band:
+    """Frequencies that are obtained in the same way.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (n,)
+        Which of the asked frequencies.
+    solved_hz : ndarray of float64, shape (m,)
+        Frequencies that are solved.
+    matrix : ndarray of float64, shape (n, m), or None
+        What takes solved values to the asked ones; none if they are the same.
+    last : ndarray of float64, shape (2, m), or None
+        What takes solved values to the last two Chebyshev coefficients.
+    reason : str
+        Why it is done in this way; empty if there is nothing to tell.
+    """
+
+    rows: NDArray[np.intp]
+    solved_hz: Real
+    matrix: Real | None = None
+    last: Real | None = None
+    reason: str = ""
+
+
+def bands(
+    strip: Strip, frequencies_hz: Real, rtol: float, distance: float, *, skip: bool
+) -> tuple[Band, ...]:
+    """Return how each frequency is obtained.
+
+    Parameters
+    ----------
+    strip : Strip
+        The endless strip.
+    frequencies_hz : ndarray of float64, shape (n_frequencies,)
+        Asked frequencies.
+    rtol : float
+        Wanted relative error.
+    distance : float
+        Largest distance along the strip in widths.
+    skip : bool
+        Whether frequencies may be interpolated to save time.
+
+    Returns
+    -------
+    tuple of Band
+
+    Examples
+    --------
+    Five hundred frequencies below the cut-off need no more solutions than fifty:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> [bands(strip, np.linspace(4, 1500, n), 1e-6, 3.0, skip=True)[0].solved_hz.size
+    ...  for n in (50, 500)]
+    [18, 18]
+    """
+    supported_hz = dataclasses.replace(strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+    top_hz = _UPPER * strip.cutoff_hz()
+    below = np.flatnonzero(frequencies_hz <= top_hz)
+    found = []
+    done = np.zeros(frequencies_hz.size, dtype=np.bool_)
+    if skip and below.size and distance <= _FARTHEST:
+        most_hz = max(float(np.max(frequencies_hz[below])), _LOWEST_TOP * supported_hz)
+        count = _count(strip, most_hz, rtol, distance)
+        if count < below.size:
+            reason = "below cut-off the field is smooth in frequency"
+            found.append(_interpolated(strip, frequencies_hz, below, most_hz, count, reason))
+            done[below] = True
+    lowest = np.flatnonzero((frequencies_hz < _LOWEST * supported_hz) & ~done)
+    if lowest.size:
+        most_hz = _LOWEST_TOP * supported_hz
+        reason = "near 0 Hz the two branches cancel"
+        band = _interpolated(strip, frequencies_hz, lowest, most_hz, _LOWEST_NODES, reason)
+        found.append(band)
+        done[lowest] = True
+    rest = np.flatnonzero(~done)
+    if rest.size:
+        found.append(Band(rows=rest, solved_hz=frequencies_hz[rest]))
+    return tuple(found)
+
+
+def _count(strip: Strip, top_hz: float, rtol: float, distance: float) -> int:
+    """Return how many nodes reach the wanted error: the nearest singularity is the cut-off."""
+    part = top_hz / strip.cutoff_hz()
+    centre = 2 / part - 1 if strip.material.viscous_time_s else 2 / part**2 - 1
+    ellipse = centre + np.sqrt(centre**2 - 1)
+    return int((np.log(1 / rtol) + 5 + 3 * distance) / np.log(ellipse)) + 4
+
+
+def _interpolated(
+    strip: Strip, frequencies_hz: Real, rows: NDArray[np.intp], top_hz: float, count: int, reason: str
+) -> Band:
+    power = 1 if strip.material.viscous_time_s else 2
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    nodes_hz = top_hz * ((1 + np.cos(angle)) / 2) ** (1 / power)
+    place = np.clip(2 * (frequencies_hz[rows] / top_hz) ** power - 1, -1.0, 1.0)
+    order = np.arange(count)
+    to_coefficients = 2 / count * np.cos(order[:, np.newaxis] * angle)
+    to_coefficients[0] /= 2
+    return Band(
+        rows=rows,
+        solved_hz=nodes_hz,
+        matrix=np.cos(order * np.arccos(place)[:, np.newaxis]) @ to_coefficients,
+        last=to_coefficients[-2:],
+        reason=reason,
+    )
