@@ -48,6 +48,8 @@ class Contour:
         Error of the rule as a part of each wave's own term, equation (45).
     floor : ndarray of float64, shape (n_frequencies,)
         The same for whatever is not a wave.
+    rise : ndarray of float64, shape (n_frequencies,)
+        How far the path stays above the flat line up to which nothing but waves is crossed.
     ceiling : ndarray of float64, shape (n_frequencies,)
         Decay of the first wave above the path.
     """
@@ -58,6 +60,7 @@ class Contour:
     n_below: NDArray[np.int_]
     leak: Complex
     floor: Real
+    rise: Real
     ceiling: Real
 
 
@@ -118,6 +121,7 @@ def contour(
         n_below=n_below,
         leak=leak,
         floor=np.exp(-2 * np.pi * tilt / step),
+        rise=reach * np.sin(tilt),
         ceiling=ceiling,
     )
 

@@ -32,6 +32,10 @@ _LEAST_SPREAD: Final = 12.0
 _CLOSE: Final = 0.1
 """Relative distance of two waves below which their sum is taken on a circle about both."""
 
+_TIGHT: Final = 1e-3
+_DOUBLE: Final = 40.0
+"""Relative distance below which a pair acts on the error as one double wave, and its factor."""
+
 _ACROSS: Final = np.linspace(-0.5, 0.5, 17)
 _CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 _EPS: Final = float(np.finfo(np.float64).eps)
@@ -167,19 +171,27 @@ def _near(task: Task, modes: Guided) -> Part:
     nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
     path = contour(
         modes.p,
-        task.rtol,
+        task.rtol * math.exp(-float(np.max(np.abs(task.k))) * source.radius),
         finest=min(size for size in sizes if size > 0),
         nearest=0.0 if source.radius else nearest,
         mirrored=task.lossless,
     )
     alone = _separate_terms(task, modes, modes.shapes(task.across))
-    leaked = 2 * np.abs((alone * path.leak[..., np.newaxis]).sum(axis=1))
     below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
     terms = _together(alone, task, modes, below)
+    leaked = _leaked(path, modes, alone, terms)
     rest = _integral(task, path, modes.sign)
     terms = np.where(below[..., np.newaxis], terms, 0.0)
     error = rest.error + leaked + _rounding(task, modes, terms)
     return Part(value=terms.sum(axis=1) + rest.value, error=error)
+
+
+def _leaked(path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Real:
+    """Return the error of the path's trapezoidal rule due to the known waves, equation (45)."""
+    tight = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
+    tight = np.pad(tight, ((0, 0), (0, 1))) | np.pad(tight, ((0, 0), (1, 0)))
+    each = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone) * path.leak[..., np.newaxis]
+    return np.asarray(2 * np.abs(each.sum(axis=1)))
 
 
 def _separate_terms(task: Task, modes: Guided, shapes: Complex) -> Complex:
@@ -211,7 +223,7 @@ def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> N
     p = modes.p[row]
     centre, apart = (p[first] + p[first + 1]) / 2, abs(p[first] - p[first + 1])
     others = np.concatenate([np.delete(p, [first, first + 1]), -p])
-    radius = np.minimum(0.4 * np.min(np.abs(others - centre)), 3 / (task.distance + 1e-9))
+    radius = np.minimum(0.25 * np.min(np.abs(others - centre)), 3 / (task.distance + 1e-9))
     merged = radius > 2 * apart
     if not np.any(merged):
         return
@@ -237,7 +249,9 @@ def _integral(task: Task, path: Contour, sign: int) -> Part:
     if path.mirrored:
         value = value.real + 0j
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
-    lost = path.floor[:, np.newaxis] + 4 * _EPS * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
+    lift = np.exp(path.rise[:, np.newaxis] * np.maximum(task.clearance, 0.0))
+    lost = path.floor[:, np.newaxis] * lift
+    lost += 4 * _EPS * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
     error = 4 * ends + lost * size
     return Part(value=value + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
 
