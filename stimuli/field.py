@@ -9,7 +9,8 @@ import numpy as np
 
 from stimuli.checks import instance
 from stimuli.edge import CLAMPED, ElasticEdge
-from stimuli.scene import Job, Scene, Work, unit_scale_m2
+from stimuli.jobs import Job, unit_scale
+from stimuli.scene import Scene, Work
 from stimuli.solver import Part, Task, solved
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
         for job in jobs:
             part = _between(band, _solved_at(scene, job, band.solved_hz, rtol))
             for load, places in zip(job.loads, job.places, strict=True):
-                scale = unit_scale_m2(scene.loads[load], scene.strip.width_m)
+                scale = unit_scale(scene.loads[load], scene.strip.width_m)
                 scales = (scale / stiffness[band.rows])[:, np.newaxis]
                 value[band.rows, load] = part.value[:, places] * scales
                 error[band.rows, load] = part.error[:, places] * np.abs(scales)
@@ -144,7 +145,9 @@ def _between(band: Band, part: Part) -> Part:
     if band.matrix is None or band.last is None:
         return part
     error = np.abs(band.matrix) @ part.error
-    return Part(value=band.matrix @ part.value, error=error + np.max(np.abs(band.last @ part.value), axis=0))
+    return Part(
+        value=band.matrix @ part.value, error=error + np.max(np.abs(band.last @ part.value), axis=0)
+    )
 
 
 def _solved_at(scene: Scene, job: Job, frequencies_hz: Real, rtol: float) -> Part:
@@ -178,7 +181,7 @@ def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Complex, Complex
     if edge is CLAMPED or not isinstance(edge, ElasticEdge):
         return k, np.zeros(k.size, dtype=np.complex128)
     hold = strip.bending_stiffness_n_m / (edge.stiffness_n * strip.width_m)
-    return k, hold * (factor if edge.lossless else np.ones(k.size, dtype=np.complex128))
+    return k, hold * factor if edge.lossless else np.full(k.size, hold + 0j)
 
 
 def _stiffness_factors(strip: Strip, frequencies_hz: Real) -> Complex:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.transverse import Span, shape, shape_integral
+from stimuli.transverse import shape, shape_integral
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -83,8 +83,10 @@ class Guided:
 
 def _products(gi: Complex, gj: Complex, *, same: bool) -> tuple[Complex, Complex]:
     """Return the two parts of int shape_i shape_j dY over the strip."""
-    alike = -np.expm1(-(gi + gj)) / (2 * (gi + gj))
-    other = np.exp(-gi) / 2 if same else (np.exp(-gj) - np.exp(-gi)) / (2 * (gi - gj))
+    alike: Complex = -np.expm1(-(gi + gj)) / (2 * (gi + gj))
+    if same:
+        return alike, np.asarray(np.exp(-gi) / 2)
+    other: Complex = (np.exp(-gj) - np.exp(-gi)) / (2 * (gi - gj))
     return alike, other
 
 
@@ -168,7 +170,7 @@ def _galerkin(k: Complex, hold: Complex, n_modes: int, sign: int) -> Complex:
     if not clamped:
         spring = turn / (2 * hold)
         scale[:, 0] = 1 / np.sqrt(1 + np.abs(spring))
-        bend[:, 0, 0] += spring
+        bend[:, 0, 0] = bend[:, 0, 0] + spring
     both = (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])[:, start:, start:]
     slope, mass, bend = (both * m[..., start:, start:] for m in (slope, mass, bend))
     sigma = shift[:, np.newaxis, np.newaxis]

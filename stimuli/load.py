@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from stimuli.checks import finite
 
-_LEAST_SIZE_M = 1e-9
+_LEAST_SIZE_M: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,12 +221,15 @@ class ForceRectangle(_Rectangle):
         return self.length_x_m * self.length_y_m
 
 
-Load = (
-    PointForce
-    | PressureDisc
-    | PressureRectangle
-    | MomentDisc
-    | MomentRectangle
-    | ForceRectangle
-)
+Load = PointForce | PressureDisc | PressureRectangle | MomentDisc | MomentRectangle | ForceRectangle
 """Any load of this module."""
+
+LOADS: Final = (
+    PointForce,
+    PressureDisc,
+    PressureRectangle,
+    MomentDisc,
+    MomentRectangle,
+    ForceRectangle,
+)
+"""The same, to be checked against."""

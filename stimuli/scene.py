@@ -9,12 +9,11 @@ import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
 from stimuli.edge import SIMPLY_SUPPORTED, ElasticEdge
-from stimuli.load import ForceRectangle, Load, PressureDisc, PressureRectangle
+from stimuli.jobs import Job, jobs
+from stimuli.load import LOADS, Load
 from stimuli.solver import far_clearance
 from stimuli.strip import Strip
 from stimuli.sweep import Band, bands
-from stimuli.transform import Source
-from stimuli.transverse import Span
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Real = NDArray[np.float64]
-
-_DECIMALS: Final = 15
-"""Places in widths that agree to so many decimals are one place."""
 
 LEAST_RTOL: Final = 1e-12
 MOST_RTOL: Final = 0.1
@@ -61,32 +57,6 @@ class Work:
     integrals_solved: int
     wall_correction: bool
     skipped: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Job:
-    """All that is computed for loads that differ in nothing but their place, in widths.
-
-    Attributes
-    ----------
-    source : Source
-        The load.
-    loads : tuple of int
-        Which loads of the scene it stands for.
-    distance, across : ndarray of float64, shape (n_pairs,)
-        Different places relative to the load.
-    places : ndarray of int, shape (n_loads, n_points)
-        Where each load's points are among them.
-    signs : tuple of int
-        Symmetries that are not zero.
-    """
-
-    source: Source
-    loads: tuple[int, ...]
-    distance: Real
-    across: Real
-    places: NDArray[np.intp]
-    signs: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +110,7 @@ class Scene:
             )
         object.__setattr__(self, "loads", _some("loads", self.loads))
         for load in self.loads:
-            instance("loads", load, Load, "a tuple of loads")
+            instance("loads", load, LOADS, "a tuple of loads")
             _check_on_strip(load, self.strip.width_m)
         points = [_point(point, self.strip.width_m) for point in _some("points_m", self.points_m)]
         object.__setattr__(self, "points_m", tuple(points))
@@ -224,35 +194,7 @@ class Scene:
 
     def jobs(self) -> tuple[Job, ...]:
         """Return what has to be computed, each different thing once."""
-        width_m = self.strip.width_m
-        x, y = np.array(self.points_m).T
-        across = np.round((2 * y - width_m) / (2 * width_m), _DECIMALS)
-        groups: dict[object, list[tuple[int, Source, Real, Real]]] = {}
-        for index, load in enumerate(self.loads):
-            source, turn = _source(load, width_m)
-            distance = np.round(np.abs(x - load.x_m) / width_m, _DECIMALS)
-            places = turn * across
-            if self.skip and source.span.low == -source.span.high:
-                places = -np.abs(places)
-            key = source if self.skip else index
-            groups.setdefault(key, []).append((index, source, distance, places))
-        return tuple(self._job(members) for members in groups.values())
-
-    def _job(self, members: list[tuple[int, Source, Real, Real]]) -> Job:
-        source = members[0][1]
-        pairs = np.concatenate([np.column_stack([m[2], m[3]]) for m in members])
-        inverse = np.arange(len(pairs))
-        if self.skip:
-            pairs, inverse = np.unique(pairs, axis=0, return_inverse=True)
-        symmetric = source.span.low == -source.span.high or bool(np.all(pairs[:, 1] == 0))
-        return Job(
-            source=source,
-            loads=tuple(m[0] for m in members),
-            distance=pairs[:, 0],
-            across=pairs[:, 1],
-            places=inverse.reshape(len(members), -1),
-            signs=(1,) if self.skip and symmetric else (1, -1),
-        )
+        return jobs(self.strip.width_m, self.loads, self.points_m, skip=self.skip)
 
 
 def _some(name: str, values: Iterable[object]) -> tuple[object, ...]:
@@ -280,37 +222,11 @@ def _check_on_strip(load: Load, width_m: float) -> None:
         )
 
 
-def _source(load: Load, width_m: float) -> tuple[Source, int]:
-    """Return a load in widths, mirrored so that it lies at or below the centre line, and how."""
-    centre = round((2 * load.y_m - width_m) / (2 * width_m), _DECIMALS)
-    turn = -1 if centre > 0 else 1
-    centre = turn * centre
-    along_m, across_m = load.half_size_m
-    moment = load.is_moment
-    if hasattr(load, "radius_m"):
-        span = Span(low=centre, high=centre)
-        return Source(span=span, radius=min(along_m / width_m, 0.5), moment=moment), turn
-    half = across_m / width_m
-    span = Span(low=max(centre - half, -0.5), high=min(centre + half, 0.5))
-    return Source(span=span, half_length=along_m / width_m, moment=moment), turn
-
-
-def unit_scale_m2(load: Load, width_m: float) -> float:
-    """Return what makes of the dimensionless field D times metres per unit load, equation (30)."""
-    if isinstance(load, (PressureDisc, PressureRectangle)):
-        return width_m**4
-    if isinstance(load, ForceRectangle):
-        return width_m**4 / load.area_m2
-    return width_m**2
-
-
 def _reasons(work: Work, found: tuple[Band, ...]) -> Iterable[str]:
     """Say what is left out and why."""
     for band in found:
         if band.matrix is not None:
-            yield (
-                f"{band.rows.size} frequencies follow from {band.solved_hz.size}: {band.reason}"
-            )
+            yield (f"{band.rows.size} frequencies follow from {band.solved_hz.size}: {band.reason}")
     counts = (
         ("pairs", work.pairs_asked, work.pairs_solved, "they are repeated or mirror images"),
         (

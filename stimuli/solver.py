@@ -112,7 +112,7 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
 
     >>> from stimuli.transverse import Span
     >>> def at(y0, y):
-    ...     source = Source(span=Span(low=y0, high=y0))
+    ...     source = Source(span=Span(centre=y0))
     ...     return solved(Task(k=np.array([2 + 0j]), hold=np.array([0j]), source=source, rtol=1e-10,
     ...                        distance=np.array([0.4]), across=np.array([y]))).value
     >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
@@ -130,7 +130,7 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
                 error[:, points] += part.error
     source = task.source
     if source.radius:
-        apart = _clipped(source, np.hypot(task.distance, task.across - source.span.low))
+        apart = _clipped(source, np.hypot(task.distance, task.across - source.span.centre))
         excess = inside_excess(task.k, source.radius, apart, moment=source.moment)
         value, error = value + excess, error + 8 * _EPS * np.abs(excess)
     return Part(value=value, error=error)
@@ -230,7 +230,9 @@ def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> N
     turn = radius[merged] * _CIRCLE[:, np.newaxis]
     some = task.at(merged)
     k, hold = task.k[row : row + 1], task.hold[row : row + 1]
-    kernel = transformed(centre + turn, k, hold, task.source, some.across, modes.sign)
+    kernel = transformed(
+        centre + turn, k, hold, source=task.source, across=some.across, sign=modes.sign
+    )
     ring = 1j * np.mean(kernel * turn * task.source.along(centre + turn, some.distance), axis=0)
     terms[row, first, merged] = ring
     terms[row, first + 1, merged] = 0.0
@@ -240,7 +242,7 @@ def _integral(task: Task, path: Contour, sign: int) -> Part:
     """Return the integral along the path, equation (41)."""
     s = path.s[..., np.newaxis]
     k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
-    kernel = transformed(s, k, hold, task.source, task.across, sign)
+    kernel = transformed(s, k, hold, source=task.source, across=task.across, sign=sign)
     logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
     if task.source.radius:
         kernel, logarithm = _without_logarithm(kernel, path, task, sign)
@@ -268,7 +270,10 @@ def _without_logarithm(
     m = path.ceiling[:, np.newaxis]
     root = np.sqrt(path.s**2 + m * m)[..., np.newaxis]
     logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
-    for part, apart in ((1, task.across - source.span.low), (sign, task.across + source.span.low)):
+    for part, apart in (
+        (1, task.across - source.span.centre),
+        (sign, task.across + source.span.centre),
+    ):
         spread = np.exp(-root * np.abs(apart)) / (2 * root)
         kernel = kernel - part * strength[..., np.newaxis] * spread
         r = _clipped(source, np.hypot(task.distance, apart))

@@ -94,6 +94,7 @@ def bands(
     [12, 12]
     """
     supported_hz = dataclasses.replace(strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+    power = 1 if strip.material.viscous_time_s else 2
     top_hz = _UPPER * strip.cutoff_hz()
     below = np.flatnonzero(frequencies_hz <= top_hz)
     found = []
@@ -103,13 +104,19 @@ def bands(
         count = _count(strip, most_hz, rtol, distance)
         if count < below.size:
             reason = "below cut-off the field is smooth in frequency"
-            found.append(_interpolated(strip, frequencies_hz, below, most_hz, count, reason))
+            found.append(
+                _interpolated(
+                    frequencies_hz, below, power=power, top_hz=most_hz, count=count, reason=reason
+                )
+            )
             done[below] = True
     lowest = np.flatnonzero((frequencies_hz < _LOWEST * supported_hz) & ~done)
     if lowest.size:
         most_hz = _LOWEST_TOP * supported_hz
         reason = "near 0 Hz the two branches cancel"
-        band = _interpolated(strip, frequencies_hz, lowest, most_hz, _LOWEST_NODES, reason)
+        band = _interpolated(
+            frequencies_hz, lowest, power=power, top_hz=most_hz, count=_LOWEST_NODES, reason=reason
+        )
         found.append(band)
         done[lowest] = True
     rest = np.flatnonzero(~done)
@@ -127,9 +134,15 @@ def _count(strip: Strip, top_hz: float, rtol: float, distance: float) -> int:
 
 
 def _interpolated(
-    strip: Strip, frequencies_hz: Real, rows: NDArray[np.intp], top_hz: float, count: int, reason: str
+    frequencies_hz: Real,
+    rows: NDArray[np.intp],
+    *,
+    power: int,
+    top_hz: float,
+    count: int,
+    reason: str,
 ) -> Band:
-    power = 1 if strip.material.viscous_time_s else 2
+    """Return a band from 0 to its top that is interpolated in a power of frequency, (46)."""
     angle = np.pi * (np.arange(count) + 0.5) / count
     nodes_hz = top_hz * ((1 + np.cos(angle)) / 2) ** (1 / power)
     place = np.clip(2 * (frequencies_hz[rows] / top_hz) ** power - 1, -1.0, 1.0)

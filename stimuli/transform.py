@@ -48,7 +48,9 @@ class Source:
         if c == 0:
             return np.exp(1j * s * distance)
         beside = np.exp(1j * s * np.maximum(distance - c, 0.0)) * np.expm1(2j * s * c)
-        inside = np.expm1(1j * s * np.maximum(c - distance, 0.0)) + np.expm1(1j * s * (c + distance))
+        inside = np.expm1(1j * s * np.maximum(c - distance, 0.0)) + np.expm1(
+            1j * s * (c + distance)
+        )
         return np.where(distance >= c, beside, inside) / (1j * s)
 
 
@@ -69,7 +71,7 @@ def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
 
 
 def transformed(
-    s: Complex, k: Complex, hold: Complex, source: Source, across: Real, sign: int
+    s: Complex, k: Complex, hold: Complex, *, source: Source, across: Real, sign: int
 ) -> Complex:
     """Return D U^ of one symmetry along the complex s plane, equations (32) to (35).
 

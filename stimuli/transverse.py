@@ -21,21 +21,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """Where a load acts across the strip: from `low` to `high` in Y, a point if they are equal.
+    """Where a load acts across the strip, in widths from the centre line: a point or a length.
 
     Examples
     --------
-    >>> Span(low=-0.1, high=0.1).length
+    >>> Span(centre=0.1, length=0.2).high
     0.2
     """
 
-    low: float
-    high: float
+    centre: float
+    length: float = 0.0
 
     @property
-    def length(self) -> float:
-        """Length in widths, 0 for a point."""
-        return self.high - self.low
+    def low(self) -> float:
+        """Lower end, not beyond the edge."""
+        return max(self.centre - self.length / 2, -0.5)
+
+    @property
+    def high(self) -> float:
+        """Upper end, not beyond the edge."""
+        return min(self.centre + self.length / 2, 0.5)
 
 
 def shape(g: Complex, across: Real, sign: int) -> Complex:
@@ -47,7 +52,8 @@ def shape(g: Complex, across: Real, sign: int) -> Complex:
     >>> bool(np.allclose(shape(g, np.array([0.3]), 1), np.exp(-1) * np.cosh(0.6)))
     True
     """
-    return 0.5 * (np.exp(-g * (0.5 - across)) + sign * np.exp(-g * (0.5 + across)))
+    value: Complex = 0.5 * (np.exp(-g * (0.5 - across)) + sign * np.exp(-g * (0.5 + across)))
+    return value
 
 
 def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
@@ -56,13 +62,14 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     Examples
     --------
     >>> g = np.array([1e-9 + 0j])
-    >>> bool(np.allclose(shape_integral(g, Span(low=-0.2, high=0.3), 1), 0.5))
+    >>> bool(np.allclose(shape_integral(g, Span(centre=0.05, length=0.5), 1), 0.5))
     True
     """
-    ends = np.exp(-g * (0.5 - span.high)) + sign * np.exp(-g * (0.5 + span.low))
-    if span.length == 0:
-        return 0.5 * ends
-    return 0.5 * ends * (-np.expm1(-g * span.length) / g)
+    ends = 0.5 * np.exp(-g * (0.5 - span.high))
+    ends = ends + 0.5 * sign * np.exp(-g * (0.5 + span.low))
+    if span.length:
+        ends = ends * (-np.expm1(-g * span.length) / g)
+    return np.asarray(ends)
 
 
 def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
@@ -88,7 +95,7 @@ def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex
     The two parts add up to the closed form sinh(g y) sinh(g (1 - y0)) / (g sinh g), y <= y0:
 
     >>> g, here = np.array([1.5 + 0.5j]), np.array([-0.3])
-    >>> both = sum(supported_kernel(g, here, Span(low=0.1, high=0.1), sign) for sign in (1, -1))
+    >>> both = sum(supported_kernel(g, here, Span(centre=0.1), sign) for sign in (1, -1))
     >>> closed = np.sinh(0.2 * g) * np.sinh(0.4 * g) / (g * np.sinh(g))
     >>> bool(np.allclose(both, closed, rtol=1e-14))
     True
@@ -101,7 +108,8 @@ def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex
         apart_near, apart_far = _both(g, across - span.high, span.length)
         mirrored_near, mirrored_far = _both(g, across + span.low, span.length)
         parts = apart_near + sign * mirrored_near - mirrored_far - sign * apart_far
-    return parts / (4 * g * (1 + sign * np.exp(-g)))
+    value: Complex = parts / (4 * g * (1 + sign * np.exp(-g)))
+    return value
 
 
 def _both(g: Complex, start: Real, length: float) -> tuple[Complex, Complex]:
