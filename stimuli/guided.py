@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     Real = NDArray[np.float64]
 
 _POLISHING_STEPS: Final = 5
+_NORM_NODES: Final = 48
 _REAL: Final = 1e-6
 """Relative imaginary part of p^2 below which it is rounding, where there is no loss."""
 
@@ -61,7 +62,16 @@ class Guided:
         return end1 * near - end2 * far
 
     def norms(self) -> Complex:
-        """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (39): bilinear, no conjugate."""
+        """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (39): bilinear, no conjugate.
+
+        The closed form cancels as k^-4 and is taken where k W > 1, else a sum over nodes.
+        """
+        low = np.abs(self.g2[:, 0] ** 2 - self.g1[:, 0] ** 2) < 2  # noqa: PLR2004  # (k W)^2 < 1
+        total = self._closed_norms()
+        total[low] = self._summed_norms()[low] if np.any(low) else 0.0
+        return 4 * self.p * total
+
+    def _closed_norms(self) -> Complex:
         end1, end2 = self._ends()
         g, weight = (self.g1, self.g2), (-end2, end1)
         total = np.zeros_like(self.p)
@@ -70,7 +80,14 @@ class Guided:
                 alike, other = _products(g[i], g[j], same=i == j)
                 even, odd = alike + self.sign * other, alike - self.sign * other
                 total += weight[i] * weight[j] * (self.p**2 * even + g[i] * g[j] * odd)
-        return 4 * self.p * total
+        return total
+
+    def _summed_norms(self) -> Complex:
+        nodes, weights = np.polynomial.legendre.leggauss(_NORM_NODES)
+        across, g1, g2 = nodes / 2, self.g1[..., np.newaxis], self.g2[..., np.newaxis]
+        slope2, slope1 = g2 * shape(g2, across, -self.sign), g1 * shape(g1, across, -self.sign)
+        square = (self.p[..., np.newaxis] * self.shapes(across)) ** 2
+        return np.asarray((square + self._mixed(slope2, slope1) ** 2) @ (weights / 2))
 
     def _ends(self) -> tuple[Complex, Complex]:
         end = np.array(0.5)

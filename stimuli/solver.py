@@ -213,7 +213,8 @@ def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]
 
 def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
     p = np.abs(modes.p)[..., np.newaxis]
-    detuning = 1 + np.abs(task.k[:, np.newaxis, np.newaxis]) ** 2 / np.maximum(p, 1e-150) ** 2
+    k2 = np.abs(task.k[:, np.newaxis, np.newaxis]) ** 2
+    detuning = 1 + k2 / np.maximum(p, 1e-150) ** 2 + 1 / k2
     size = np.abs(terms) * (1 + p * task.distance) * detuning
     return np.asarray(4 * _EPS * size.sum(axis=1))
 

@@ -65,11 +65,11 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     >>> bool(np.allclose(shape_integral(g, Span(centre=0.05, length=0.5), 1), 0.5))
     True
     """
-    ends = 0.5 * np.exp(-g * (0.5 - span.high))
+    ends = np.asarray(0.5 * np.exp(-g * (0.5 - span.high)), dtype=np.complex128)
     ends = ends + 0.5 * sign * np.exp(-g * (0.5 + span.low))
     if span.length:
         ends = ends * (-np.expm1(-g * span.length) / g)
-    return np.asarray(ends)
+    return ends
 
 
 def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
