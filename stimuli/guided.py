@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 _POLISHING_STEPS: Final = 5
 _NORM_NODES: Final = 48
+_LOW: Final = 2.0
+"""2 (k W)^2 below which the closed form of the norms loses digits."""
+
 _REAL: Final = 1e-6
 """Relative imaginary part of p^2 below which it is rounding, where there is no loss."""
 
@@ -66,7 +69,7 @@ class Guided:
 
         The closed form cancels as k^-4 and is taken where k W > 1, else a sum over nodes.
         """
-        low = np.abs(self.g2[:, 0] ** 2 - self.g1[:, 0] ** 2) < 2  # noqa: PLR2004  # (k W)^2 < 1
+        low = np.abs(self.g2[:, 0] ** 2 - self.g1[:, 0] ** 2) < _LOW
         total = self._closed_norms()
         total[low] = self._summed_norms()[low] if np.any(low) else 0.0
         return 4 * self.p * total

@@ -15,6 +15,7 @@ from stimuli import (
     SIMPLY_SUPPORTED,
     ElasticEdge,
     IdealEdge,
+    Load,
     MomentDisc,
     MomentRectangle,
     PointForce,
@@ -70,7 +71,7 @@ def test_nothing_is_skipped_unless_told() -> None:
 def test_skipping_changes_the_counts_and_no_result(
     edge: IdealEdge | ElasticEdge, rtol: float
 ) -> None:
-    loads = (
+    loads: tuple[Load, ...] = (
         *DISCS,
         PointForce(x_m=0.01, y_m=0.006),
         PressureRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.01, length_y_m=0.01),
@@ -153,7 +154,8 @@ def test_loads_that_touch_the_edges_are_taken() -> None:
 
 
 @pytest.mark.parametrize(
-    "point", [(0.0, -1e-9), (0.0, 0.0251), (math.nan, 0.01), (0.0, math.inf), (0.0, True), (0.0,), 3]
+    "point",
+    [(0.0, -1e-9), (0.0, 0.0251), (math.nan, 0.01), (0.0, math.inf), (0.0, True), (0.0,), 3],
 )
 def test_points_beside_the_strip_are_refused(point: Any) -> None:
     with pytest.raises(ValueError, match=r"points_m.*got"):
