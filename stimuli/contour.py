@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _REACH: Final = 0.6
 """Reach as a part of the gap between the waves below and above the path."""
 
-_SPARE: Final = 6.0
+_SPARE: Final = 8.0
 """Nepers beyond the wanted error, for values that are small against the terms of their sum."""
 
 _LEAST_GAP: Final = 1e-3

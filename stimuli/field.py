@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.checks import instance
-from stimuli.edge import CLAMPED, ElasticEdge
+from stimuli.edge import ElasticEdge
+from stimuli.guided import PI
 from stimuli.jobs import Job, unit_scale
 from stimuli.scene import Scene, Work
 from stimuli.solver import Part, Task, solved
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from stimuli.sweep import Band
 
     Complex = NDArray[np.complex128]
+    Exact = NDArray[np.clongdouble]
     Real = NDArray[np.float64]
 
 _SOFTEST: Final = 1e18
@@ -157,31 +159,40 @@ def _solved_at(scene: Scene, job: Job, frequencies_hz: Real, rtol: float) -> Par
     value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
     order = np.argsort(frequencies_hz)
     task = Task(
-        k=k, hold=hold, source=job.source, distance=job.distance, across=job.across, rtol=rtol
+        exact_k=k,
+        exact_hold=hold,
+        source=job.source,
+        distance=job.distance,
+        across=job.across,
+        rtol=rtol,
     )
     for places in np.array_split(np.arange(size[1]), -(-size[1] // _CHUNK)):
         n_rows = max(1, _CHUNK // places.size)
         for rows in np.array_split(order, -(-size[0] // n_rows)):
-            some = replace(task.at(places), k=k[rows], hold=hold[rows])
+            some = replace(task.at(places), exact_k=k[rows], exact_hold=hold[rows])
             part = solved(some, job.signs, skip=scene.skip)
             value[np.ix_(rows, places)] = part.value
             error[np.ix_(rows, places)] = part.error
     return Part(value=value, error=error)
 
 
-def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Complex, Complex]:
-    """Return k W and 1 / (kappa W)."""
-    strip = scene.strip
-    factor = _stiffness_factors(strip, frequencies_hz)
-    inertia = strip.material.density_kg_m3 * strip.thickness_m / strip.bending_stiffness_n_m
-    k = np.sqrt(2 * np.pi * frequencies_hz) * inertia**0.25 * strip.width_m * factor**-0.25
+def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Exact, Exact]:
+    """Return k W and 1 / (kappa W) with the digits that p needs near a cut-off."""
+    strip, material = scene.strip, scene.strip.material
+    width, thickness, nu = (
+        np.longdouble(v) for v in (strip.width_m, strip.thickness_m, material.poisson_ratio)
+    )
+    stiffness = material.youngs_modulus_pa * thickness**3 / (12 * (1 - nu) * (1 + nu))
+    factor = _stiffness_factors(strip, frequencies_hz).astype(np.clongdouble)
+    inertia = np.sqrt(np.sqrt(material.density_kg_m3 * thickness / stiffness))
+    k = np.sqrt(2 * PI * np.abs(frequencies_hz)) * inertia * width / np.sqrt(np.sqrt(factor))
     edge = strip.edge
     if scene.is_supported:
-        return k, np.full(k.size, (np.inf if scene.skip else _SOFTEST) + 0j)
-    if edge is CLAMPED or not isinstance(edge, ElasticEdge):
-        return k, np.zeros(k.size, dtype=np.complex128)
-    hold = strip.bending_stiffness_n_m / (edge.stiffness_n * strip.width_m)
-    return k, hold * factor if edge.lossless else np.full(k.size, hold + 0j)
+        return k, np.full(k.size, np.inf if scene.skip else _SOFTEST, dtype=np.clongdouble)
+    if not isinstance(edge, ElasticEdge):
+        return k, np.zeros(k.size, dtype=np.clongdouble)
+    hold = stiffness / (edge.stiffness_n * width)
+    return k, hold * (factor if edge.lossless else np.ones_like(factor))
 
 
 def _stiffness_factors(strip: Strip, frequencies_hz: Real) -> Complex:

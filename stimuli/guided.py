@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from stimuli.transform import Source
 
     Complex = NDArray[np.complex128]
+    Exact = NDArray[np.clongdouble]
     Real = NDArray[np.float64]
 
+PI: Final = np.longdouble("3.14159265358979323846264338327950288")
+_NEAR_CUTOFF: Final = 1e-2
 _POLISHING_STEPS: Final = 5
 _NORM_NODES: Final = 48
 _LOW: Final = 2.0
@@ -110,14 +113,15 @@ def _products(gi: Complex, gj: Complex, *, same: bool) -> tuple[Complex, Complex
     return alike, other
 
 
-def guided(k: Complex, hold: Complex, n_modes: int, sign: int) -> Guided:
+def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -> Guided:
     """Return the guided waves of one symmetry, equation (38).
 
     Parameters
     ----------
-    k : ndarray of complex128, shape (n_frequencies,)
-        Bending wavenumber times the width, not 0.
-    hold : ndarray of complex128, shape (n_frequencies,)
+    k : ndarray of complex, shape (n_frequencies,)
+        Bending wavenumber times the width, not 0. Near a cut-off, p has the relative error of k
+        divided by the detuning: there the digits of a long double count.
+    hold : ndarray of complex, shape (n_frequencies,)
         1 / (kappa W); 0 for clamped, infinite for simply supported edges.
     n_modes : int
         How many waves.
@@ -146,20 +150,39 @@ def guided(k: Complex, hold: Complex, n_modes: int, sign: int) -> Guided:
     """
     if np.all(np.isinf(hold)):
         return _supported(k, n_modes, sign)
-    z = _polished(_galerkin(k, hold, n_modes, sign), k, hold, sign)
+    rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
+    z = _polished(_galerkin(rough_k, rough_hold, n_modes, sign), rough_k, rough_hold, sign)
+    z = _near_cutoff(z, k, hold, sign)
     p = _outgoing(z)
     order = np.argsort(p.imag - 1e-9 * p.real, axis=1, kind="stable")
     z, p = (np.take_along_axis(a, order, axis=1) for a in (z, p))
-    k2 = (k * k)[:, np.newaxis]
+    k2 = (rough_k * rough_k)[:, np.newaxis]
     return Guided(p=p, g1=np.sqrt(z - k2), g2=np.sqrt(z + k2), sign=sign)
 
 
-def _supported(k: Complex, n_modes: int, sign: int) -> Guided:
+def _near_cutoff(z: Complex, k: Exact | Complex, hold: Exact | Complex, sign: int) -> Complex:
+    """Return p^2 after one more step with all digits of k, where p^2 is a small difference."""
+    near = np.abs(z) < _NEAR_CUTOFF * np.abs(k[:, np.newaxis]) ** 2
+    rows = np.any(near, axis=1)
+    if not np.any(rows):
+        return z
+    exact, some = z[rows].astype(np.clongdouble), near[rows]
+    value, slope = _dispersion(exact, k[rows, np.newaxis], hold[rows, np.newaxis], sign)
+    step = np.where(some, value / slope, 0.0)
+    if not (np.any(k.imag) or np.any(hold.imag)):
+        step = step.real + 0j
+    z = z.copy()
+    z[rows] = (exact - step).astype(np.complex128)
+    return z
+
+
+def _supported(k: Exact | Complex, n_modes: int, sign: int) -> Guided:
     """Return the waves of simply supported edges, equations (9) and (19)."""
     first = 1 if sign > 0 else 2
-    q = np.pi * np.arange(first, first + 2 * n_modes, 2)
+    exact_q = PI * np.arange(first, first + 2 * n_modes, 2)
     k = k[:, np.newaxis]
-    z = np.concatenate([(k - q) * (k + q), -(k * k + q * q)], axis=1)
+    z = np.concatenate([(k - exact_q) * (k + exact_q), -(k * k + exact_q**2)], axis=1)
+    z, k, q = z.astype(np.complex128), k.astype(np.complex128), exact_q.astype(np.float64)
     across = np.broadcast_to(1j * np.concatenate([q, q]), z.shape)
     other = np.sqrt(z + np.repeat(np.array([1, -1]), n_modes) * k * k)
     g1 = np.concatenate([across[:, :n_modes], other[:, n_modes:]], axis=1)
@@ -248,7 +271,7 @@ def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
     return np.where(real, z.real + 0j, z)
 
 
-def _dispersion(z: Complex, k: Complex, hold: Complex, sign: int) -> tuple[Complex, Complex]:
+def _dispersion(z: Any, k: Any, hold: Any, sign: int) -> tuple[Any, Any]:
     """Return (2 k^2/kappa) s1 s2 + g2 s2' s1 - g1 s1' s2 and its slope in z = p^2, equation (38).
 
     s is cosh(g/2) for symmetric waves and sinh(g/2) / g for antisymmetric ones: entire in z.

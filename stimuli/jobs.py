@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.load import ForceRectangle, Load, MomentDisc, PressureDisc, PressureRectangle
+from stimuli.load import DISCS, ForceRectangle, Load, PressureDisc, PressureRectangle
 from stimuli.transform import Source
 from stimuli.transverse import Span
 
@@ -118,7 +118,7 @@ def _source(load: Load, width_m: float) -> tuple[Source, int]:
     centre = turn * centre
     along_m, across_m = load.half_size_m
     moment = load.is_moment
-    if isinstance(load, (PressureDisc, MomentDisc)):
+    if isinstance(load, DISCS):
         span = Span(centre=centre)
         return Source(span=span, radius=min(along_m / width_m, 0.5), moment=moment), turn
     span = Span(centre=centre, length=min(2 * across_m / width_m, 1.0))

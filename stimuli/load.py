@@ -233,3 +233,6 @@ LOADS: Final = (
     ForceRectangle,
 )
 """The same, to be checked against."""
+
+DISCS: Final = (PressureDisc, MomentDisc)
+"""The round ones."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from stimuli.checks import finite, finite_array, instance
 from stimuli.edge import SIMPLY_SUPPORTED, ElasticEdge
 from stimuli.jobs import Job, jobs
-from stimuli.load import LOADS, Load
+from stimuli.load import DISCS, LOADS, Load
 from stimuli.solver import far_clearance
 from stimuli.strip import Strip
 from stimuli.sweep import Band, bands
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 LEAST_RTOL: Final = 1e-12
 MOST_RTOL: Final = 0.1
 _MOST_CUTOFFS: Final = 5000.0
+_WIDEST_DISC: Final = 16.0
+"""Largest k R of a disc: (43) loses exp(k R) of its digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,17 +171,24 @@ class Scene:
         Raises
         ------
         ValueError
-            If they are not one-dimensional, from 0 to 5000 first cut-offs, or `rtol` is not from
-            1e-12 to 0.1.
+            If they are not one-dimensional, from 0 to 5000 first cut-offs (for wide discs to
+            k R = 16), or `rtol` is not from 1e-12 to 0.1.
         """
         frequencies = finite_array("frequencies_hz", frequencies_hz)
-        most_hz = _MOST_CUTOFFS * self.strip.cutoff_hz()
+        most_hz = self._most_hz()
         if frequencies.ndim != 1 or np.any((frequencies < 0) | (frequencies > most_hz)):
             raise ValueError(
                 "frequencies_hz must be a one-dimensional array of frequencies from 0 to "
                 f"{most_hz:.6g} Hz, got {frequencies_hz!r}"
             )
         return frequencies, finite("rtol", rtol, least=LEAST_RTOL, most=MOST_RTOL)
+
+    def _most_hz(self) -> float:
+        """Return the highest frequency that is computed."""
+        supported_hz = replace(self.strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+        radii = [load.radius_m for load in self.loads if isinstance(load, DISCS)]
+        widest = math.pi * max(radii, default=1e-9) / self.strip.width_m
+        return min(_MOST_CUTOFFS, (_WIDEST_DISC / widest) ** 2) * supported_hz
 
     def bands(self, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...]) -> tuple[Band, ...]:
         """Return how each frequency is obtained."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stimuli.contour import Contour
 
     Complex = NDArray[np.complex128]
+    Exact = NDArray[np.clongdouble]
     Real = NDArray[np.float64]
 
 _LEAST_DISTANCE: Final = 1e-8
@@ -32,6 +33,9 @@ _LEAST_SPREAD: Final = 12.0
 _CLOSE: Final = 0.1
 """Relative distance of two waves below which their sum is taken on a circle about both."""
 
+_CAUTION: Final = 3.0
+"""What the estimates of the path's error are multiplied with."""
+
 _TIGHT: Final = 1e-3
 _DOUBLE: Final = 40.0
 """Relative distance below which a pair acts on the error as one double wave, and its factor."""
@@ -39,6 +43,7 @@ _DOUBLE: Final = 40.0
 _ACROSS: Final = np.linspace(-0.5, 0.5, 17)
 _CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 _EPS: Final = float(np.finfo(np.float64).eps)
+_EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -47,9 +52,9 @@ class Task:
 
     Attributes
     ----------
-    k : ndarray of complex128, shape (n_frequencies,)
-        Bending wavenumbers times the width, not small.
-    hold : ndarray of complex128, shape (n_frequencies,)
+    exact_k : ndarray of complex, shape (n_frequencies,)
+        Bending wavenumbers times the width, not small; long double counts near a cut-off.
+    exact_hold : ndarray of complex, shape (n_frequencies,)
         1 / (kappa W): 0 for clamped, infinite for simply supported edges.
     source : Source
         The load.
@@ -59,8 +64,8 @@ class Task:
         Wanted relative error.
     """
 
-    k: Complex
-    hold: Complex
+    exact_k: Exact | Complex
+    exact_hold: Exact | Complex
     source: Source
     distance: Real
     across: Real
@@ -69,6 +74,16 @@ class Task:
     def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Task:
         """Return the task for some of its points."""
         return replace(self, distance=self.distance[points], across=self.across[points])
+
+    @property
+    def k(self) -> Complex:
+        """Bending wavenumbers in double precision."""
+        return self.exact_k.astype(np.complex128)
+
+    @property
+    def hold(self) -> Complex:
+        """1 / (kappa W) in double precision."""
+        return self.exact_hold.astype(np.complex128)
 
     @property
     def clearance(self) -> Real:
@@ -113,15 +128,16 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
     >>> from stimuli.transverse import Span
     >>> def at(y0, y):
     ...     source = Source(span=Span(centre=y0))
-    ...     return solved(Task(k=np.array([2 + 0j]), hold=np.array([0j]), source=source, rtol=1e-10,
-    ...                        distance=np.array([0.4]), across=np.array([y]))).value
+    ...     task = Task(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), source=source,
+    ...                 distance=np.array([0.4]), across=np.array([y]), rtol=1e-10)
+    ...     return solved(task).value
     >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
     True
     """
     value = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
     error = np.zeros(value.shape)
     for sign in signs:
-        modes = guided(task.k, task.hold, n_waves(task.k), sign)
+        modes = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign)
         far = (task.clearance >= far_clearance(task.rtol)) & skip
         for points, method in ((far, _far), (~far, _near)):
             if np.any(points):
@@ -191,7 +207,7 @@ def _leaked(path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Rea
     tight = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
     tight = np.pad(tight, ((0, 0), (0, 1))) | np.pad(tight, ((0, 0), (1, 0)))
     each = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone) * path.leak[..., np.newaxis]
-    return np.asarray(2 * np.abs(each.sum(axis=1)))
+    return np.asarray(_CAUTION * np.abs(each.sum(axis=1)))
 
 
 def _separate_terms(task: Task, modes: Guided, shapes: Complex) -> Complex:
@@ -214,9 +230,9 @@ def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]
 def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
     p = np.abs(modes.p)[..., np.newaxis]
     k2 = np.abs(task.k[:, np.newaxis, np.newaxis]) ** 2
-    detuning = 1 + k2 / np.maximum(p, 1e-150) ** 2 + 1 / k2
-    size = np.abs(terms) * (1 + p * task.distance) * detuning
-    return np.asarray(4 * _EPS * size.sum(axis=1))
+    detuning = k2 / np.maximum(p, 1e-150) ** 2
+    relative = _EPS * (1 + p * task.distance + 1 / k2) + _EXACT_EPS * detuning
+    return np.asarray(4 * (np.abs(terms) * relative).sum(axis=1))
 
 
 def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> None:
@@ -253,7 +269,7 @@ def _integral(task: Task, path: Contour, sign: int) -> Part:
         value = value.real + 0j
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
     lift = np.exp(path.rise[:, np.newaxis] * np.maximum(task.clearance, 0.0))
-    lost = path.floor[:, np.newaxis] * lift
+    lost = _CAUTION * path.floor[:, np.newaxis] * lift
     lost += 4 * _EPS * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
     error = 4 * ends + lost * size
     return Part(value=value + logarithm, error=error + 4 * _EPS * np.abs(logarithm))

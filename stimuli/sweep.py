@@ -1,8 +1,9 @@
 """At which frequencies a field is solved, and how it follows at the others.
 
-Below the first cut-off the field is an analytic function of f^2 (of f with viscous loss), so that
-its values at a few Chebyshev nodes give it everywhere. At the lowest frequencies this is the only
-way: there the two branches cancel, and the nodes are the nearest places where they do not.
+Below the first cut-off the field is an analytic function of f^2 (with viscous loss of f, through
+0 and beyond), so that its values at a few Chebyshev nodes give it everywhere. At the lowest
+frequencies this is the only way: there the two branches cancel, and the nodes are the nearest
+places where they do not.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Band:
     rows : ndarray of int, shape (n,)
         Which of the asked frequencies.
     solved_hz : ndarray of float64, shape (m,)
-        Frequencies that are solved.
+        Frequencies that are solved. With viscous loss some are negative: the field at -f is
+        that of negative viscous loss.
     matrix : ndarray of float64, shape (n, m), or None
         What takes solved values to the asked ones; none if they are the same.
     last : ndarray of float64, shape (2, m), or None
@@ -94,7 +96,7 @@ def bands(
     [12, 12]
     """
     supported_hz = dataclasses.replace(strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
-    power = 1 if strip.material.viscous_time_s else 2
+    viscous = strip.material.viscous_time_s > 0
     top_hz = _UPPER * strip.cutoff_hz()
     below = np.flatnonzero(frequencies_hz <= top_hz)
     found = []
@@ -106,7 +108,12 @@ def bands(
             reason = "below cut-off the field is smooth in frequency"
             found.append(
                 _interpolated(
-                    frequencies_hz, below, power=power, top_hz=most_hz, count=count, reason=reason
+                    frequencies_hz,
+                    below,
+                    viscous=viscous,
+                    top_hz=most_hz,
+                    count=count,
+                    reason=reason,
                 )
             )
             done[below] = True
@@ -115,7 +122,12 @@ def bands(
         most_hz = _LOWEST_TOP * supported_hz
         reason = "near 0 Hz the two branches cancel"
         band = _interpolated(
-            frequencies_hz, lowest, power=power, top_hz=most_hz, count=_LOWEST_NODES, reason=reason
+            frequencies_hz,
+            lowest,
+            viscous=viscous,
+            top_hz=most_hz,
+            count=_LOWEST_NODES,
+            reason=reason,
         )
         found.append(band)
         done[lowest] = True
@@ -128,24 +140,27 @@ def bands(
 def _count(strip: Strip, top_hz: float, rtol: float, distance: float) -> int:
     """Return how many nodes reach the wanted error: the nearest singularity is the cut-off."""
     part = top_hz / strip.cutoff_hz()
-    centre = 2 / part - 1 if strip.material.viscous_time_s else 2 / part**2 - 1
+    centre = 1 / part if strip.material.viscous_time_s else 2 / part**2 - 1
     ellipse = centre + np.sqrt(centre**2 - 1)
-    return int((np.log(1 / rtol) + 5 + 3 * distance) / np.log(ellipse)) + 4
+    half = int((np.log(1 / rtol) + 5 + 3 * distance) / np.log(ellipse)) // 2 + 2
+    return 2 * half
 
 
 def _interpolated(
     frequencies_hz: Real,
     rows: NDArray[np.intp],
     *,
-    power: int,
+    viscous: bool,
     top_hz: float,
     count: int,
     reason: str,
 ) -> Band:
-    """Return a band from 0 to its top that is interpolated in a power of frequency, (46)."""
+    """Return a band from 0 to its top that is interpolated in f^2 or, viscous, in f, (46)."""
     angle = np.pi * (np.arange(count) + 0.5) / count
-    nodes_hz = top_hz * ((1 + np.cos(angle)) / 2) ** (1 / power)
-    place = np.clip(2 * (frequencies_hz[rows] / top_hz) ** power - 1, -1.0, 1.0)
+    nodes_hz, place = top_hz * np.cos(angle), frequencies_hz[rows] / top_hz
+    if not viscous:
+        nodes_hz, place = top_hz * np.cos(angle / 2), 2 * place**2 - 1
+    place = np.clip(place, -1.0, 1.0)
     order = np.arange(count)
     to_coefficients = 2 / count * np.cos(order[:, np.newaxis] * angle)
     to_coefficients[0] /= 2

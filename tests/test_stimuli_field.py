@@ -499,6 +499,18 @@ def test_towards_a_cutoff_the_field_grows_as_the_root_of_the_detuning(
         np.testing.assert_allclose(np.abs(u[1:] / u[:-1]), math.sqrt(10), rtol=0.01)
 
 
+@pytest.mark.skipif(float(np.finfo(np.longdouble).eps) > 1e-18, reason="needs a true long double")
+@pytest.mark.parametrize("detuning", [1e-9, -1e-9, 1e-12, -1e-12])
+def test_beside_a_cutoff_the_leading_wave_keeps_the_digits_of_the_inputs(detuning: float) -> None:
+    frequency_hz = PLATE.cutoff_hz() * (1 + detuning)
+    p = PLATE.wavenumbers_rad_m(frequency_hz, n_modes=2)
+    nearest = p[np.argmin(np.abs(p))]  # from rational arithmetic
+    k = wavenumber(PLATE, frequency_hz)
+    leading = 1j / (2 * k**2 * nearest * W * PLATE.bending_stiffness_n_m)
+    others = at(PLATE, MIDDLE, 0.0, W / 2, frequency_hz) - leading
+    assert abs(others) < (3e-6 if abs(detuning) < 1e-10 else 3e-5) * abs(leading)
+
+
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, FIRM, CLAMPED], ids=str)
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_a_cutoff_without_loss_is_refused_and_one_with_loss_is_not(

@@ -26,6 +26,7 @@ from stimuli import (
     response,
 )
 
+W = 0.025
 PLATE = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
 MIDDLE = PointForce(x_m=0.0, y_m=0.0125)
 DISCS = tuple(MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035))
@@ -194,6 +195,15 @@ def test_frequencies_that_are_none_are_refused(bad: Any) -> None:
         scene.work(bad)
     with pytest.raises(ValueError, match="frequencies_hz must"):
         response(scene, bad)
+
+
+def test_a_disc_too_wide_for_the_wave_is_refused() -> None:
+    for radius_m, most_hz in ((W / 2, 199_818.0), (W / 4, 799_272.0)):
+        disc = PressureDisc(x_m=0.0, y_m=W / 2, radius_m=radius_m)
+        scene = Scene(strip=PLATE, loads=(disc,), points_m=((0.0, W / 2),))
+        assert scene.work([0.999 * most_hz]).frequencies_solved == 1
+        with pytest.raises(ValueError, match="frequencies_hz must be .* from 0 to"):
+            scene.work([1.001 * most_hz])
 
 
 @pytest.mark.parametrize("bad", [0.0, 1e-13, 0.2, -1e-6, math.nan, True, "1e-6"])
