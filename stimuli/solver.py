@@ -43,6 +43,9 @@ _DOUBLE: Final = 40.0
 _ACROSS: Final = np.linspace(-0.5, 0.5, 17)
 _CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 _EPS: Final = float(np.finfo(np.float64).eps)
+_CANCELLATION: Final = 20.0
+"""Rounding grows as this over (k W)^2 towards low frequencies, where the branches cancel."""
+
 _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
 
@@ -231,7 +234,7 @@ def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
     p = np.abs(modes.p)[..., np.newaxis]
     k2 = np.abs(task.k[:, np.newaxis, np.newaxis]) ** 2
     detuning = k2 / np.maximum(p, 1e-150) ** 2
-    relative = _EPS * (1 + p * task.distance + 1 / k2) + _EXACT_EPS * detuning
+    relative = _EPS * (1 + p * task.distance + _CANCELLATION / k2) + _EXACT_EPS * detuning
     return np.asarray(4 * (np.abs(terms) * relative).sum(axis=1))
 
 
@@ -270,7 +273,7 @@ def _integral(task: Task, path: Contour, sign: int) -> Part:
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
     lift = np.exp(path.rise[:, np.newaxis] * np.maximum(task.clearance, 0.0))
     lost = _CAUTION * path.floor[:, np.newaxis] * lift
-    lost += 4 * _EPS * (1 + 1 / np.abs(task.k[:, np.newaxis]) ** 2)
+    lost += 4 * _EPS * (1 + _CANCELLATION / np.abs(task.k[:, np.newaxis]) ** 2)
     error = 4 * ends + lost * size
     return Part(value=value + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
 

@@ -26,11 +26,15 @@ if TYPE_CHECKING:
 _UPPER: Final = 0.9
 """Part of the first cut-off up to which a sweep is interpolated."""
 
-_LOWEST: Final = 0.003
-"""Part of the supported strip's first cut-off below which nothing is solved: (k W)^2 = 0.03."""
+_LOWEST_TOPS: Final = (0.01, 0.3)
+"""Least and largest top of the interval for the lowest frequencies, as a part of the supported
+strip's first cut-off: the farther the points, the narrower, since the field varies more."""
 
-_LOWEST_TOP: Final = 0.01
-"""Top of the interval for those frequencies, as the same part."""
+_LOWEST_REACH: Final = 1.2
+"""That part, times the distance in widths."""
+
+_LOWEST: Final = (0.003, 0.1)
+"""Below this part of that cut-off, or this part of the interval, nothing is solved by itself."""
 
 _LOWEST_NODES: Final = 12
 _FARTHEST: Final = 6.0
@@ -99,10 +103,11 @@ def bands(
     viscous = strip.material.viscous_time_s > 0
     top_hz = _UPPER * strip.cutoff_hz()
     below = np.flatnonzero(frequencies_hz <= top_hz)
+    part = float(np.clip(_LOWEST_REACH / max(distance, 1e-9), *_LOWEST_TOPS))
     found = []
     done = np.zeros(frequencies_hz.size, dtype=np.bool_)
     if skip and below.size and distance <= _FARTHEST:
-        most_hz = max(float(np.max(frequencies_hz[below])), _LOWEST_TOP * supported_hz)
+        most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
         count = _count(strip, most_hz, rtol, distance)
         if count < below.size:
             reason = "below cut-off the field is smooth in frequency"
@@ -117,16 +122,18 @@ def bands(
                 )
             )
             done[below] = True
-    lowest = np.flatnonzero((frequencies_hz < _LOWEST * supported_hz) & ~done)
+    least_hz = max(_LOWEST[0], _LOWEST[1] * part) * supported_hz
+    lowest = np.flatnonzero((frequencies_hz < least_hz) & ~done)
     if lowest.size:
-        most_hz = _LOWEST_TOP * supported_hz
+        most_hz = part * supported_hz
+        n_lowest = _LOWEST_NODES * (2 if viscous else 1)
         reason = "near 0 Hz the two branches cancel"
         band = _interpolated(
             frequencies_hz,
             lowest,
             viscous=viscous,
             top_hz=most_hz,
-            count=_LOWEST_NODES,
+            count=n_lowest,
             reason=reason,
         )
         found.append(band)
