@@ -12,7 +12,8 @@ from stimuli.edge import ElasticEdge
 from stimuli.guided import PI
 from stimuli.jobs import Job, unit_scale
 from stimuli.scene import Scene, Work
-from stimuli.solver import Part, Task, solved
+from stimuli.solver import solved
+from stimuli.task import Part, Task
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -12,9 +12,9 @@ from stimuli.checks import finite, finite_array, instance
 from stimuli.edge import SIMPLY_SUPPORTED, ElasticEdge
 from stimuli.jobs import Job, jobs
 from stimuli.load import DISCS, LOADS, Load
-from stimuli.solver import far_clearance
 from stimuli.strip import Strip
 from stimuli.sweep import Band, bands
+from stimuli.task import far_clearance
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

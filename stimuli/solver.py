@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -11,15 +10,16 @@ import numpy as np
 from stimuli.contour import contour
 from stimuli.disc import inside_excess
 from stimuli.guided import Guided, guided
-from stimuli.transform import Source, transformed
+from stimuli.task import Part, Task, far_clearance
+from stimuli.transform import transformed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.contour import Contour
+    from stimuli.transform import Source
 
     Complex = NDArray[np.complex128]
-    Exact = NDArray[np.clongdouble]
     Real = NDArray[np.float64]
 
 _LEAST_DISTANCE: Final = 1e-8
@@ -27,9 +27,6 @@ _LEAST_DISTANCE: Final = 1e-8
 cancel there differ by less than rounding."""
 
 _EXTRA_WAVES: Final = 6
-_LEAST_SPREAD: Final = 12.0
-"""Decay per width of the last known wave against the first: 4 pi at rest, more above."""
-
 _CLOSE: Final = 0.1
 """Relative distance of two waves below which their sum is taken on a circle about both."""
 
@@ -47,65 +44,6 @@ _CANCELLATION: Final = 20.0
 """Rounding grows as this over (k W)^2 towards low frequencies, where the branches cancel."""
 
 _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Task:
-    """What is asked of one load, in units of the width.
-
-    Attributes
-    ----------
-    exact_k : ndarray of complex, shape (n_frequencies,)
-        Bending wavenumbers times the width, not small; long double counts near a cut-off.
-    exact_hold : ndarray of complex, shape (n_frequencies,)
-        1 / (kappa W): 0 for clamped, infinite for simply supported edges.
-    source : Source
-        The load.
-    distance, across : ndarray of float64, shape (n_points,)
-        |x| from the load's centre and Y of each point.
-    rtol : float
-        Wanted relative error.
-    """
-
-    exact_k: Exact | Complex
-    exact_hold: Exact | Complex
-    source: Source
-    distance: Real
-    across: Real
-    rtol: float
-
-    def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Task:
-        """Return the task for some of its points."""
-        return replace(self, distance=self.distance[points], across=self.across[points])
-
-    @property
-    def k(self) -> Complex:
-        """Bending wavenumbers in double precision."""
-        return self.exact_k.astype(np.complex128)
-
-    @property
-    def hold(self) -> Complex:
-        """1 / (kappa W) in double precision."""
-        return self.exact_hold.astype(np.complex128)
-
-    @property
-    def clearance(self) -> Real:
-        """Distance along the strip from the load's end, negative beside it."""
-        return self.distance - self.source.half_length - self.source.radius
-
-    @property
-    def lossless(self) -> bool:
-        """Whether the field is real but for propagating waves."""
-        held = self.hold[np.isfinite(self.hold)]
-        return not (np.any(self.k.imag) or np.any(held.imag))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Part:
-    """Values with an estimate of their error, both of shape (n_frequencies, n_points)."""
-
-    value: Complex
-    error: Real
 
 
 def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Part:
@@ -128,6 +66,7 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
     --------
     A point force and a point of the strip may be exchanged:
 
+    >>> from stimuli.transform import Source
     >>> from stimuli.transverse import Span
     >>> def at(y0, y):
     ...     source = Source(span=Span(centre=y0))
@@ -158,17 +97,6 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
 def n_waves(k: Complex) -> int:
     """Return how many guided waves of one symmetry are found: all that propagate and some."""
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
-
-
-def far_clearance(rtol: float) -> float:
-    """Return the distance from a load in widths beyond which the guided waves are enough.
-
-    Examples
-    --------
-    >>> round(far_clearance(1e-6), 2)
-    1.48
-    """
-    return (math.log(1 / rtol) + 4) / _LEAST_SPREAD
 
 
 def _far(task: Task, modes: Guided) -> Part:
