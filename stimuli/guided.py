@@ -89,11 +89,11 @@ class Guided:
         return total
 
     def _summed_norms(self) -> Complex:
-        nodes, weights = np.polynomial.legendre.leggauss(_NORM_NODES)
+        nodes, weights = _half_rule()
         across, g1, g2 = nodes / 2, self.g1[..., np.newaxis], self.g2[..., np.newaxis]
         slope2, slope1 = g2 * shape(g2, across, -self.sign), g1 * shape(g1, across, -self.sign)
         square = (self.p[..., np.newaxis] * self.shapes(across)) ** 2
-        return np.asarray((square + self._mixed(slope2, slope1) ** 2) @ (weights / 2))
+        return np.asarray((square + self._mixed(slope2, slope1) ** 2) @ weights)
 
     def _ends(self) -> tuple[Complex, Complex]:
         end = np.array(0.5)
@@ -102,6 +102,13 @@ class Guided:
     def _mixed(self, second: Complex, first: Complex) -> Complex:
         end1, end2 = self._ends()
         return end1[..., np.newaxis] * second - end2[..., np.newaxis] * first
+
+
+@lru_cache(maxsize=1)
+def _half_rule() -> tuple[Real, Real]:
+    """Return the upper half of Gauss's rule, for what is the same on both sides of the middle."""
+    nodes, weights = np.polynomial.legendre.leggauss(_NORM_NODES)
+    return nodes[_NORM_NODES // 2 :], weights[_NORM_NODES // 2 :]
 
 
 def _products(gi: Complex, gj: Complex, *, same: bool) -> tuple[Complex, Complex]:
@@ -232,10 +239,7 @@ def _galerkin(k: Complex, hold: Complex, n_modes: int, sign: int) -> Complex:
 
 @lru_cache(maxsize=64)
 def _matrices(size: int, sign: int) -> tuple[Real, Real, Real, float]:
-    """Return int v''w'', int v'w', int v w over -1..1 and v'^2 at both ends of the first.
-
-    The first function is free to turn at its ends, the others (Shen's) are clamped there.
-    """
+    """Return int v''w'', v'w', v w over -1..1 and v'^2 at both ends of the first, the free one."""
     from numpy.polynomial import Legendre
 
     nodes, weights = np.polynomial.legendre.leggauss(2 * size + 8)
