@@ -3,7 +3,7 @@
     s(t) = i lowest + reach sinh(t + i tilt)
 
 opens upwards, so that exp(i s |x|) dies along it, and maps a strip |Im t| < tilt onto a region free
-of poles: the trapezoidal rule converges exponentially in the number of its nodes, equation (41).
+of poles: the trapezoidal rule converges exponentially in the number of its nodes, equation (48).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Contour:
     n_below : ndarray of int, shape (n_frequencies,)
         How many of the waves, slowest decay first, lie below the path.
     leak : ndarray of complex128, shape (n_frequencies, n_modes)
-        Error of the rule as a part of each wave's own term, equation (45).
+        Error of the rule as a part of each wave's own term, equation (52).
     floor : ndarray of float64, shape (n_frequencies,)
         The same for whatever is not a wave.
     rise : ndarray of float64, shape (n_frequencies,)

@@ -18,7 +18,7 @@ _SERIES_REACH: Final = 3.0
 
 
 def inside_excess(k: Complex, radius: float, distance: Real, *, moment: bool) -> Complex:
-    """Return D U of a disc less that of its replacement by a source at its centre, (37), (43).
+    """Return D U of a disc less that of its replacement by a source at its centre, (44), (50).
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ class Response:
 
 
 def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Complex:
-    """Return the displacement of a strip at points under unit loads, equations (30) to (46).
+    """Return the displacement of a strip at points under unit loads, equations (37) to (53).
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
 
 
 def _between(band: Band, part: Part) -> Part:
-    """Return what the solved frequencies give at the asked ones, equation (46)."""
+    """Return what the solved frequencies give at the asked ones, equation (53)."""
     if band.matrix is None or band.last is None:
         return part
     error = np.abs(band.matrix) @ part.error

@@ -68,7 +68,7 @@ class Guided:
         return end1 * near - end2 * far
 
     def norms(self) -> Complex:
-        """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (39): bilinear, no conjugate.
+        """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (46): bilinear, no conjugate.
 
         The closed form cancels as k^-4 and is taken where k W > 1, else a sum over nodes.
         """
@@ -121,7 +121,7 @@ def _products(gi: Complex, gj: Complex, *, same: bool) -> tuple[Complex, Complex
 
 
 def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -> Guided:
-    """Return the guided waves of one symmetry, equation (38).
+    """Return the guided waves of one symmetry, equation (45).
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
 
 
 def _dispersion(z: Any, k: Any, hold: Any, sign: int) -> tuple[Any, Any]:
-    """Return (2 k^2/kappa) s1 s2 + g2 s2' s1 - g1 s1' s2 and its slope in z = p^2, equation (38).
+    """Return (2 k^2/kappa) s1 s2 + g2 s2' s1 - g1 s1' s2 and its slope in z = p^2, equation (45).
 
     s is cosh(g/2) for symmetric waves and sinh(g/2) / g for antisymmetric ones: entire in z.
     """

@@ -126,7 +126,7 @@ def _source(load: Load, width_m: float) -> tuple[Source, int]:
 
 
 def unit_scale(load: Load, width_m: float) -> float:
-    """Return what makes of the dimensionless field D times metres per unit load, equation (30)."""
+    """Return what makes of the dimensionless field D times metres per unit load, equation (37)."""
     if isinstance(load, (PressureDisc, PressureRectangle)):
         return width_m**4
     if isinstance(load, ForceRectangle):

@@ -44,7 +44,7 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointForce(_Placed):
-    """A force of 1 N at one point, equation (30).
+    """A force of 1 N at one point, equation (37).
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class _Disc(_Placed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureDisc(_Disc):
-    """A pressure of 1 Pa over a disc, equation (30).
+    """A pressure of 1 Pa over a disc, equation (37).
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class PressureDisc(_Disc):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MomentDisc(_Disc):
-    """A bonded disc with an edge moment of 1 N m per metre, equation (30): a piezo bender.
+    """A bonded disc with an edge moment of 1 N m per metre, equation (37): a piezo bender.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class _Rectangle(_Placed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureRectangle(_Rectangle):
-    """A pressure of 1 Pa over a rectangle, equation (30).
+    """A pressure of 1 Pa over a rectangle, equation (37).
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class PressureRectangle(_Rectangle):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MomentRectangle(_Rectangle):
-    """A bonded rectangle with an edge moment of 1 N m per metre, equation (30).
+    """A bonded rectangle with an edge moment of 1 N m per metre, equation (37).
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ LEAST_RTOL: Final = 1e-12
 MOST_RTOL: Final = 0.1
 _MOST_CUTOFFS: Final = 5000.0
 _WIDEST_DISC: Final = 16.0
-"""Largest k R of a disc: (43) loses exp(k R) of its digits."""
+"""Largest k R of a disc: (50) loses exp(k R) of its digits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

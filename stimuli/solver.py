@@ -47,7 +47,7 @@ _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
 
 def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Part:
-    """Return D U / W^2 of a load at points, equations (40) to (43).
+    """Return D U / W^2 of a load at points, equations (47) to (50).
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def n_waves(k: Complex) -> int:
 
 
 def _far(task: Task, modes: Guided) -> Part:
-    """Return the sum over all known guided waves, equation (40)."""
+    """Return the sum over all known guided waves, equation (47)."""
     alone = _separate_terms(task, modes, modes.shapes(task.across))
     terms = _together(alone, task, modes, np.ones(modes.p.shape, dtype=np.bool_))
     largest = np.max(np.abs(modes.shapes(_ACROSS)), axis=2, keepdims=True)
@@ -112,7 +112,7 @@ def _far(task: Task, modes: Guided) -> Part:
 
 
 def _near(task: Task, modes: Guided) -> Part:
-    """Return the guided waves below a path and the integral along it, (40) and (41)."""
+    """Return the guided waves below a path and the integral along it, (47) and (48)."""
     source = task.source
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
     nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
@@ -134,7 +134,7 @@ def _near(task: Task, modes: Guided) -> Part:
 
 
 def _leaked(path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Real:
-    """Return the error of the path's trapezoidal rule due to the known waves, equation (45)."""
+    """Return the error of the path's trapezoidal rule due to the known waves, equation (52)."""
     tight = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
     tight = np.pad(tight, ((0, 0), (0, 1))) | np.pad(tight, ((0, 0), (1, 0)))
     each = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone) * path.leak[..., np.newaxis]
@@ -167,7 +167,7 @@ def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
 
 
 def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> None:
-    """Replace two waves near their exceptional point by their sum, equation (44)."""
+    """Replace two waves near their exceptional point by their sum, equation (51)."""
     p = modes.p[row]
     centre, apart = (p[first] + p[first + 1]) / 2, abs(p[first] - p[first + 1])
     others = np.concatenate([np.delete(p, [first, first + 1]), -p])
@@ -187,7 +187,7 @@ def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> N
 
 
 def _integral(task: Task, path: Contour, sign: int) -> Part:
-    """Return the integral along the path, equation (41)."""
+    """Return the integral along the path, equation (48)."""
     s = path.s[..., np.newaxis]
     k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
     kernel = transformed(s, k, hold, source=task.source, across=task.across, sign=sign)
@@ -209,7 +209,7 @@ def _integral(task: Task, path: Contour, sign: int) -> Part:
 def _without_logarithm(
     kernel: Complex, path: Contour, task: Task, sign: int
 ) -> tuple[Complex, Complex]:
-    """Take the logarithm at a disc's centre out of the kernel, equation (42)."""
+    """Take the logarithm at a disc's centre out of the kernel, equation (49)."""
     from scipy.special import kv
 
     source = task.source

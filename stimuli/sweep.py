@@ -162,7 +162,7 @@ def _interpolated(
     count: int,
     reason: str,
 ) -> Band:
-    """Return a band from 0 to its top that is interpolated in f^2 or, viscous, in f, (46)."""
+    """Return a band from 0 to its top that is interpolated in f^2 or, viscous, in f, (53)."""
     angle = np.pi * (np.arange(count) + 0.5) / count
     nodes_hz, place = top_hz * np.cos(angle), frequencies_hz[rows] / top_hz
     if not viscous:

@@ -23,7 +23,7 @@ class Source:
     Attributes
     ----------
     span : Span
-        Where it acts across the strip; a disc is a point at its centre, equation (37).
+        Where it acts across the strip; a disc is a point at its centre, equation (44).
     half_length : float
         Half of its length along the strip, 0 for a point and a disc.
     radius : float
@@ -38,12 +38,12 @@ class Source:
     moment: bool = False
 
     def branch_weights(self, k: Complex) -> tuple[Complex, Complex]:
-        """Return what the load makes of plane waves of either branch, equations (35) and (37)."""
+        """Return what the load makes of plane waves of either branch, equations (42) and (44)."""
         one, two = disc_weights(k, self.radius) if self.radius else (1 + 0 * k, 1 + 0 * k)
         return (-k * k * one, k * k * two) if self.moment else (one, two)
 
     def along(self, s: Complex, distance: Real) -> Complex:
-        """Return the load's factor for waves exp(i s |x|) at a distance from its centre, (36)."""
+        """Return the load's factor for waves exp(i s |x|) at a distance from its centre, (43)."""
         c = self.half_length
         if c == 0:
             return np.exp(1j * s * distance)
@@ -55,7 +55,7 @@ class Source:
 
 
 def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
-    """Return the integrals of plane waves of both branches over a disc, equation (37).
+    """Return the integrals of plane waves of both branches over a disc, equation (44).
 
     Examples
     --------
@@ -73,14 +73,14 @@ def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
 def transformed(
     s: Complex, k: Complex, hold: Complex, *, source: Source, across: Real, sign: int
 ) -> Complex:
-    """Return D U^ of one symmetry along the complex s plane, equations (32) to (35).
+    """Return D U^ of one symmetry along the complex s plane, equations (39) to (42).
 
     Parameters
     ----------
     s : ndarray of complex128
         Wavenumbers along the strip times the width, none of them a pole.
     k : ndarray of complex128
-        Bending wavenumber times the width; not small, (32) cancels as k^-2.
+        Bending wavenumber times the width; not small, (39) cancels as k^-2.
     hold : ndarray of complex128
         1 / (kappa W): 0 for clamped, infinite for simply supported edges.
     source : Source

@@ -73,7 +73,7 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
 
 
 def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
-    """Return the kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (31).
+    """Return the kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38).
 
     Parameters
     ----------

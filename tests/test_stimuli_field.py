@@ -177,6 +177,15 @@ def test_the_papers_plate_has_its_known_displacements(
         assert abs(result - known_m) < rtol * abs(known_m)
 
 
+def test_one_centimetre_beyond_the_rim_of_the_papers_disc_20_db_are_gone() -> None:
+    # Paper, section V: 1 cm is enough for the 20 dB of masking. It is from the rim, not the centre.
+    disc = MomentDisc(x_m=0.0, y_m=W / 2, radius_m=0.0064)
+    points = ((0.0, W / 2), (0.010, W / 2), (0.0164, W / 2))
+    scene = Scene(strip=PLATE.with_cutoff(2900.0), loads=(disc,), points_m=points)
+    centre, from_centre, from_rim = np.abs(displacement(scene, [500.0])[0, 0])
+    assert 20 * math.log10(from_rim / centre) < -20 < 20 * math.log10(from_centre / centre)
+
+
 @pytest.mark.parametrize(("edge", "divisor"), [(SIMPLY_SUPPORTED, 384 / 5), (CLAMPED, 384.0)])
 def test_a_long_pressure_at_rest_bends_the_strip_like_a_beam(
     edge: IdealEdge, divisor: float
