@@ -204,8 +204,8 @@ def _settle(
     """Write the end of the trial in which the session was interrupted.
 
     An answer that was still written stands, unless it was anticipated and the study repeats such
-    trials. A stimulus that went out is voided, one that did not is
-    aborted; where the device cannot tell, or was started anew, the trial is indeterminate.
+    trials. A stimulus that went out is voided, one that did not is aborted; where the device cannot
+    tell, or was started anew, the trial is indeterminate.
     """
     name = trial_name(open_trial.task)
     outcome = open_trial.outcome
