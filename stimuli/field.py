@@ -131,34 +131,78 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
     _refuse_cutoffs(scene, frequencies, jobs)
     shape = (frequencies.size, len(scene.loads), len(scene.points_m))
     value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
-    stiffness = scene.strip.bending_stiffness_n_m * _stiffness_factors(scene.strip, frequencies)
     for band in scene.bands(frequencies, rtol, jobs):
-        for job in jobs:
-            part = _between(band, _solved_at(scene, job, band.solved_hz, rtol))
-            for load, places in zip(job.loads, job.places, strict=True):
-                scale = unit_scale(scene.loads[load], scene.strip.width_m)
-                scales = (scale / stiffness[band.rows])[:, np.newaxis]
-                value[band.rows, load] = part.value[:, places] * scales
-                error[band.rows, load] = part.error[:, places] * np.abs(scales)
+        found = solve(scene, band.solved_hz.astype(np.complex128), rtol, jobs)
+        part = _between(band, found)
+        value[band.rows], error[band.rows] = part.value, part.error
     return Response(displacement_m=value, error_m=error, work=work)
+
+
+def solve(
+    scene: Scene, frequencies_hz: Complex, rtol: float, jobs: tuple[Job, ...] | None = None
+) -> Part:
+    """Return the displacement at each frequency by itself, complex ones too.
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points.
+    frequencies_hz : ndarray of complex128, shape (n_frequencies,)
+        omega / (2 pi), not 0, with Im >= 0 and, but for viscous loss, Re >= 0; no cut-off.
+    rtol : float
+        Wanted relative error.
+    jobs : tuple of Job or None
+        What `scene.jobs` returned, if it is known.
+
+    Returns
+    -------
+    Part
+        Metres per unit load and the estimate of the error, shape (n_frequencies, n_loads,
+        n_points).
+
+    Examples
+    --------
+    With a growing time factor the field is that of a strip with loss:
+
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> scene = Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.0125),),
+    ...               points_m=((0.0, 0.0125),))
+    >>> value = solve(scene, np.array([2500, 2500 + 1j]), 1e-9).value
+    >>> bool(abs(value[1] - value[0]) < 1e-2 * abs(value[0]))
+    True
+    """
+    jobs = scene.jobs() if jobs is None else jobs
+    shape = (frequencies_hz.size, len(scene.loads), len(scene.points_m))
+    value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
+    stiffness = scene.strip.bending_stiffness_n_m * _stiffness_factors(scene.strip, frequencies_hz)
+    for job in jobs:
+        part = _solved_at(scene, job, frequencies_hz, rtol)
+        for load, places in zip(job.loads, job.places, strict=True):
+            scales = (unit_scale(scene.loads[load], scene.strip.width_m) / stiffness)[:, np.newaxis]
+            value[:, load] = part.value[:, places] * scales
+            error[:, load] = part.error[:, places] * np.abs(scales)
+    return Part(value=value, error=error)
 
 
 def _between(band: Band, part: Part) -> Part:
     """Return what the solved frequencies give at the asked ones, equation (53)."""
     if band.matrix is None or band.last is None:
         return part
-    error = np.abs(band.matrix) @ part.error
-    return Part(
-        value=band.matrix @ part.value, error=error + np.max(np.abs(band.last @ part.value), axis=0)
-    )
+    size = part.value.shape
+    value, error = part.value.reshape(size[0], -1), part.error.reshape(size[0], -1)
+    error = np.abs(band.matrix) @ error + np.max(np.abs(band.last @ value), axis=0)
+    size = (band.rows.size, *size[1:])
+    return Part(value=(band.matrix @ value).reshape(size), error=error.reshape(size))
 
 
-def _solved_at(scene: Scene, job: Job, frequencies_hz: Real, rtol: float) -> Part:
+def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Part:
     """Return D U in units of the width for a job, in portions that fit the cache."""
     k, hold = _dimensionless(scene, frequencies_hz)
     size = (frequencies_hz.size, job.distance.size)
     value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
-    order = np.argsort(frequencies_hz)
+    order = np.argsort(frequencies_hz.real)
     task = Task(
         exact_k=k,
         exact_hold=hold,
@@ -177,7 +221,7 @@ def _solved_at(scene: Scene, job: Job, frequencies_hz: Real, rtol: float) -> Par
     return Part(value=value, error=error)
 
 
-def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Exact, Exact]:
+def _dimensionless(scene: Scene, frequencies_hz: Complex) -> tuple[Exact, Exact]:
     """Return k W and 1 / (kappa W) with the digits that p needs near a cut-off."""
     strip, material = scene.strip, scene.strip.material
     width, thickness, nu = (
@@ -186,7 +230,8 @@ def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Exact, Exact]:
     stiffness = material.youngs_modulus_pa * thickness**3 / (12 * (1 - nu) * (1 + nu))
     factor = _stiffness_factors(strip, frequencies_hz).astype(np.clongdouble)
     inertia = np.sqrt(np.sqrt(material.density_kg_m3 * thickness / stiffness))
-    k = np.sqrt(2 * PI * np.abs(frequencies_hz)) * inertia * width / np.sqrt(np.sqrt(factor))
+    forward_hz = np.where(frequencies_hz.real < 0, -frequencies_hz, frequencies_hz)
+    k = np.sqrt(2 * PI * forward_hz) * inertia * width / np.sqrt(np.sqrt(factor))
     edge = strip.edge
     if scene.is_supported:
         return k, np.full(k.size, np.inf if scene.skip else _SOFTEST, dtype=np.clongdouble)
@@ -196,7 +241,7 @@ def _dimensionless(scene: Scene, frequencies_hz: Real) -> tuple[Exact, Exact]:
     return k, hold * (factor if edge.lossless else np.ones_like(factor))
 
 
-def _stiffness_factors(strip: Strip, frequencies_hz: Real) -> Complex:
+def _stiffness_factors(strip: Strip, frequencies_hz: Complex) -> Complex:
     """Return what the loss makes of the bending stiffness, equation (15)."""
     material = strip.material
     loss = material.loss_factor + 2 * np.pi * frequencies_hz * material.viscous_time_s
