@@ -1,5 +1,6 @@
 """What is felt: the strip, its loads and its field, the burst and the check on the strip."""
 
+from stimuli.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from stimuli.burst import Burst
 from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from stimuli.energy import staircase_energy_above
@@ -28,9 +29,12 @@ __all__ = [
     "ForceRectangle",
     "IdealEdge",
     "Load",
+    "LoadPerVolt",
     "Material",
+    "MeasuredDisplacement",
     "MomentDisc",
     "MomentRectangle",
+    "PiezoLayers",
     "PointForce",
     "PressureDisc",
     "PressureRectangle",
@@ -40,6 +44,7 @@ __all__ = [
     "Work",
     "check_burst",
     "displacement",
+    "load_per_volt",
     "response",
     "staircase_energy_above",
 ]
