@@ -5,6 +5,7 @@ from stimuli.burst import Burst
 from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from stimuli.energy import staircase_energy_above
 from stimuli.field import Response, displacement, response
+from stimuli.fingertip import Fingertip
 from stimuli.load import (
     ForceRectangle,
     Load,
@@ -26,6 +27,7 @@ __all__ = [
     "Burst",
     "BurstCheck",
     "ElasticEdge",
+    "Fingertip",
     "ForceRectangle",
     "IdealEdge",
     "Load",

@@ -1,0 +1,151 @@
+"""Fingertips: points that stand for a contact area."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Fingertip,
+    Load,
+    MomentDisc,
+    MomentRectangle,
+    PointForce,
+    Scene,
+    Strip,
+    displacement,
+)
+
+STRIP = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+TIP = Fingertip(x_m=0.035, y_m=0.0125)
+DISC = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+LOADS: list[Load] = [
+    DISC,
+    MomentRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.01, length_y_m=0.003),
+    PointForce(x_m=0.0, y_m=0.0125),
+]
+PLACES = [
+    (0.0, 0.0125),
+    (0.003, 0.0145),
+    (0.002, 0.0085),
+    (0.012, 0.0125),
+    (0.015, 0.0155),
+    (0.0, 0.022),
+    (0.07, 0.0125),
+    (0.07, 0.0165),
+]
+
+
+def test_the_centre_comes_first_and_all_points_lie_in_the_disc() -> None:
+    points = np.array(TIP.points_m(STRIP))
+    assert points[0].tolist() == [0.035, 0.0125]
+    reach_m = np.hypot(points[:, 0] - 0.035, points[:, 1] - 0.0125)
+    assert np.max(reach_m) == pytest.approx(0.005, abs=2e-12)
+
+
+def test_the_points_are_the_same_on_either_side_of_the_centre() -> None:
+    points = TIP.points_m(STRIP)
+    offsets = {(round(x - 0.035, 11), round(y - 0.0125, 11)) for x, y in points}
+    assert len(offsets) == len(points) == 49
+    assert offsets == {(-x, y) for x, y in offsets} == {(x, -y) for x, y in offsets}
+
+
+def test_two_fingers_on_two_discs_repeat_their_pairs() -> None:
+    discs = tuple(dataclasses.replace(DISC, x_m=x) for x in (-0.035, 0.035))
+    tips = [dataclasses.replace(TIP, x_m=x) for x in (-0.035, 0.035)]
+    points = tuple(point for tip in tips for point in tip.points_m(STRIP))
+    work = Scene(strip=STRIP, loads=discs, points_m=points).work([500.0])
+    # a quarter of the own finger's points and half of the other's
+    assert (work.pairs_asked, work.pairs_solved) == (196, 16 + 28)
+
+
+def dense(tip: Fingertip, strip: Strip, rings: int = 12) -> tuple[tuple[float, float], ...]:
+    """Points of a dense grid on the contact area."""
+    grid = [(tip.x_m, tip.y_m)]
+    for ring in range(1, rings + 1):
+        for step in range(6 * ring):
+            angle, reach = 2 * math.pi * (step + 0.3) / (6 * ring), tip.radius_m * ring / rings
+            grid.append((tip.x_m + reach * math.cos(angle), tip.y_m + reach * math.sin(angle)))
+    return tuple(point for point in grid if 0 <= point[1] <= strip.width_m)
+
+
+def greatest(
+    strip: Strip, load: Load, points: tuple[tuple[float, float], ...], frequency_hz: float
+) -> float:
+    scene = Scene(strip=strip, loads=(load,), points_m=points)
+    return float(np.max(np.abs(displacement(scene, [frequency_hz], 1e-4))))
+
+
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
+@pytest.mark.parametrize("load", LOADS, ids=lambda load: type(load).__name__)
+@pytest.mark.parametrize("place", PLACES, ids=str)
+def test_the_points_miss_a_tenth_of_a_decibel_at_most(
+    edge: Any, load: Load, place: tuple[float, float]
+) -> None:
+    strip = dataclasses.replace(STRIP, edge=edge)
+    tip = Fingertip(x_m=place[0], y_m=place[1])
+    small = not isinstance(load, MomentDisc) and 0 < math.dist(place, (0.0, 0.0125)) < 0.005
+    for frequency_hz in (500.0, 1500.0, 5000.0):
+        few = greatest(strip, load, tip.points_m(strip), frequency_hz)
+        many = greatest(strip, load, dense(tip, strip), frequency_hz)
+        assert 20 * math.log10(many / few) < (0.3 if small else 0.1)
+
+
+@settings(max_examples=30)
+@given(st.floats(0.001, 0.024), st.floats(0.0, 0.012))
+def test_wider_fingertips_have_denser_rings(y_m: float, radius_m: float) -> None:
+    points = Fingertip(x_m=0.0, y_m=y_m, radius_m=radius_m).points_m(STRIP)
+    rings = max(3, math.ceil(15 * radius_m / 0.025 - 1e-9))
+    assert len(points) <= 1 + 4 * rings * (rings + 1)
+    assert all(0 < y < 0.025 for _, y in points)
+
+
+def test_a_fingertip_of_no_size_is_a_point() -> None:
+    assert dataclasses.replace(TIP, radius_m=0.0).points_m(STRIP) == ((0.035, 0.0125),)
+    tiny = np.array(dataclasses.replace(TIP, radius_m=1e-9).points_m(STRIP))
+    assert np.max(np.abs(tiny - [0.035, 0.0125])) < 1.01e-9
+
+
+def test_a_contact_area_is_cut_off_at_the_edges() -> None:
+    points = dataclasses.replace(TIP, y_m=0.002).points_m(STRIP)
+    assert min(y for _, y in points) > 0
+    assert 0 < len(points) < 49
+
+
+def test_a_contact_area_is_cut_off_at_the_ends() -> None:
+    finite = dataclasses.replace(STRIP, length_m=0.2)
+    points = dataclasses.replace(TIP, x_m=0.098).points_m(finite)
+    assert max(x for x, _ in points) == 0.1
+    assert {y for x, y in points if x == 0.1} >= {0.0125}
+    assert dataclasses.replace(TIP, x_m=0.1).points_m(finite)[0] == (0.1, 0.0125)
+
+
+@pytest.mark.parametrize("place", [{"x_m": 0.11}, {"x_m": -0.1001}, {"y_m": 0.026}], ids=str)
+def test_a_fingertip_beside_the_strip_is_refused(place: dict[str, float]) -> None:
+    finite = dataclasses.replace(STRIP, length_m=0.2)
+    with pytest.raises(ValueError, match=r"x_m and y_m must lie on the strip, .*0.1 .*0.025, got"):
+        dataclasses.replace(TIP, **place).points_m(finite)
+
+
+@pytest.mark.parametrize("name", ["x_m", "y_m", "radius_m"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf, True, "0.01", None, 1e4])
+def test_what_is_no_place_or_size_is_refused(name: str, bad: Any) -> None:
+    with pytest.raises(ValueError, match=rf"{name} must be a finite number .*got"):
+        dataclasses.replace(TIP, **{name: bad})
+
+
+def test_a_negative_size_and_another_thing_than_a_strip_are_refused() -> None:
+    with pytest.raises(ValueError, match="radius_m must be a finite number >= 0"):
+        Fingertip(x_m=0.0, y_m=0.0, radius_m=-0.001)
+    wrong: Any = 0.025
+    with pytest.raises(ValueError, match="strip must be a Strip, got"):
+        TIP.points_m(wrong)
