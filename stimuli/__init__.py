@@ -15,6 +15,7 @@ from stimuli.load import (
     PressureDisc,
     PressureRectangle,
 )
+from stimuli.maps import DisplacementMap, displacement_map
 from stimuli.material import ALUMINIUM, Material
 from stimuli.scene import Scene, Work
 from stimuli.spectrum import BurstCheck, check_burst
@@ -26,6 +27,7 @@ __all__ = [
     "SIMPLY_SUPPORTED",
     "Burst",
     "BurstCheck",
+    "DisplacementMap",
     "ElasticEdge",
     "Fingertip",
     "ForceRectangle",
@@ -46,6 +48,7 @@ __all__ = [
     "Work",
     "check_burst",
     "displacement",
+    "displacement_map",
     "load_per_volt",
     "response",
     "staircase_energy_above",
