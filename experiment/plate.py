@@ -1,11 +1,11 @@
-"""The plate of a study as the physics sees it: the loads of its actuators and the strip."""
+"""The plate of a study as the physics sees it: its strip, loads and fingertips."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stimuli import Load, MomentDisc, MomentRectangle, Strip
+from stimuli import Fingertip, Load, MomentDisc, MomentRectangle, Strip
 
 if TYPE_CHECKING:
     from experiment.actuator import Actuator
@@ -34,6 +34,23 @@ def loads_of(study: Study) -> tuple[Load, ...]:
     (True, 0.0064)
     """
     return tuple(_load(actuator) for actuator in study.actuators)
+
+
+def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
+    """Return the fingertip above the centre of each actuator: left, right.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> [(finger.x_m, finger.radius_m) for finger in fingertips_of(paper_study())]
+    [(-0.035, 0.005), (0.035, 0.005)]
+    """
+    return tuple(Fingertip(x_m=one.x_m, y_m=one.y_m) for one in study.actuators)
 
 
 def field_strip(study: Study) -> Strip:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from experiment.plate import field_strip, loads_of
+from experiment.plate import field_strip, fingertips_of, loads_of
 from stimuli import MomentDisc, MomentRectangle, Scene
 
 if TYPE_CHECKING:
@@ -45,3 +45,10 @@ def test_only_the_length_of_the_strip_is_left_out(make_study: Callable[[str], St
     study = make_study("")
     assert field_strip(study).cutoff_hz() == study.strip.cutoff_hz()
     assert field_strip(study).length_m is None
+
+
+def test_a_fingertip_rests_above_each_actuator(make_study: Callable[[str], Study]) -> None:
+    study = make_study(BOTH_SHAPES)
+    left, right = fingertips_of(study)
+    assert (left.x_m, left.y_m, right.x_m, right.y_m) == (-0.03, 0.0125, 0.03, 0.012)
+    assert left.points_m(field_strip(study))[0] == (-0.03, 0.0125)
