@@ -1,0 +1,139 @@
+"""The plate of a study with what drives it and the fingers on it: whose field is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from experiment.field_drive import Drive, drive_of
+from experiment.observer import MASKING_DB
+from experiment.plate import field_strip, fingertips_of, loads_of
+from stimuli import Fingertip, Load, Scene, Strip, displacement
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from experiment.study_values import Study
+
+    Complex = NDArray[np.complex128]
+
+RTOL: Final = 1e-4
+"""Relative error wanted of what is shown."""
+
+_FINGERS: Final = 2
+"""The first actuators have a finger above them, left and right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plate:
+    """A study's plate with what bends it and what touches it.
+
+    Attributes
+    ----------
+    study : Study
+        The study.
+    strip : Strip
+        The strip whose field is computed.
+    loads : tuple of Load
+        One for each actuator.
+    drive : Drive
+        What they are called and how strongly they are driven.
+    fingertips : tuple of Fingertip
+        One above each actuator.
+    """
+
+    study: Study
+    strip: Strip
+    loads: tuple[Load, ...]
+    drive: Drive
+    fingertips: tuple[Fingertip, ...]
+
+    @property
+    def scene(self) -> Scene:
+        """The loads and the centres of the fingertips."""
+        points_m = tuple((finger.x_m, finger.y_m) for finger in self.fingertips)
+        return Scene(strip=self.strip, loads=self.loads, points_m=points_m)
+
+    @property
+    def is_shortened(self) -> bool:
+        """Whether the plate has short ends that the strip has not."""
+        return self.strip.length_m is None and self.study.strip.length_m is not None
+
+    @property
+    def basis(self) -> str:
+        """What the displacements rest on."""
+        return f"{self.drive.basis}{'; endless strip' if self.is_shortened else ''}"
+
+    @property
+    def remark(self) -> str:
+        """The same, said to a reader."""
+        ends = "; the plate's short ends are left out" if self.is_shortened else ""
+        return f"{self.drive.basis}; amplitudes, each actuator driven alone{ends}"
+
+    @property
+    def masking_limit_db(self) -> float:
+        """Level below a finger's own from which another one feels nothing, equation (29)."""
+        return MASKING_DB
+
+    @property
+    def fingers(self) -> tuple[Fingertip, ...]:
+        """The participant's two fingertips."""
+        return self.fingertips[:_FINGERS]
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """What is above each actuator, in words."""
+        names = self.drive.names
+        fingers = tuple(f"{name} finger" for name in names[:_FINGERS])
+        return fingers + tuple(f"place above {name}" for name in names[_FINGERS:])
+
+    def others_of(self, driven: int) -> tuple[int, ...]:
+        """Return the fingers that are not above a driven actuator."""
+        return tuple(finger for finger in range(_FINGERS) if finger != driven)
+
+    def scaled(self, per_load_m: Complex) -> Complex:
+        """Return displacements of the driven actuators from those per unit load.
+
+        Parameters
+        ----------
+        per_load_m : ndarray of complex128, shape (n_loads, ...)
+            Metres per unit load.
+        """
+        amplitudes = np.array(self.drive.amplitudes)
+        return np.asarray(per_load_m * amplitudes.reshape(-1, *[1] * (per_load_m.ndim - 1)))
+
+    def at_fingers_m(self, frequencies_hz: ArrayLike) -> Complex:
+        """Return the displacement at the fingertips' centres.
+
+        Parameters
+        ----------
+        frequencies_hz : array_like of float, shape (n_frequencies,)
+            Frequencies.
+
+        Returns
+        -------
+        ndarray of complex128, shape (n_driven, n_fingertips, n_frequencies)
+            Amplitude in metres, for the drive.
+        """
+        found = displacement(self.scene, frequencies_hz, RTOL)
+        return self.scaled(np.moveaxis(found, 0, -1))
+
+
+def plate_of(study: Study) -> Plate:
+    """Return the plate of a study with its loads, its drive and the fingertips.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> len(plate_of(paper_study()).loads)
+    2
+    """
+    return Plate(
+        study=study,
+        strip=field_strip(study),
+        loads=loads_of(study),
+        drive=drive_of(study),
+        fingertips=fingertips_of(study),
+    )
