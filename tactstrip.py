@@ -19,6 +19,7 @@ COMMANDS = {
     "dry-run": ("analysis.dry_run", "dry_run", "Simulate participants and analyze them."),
     "run": ("experiment.commands", "run", "Run one session with a participant."),
     "analyze": ("analysis.commands", "analyze", "Turn result CSVs into tables and figures."),
+    "field": ("experiment.commands_field", "field", "Draw the displacement of a study's plate."),
     "export": ("experiment.commands", "export", "Build trials.csv anew from the journals."),
 }
 """Command: the module and the name where it is defined, and what the help says of it."""
