@@ -1,0 +1,62 @@
+"""Figure 10: displacement at 700 Hz, patch of 10 x 3 mm along the plate, 100 V peak-to-peak.
+
+The paper measures 1.0 um at the centre and notes that the whole width moves though the patch covers
+3 mm of it. Ours predicts the moment as in figure 9, from the same ceramic.
+
+The number: 0.71 um, less than the paper's by 1.4. The ratio of figures 9 and 10, on which no data
+of the ceramic bear, is 2.2 (the paper: 2.8).
+
+Usage: python docs/gallery/figure_10_flat_patch_map.py [OUT.png]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from paper_plate import (
+    FLAT_PATCH,
+    PIC255,
+    SECOND,
+    Map,
+    draw_map,
+    over_plate,
+    predicted_moment_n,
+    save,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LEVEL_VPP = 100.0
+FREQUENCY_HZ = 700.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Numbers:
+    """The map, the amplitude at the patch's centre, and the moment that drives it."""
+
+    plate: Map
+    centre_m: float
+    moment_n: float
+
+
+def numbers() -> Numbers:
+    """Compute the figure."""
+    moment_n = predicted_moment_n(SECOND, FLAT_PATCH, PIC255, LEVEL_VPP)
+    plate = over_plate(SECOND, ((FLAT_PATCH, moment_n),), FREQUENCY_HZ)
+    return Numbers(plate=plate, centre_m=plate.at(FLAT_PATCH.x_m), moment_n=moment_n)
+
+
+def draw(found: Numbers) -> Figure:
+    """Draw the map."""
+    return draw_map(found.plate, title="Patch of 10 x 3 mm, 700 Hz, 100 Vpp (predicted)")
+
+
+def main() -> None:
+    """Compute, draw and save."""
+    save(draw(numbers()), "figure_10.png")
+
+
+if __name__ == "__main__":
+    main()
