@@ -1,0 +1,375 @@
+"""The gallery: every script runs, and its numbers are the paper's, the reference's or explained."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from stimuli import PiezoLayers, Strip
+
+ROOT = Path(__file__).resolve().parents[1]
+GALLERY = ROOT / "docs" / "gallery"
+SCRIPTS = sorted(path.stem for path in GALLERY.glob("*_*_*.py"))
+
+
+@pytest.fixture(autouse=True)
+def _gallery_on_the_path() -> Iterator[None]:
+    """As when a script is run: its folder comes first."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(GALLERY)
+        yield
+
+
+def script(name: str) -> Any:
+    return importlib.import_module(name)
+
+
+@functools.cache
+def numbers(name: str) -> Any:
+    return script(name).numbers()
+
+
+def level_db(name: str, frequency_hz: float) -> float:
+    return float(numbers(name).response.level_at(frequency_hz))
+
+
+def mean_db(name: str) -> float:
+    return float(numbers(name).response.mean_level_db(numbers(name).cutoff_hz))
+
+
+def centre_um(name: str) -> float:
+    return float(numbers(name).centre_m) * 1e6
+
+
+def two_discs_um() -> float:
+    return float(numbers("figure_06_two_discs_map").centres_m[0]) * 1e6
+
+
+def force_n(*, clamped: bool) -> float:
+    found = numbers("figure_11_motor_map")
+    return float(found.clamped_force_n if clamped else found.force_n)
+
+
+def test_every_figure_of_the_model_has_a_script() -> None:
+    found = [int(name.split("_")[1]) for name in SCRIPTS if name.startswith("figure")]
+    assert found == [1, 2, 4, 5, 6, 8, 9, 10, 11]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_script_draws_to_the_file_it_is_given(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "figure.png"
+    monkeypatch.setattr(sys, "argv", [name, str(path)])
+    script(name).main()
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert capsys.readouterr().out == f"{path}\n"
+
+
+# Values of an independent computation with at least 13 digits (25-digit arithmetic and a
+# finite-element model agree on them): cut-offs in Hz, displacement in m per N m/m, m per Pa.
+
+
+def test_figure_1_has_the_cut_offs_of_the_reference() -> None:
+    found = numbers("figure_01_mode_shapes")
+    supported_hz = [1926.03136910769444, 7704.12547643077777, 17334.2823219692500]
+    assert found.supported_hz[:3] == pytest.approx(supported_hz, rel=1e-12)
+    assert found.built_hz[:2] == pytest.approx([2900.0, 8942.64392619945605], rel=1e-12)
+
+
+def test_figure_1_shows_mode_n_with_n_lobes() -> None:
+    found = numbers("figure_01_mode_shapes")
+    for shapes in (found.supported, found.built):
+        signs = [np.sign(shape[np.abs(shape) > 1e-9]) for shape in shapes]
+        assert [1 + np.count_nonzero(np.diff(sign)) for sign in signs] == [1, 2, 3, 4, 5]
+
+
+def test_figure_2_has_the_reference_at_the_disc_s_centre() -> None:
+    found = numbers("figure_02_simply_supported_response")
+    assert found.centre_at_300_hz_m == pytest.approx(-0.0000368781929448345153, rel=1e-6)
+
+
+def test_figure_2_confines_below_the_cut_off_only() -> None:
+    name = "figure_02_simply_supported_response"
+    assert 15 < level_db(name, 1000.0) < level_db(name, 300.0) < 25
+    assert abs(level_db(name, 3000.0)) < 3
+
+
+@pytest.mark.parametrize(
+    ("name", "cutoff_hz"), [("figure_04_disc_response", 2900.0), ("figure_08_patch_response", 2500)]
+)
+def test_figures_4_and_8_peak_at_the_measured_cut_off(name: str, cutoff_hz: float) -> None:
+    response = numbers(name).response
+    peak = int(np.argmax(np.abs(response.centre_m)))
+    assert response.frequencies_hz[peak] == cutoff_hz
+    assert abs(response.centre_m[peak]) == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["figure_04_disc_response", "figure_08_patch_response"])
+def test_figures_4_and_8_have_the_paper_s_30_db_up_to_1_khz(name: str) -> None:
+    response = numbers(name).response
+    assert response.mean_level_db(1000.0) == pytest.approx(30.0, abs=3.5)
+    for frequency_hz in (100.0, 300.0, 1000.0):
+        assert response.level_at(frequency_hz) == pytest.approx(30.0, abs=5.5)
+
+
+@pytest.mark.parametrize("name", ["figure_04_disc_response", "figure_08_patch_response"])
+def test_figures_4_and_8_miss_the_30_db_in_the_mean_up_to_the_cut_off(name: str) -> None:
+    """The model's level falls to 0 at the cut-off; the paper's "about 30 dB" is for all below."""
+    assert -10 < mean_db(name) - 30.0 < -5
+
+
+def test_figure_5_has_the_paper_s_1_um_within_a_factor_of_one_and_a_half() -> None:
+    """Layer data are good to a factor of 1.5 to 2 at best."""
+    assert 1 / 1.5 < centre_um("figure_05_one_disc_map") / 1.0 < 1.5
+
+
+def test_figure_6_has_the_paper_s_2_6_um_within_a_factor_of_one_and_a_half() -> None:
+    assert 1 / 1.5 < two_discs_um() / 2.6 < 1.5
+
+
+def test_figure_6_leaves_the_rest_of_the_plate_at_rest() -> None:
+    """The paper: 2.6 um above the discs, "the rest of the plate stays at rest"."""
+    found = numbers("figure_06_two_discs_map")
+    assert found.plate.at(0.035) < 0.02 * found.centres_m[0]
+    assert found.across_m < 1e-3 * found.centres_m[1]
+
+
+def test_figures_5_and_6_of_the_paper_are_not_one_linear_plate() -> None:
+    assert two_discs_um() / centre_um("figure_05_one_disc_map") == pytest.approx(2.0, rel=1e-4)
+    assert 2.6 / 1.0 > 1.25 * 2.0
+
+
+def test_figure_9_is_too_low_by_less_than_a_factor_of_two() -> None:
+    """The paper's 2.8 um; the moment of a patch with a free rim is the least it can have."""
+    assert 1.5 < 2.8 / centre_um("figure_09_upright_patch_map") < 2
+
+
+def test_figure_10_is_too_low_by_less_than_a_factor_of_one_and_a_half() -> None:
+    assert 1.2 < 1.0 / centre_um("figure_10_flat_patch_map") < 1.5
+
+
+def test_figure_10_has_the_reference_20_mm_from_the_centre() -> None:
+    found = numbers("figure_10_flat_patch_map")
+    per_moment_m = found.plate.at(0.02) / found.moment_n
+    assert per_moment_m == pytest.approx(4.96422864218509787e-7, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["figure_09_upright_patch_map", "figure_10_flat_patch_map"])
+def test_figures_9_and_10_peak_at_the_patch_s_centre(name: str) -> None:
+    assert numbers(name).plate.peak_place_m == pytest.approx((0.0, 0.0125), abs=1e-9)
+
+
+def test_figure_10_moves_the_whole_width_over_a_patch_of_3_mm() -> None:
+    """Section III-C: "the entire width of the plate is activated"."""
+    plate = numbers("figure_10_flat_patch_map").plate
+    across = np.abs(plate.displacement_m[plate.x_m.size // 2])
+    beyond_the_patch = across[np.isclose(plate.y_m, 0.006)]
+    assert beyond_the_patch > across.max() / 4
+
+
+def test_ratio_of_figures_9_and_10_misses_the_paper_s_by_less_than_a_factor_of_1_3() -> None:
+    """Both patches are of one ceramic, so that its data drop out of the ratio."""
+    ratio = centre_um("figure_09_upright_patch_map") / centre_um("figure_10_flat_patch_map")
+    assert 1 < 2.8 / ratio < 1.3
+
+
+def test_figure_11_takes_the_reference_s_force_between_clamps() -> None:
+    per_force_m = 4.32387582593649594e-10 / (0.010 * 0.010)
+    assert force_n(clamped=True) == pytest.approx(0.5e-6 / per_force_m, rel=1e-5)
+    assert numbers("figure_11_motor_map").plate.at(0.0) == pytest.approx(0.5e-6, rel=1e-5)
+
+
+def stiffening(strip: Strip, layers: PiezoLayers) -> float:
+    """Bending stiffness of plate, carrier and piezo together over that of the plate alone."""
+    material = strip.material
+    moduli = (
+        material.youngs_modulus_pa / (1 - material.poisson_ratio),
+        layers.carrier_youngs_modulus_pa / (1 - layers.carrier_poisson_ratio),
+        layers.youngs_modulus_pa / (1 - layers.poisson_ratio),
+    )
+    thick_m = (strip.thickness_m, layers.carrier_thickness_m, layers.thickness_m)
+    levels_m = np.cumsum([0.0, *thick_m])
+    zeroth, first, second = (
+        float(np.dot(moduli, np.diff(levels_m**power) / power)) for power in (1, 2, 3)
+    )
+    alone = moduli[0] * strip.thickness_m**3 / 12
+    return (second - first**2 / zeroth) / alone
+
+
+def test_measured_amplitudes_lie_between_those_of_a_free_and_of_a_held_patch() -> None:
+    plate = script("paper_plate")
+    disc, patch = stiffening(plate.FIRST, plate.BUZZER), stiffening(plate.SECOND, plate.PIC255)
+    assert f"by a factor of {patch:.1f} (PIC255) or {disc:.1f} (disc)" in section_10()
+    assert two_discs_um() < 2.6 < disc * two_discs_um()
+    for measured_um, name in (
+        (2.8, "figure_09_upright_patch_map"),
+        (1.0, "figure_10_flat_patch_map"),
+    ):
+        assert centre_um(name) < measured_um < patch * centre_um(name)
+    assert centre_um("figure_05_one_disc_map") > 1.0
+
+
+def test_the_motor_s_mass_does_not_matter_at_90_hz() -> None:
+    """Per gram: mass times omega squared over the plate's stiffness under it."""
+    stiffness_n_m = force_n(clamped=False) / 0.5e-6
+    assert 1e-3 * (2 * np.pi * 90.0) ** 2 / stiffness_n_m < 0.01
+
+
+# What the paper's section V says, 20 dB within 1 cm.
+
+
+def distances_mm() -> dict[tuple[str, str], tuple[float, float]]:
+    return {
+        (decay.actuator, decay.edge): (decay.from_centre_m * 1e3, decay.from_rim_m * 1e3)
+        for decay in numbers("section_5_twenty_decibels")
+    }
+
+
+def test_20_db_take_1_cm_from_the_rim_but_not_on_simple_supports() -> None:
+    for (_, edge), (_, from_rim_mm) in distances_mm().items():
+        assert (from_rim_mm < 10) == (edge != "simple supports")
+
+
+def test_20_db_take_more_than_1_cm_from_the_centre_but_for_the_clamped_patch() -> None:
+    near = [what for what, (from_centre_mm, _) in distances_mm().items() if from_centre_mm < 10]
+    assert near == [("patch, 18 x 6 mm", "clamps")]
+
+
+# The tables of docs/model.md and the docstrings say what the scripts return.
+
+
+@functools.cache
+def section_10_lines() -> list[str]:
+    text = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
+    return text.split("\n## 10. ")[1].split("\n## ")[0].splitlines()
+
+
+def section_10() -> str:
+    return " ".join(" ".join(section_10_lines()).split())
+
+
+def limits() -> str:
+    plate = script("paper_plate")
+    return f"put in; {plate.SUPPORTED.cutoff_hz():.0f} to {plate.HELD_FAST.cutoff_hz():.0f} Hz"
+
+
+def levels(name: str) -> str:
+    at = [f"{level_db(name, f_hz):.0f} dB" for f_hz in (300.0, 1000.0, 2000.0)]
+    return f"{at[0]} at 300 Hz, {at[1]} at 1 kHz, {at[2]} at 2 kHz, mean {mean_db(name):.0f} dB"
+
+
+def rows() -> list[tuple[str, str, str]]:
+    """What, the paper's value, ours: the first three columns of the first table."""
+    fig_2 = "figure_02_simply_supported_response"
+    one, upright, flat = (
+        centre_um(name)
+        for name in (
+            "figure_05_one_disc_map",
+            "figure_09_upright_patch_map",
+            "figure_10_flat_patch_map",
+        )
+    )
+    beside = f"{level_db(fig_2, 300):.0f} dB at 300 Hz, {level_db(fig_2, 1000):.0f} dB at 1 kHz"
+    return [
+        (
+            "cut-off on simple supports (fig. 1, 2)",
+            "1.9 kHz",
+            f"{numbers(fig_2).cutoff_hz:.0f} Hz",
+        ),
+        ("cut-off of the first plate (fig. 4)", "2.9 kHz", limits()),
+        ("cut-off of the second plate (fig. 8)", "2.5 kHz", limits()),
+        ("level 20 mm along, W/6 off, simple supports (fig. 2)", "-", beside),
+        (
+            "level 20 mm from the disc's centre (fig. 4)",
+            "about 30 dB",
+            levels("figure_04_disc_response"),
+        ),
+        (
+            "level 20 mm from a patch's centre (fig. 8)",
+            "about 30 dB",
+            levels("figure_08_patch_response"),
+        ),
+        ("one disc, 300 Hz, 50 Vpp (fig. 5)", "1 um", f"{one:.2f} um"),
+        ("two discs, 300 Hz, 100 Vpp (fig. 6)", "2.6 um", f"{two_discs_um():.2f} um"),
+        ("ratio of fig. 6 to fig. 5", "2.6", f"{two_discs_um() / one:.2f}"),
+        ("patch 18 x 6 mm, 700 Hz, 100 Vpp (fig. 9)", "2.8 um", f"{upright:.2f} um"),
+        ("patch 10 x 3 mm, 700 Hz, 100 Vpp (fig. 10)", "1.0 um", f"{flat:.2f} um"),
+        ("ratio of fig. 9 to fig. 10", "2.8", f"{upright / flat:.2f}"),
+        (
+            "motor on 10 x 10 mm, 90 Hz (fig. 11)",
+            "0.5 um",
+            f"put in; takes {force_n(clamped=False):.3f} N",
+        ),
+    ]
+
+
+def test_table_of_the_paper_s_values_says_what_the_scripts_return() -> None:
+    wanted = [f"| {what} | {paper} | {ours} |" for what, paper, ours in rows()]
+    assert [row for row in wanted if row not in section_10()] == []
+    body = [line for line in section_10_lines() if line.startswith("|") and "---" not in line]
+    headings = 2
+    assert len(body) == headings + len(wanted) + len(distances_mm())
+
+
+def test_table_of_20_db_says_what_the_script_returns() -> None:
+    wanted = [
+        f"| {actuator} | {edge} | {from_centre_mm:.1f} mm | {from_rim_mm:.1f} mm |"
+        for (actuator, edge), (from_centre_mm, from_rim_mm) in distances_mm().items()
+    ]
+    assert [row for row in wanted if row not in section_10()] == []
+
+
+def test_reasons_in_the_table_hold_the_right_numbers() -> None:
+    plate = script("paper_plate")
+    edges = [strip.edge.stiffness_n for strip in (plate.FIRST, plate.SECOND)]
+    upright, flat = (
+        centre_um(name) for name in ("figure_09_upright_patch_map", "figure_10_flat_patch_map")
+    )
+    plate_map = numbers("figure_05_one_disc_map").plate
+    nearer, further = (20 * np.log10(plate_map.at(0) / plate_map.at(x)) for x in (0.018, 0.022))
+    for told in (
+        f"at 300 Hz it is {nearer:.0f} dB 2 mm nearer and {further:.0f} dB 2 mm further",
+        f"K = {edges[0]:.0f} N by (18)",
+        f"K = {edges[1]:.1f} N",
+        f"between clamps it would take {force_n(clamped=True):.3f} N",
+        f"too low by {2.8 / upright:.1f}: the moment",
+        f"too low by {1.0 / flat:.1f}, for the same reason",
+        f"free of the ceramic's data: {2.8 / (upright / flat):.1f} is",
+    ):
+        assert told in section_10()
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_docstring_tells_the_number(name: str) -> None:
+    found = numbers(name)
+    told: dict[str, Callable[[], list[str]]] = {
+        "figure_01": lambda: [f"{found.supported_hz[0]:.0f} Hz"],
+        "figure_02": lambda: [f"{found.cutoff_hz:.0f} Hz", f"{level_db(name, 300):.0f} dB less"],
+        "figure_04": lambda: re.findall(r"\d+ dB", levels(name)),
+        "figure_05": lambda: [f"{centre_um(name):.2f} um"],
+        "figure_06": lambda: [f"{two_discs_um():.2f} um"],
+        "figure_08": lambda: re.findall(r"\d+ dB", levels(name)),
+        "figure_09": lambda: [f"{centre_um(name):.2f} um"],
+        "figure_10": lambda: [f"{centre_um(name):.2f} um"],
+        "figure_11": lambda: [
+            f"{found.force_n:.3f} N",
+            f"{found.unbalance_kg_m * 1e6:.2f} g mm",
+        ],
+        "section_5": lambda: [
+            f"{found[1].from_centre_m * 1e3:.0f} mm from the centre of the disc",
+            f"{found[1].from_rim_m * 1e3:.0f} mm beyond its rim",
+        ],
+    }
+    number = " ".join(script(name).__doc__.split()).split("The number: ")[1]
+    assert [text for text in told[name[:9]]() if text not in number] == []
