@@ -23,6 +23,7 @@ from stimuli import (
     Scene,
     Strip,
     displacement,
+    displacement_map,
     load_per_volt,
 )
 
@@ -145,12 +146,10 @@ def over_frequency(
 def over_plate(strip: Strip, driven: tuple[tuple[Load, float], ...], frequency_hz: float) -> Map:
     """Compute the field of loads with their amplitudes over 200 mm, in steps of 0.5 mm."""
     x_m, y_m = np.linspace(-0.1, 0.1, 401), np.linspace(0.0, strip.width_m, 51)
-    points = tuple((float(x), float(y)) for x in x_m for y in y_m)
     loads, amplitudes = zip(*driven, strict=True)
-    scene = Scene(strip=strip, loads=loads, points_m=points)
-    field_m = displacement(scene, [frequency_hz], rtol=1e-5)[0]
-    total_m = (np.array(amplitudes)[:, np.newaxis] * field_m).sum(axis=0)
-    return Map(x_m=x_m, y_m=y_m, displacement_m=total_m.reshape(x_m.size, -1), loads=loads)
+    field = displacement_map(strip, loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=1e-5)
+    total_m = np.tensordot(amplitudes, field.displacement_m, axes=1)
+    return Map(x_m=x_m, y_m=y_m, displacement_m=total_m, loads=loads)
 
 
 def predicted_moment_n(strip: Strip, load: Load, layers: PiezoLayers, level_vpp: float) -> float:
