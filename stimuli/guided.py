@@ -5,12 +5,13 @@ Everything is in units of the strip's width W: k W, p W, kappa W, Y = y / W - 1/
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from stimuli.dispersion import starting_values
 from stimuli.transverse import shape, shape_integral
 
 if TYPE_CHECKING:
@@ -26,11 +27,22 @@ PI: Final = np.longdouble("3.14159265358979323846264338327950288")
 _NEAR_CUTOFF: Final = 1e-2
 _POLISHING_STEPS: Final = 5
 _NORM_NODES: Final = 48
+_END: Final = np.array(0.5)
 _LOW: Final = 2.0
 """2 (k W)^2 below which the closed form of the norms loses digits."""
 
-_REAL: Final = 1e-6
-"""Relative imaginary part of p^2 below which it is rounding, where there is no loss."""
+_SPARE: Final = 1
+"""Waves sought beyond those asked for: the last may be one of a pair."""
+
+_PAIR: Final = 0.4
+_WIDTHS: Final = (1.2e-2, 1.2e-3)
+"""Pairs of starting values nearer than this are parted anew, in parabolas of these widths; both
+times the decay across the strip."""
+
+_TRUSTED: Final = 0.4
+"""How far these steps may lead, as a part of the distance to the next wave."""
+
+_SETTLED: Final = 1e-13
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,6 +63,11 @@ class Guided:
     g1: Complex
     g2: Complex
     sign: int
+    _ends: tuple[Complex, Complex] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        ends = tuple(shape(g, _END, self.sign) for g in (self.g1, self.g2))
+        object.__setattr__(self, "_ends", ends)
 
     def shapes(self, across: Real) -> Complex:
         """Return the shapes at places Y: shape (n_frequencies, n_modes, n_places)."""
@@ -64,7 +81,7 @@ class Guided:
         one, two = source.branch_weights(k)
         near = two * shape_integral(self.g2, source.span, self.sign)
         far = one * shape_integral(self.g1, source.span, self.sign)
-        end1, end2 = self._ends()
+        end1, end2 = self._ends
         return end1 * near - end2 * far
 
     def norms(self) -> Complex:
@@ -78,7 +95,7 @@ class Guided:
         return 4 * self.p * total
 
     def _closed_norms(self) -> Complex:
-        end1, end2 = self._ends()
+        end1, end2 = self._ends
         g, weight = (self.g1, self.g2), (-end2, end1)
         total = np.zeros_like(self.p)
         for i in (0, 1):
@@ -95,12 +112,8 @@ class Guided:
         square = (self.p[..., np.newaxis] * self.shapes(across)) ** 2
         return np.asarray((square + self._mixed(slope2, slope1) ** 2) @ weights)
 
-    def _ends(self) -> tuple[Complex, Complex]:
-        end = np.array(0.5)
-        return shape(self.g1, end, self.sign), shape(self.g2, end, self.sign)
-
     def _mixed(self, second: Complex, first: Complex) -> Complex:
-        end1, end2 = self._ends()
+        end1, end2 = self._ends
         return end1[..., np.newaxis] * second - end2[..., np.newaxis] * first
 
 
@@ -141,8 +154,8 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
 
     Notes
     -----
-    Simply supported edges have closed forms. Else a polynomial Galerkin eigenproblem, shifted so
-    that it is positive definite, gives every wave of low order at once, and Newton steps on the
+    Simply supported edges have closed forms. Else the eigenproblem of
+    `dispersion.starting_values` gives every wave of low order at once, and Newton steps on the
     dispersion relation polish them; two waves nearer to each other than its accuracy are left as
     they are (their sum is taken on a circle about both).
 
@@ -158,10 +171,11 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
     if np.all(np.isinf(hold)):
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
-    z = _polished(_galerkin(rough_k, rough_hold, n_modes, sign), rough_k, rough_hold, sign)
+    z = _starts(rough_k, rough_hold, n_modes, sign)
+    z = _polished(z, rough_k, rough_hold, sign)
     z = _near_cutoff(z, k, hold, sign)
     p = _outgoing(z)
-    order = np.argsort(p.imag - 1e-9 * p.real, axis=1, kind="stable")
+    order = _slowest_first(p)[:, :n_modes]
     z, p = (np.take_along_axis(a, order, axis=1) for a in (z, p))
     k2 = (rough_k * rough_k)[:, np.newaxis]
     return Guided(p=p, g1=np.sqrt(z - k2), g2=np.sqrt(z + k2), sign=sign)
@@ -195,7 +209,7 @@ def _supported(k: Exact | Complex, n_modes: int, sign: int) -> Guided:
     g1 = np.concatenate([across[:, :n_modes], other[:, n_modes:]], axis=1)
     g2 = np.concatenate([other[:, :n_modes], across[:, n_modes:]], axis=1)
     p = _outgoing(z)
-    order = np.argsort(p.imag - 1e-9 * p.real, axis=1, kind="stable")[:, :n_modes]
+    order = _slowest_first(p)[:, :n_modes]
     p, g1, g2 = (np.take_along_axis(a, order, axis=1) for a in (p, g1, g2))
     return Guided(p=p, g1=g1, g2=g2, sign=sign)
 
@@ -207,72 +221,69 @@ def _outgoing(z: Complex) -> Complex:
     return p + 0j
 
 
-def _galerkin(k: Complex, hold: Complex, n_modes: int, sign: int) -> Complex:
-    """Return p^2 of the waves of slowest decay from the shifted eigenproblem, (n_f, n_modes)."""
-    size = int(1.5 * n_modes + 0.3 * np.max(np.abs(k)) + 6)
-    bend, slope, mass, turn = _matrices(size, sign)
-    clamped = bool(np.all(hold == 0))
-    start = 1 if clamped else 0
-    half = k / 2
-    shift = np.abs(half) ** 2 + (np.pi / 2) ** 2
-    scale = np.ones((k.size, size))
-    bend = np.broadcast_to(bend, (k.size, size, size)).astype(np.complex128)
-    if not clamped:
-        spring = turn / (2 * hold)
-        scale[:, 0] = 1 / np.sqrt(1 + np.abs(spring))
-        bend[:, 0, 0] = bend[:, 0, 0] + spring
-    both = (scale[:, :, np.newaxis] * scale[:, np.newaxis, :])[:, start:, start:]
-    slope, mass, bend = (both * m[..., start:, start:] for m in (slope, mass, bend))
-    sigma = shift[:, np.newaxis, np.newaxis]
-    whole = bend + 2 * sigma * slope + (sigma**2 - (half**4)[:, np.newaxis, np.newaxis]) * mass
-    damping = np.linalg.solve(whole, 2 * slope + 2 * sigma * mass)
-    inertia = np.linalg.solve(whole, mass + 0j)
-    n = size - start
-    companion = np.zeros((k.size, 2 * n, 2 * n), dtype=np.complex128)
-    companion[:, :n, :n], companion[:, :n, n:] = -damping, -inertia
-    companion[:, n:, :n] = np.eye(n)
-    nu = np.linalg.eigvals(companion)
-    zeta = 4 * (shift[:, np.newaxis] + 1 / nu)
-    order = np.argsort(_outgoing(zeta).imag, axis=1)[:, :n_modes]
-    return np.take_along_axis(zeta, order, axis=1)
+def _slowest_first(p: Complex) -> NDArray[np.intp]:
+    return np.argsort(p.imag - 1e-9 * p.real, axis=1, kind="stable")
 
 
-@lru_cache(maxsize=64)
-def _matrices(size: int, sign: int) -> tuple[Real, Real, Real, float]:
-    """Return int v''w'', v'w', v w over -1..1 and v'^2 at both ends of the first, the free one."""
-    from numpy.polynomial import Legendre
+def _starts(k: Complex, hold: Complex, n_modes: int, sign: int) -> Complex:
+    """Return p^2 of the slowest waves and the next to a few digits."""
+    bending = (k / 2) ** 2
+    x = starting_values(bending, 2 * hold, n_modes + _SPARE, symmetric=sign > 0)
+    order = _slowest_first(_outgoing(-x))[:, : n_modes + 1]
+    return _parted(-4 * np.take_along_axis(x, order, axis=1), k, hold, sign)
 
-    nodes, weights = np.polynomial.legendre.leggauss(2 * size + 8)
-    free = Legendre([2 / 3, 0, -2 / 3]) if sign > 0 else Legendre([0, 2 / 5, 0, -2 / 5])
-    free = free / (8.0 if sign > 0 else 24.0) ** 0.5
-    functions = [free]
-    for j in range(0 if sign > 0 else 1, 2 * size - 2 + (0 if sign > 0 else 1), 2):
-        terms = np.zeros(j + 5)
-        terms[[j, j + 2, j + 4]] = 1, -2 * (2 * j + 5) / (2 * j + 7), (2 * j + 3) / (2 * j + 7)
-        functions.append(Legendre(terms) / (2 * (2 * j + 3) ** 2 * (2 * j + 5)) ** 0.5)
-    grams = []
-    for order in (2, 1, 0):
-        values = np.array([(v.deriv(order) if order else v)(nodes) for v in functions])
-        grams.append((values * weights) @ values.T)
-    turn = 2 * float(free.deriv()(1.0)) ** 2
-    return grams[0], grams[1], grams[2], turn
+
+def _parted(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
+    """Return p^2 of which near pairs are those of the exact relation.
+
+    Starting values may part along the real axis where the roots part across it. Newton's steps at
+    two places m + h and m - h give the parabola (z - mean)^2 - half^2 there.
+    """
+    across: Real = 1 + np.sqrt(np.abs(z - (k * k)[:, np.newaxis]))
+    apart = np.abs(np.diff(z, axis=1))
+    rows, first = np.nonzero(apart < _PAIR * across[:, 1:])
+    if not rows.size:
+        return z
+    lossless = not (np.any(k.imag) or np.any(hold.imag))
+    mean: Complex = (z[rows, first] + z[rows, first + 1]) / 2
+    half: Complex = np.zeros(rows.size, dtype=np.complex128)
+    mean = np.asarray(mean.real + 0j if lossless else mean)
+    for width in _WIDTHS:
+        h = width * across[rows, first]
+        above, below = (
+            np.divide(*_dispersion(mean + shift, k[rows], hold[rows], sign)) for shift in (h, -h)
+        )
+        offset = 2 * h * (h + below) / (below - above + 2 * h)
+        mean, square = mean + h - offset, offset * (offset - 2 * above)
+        half = np.sqrt(square.real + 0j if lossless else square)
+    z = z.copy()
+    z[rows, first], z[rows, first + 1] = mean + half, mean - half
+    return z
 
 
 def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
-    """Return p^2 after Newton steps on the dispersion relation."""
+    """Return p^2 after Newton's steps with the other waves as poles (Ehrlich, Aberth)."""
+    real = z.imag == 0 if not (np.any(k.imag) or np.any(hold.imag)) else False
     k, hold = k[:, np.newaxis], hold[:, np.newaxis]
-    lossless = not (np.any(k.imag) or np.any(hold.imag))
-    real = lossless & (np.abs(z.imag) < _REAL * (1 + np.abs(z)))
-    z = np.where(real, z.real + 0j, z)
-    apart = np.abs(z[:, :, np.newaxis] - z[:, np.newaxis, :])
-    apart += np.where(np.eye(z.shape[1], dtype=bool), np.inf, 0.0)
-    reach = 0.1 * np.min(apart, axis=2)
+    between = _differences(z)
+    reach = _TRUSTED * np.min(np.abs(between), axis=2)
     start = z
     for _ in range(_POLISHING_STEPS):
         value, slope = _dispersion(z, k, hold, sign)
-        z = z - value / slope
+        step = value / (slope - value * np.sum(1 / between, axis=2))
+        z = z - step
+        if np.all(np.abs(step) < _SETTLED * (np.abs(z) + 1)):
+            break
+        between = _differences(z)
     z = np.where(np.abs(z - start) <= reach, z, start)
     return np.where(real, z.real + 0j, z)
+
+
+def _differences(z: Complex) -> Complex:
+    """Return z_i - z_j, infinite where it is 0, shape (n_frequencies, n_modes, n_modes)."""
+    between = z[:, :, np.newaxis] - z[:, np.newaxis, :]
+    between[between == 0] = np.inf
+    return between
 
 
 def _dispersion(z: Any, k: Any, hold: Any, sign: int) -> tuple[Any, Any]:
