@@ -125,16 +125,17 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
     (True, True)
     """
     instance("scene", scene, Scene, "a Scene")
-    work = scene.work(frequencies_hz, rtol)
     frequencies, rtol = scene.checked(frequencies_hz, rtol)
     jobs = scene.jobs()
     _refuse_cutoffs(scene, frequencies, jobs)
     shape = (frequencies.size, len(scene.loads), len(scene.points_m))
     value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
-    for band in scene.bands(frequencies, rtol, jobs):
+    bands = scene.bands(frequencies, rtol, jobs)
+    for band in bands:
         found = solve(scene, band.solved_hz.astype(np.complex128), rtol, jobs)
         part = _between(band, found)
         value[band.rows], error[band.rows] = part.value, part.error
+    work = scene.counted(frequencies.size, rtol, jobs, bands)
     return Response(displacement_m=value, error_m=error, work=work)
 
 

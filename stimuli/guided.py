@@ -287,23 +287,36 @@ def _differences(z: Complex) -> Complex:
 
 
 def _dispersion(z: Any, k: Any, hold: Any, sign: int) -> tuple[Any, Any]:
-    """Return (2 k^2/kappa) s1 s2 + g2 s2' s1 - g1 s1' s2 and its slope in z = p^2, equation (45).
+    """Return s1 s2 / kappa + w and its slope in z = p^2, w = (g2 s2' s1 - g1 s1' s2)/(2 k^2), (45).
 
-    s is cosh(g/2) for symmetric waves and sinh(g/2) / g for antisymmetric ones: entire in z.
+    s is cosh(g/2) for symmetric waves and sinh(g/2) / g for antisymmetric ones: entire in z. w is a
+    sum of sinh(t) / t over the half sum and the half difference of g1 and g2, free of cancellation
+    as in (31); the slope needs few digits.
     """
     k2 = k * k
-    factors = []
-    for square in (z - k2, z + k2):
-        g = np.sqrt(square)
-        plus, minus = 1 + np.exp(-g), -np.expm1(-g)
-        if sign > 0:  # s, its slope in z, g s', its slope in z
-            values = (plus, minus / (4 * g), g * minus, minus / (2 * g) + plus / 4)
-        else:
-            s = minus / g
-            values = (s, (plus / 2 - s) / (2 * square), plus, minus / (4 * g))
-        factors.append(values)
-    (s1, ds1, t1, dt1), (s2, ds2, t2, dt2) = factors
-    pull = 2 * k2 * hold
-    value = pull * s1 * s2 + t2 * s1 - t1 * s2
-    slope = pull * (ds1 * s2 + s1 * ds2) + dt2 * s1 + t2 * ds1 - dt1 * s2 - t1 * ds2
-    return value, slope
+    g1, g2 = np.sqrt(z - k2), np.sqrt(z + k2)
+    down1, down2 = np.exp(-g1), np.exp(-g2)
+    (s1, ds1, t1, dt1), (s2, ds2, t2, dt2) = _factors(g1, down1, sign), _factors(g2, down2, sign)
+    total, gap = g1 + g2, g2 - g1
+    wide = np.abs(total) >= np.abs(gap)
+    total, gap = np.where(wide, total, 2 * k2 / gap), np.where(wide, 2 * k2 / total, gap)
+    first, second = -np.expm1(-total) / total, -down1 * np.expm1(-gap) / gap
+    if sign > 0:
+        value = hold * s1 * s2 + first + second
+    else:
+        product = g1 * g2
+        plain = np.abs(product) < 0.25 * np.abs(k2)
+        twist = (first - second) / np.where(plain, 1.0, product)
+        twist = np.where(plain, (t2 * s1 - t1 * s2) / (2 * k2), twist)
+        value = hold * s1 * s2 + twist
+    slope = hold * (ds1 * s2 + s1 * ds2)
+    return value, slope + (dt2 * s1 + t2 * ds1 - dt1 * s2 - t1 * ds2) / (2 * k2)
+
+
+def _factors(g: Any, down: Any, sign: int) -> tuple[Any, Any, Any, Any]:
+    """Return s, its slope in z, g s' and its slope in z, times exp(-g/2)."""
+    plus, minus = 1 + down, 1 - down
+    if sign > 0:
+        return plus, minus / (4 * g), g * minus, minus / (2 * g) + plus / 4
+    s = minus / g
+    return s, (plus / 2 - s) / (2 * g * g), plus, minus / (4 * g)

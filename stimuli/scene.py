@@ -139,11 +139,16 @@ class Scene:
         """
         frequencies, rtol = self.checked(frequencies_hz, rtol)
         jobs = self.jobs()
-        found = self.bands(frequencies, rtol, jobs)
+        return self.counted(frequencies.size, rtol, jobs, self.bands(frequencies, rtol, jobs))
+
+    def counted(
+        self, n_frequencies: int, rtol: float, jobs: tuple[Job, ...], found: tuple[Band, ...]
+    ) -> Work:
+        """Return the work that jobs and bands of frequencies are."""
         n_pairs = len(self.loads) * len(self.points_m)
         near = [self.near(job, rtol) for job in jobs]
         work = Work(
-            frequencies_asked=frequencies.size,
+            frequencies_asked=n_frequencies,
             frequencies_solved=sum(band.solved_hz.size for band in found),
             pairs_asked=n_pairs,
             pairs_solved=sum(job.distance.size for job in jobs),
