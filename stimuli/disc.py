@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -44,13 +45,16 @@ def inside_excess(k: Complex, radius: float, distance: Real, *, moment: bool) ->
     >>> bool(abs(excess[0, 0]) < 1e-12), complex(excess[0, 1])
     (True, 0j)
     """
-    inside = distance < radius
-    ratio = np.where(inside, distance / radius, 1.0)
     value = np.zeros((k.size, distance.size), dtype=np.complex128)
+    inside = np.flatnonzero(distance < radius)
+    if not inside.size:
+        return value
+    ratio = distance[inside] / radius
     small = np.abs(k) * radius < _SERIES_REACH
-    value[small] = _series(k[small], radius, ratio, moment=moment)
-    value[~small] = _closed(k[~small], radius, ratio, moment=moment)
-    return np.where(inside, value, 0.0)
+    for method, rows in ((_series, np.flatnonzero(small)), (_closed, np.flatnonzero(~small))):
+        if rows.size:
+            value[np.ix_(rows, inside)] = method(k[rows], radius, ratio, moment=moment)
+    return value
 
 
 def _series(k: Complex, radius: float, ratio: Real, *, moment: bool) -> Complex:
@@ -64,24 +68,34 @@ def _series(k: Complex, radius: float, ratio: Real, *, moment: bool) -> Complex:
     return -scale * total
 
 
-def _rim_terms(ratio: Real) -> list[Real]:
-    """Return w_j / R^(2j+2): w_0 solves lap w = -1, and all vanish with their slope at the rim."""
-    log = np.log(ratio)
-    plain, logged = np.array([0.0, -0.25]), np.array([0.0, 0.0])
-    terms = []
-    for _ in range(_SERIES_TERMS):
-        powers = 2 * np.arange(plain.size)
-        value = plain.sum()
-        slope = (powers * plain + logged).sum()
+def _rim_terms(ratio: Real) -> Real:
+    """Return w_j / R^(2j+2) at r / R, shape (_SERIES_TERMS, n_points)."""
+    plain, logged = _rim_polynomials()
+    even = ratio ** (2 * np.arange(_SERIES_TERMS + 1)[:, np.newaxis])
+    value: Real = plain @ even + (logged @ even) * np.log(ratio)
+    return value
+
+
+@lru_cache(maxsize=1)
+def _rim_polynomials() -> tuple[Real, Real]:
+    """Return the powers of (r / R)^2 in each w_j, those alone and those times ln(r / R).
+
+    w_0 solves lap w = -1, and all vanish with their slope at the rim.
+    """
+    alone, times_log = np.zeros((2, _SERIES_TERMS, _SERIES_TERMS + 1))
+    powers = 2 * np.arange(_SERIES_TERMS + 1)
+    plain, logged = np.zeros((2, _SERIES_TERMS + 1))
+    plain[1] = -0.25
+    for j in range(_SERIES_TERMS):
+        value, slope = plain.sum(), (powers * plain + logged).sum()
         plain[0] -= value
         logged[0] -= slope
-        even = ratio[:, np.newaxis] ** powers
-        terms.append((even * (plain + logged * log[:, np.newaxis])).sum(axis=1))
+        alone[j], times_log[j] = plain, logged
         square = (powers + 2.0) ** 2
-        next_logged = logged / square
-        next_plain = (plain - 2 * (powers + 2) * next_logged) / square
-        plain, logged = (np.concatenate([[0.0], a]) for a in (next_plain, next_logged))
-    return terms
+        raised_log = logged / square
+        raised = (plain - 2 * (powers + 2) * raised_log) / square
+        plain, logged = (np.concatenate([[0.0], a[:-1]]) for a in (raised, raised_log))
+    return alone, times_log
 
 
 def _closed(k: Complex, radius: float, ratio: Real, *, moment: bool) -> Complex:

@@ -6,6 +6,7 @@ In the units of `stimuli.section`; equations (31) to (34) of docs/model.md.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -209,13 +210,20 @@ def _modes(
     Gauss's rule in 1 / q over the tail, of which the middle node is the constant left out.
     """
     q = (np.arange(1, count + 1) - offset) * math.pi
-    supported = _ordered(np.concatenate([q**2 - bending, q**2 + bending]).astype(np.complex128))
-    last = math.sqrt(np.max(abs(supported[:count] + bending)))
+    square = np.concatenate([q**2, q**2])
+    supported = square + np.repeat([-bending, bending], count)
+    first = np.argsort(outgoing_root(-supported).imag, kind="stable")[:count]
+    last = math.sqrt(np.max(square[first]))
     q = (np.arange(1, 4 + int(_REACH * last / math.pi)) - offset) * math.pi
-    nodes, weights = np.polynomial.legendre.leggauss(5)
+    nodes, weights = _tail_rule()
     edge = q[-1] + math.pi / 2
     far = edge / nodes[3:]
     return np.append(q, far), np.append(q, far * np.sqrt(weights[3:] * edge / math.pi) / nodes[3:])
+
+
+@lru_cache(maxsize=1)
+def _tail_rule() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return np.polynomial.legendre.leggauss(5)
 
 
 def _polished(section: Section, x: Complex) -> Complex:

@@ -13,6 +13,7 @@ from stimuli.guided import PI
 from stimuli.jobs import Job, unit_scale
 from stimuli.scene import Scene, Work
 from stimuli.solver import solved
+from stimuli.supported import supported_cutoff_hz
 from stimuli.task import Part, Task
 
 if TYPE_CHECKING:
@@ -251,12 +252,14 @@ def _stiffness_factors(strip: Strip, frequencies_hz: Complex) -> Complex:
 
 def _refuse_cutoffs(scene: Scene, frequencies_hz: Real, jobs: tuple[Job, ...]) -> None:
     """Refuse frequencies at which a wave without loss neither propagates nor decays."""
-    material = scene.strip.material
+    strip, material = scene.strip, scene.strip.material
     if material.loss_factor or material.viscous_time_s or not frequencies_hz.size:
         return
     even = any(-1 in job.signs for job in jobs)
     mode, highest_hz = 1, float(np.max(frequencies_hz))
-    while (cutoff_hz := scene.strip.cutoff_hz(mode)) <= highest_hz * (1 + 1e-9):
+    if highest_hz < 0.9 * supported_cutoff_hz(material, strip.width_m, strip.thickness_m):
+        return  # below the first cut-off of every edge
+    while (cutoff_hz := strip.cutoff_hz(mode)) <= highest_hz * (1 + 1e-9):
         at = np.abs(frequencies_hz - cutoff_hz) <= _AT_CUTOFF * cutoff_hz
         if np.any(at) and (even or mode % 2):
             raise ValueError(

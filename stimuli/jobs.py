@@ -96,16 +96,16 @@ def jobs(
 
 def _job(members: list[_Member], *, skip: bool) -> Job:
     source = members[0][1]
-    pairs = np.concatenate([np.column_stack([m[2], m[3]]) for m in members])
-    inverse = np.arange(len(pairs))
+    pairs = np.concatenate([m[2] + 1j * m[3] for m in members])
+    inverse = np.arange(pairs.size)
     if skip:
-        pairs, inverse = np.unique(pairs, axis=0, return_inverse=True)
-    symmetric = source.span.centre == 0 or bool(np.all(pairs[:, 1] == 0))
+        pairs, inverse = np.unique(pairs, return_inverse=True)
+    symmetric = source.span.centre == 0 or not np.any(pairs.imag)
     return Job(
         source=source,
         loads=tuple(m[0] for m in members),
-        distance=pairs[:, 0],
-        across=pairs[:, 1],
+        distance=pairs.real.copy(),
+        across=pairs.imag.copy(),
         places=inverse.reshape(len(members), -1),
         signs=(1,) if skip and symmetric else (1, -1),
     )

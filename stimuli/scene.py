@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -13,6 +13,7 @@ from stimuli.edge import SIMPLY_SUPPORTED, ElasticEdge
 from stimuli.jobs import Job, jobs
 from stimuli.load import DISCS, LOADS, Load
 from stimuli.strip import Strip
+from stimuli.supported import supported_cutoff_hz
 from stimuli.sweep import Band, bands
 from stimuli.task import far_clearance
 
@@ -190,7 +191,8 @@ class Scene:
 
     def _most_hz(self) -> float:
         """Return the highest frequency that is computed."""
-        supported_hz = replace(self.strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+        strip = self.strip
+        supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
         radii = [load.radius_m for load in self.loads if isinstance(load, DISCS)]
         widest = math.pi * max(radii, default=1e-9) / self.strip.width_m
         return min(_MOST_CUTOFFS, (_WIDEST_DISC / widest) ** 2) * supported_hz

@@ -78,12 +78,13 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
     """
     value = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
     error = np.zeros(value.shape)
+    far = (task.clearance >= far_clearance(task.rtol)) & skip
     for sign in signs:
         modes = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign)
-        far = (task.clearance >= far_clearance(task.rtol)) & skip
+        strength = 1j * modes.excited(task.k[:, np.newaxis], task.source) / modes.norms()
         for points, method in ((far, _far), (~far, _near)):
             if np.any(points):
-                part = method(task.at(points), modes)
+                part = method(task.at(points), modes, strength)
                 value[:, points] += part.value
                 error[:, points] += part.error
     source = task.source
@@ -99,19 +100,20 @@ def n_waves(k: Complex) -> int:
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
 
 
-def _far(task: Task, modes: Guided) -> Part:
+def _far(task: Task, modes: Guided, strength: Complex) -> Part:
     """Return the sum over all known guided waves, equation (47)."""
-    alone = _separate_terms(task, modes, modes.shapes(task.across))
+    alone = _separate_terms(task, modes, strength)
     terms = _together(alone, task, modes, np.ones(modes.p.shape, dtype=np.bool_))
-    largest = np.max(np.abs(modes.shapes(_ACROSS)), axis=2, keepdims=True)
-    envelope = np.max(np.abs(_separate_terms(task, modes, largest + 0j)[:, -2:]), axis=1)
+    largest = np.max(np.abs(modes.shapes(_ACROSS)[:, -2:]), axis=2, keepdims=True)
+    along = task.source.along(modes.p[:, -2:, np.newaxis], task.distance)
+    envelope = np.max(np.abs(strength[:, -2:, np.newaxis] * largest * along), axis=1)
     decay = modes.p.imag[:, -1] - modes.p.imag[:, -3]
     left_out = envelope * np.exp(-decay[:, np.newaxis] * np.maximum(task.clearance, 0.0))
     error = _rounding(task, modes, terms) + left_out
     return Part(value=terms.sum(axis=1), error=error)
 
 
-def _near(task: Task, modes: Guided) -> Part:
+def _near(task: Task, modes: Guided, strength: Complex) -> Part:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
     source = task.source
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
@@ -123,7 +125,7 @@ def _near(task: Task, modes: Guided) -> Part:
         nearest=0.0 if source.radius else nearest,
         mirrored=task.lossless,
     )
-    alone = _separate_terms(task, modes, modes.shapes(task.across))
+    alone = _separate_terms(task, modes, strength)
     below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
     terms = _together(alone, task, modes, below)
     leaked = _leaked(path, modes, alone, terms)
@@ -135,17 +137,20 @@ def _near(task: Task, modes: Guided) -> Part:
 
 def _leaked(path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Real:
     """Return the error of the path's trapezoidal rule due to the known waves, equation (52)."""
-    tight = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
-    tight = np.pad(tight, ((0, 0), (0, 1))) | np.pad(tight, ((0, 0), (1, 0)))
-    each = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone) * path.leak[..., np.newaxis]
+    pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
+    if np.any(pair):
+        tight = np.zeros(modes.p.shape, dtype=np.bool_)
+        tight[:, 1:] = pair
+        tight[:, :-1] |= pair
+        alone = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone)
+    each = alone * path.leak[..., np.newaxis]
     return np.asarray(_CAUTION * np.abs(each.sum(axis=1)))
 
 
-def _separate_terms(task: Task, modes: Guided, shapes: Complex) -> Complex:
+def _separate_terms(task: Task, modes: Guided, strength: Complex) -> Complex:
     """Return each guided wave at the points, shape (n_frequencies, n_modes, n_points)."""
-    weight = 1j * modes.excited(task.k[:, np.newaxis], task.source) / modes.norms()
     along = task.source.along(modes.p[..., np.newaxis], task.distance)
-    return weight[..., np.newaxis] * shapes * along
+    return strength[..., np.newaxis] * modes.shapes(task.across) * along
 
 
 def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]) -> Complex:

@@ -8,13 +8,12 @@ places where they do not.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.edge import SIMPLY_SUPPORTED
+from stimuli.supported import supported_cutoff_hz
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -99,16 +98,17 @@ def bands(
     ...  for n in (50, 500)]
     [12, 12]
     """
-    supported_hz = dataclasses.replace(strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+    supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
     viscous = strip.material.viscous_time_s > 0
-    top_hz = _UPPER * strip.cutoff_hz()
+    cutoff_hz = strip.cutoff_hz()
+    top_hz = _UPPER * cutoff_hz
     below = np.flatnonzero(frequencies_hz <= top_hz)
     part = float(np.clip(_LOWEST_REACH / max(distance, 1e-9), *_LOWEST_TOPS))
     found = []
     done = np.zeros(frequencies_hz.size, dtype=np.bool_)
     if skip and below.size and distance <= _FARTHEST:
         most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
-        count = _count(strip, most_hz, rtol, distance)
+        count = _count(most_hz / cutoff_hz, rtol, distance, viscous=viscous)
         if count < below.size:
             reason = "below cut-off the field is smooth in frequency"
             found.append(
@@ -144,10 +144,9 @@ def bands(
     return tuple(found)
 
 
-def _count(strip: Strip, top_hz: float, rtol: float, distance: float) -> int:
-    """Return how many nodes reach the wanted error: the nearest singularity is the cut-off."""
-    part = top_hz / strip.cutoff_hz()
-    centre = 1 / part if strip.material.viscous_time_s else 2 / part**2 - 1
+def _count(part: float, rtol: float, distance: float, *, viscous: bool) -> int:
+    """Return how many nodes reach the wanted error up to a part of the cut-off, the singularity."""
+    centre = 1 / part if viscous else 2 / part**2 - 1
     ellipse = centre + np.sqrt(centre**2 - 1)
     half = int((np.log(1 / rtol) + 5 + 3 * distance) / np.log(ellipse)) // 2 + 2
     return 2 * half

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -45,20 +45,19 @@ class Task:
     distance: Real
     across: Real
     rtol: float
+    k: Complex = field(init=False)
+    """Bending wavenumbers in double precision."""
+
+    hold: Complex = field(init=False)
+    """1 / (kappa W) in double precision."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "k", self.exact_k.astype(np.complex128))
+        object.__setattr__(self, "hold", self.exact_hold.astype(np.complex128))
 
     def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Task:
         """Return the task for some of its points."""
         return replace(self, distance=self.distance[points], across=self.across[points])
-
-    @property
-    def k(self) -> Complex:
-        """Bending wavenumbers in double precision."""
-        return self.exact_k.astype(np.complex128)
-
-    @property
-    def hold(self) -> Complex:
-        """1 / (kappa W) in double precision."""
-        return self.exact_hold.astype(np.complex128)
 
     @property
     def clearance(self) -> Real:

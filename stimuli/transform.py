@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.transverse import Span, shape, shape_integral, supported_kernel
+from stimuli.transverse import Span, crossing, shape, shape_integral
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Complex = NDArray[np.complex128]
     Real = NDArray[np.float64]
+
+_END: Final = np.array(0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,11 +49,14 @@ class Source:
         c = self.half_length
         if c == 0:
             return np.exp(1j * s * distance)
-        beside = np.exp(1j * s * np.maximum(distance - c, 0.0)) * np.expm1(2j * s * c)
-        inside = np.expm1(1j * s * np.maximum(c - distance, 0.0)) + np.expm1(
-            1j * s * (c + distance)
-        )
-        return np.where(distance >= c, beside, inside) / (1j * s)
+        turn = 1j * s
+        value: Complex = np.exp(turn * np.maximum(distance - c, 0.0)) * np.expm1(2 * c * turn)
+        inside = np.flatnonzero(distance < c)
+        if inside.size:
+            ways = c - distance[inside], c + distance[inside]
+            some = np.broadcast_to(turn, value.shape)[..., inside]
+            value[..., inside] = np.expm1(some * ways[0]) + np.expm1(some * ways[1])
+        return value / turn
 
 
 def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
@@ -98,11 +103,13 @@ def transformed(
     k2 = k * k
     g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)
     one, two = source.branch_weights(k)
-    value = one * supported_kernel(g1, across, source.span, sign)
-    value -= two * supported_kernel(g2, across, source.span, sign)
+    (kernel1, shape1), (kernel2, shape2) = (
+        crossing(g, across, source.span, sign) for g in (g1, g2)
+    )
+    value: Complex = one * kernel1 - two * kernel2
     if not np.all(np.isinf(hold)):
-        end1, end2 = shape(g1, np.array(0.5), sign), shape(g2, np.array(0.5), sign)
-        psi = shape(g2, across, sign) / end2 - shape(g1, across, sign) / end1
+        end1, end2 = shape(g1, _END, sign), shape(g2, _END, sign)
+        psi = shape2 / end2 - shape1 / end1
         load = two * shape_integral(g2, source.span, sign) / end2
         load -= one * shape_integral(g1, source.span, sign) / end1
         grip = 2 * k2 / (g1 + g2) - sign * (g2 * np.exp(-g2) / end2 - g1 * np.exp(-g1) / end1)

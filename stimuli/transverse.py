@@ -72,13 +72,13 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     return ends
 
 
-def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
-    """Return the kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38).
+def crossing(g: Complex, across: Real, span: Span, sign: int) -> tuple[Complex, Complex]:
+    """Return the supported strip's kernel, integrated over a span, and `shape`, equation (38).
 
     Parameters
     ----------
     g : ndarray of complex128
-        Decay constants, in 1 / width.
+        Decay constants in 1 / width.
     across : ndarray of float64
         Places Y, to be broadcast with `g`.
     span : Span
@@ -88,38 +88,57 @@ def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex
 
     Returns
     -------
-    ndarray of complex128
+    kernel, shape : ndarray of complex128
+        The kernel of g^2 - d2/dy2 with zero ends, and what `shape` returns.
 
     Examples
     --------
     The two parts add up to the closed form sinh(g y) sinh(g (1 - y0)) / (g sinh g), y <= y0:
 
     >>> g, here = np.array([1.5 + 0.5j]), np.array([-0.3])
-    >>> both = sum(supported_kernel(g, here, Span(centre=0.1), sign) for sign in (1, -1))
+    >>> both = sum(crossing(g, here, Span(centre=0.1), sign)[0] for sign in (1, -1))
     >>> closed = np.sinh(0.2 * g) * np.sinh(0.4 * g) / (g * np.sinh(g))
     >>> bool(np.allclose(both, closed, rtol=1e-14))
     True
     """
-    if span.length == 0:
-        apart, mirrored = np.abs(across - span.low), np.abs(across + span.low)
-        parts = np.exp(-g * apart) + sign * np.exp(-g * mirrored)
-        parts -= np.exp(-g * (1 - mirrored)) + sign * np.exp(-g * (1 - apart))
+    up, down = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across))
+    near, far = _images(g, across, span, up, down)
+    if span.centre == 0:
+        parts = (1 + sign) * (near - far)
     else:
-        apart_near, apart_far = _both(g, across - span.high, span.length)
-        mirrored_near, mirrored_far = _both(g, across + span.low, span.length)
-        parts = apart_near + sign * mirrored_near - mirrored_far - sign * apart_far
-    value: Complex = parts / (4 * g * (1 + sign * np.exp(-g)))
-    return value
+        mirrored_near, mirrored_far = _images(g, -across, span, down, up)
+        parts = near - mirrored_far + sign * (mirrored_near - far)
+    kernel: Complex = parts / (4 * g * (1 + sign * np.exp(-g)))
+    return kernel, 0.5 * (up + sign * down)
 
 
-def _both(g: Complex, start: Real, length: float) -> tuple[Complex, Complex]:
-    """Return the integrals of exp(-g |u|) and exp(-g (1 - |u|)) from start to start + length."""
-    end = start + length
-    right = np.where(start > 0, length, np.maximum(end, 0.0))
-    left = np.where(end < 0, length, np.maximum(-start, 0.0))
-    rise_right, rise_left = (-np.expm1(-g * part) / g for part in (right, left))
-    near = np.exp(-g * np.maximum(start, 0.0)) * rise_right
-    near += np.exp(-g * np.maximum(-end, 0.0)) * rise_left
-    far = np.exp(-g * (1 - np.maximum(end, 0.0))) * rise_right
-    far += np.exp(-g * (1 - np.maximum(-start, 0.0))) * rise_left
+def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
+    """Return the kernel of `crossing` alone."""
+    return crossing(g, across, span, sign)[0]
+
+
+def _images(
+    g: Complex, across: Real, span: Span, up: Complex, down: Complex
+) -> tuple[Complex, Complex]:
+    """Return the integrals of exp(-g |Y - y|) and exp(-g (1 - |Y - y|)) over the span.
+
+    Every exponential decays: 1 - |Y - y| is the way from one of them to the one edge and from the
+    other to the other edge, `up` and `down` for the places.
+    """
+    above, below = np.exp(-g * (0.5 - span.high)), np.exp(-g * (0.5 + span.low))
+    right = across >= span.high
+    near: Complex = np.exp(-g * np.maximum(across - span.high, span.low - across).clip(0.0))
+    far: Complex = np.where(right, up * below, down * above)
+    if span.length == 0:
+        return near, far
+    whole = -np.expm1(-g * span.length) / g
+    near, far = near * whole, far * whole
+    inside = (across > span.low) & ~right
+    if np.any(inside):
+        inside = np.broadcast_to(inside, near.shape)
+        place = np.broadcast_to(across, near.shape)[inside]
+        slow, above, below = (np.broadcast_to(a, near.shape)[inside] for a in (g, above, below))
+        left, rest = (np.expm1(-slow * w) / slow for w in (place - span.low, span.high - place))
+        near[inside] = -left - rest
+        far[inside] = -up[inside] * below * left - down[inside] * above * rest
     return near, far
