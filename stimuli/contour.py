@@ -8,6 +8,7 @@ of poles: the trapezoidal rule converges exponentially in the number of its node
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -22,7 +23,10 @@ if TYPE_CHECKING:
 _REACH: Final = 0.6
 """Reach as a part of the gap between the waves below and above the path."""
 
-_SPARE: Final = 8.0
+_STRETCH: Final = 0.2
+"""Scale of the double exponential, in nepers of the wanted error."""
+
+_SPARE: Final = 7.0
 """Nepers beyond the wanted error, for values that are small against the terms of their sum."""
 
 _LEAST_GAP: Final = 1e-3
@@ -44,10 +48,10 @@ class Contour:
         the other half are the conjugates, so that the real part of the sum is the integral.
     n_below : ndarray of int, shape (n_frequencies,)
         How many of the waves, slowest decay first, lie below the path.
-    leak : ndarray of complex128, shape (n_frequencies, n_modes)
-        Error of the rule as a part of each wave's own term, equation (52).
-    floor : ndarray of float64, shape (n_frequencies,)
-        The same for whatever is not a wave.
+    lowest, reach, tilt, step : ndarray of float64, shape (n_frequencies,)
+        Parameters of the path and step of the rule.
+    stretch : float
+        Scale of the double exponential.
     rise : ndarray of float64, shape (n_frequencies,)
         How far the path stays above the flat line up to which nothing but waves is crossed.
     ceiling : ndarray of float64, shape (n_frequencies,)
@@ -58,10 +62,29 @@ class Contour:
     weight: Complex
     mirrored: bool
     n_below: NDArray[np.int_]
-    leak: Complex
-    floor: Real
+    lowest: Real
+    reach: Real
+    tilt: Real
+    step: Real
+    stretch: float
     rise: Real
     ceiling: Real
+
+    def leak(self, p: Complex) -> Complex:
+        """Return the error of the rule as a part of each wave's own term, equation (52).
+
+        A wave is met at two places, at equal distances from the middle of the path.
+        """
+        low, reach, tilt, step = (
+            a[:, np.newaxis] for a in (self.lowest, self.reach, self.tilt, self.step)
+        )
+        place = np.arcsinh((p - 1j * low) / reach)
+        total = np.zeros_like(p)
+        for turn in (place, 1j * np.pi - place):
+            t = self.stretch * np.arcsinh((turn - 1j * tilt) / self.stretch)
+            side = np.where(t.imag > 0, 1, -1)
+            total += side / np.expm1(-2j * np.pi * side * t / step)
+        return total
 
 
 def contour(
@@ -102,25 +125,26 @@ def contour(
     far = np.log(2 / (finest * reach) + 2) + 0.5 * digits
     if nearest > 0:
         far = np.minimum(far, np.arccosh(1 + digits / (nearest * reach * np.sin(tilt))))
-    n_half = 2 * int(np.ceil(np.max(far / step) / 2))
+    stretch = _STRETCH * digits
+    n_half = math.ceil(np.max(stretch * np.arcsinh(far / stretch) / step))
     number = np.arange(0 if mirrored else -n_half, n_half + 1)
-    turned = step[:, np.newaxis] * number + 1j * tilt[:, np.newaxis]
+    scaled = step[:, np.newaxis] / stretch * number
+    turned = stretch * np.sinh(scaled) + 1j * tilt[:, np.newaxis]
     s = 1j * lowest[:, np.newaxis] + reach[:, np.newaxis] * np.sinh(turned)
-    weight = (step * reach)[:, np.newaxis] * np.cosh(turned) / (2 * np.pi)
+    weight = (step * reach)[:, np.newaxis] / (2 * np.pi) * np.cosh(turned) * np.cosh(scaled)
     if mirrored:
         weight[:, 1:] *= 2
     ceiling = np.take_along_axis(p.imag, n_below[:, np.newaxis], axis=1)[:, 0]
-    poles = np.arcsinh((p - 1j * lowest[:, np.newaxis]) / reach[:, np.newaxis])
-    poles -= 1j * tilt[:, np.newaxis]
-    side = np.where(poles.imag > 0, 1, -1)
-    leak = side / np.expm1(-2j * np.pi * side * poles / step[:, np.newaxis])
     return Contour(
         s=s,
         weight=weight,
         mirrored=mirrored,
         n_below=n_below,
-        leak=leak,
-        floor=np.exp(-2 * np.pi * tilt / step),
+        lowest=lowest,
+        reach=reach,
+        tilt=tilt,
+        step=step,
+        stretch=float(stretch),
         rise=reach * np.sin(tilt),
         ceiling=ceiling,
     )

@@ -84,6 +84,15 @@ class Guided:
         end1, end2 = self._ends
         return end1 * near - end2 * far
 
+    def continued(self, k: Complex, n_waves: int) -> Guided:
+        """Return about the waves that follow, each as far from its last but one as that is."""
+        p = self.p
+        for _ in range(n_waves):
+            p = np.concatenate([p, 2 * p[:, -2:-1] - p[:, -4:-3]], axis=1)
+        p, k2 = p[:, self.p.shape[1] :], k * k
+        g1, g2 = np.sqrt(p * p - k2), np.sqrt(p * p + k2)
+        return Guided(p=p, g1=g1, g2=g2, sign=self.sign)
+
     def norms(self) -> Complex:
         """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (46): bilinear, no conjugate.
 

@@ -27,8 +27,11 @@ _LEAST_DISTANCE: Final = 1e-8
 cancel there differ by less than rounding."""
 
 _EXTRA_WAVES: Final = 6
-_CLOSE: Final = 0.1
-"""Relative distance of two waves below which their sum is taken on a circle about both."""
+_FOLLOWING: Final = 6
+"""Waves beyond the known ones that the estimates of the error look at."""
+
+_CLOSEST: Final = 0.1
+"""Relative distance of two waves below which their sum may be taken on a circle about both."""
 
 _CAUTION: Final = 3.0
 """What the estimates of the path's error are multiplied with."""
@@ -37,11 +40,11 @@ _TIGHT: Final = 1e-3
 _DOUBLE: Final = 40.0
 """Relative distance below which a pair acts on the error as one double wave, and its factor."""
 
-_ACROSS: Final = np.linspace(-0.5, 0.5, 17)
 _CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 _EPS: Final = float(np.finfo(np.float64).eps)
-_CANCELLATION: Final = 20.0
-"""Rounding grows as this over (k W)^2 towards low frequencies, where the branches cancel."""
+_CANCELLATION, _CANCELLATION_ALONG = 4.0, 80.0
+"""Rounding grows as these over (k W)^2 towards low frequencies, where the branches cancel: of the
+waves, times p W, and of the integral."""
 
 _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
@@ -104,13 +107,8 @@ def _far(task: Task, modes: Guided, strength: Complex) -> Part:
     """Return the sum over all known guided waves, equation (47)."""
     alone = _separate_terms(task, modes, strength)
     terms = _together(alone, task, modes, np.ones(modes.p.shape, dtype=np.bool_))
-    largest = np.max(np.abs(modes.shapes(_ACROSS)[:, -2:]), axis=2, keepdims=True)
-    along = task.source.along(modes.p[:, -2:, np.newaxis], task.distance)
-    envelope = np.max(np.abs(strength[:, -2:, np.newaxis] * largest * along), axis=1)
-    decay = modes.p.imag[:, -1] - modes.p.imag[:, -3]
-    left_out = envelope * np.exp(-decay[:, np.newaxis] * np.maximum(task.clearance, 0.0))
-    error = _rounding(task, modes, terms) + left_out
-    return Part(value=terms.sum(axis=1), error=error)
+    error = _CAUTION * np.abs(_signed(task, _following(task, modes)[1].sum(axis=1)))
+    return Part(value=terms.sum(axis=1), error=error + _rounding(task, modes, terms))
 
 
 def _near(task: Task, modes: Guided, strength: Complex) -> Part:
@@ -128,23 +126,37 @@ def _near(task: Task, modes: Guided, strength: Complex) -> Part:
     alone = _separate_terms(task, modes, strength)
     below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
     terms = _together(alone, task, modes, below)
-    leaked = _leaked(path, modes, alone, terms)
+    leaked = _leaked(task, path, modes, alone, terms)
     rest = _integral(task, path, modes.sign)
     terms = np.where(below[..., np.newaxis], terms, 0.0)
     error = rest.error + leaked + _rounding(task, modes, terms)
     return Part(value=terms.sum(axis=1) + rest.value, error=error)
 
 
-def _leaked(path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Real:
-    """Return the error of the path's trapezoidal rule due to the known waves, equation (52)."""
+def _leaked(task: Task, path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Real:
+    """Return the error of the path's trapezoidal rule due to the waves, equation (52)."""
     pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
     if np.any(pair):
         tight = np.zeros(modes.p.shape, dtype=np.bool_)
         tight[:, 1:] = pair
         tight[:, :-1] |= pair
         alone = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone)
-    each = alone * path.leak[..., np.newaxis]
-    return np.asarray(_CAUTION * np.abs(each.sum(axis=1)))
+    more, following = _following(task, modes)
+    each = np.concatenate([alone, following], axis=1)
+    each = each * path.leak(np.concatenate([modes.p, more.p], axis=1))[..., np.newaxis]
+    return np.asarray(_CAUTION * np.abs(_signed(task, each.sum(axis=1))))
+
+
+def _following(task: Task, modes: Guided) -> tuple[Guided, Complex]:
+    """Return about the waves beyond the known ones and their terms at the points."""
+    k = task.k[:, np.newaxis]
+    more = modes.continued(k, _FOLLOWING)
+    return more, _separate_terms(task, more, 1j * more.excited(k, task.source) / more.norms())
+
+
+def _signed(task: Task, error: Complex) -> Complex | Real:
+    """Return the part of an error that counts: without loss values ... are real."""
+    return error.real if task.lossless else error
 
 
 def _separate_terms(task: Task, modes: Guided, strength: Complex) -> Complex:
@@ -154,41 +166,47 @@ def _separate_terms(task: Task, modes: Guided, strength: Complex) -> Complex:
 
 
 def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]) -> Complex:
-    """Return the terms with the sum of close pairs in the place of the first of each."""
+    """Return the terms with the sum of close pairs in the place of the first of each, (51)."""
+    close = np.abs(np.diff(modes.p, axis=1)) < _close(task.rtol) * np.abs(modes.p[:, 1:])
+    rows, first = np.nonzero(close & used[:, 1:])
+    if not rows.size:
+        return alone
+    p, pairs = modes.p[rows], np.arange(rows.size)
+    one, two = p[pairs, first], p[pairs, first + 1]
+    centre, apart = (one + two) / 2, np.abs(one - two)
+    others = np.concatenate([p, -p], axis=1)
+    others[pairs, first] = others[pairs, first + 1] = np.inf
+    free = 0.25 * np.min(np.abs(others - centre[:, np.newaxis]), axis=1)
+    radius = np.minimum(free[:, np.newaxis], 3 / (task.distance + 1e-9))
+    turn = radius[:, np.newaxis] * _CIRCLE[:, np.newaxis]
+    s = centre[:, np.newaxis, np.newaxis] + turn
+    k, hold = (a[rows, np.newaxis, np.newaxis] for a in (task.k, task.hold))
+    kernel = transformed(s, k, hold, source=task.source, across=task.across, sign=modes.sign)
+    ring = 1j * np.mean(kernel * turn * task.source.along(s, task.distance), axis=1)
+    merged = radius > 2 * apart[:, np.newaxis]
     terms = alone.copy()
-    close = np.abs(np.diff(modes.p, axis=1)) < _CLOSE * np.abs(modes.p[:, 1:])
-    close &= used[:, 1:]
-    for row, first in zip(*np.nonzero(close), strict=True):
-        _merge(terms, task, modes, int(row), int(first))
+    terms[rows, first] = np.where(merged, ring, terms[rows, first])
+    terms[rows, first + 1] = np.where(merged, 0.0, terms[rows, first + 1])
     return terms
 
 
+def _close(rtol: float) -> float:
+    """Return the relative distance of two waves below which rounding shows in their sum."""
+    return float(min(_CLOSEST, math.sqrt(1e5 * _EPS / rtol)))
+
+
 def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
-    p = np.abs(modes.p)[..., np.newaxis]
-    k2 = np.abs(task.k[:, np.newaxis, np.newaxis]) ** 2
-    detuning = k2 / np.maximum(p, 1e-150) ** 2
-    relative = _EPS * (1 + p * task.distance + _CANCELLATION / k2) + _EXACT_EPS * detuning
-    return np.asarray(4 * (np.abs(terms) * relative).sum(axis=1))
-
-
-def _merge(terms: Complex, task: Task, modes: Guided, row: int, first: int) -> None:
-    """Replace two waves near their exceptional point by their sum, equation (51)."""
-    p = modes.p[row]
-    centre, apart = (p[first] + p[first + 1]) / 2, abs(p[first] - p[first + 1])
-    others = np.concatenate([np.delete(p, [first, first + 1]), -p])
-    radius = np.minimum(0.25 * np.min(np.abs(others - centre)), 3 / (task.distance + 1e-9))
-    merged = radius > 2 * apart
-    if not np.any(merged):
-        return
-    turn = radius[merged] * _CIRCLE[:, np.newaxis]
-    some = task.at(merged)
-    k, hold = task.k[row : row + 1], task.hold[row : row + 1]
-    kernel = transformed(
-        centre + turn, k, hold, source=task.source, across=some.across, sign=modes.sign
-    )
-    ring = 1j * np.mean(kernel * turn * task.source.along(centre + turn, some.distance), axis=0)
-    terms[row, first, merged] = ring
-    terms[row, first + 1, merged] = 0.0
+    """Return the rounding error of the waves."""
+    p = modes.p
+    k2 = np.abs(task.k[:, np.newaxis]) ** 2
+    apart = np.full(p.shape, np.inf)
+    apart[:, 1:] = np.abs(np.diff(p, axis=1))
+    apart[:, :-1] = np.minimum(apart[:, :-1], apart[:, 1:])
+    size = np.abs(p)
+    relative = _EPS * (1 + size / np.maximum(apart, _TIGHT * size) + _CANCELLATION * size / k2)
+    relative += _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
+    each = relative[..., np.newaxis] + _EPS * size[..., np.newaxis] * task.distance
+    return np.asarray((np.abs(terms) * each).sum(axis=1))
 
 
 def _integral(task: Task, path: Contour, sign: int) -> Part:
@@ -204,9 +222,7 @@ def _integral(task: Task, path: Contour, sign: int) -> Part:
     if path.mirrored:
         value = value.real + 0j
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
-    lift = np.exp(path.rise[:, np.newaxis] * np.maximum(task.clearance, 0.0))
-    lost = _CAUTION * path.floor[:, np.newaxis] * lift
-    lost += 4 * _EPS * (1 + _CANCELLATION / np.abs(task.k[:, np.newaxis]) ** 2)
+    lost = _EPS * (4 + _CANCELLATION_ALONG / np.abs(task.k[:, np.newaxis]) ** 2)
     error = 4 * ends + lost * size
     return Part(value=value + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
 
