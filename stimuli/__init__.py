@@ -2,6 +2,7 @@
 
 from stimuli.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from stimuli.burst import Burst
+from stimuli.drive import Drive, SampledDrive
 from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from stimuli.energy import staircase_energy_above
 from stimuli.field import Response, displacement, response
@@ -28,6 +29,7 @@ __all__ = [
     "Burst",
     "BurstCheck",
     "DisplacementMap",
+    "Drive",
     "ElasticEdge",
     "Fingertip",
     "ForceRectangle",
@@ -43,6 +45,7 @@ __all__ = [
     "PressureDisc",
     "PressureRectangle",
     "Response",
+    "SampledDrive",
     "Scene",
     "Strip",
     "Work",

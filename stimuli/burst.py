@@ -113,12 +113,12 @@ class Burst:
         return values + 0.0
 
     def spectrum(self, frequencies_hz: ArrayLike) -> NDArray[np.complex128]:
-        """Return the exact spectrum int s(t) exp(+i omega t) dt, equation (20).
+        """Return the exact spectrum int s(t) exp(+i omega t) dt, equations (20) and (60).
 
         Parameters
         ----------
-        frequencies_hz : array_like of float
-            Frequencies; S(-f) is the conjugate of S(f).
+        frequencies_hz : array_like of float or complex
+            Frequencies, real or above the real axis; S(-conj f) is the conjugate of S(f).
 
         Returns
         -------
@@ -128,7 +128,7 @@ class Burst:
         Raises
         ------
         ValueError
-            If the frequencies are not finite real numbers or reach beyond 1e15 / T.
+            If the frequencies are not finite, lie below the real axis or reach beyond 1e15 / T.
 
         Examples
         --------

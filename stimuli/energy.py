@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.burst import Burst
+    from stimuli.drive import Drive
 
 _PANEL_NODES: Final = 16
 
@@ -51,7 +52,7 @@ def _energy_near(shape: Transform, low: float, high: float) -> float:
     """Return the integral of B^2 over a range near the carrier, 0 if the range is empty."""
     if low >= high:
         return 0.0
-    y, weights = _panels(np.linspace(low, high, 2 + math.floor(2 * (high - low))))
+    y, weights = panels(np.linspace(low, high, 2 + math.floor(2 * (high - low))))
     values = shape.amplitude(np.rint(y), y - np.rint(y))
     return float(weights @ (values * values))
 
@@ -70,7 +71,7 @@ def _energy_far(shape: Transform, cycles: int, low: float, high: float) -> float
         # twenty doublings beyond the mirror image at y = -N leave less than 1e-17
         ends[1] = 2.0**20 * max(ends[0], 2.0 * cycles)
     count = 2 + math.floor(abs(math.log2(ends[1] / ends[0])))
-    r, weights = _panels(np.geomspace(min(ends), max(ends), count))
+    r, weights = panels(np.geomspace(min(ends), max(ends), count))
     smooth = float(weights @ shape.smooth(cycles + side * r))
     return smooth + _ripple_end(shape, low) - _ripple_end(shape, high)
 
@@ -79,12 +80,12 @@ def _ripple_end(shape: Transform, y: float) -> float:
     """Return the integral of the ripple from y to infinity."""
     if math.isinf(y):
         return 0.0
-    s, weights = _panels(np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0]))
+    s, weights = panels(np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0]))
     path = y + 1j * s.astype(np.complex128)
     return -float(weights @ np.imag(shape.ripple(path)))
 
 
-def _panels(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def panels(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return nodes and weights of Gauss's rule on every panel between two edges."""
     nodes, weights = _gauss_rule()
     half = np.diff(edges)[:, np.newaxis] / 2
@@ -97,8 +98,8 @@ def _gauss_rule() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return leggauss(_PANEL_NODES)
 
 
-def staircase_energy_above(burst: Burst, frequency_hz: float, sample_rate_hz: float) -> float:
-    """Return the energy fraction above a frequency of a burst as a converter holds it.
+def staircase_energy_above(burst: Drive, frequency_hz: float, sample_rate_hz: float) -> float:
+    """Return the energy fraction above a frequency of a drive as a converter holds it.
 
     The samples, each held for 1 / rate (zero-order hold), make a staircase. Its steps give the
     spectrum exactly, images at all multiples of the rate included, equation (26); the total is
@@ -106,12 +107,12 @@ def staircase_energy_above(burst: Burst, frequency_hz: float, sample_rate_hz: fl
 
     Parameters
     ----------
-    burst : Burst
-        The burst.
+    burst : Drive
+        The burst, or a drive given by samples.
     frequency_hz : float
         Frequency F, at least 0.
     sample_rate_hz : float
-        Sample rate, at least 4 samples a cycle.
+        Sample rate: at least 4 samples a cycle of a burst, a sampled drive's own.
 
     Returns
     -------
@@ -122,7 +123,8 @@ def staircase_energy_above(burst: Burst, frequency_hz: float, sample_rate_hz: fl
     Raises
     ------
     ValueError
-        If the frequency is negative or not finite, or `Burst.samples` refuses the rate.
+        If the frequency is negative or not finite, or the drive's `samples` refuses the
+        rate.
 
     Examples
     --------
@@ -137,11 +139,17 @@ def staircase_energy_above(burst: Burst, frequency_hz: float, sample_rate_hz: fl
     frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=MOST_Y * sample_rate_hz)
     if frequency_hz == 0.0:
         return 1.0
-    lags = _autocorrelation(np.diff(samples))
+    lags = _autocorrelation(_steps(samples))
     turns = 2 * math.pi * frequency_hz / sample_rate_hz * np.arange(lags.size, dtype=np.float64)
     lags[1:] *= 2.0
     energy = float(lags @ _cosine_tail(turns)) / (2 * math.pi**2 * frequency_hz / sample_rate_hz)
     return min(max(energy / float(samples @ samples), 0.0), 1.0)
+
+
+def _steps(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the steps of the staircase, with those from 0 and to 0 where there are any."""
+    first, last = samples[:1], samples[-1:]
+    return np.diff(samples, prepend=0 * first[first != 0], append=0 * last[last != 0])
 
 
 def _autocorrelation(steps: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from stimuli.burst import Burst
+    from stimuli.drive import Drive
     from stimuli.strip import Strip
 
 _LOBE_DEGREE: Final = 60
@@ -28,10 +29,44 @@ _REAL: Final = 1e-9
 
 def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> NDArray[np.complex128]:
     """Return the exact spectrum of a burst; see `Burst.spectrum`, equation (20)."""
-    frequencies = finite_array("frequencies_hz", frequencies_hz)
+    frequencies = upper_half_plane("frequencies_hz", frequencies_hz)
     most_hz = MOST_Y / burst.duration_s
     if np.any(np.abs(frequencies) > most_hz):
         raise ValueError(f"frequencies_hz must lie within +-{most_hz:g}, got {frequencies_hz!r}")
+    off_axis = frequencies.imag > 0
+    values = np.asarray(_real_spectrum(burst, frequencies.real))
+    if np.any(off_axis):
+        values[off_axis] = _complex_spectrum(burst, frequencies[off_axis])
+    return values
+
+
+def upper_half_plane(name: str, values: ArrayLike) -> NDArray[np.complex128]:
+    """Return numbers as an array of complex128 of the same shape, or refuse them.
+
+    Raises
+    ------
+    ValueError
+        If they are not numbers, not all finite, or one of them lies below the real axis.
+
+    Examples
+    --------
+    >>> upper_half_plane("frequencies_hz", [0.0, 1.0 - 1.0j])
+    Traceback (most recent call last):
+    ValueError: frequencies_hz must hold finite numbers with imaginary parts >= 0,
+    got [0.0, (1-1j)]
+    """
+    numbers = np.asarray(values)
+    if numbers.dtype.kind != "c":
+        return finite_array(name, numbers).astype(np.complex128)
+    if not np.all(np.isfinite(numbers)) or np.any(numbers.imag < 0):
+        raise ValueError(
+            f"{name} must hold finite numbers with imaginary parts >= 0, got {values!r}"
+        )
+    return numbers.astype(np.complex128)
+
+
+def _real_spectrum(burst: Burst, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Return the spectrum at real frequencies."""
     nearest, rest = _split(np.abs(frequencies), burst)
     amplitude = transform(burst.window, burst.cycles).amplitude(nearest, rest)
     sign = 1 - 2 * np.mod(nearest - burst.cycles, 2.0)
@@ -39,6 +74,15 @@ def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> NDArray[np.comple
     phase = np.where(frequencies == 0, 0.0, sign) * np.exp(1j * np.pi * rest)
     values = 1j * burst.duration_s * amplitude * phase
     return np.asarray(np.where(frequencies < 0, np.conj(values), values), dtype=np.complex128) + 0
+
+
+def _complex_spectrum(burst: Burst, frequencies: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return the spectrum above the real axis, equation (60); S(-conj f) is conj S(f)."""
+    nearest, rest = _split(np.abs(frequencies.real), burst)
+    rise = 1j * (frequencies.imag * burst.duration_s)
+    turned = transform(burst.window, burst.cycles).turned(nearest, rest + rise)
+    values = 1j * burst.duration_s * turned
+    return np.asarray(np.where(frequencies.real < 0, np.conj(values), values))
 
 
 def _split(
@@ -170,17 +214,17 @@ class BurstCheck:
 
 
 def check_burst(
-    burst: Burst,
+    burst: Drive,
     strip: Strip,
     sample_rate_hz: float = 48_000.0,
     max_energy_above_cutoff: float = 1e-2,
 ) -> BurstCheck:
-    """Check that a burst stays below the cut-off of a strip.
+    """Check that a burst, or another drive, stays below the cut-off of a strip.
 
     Parameters
     ----------
-    burst : Burst
-        The burst.
+    burst : Drive
+        The burst, or any other drive; a held `SampledDrive` is its own staircase.
     strip : Strip
         The strip; its first cut-off counts.
     sample_rate_hz : float
@@ -196,8 +240,8 @@ def check_burst(
     Raises
     ------
     ValueError
-        If burst or strip is none, the limit is not from 0 to 1, or `Burst.samples` refuses the
-        rate.
+        If burst or strip is none, the limit is not from 0 to 1, or the drive's `samples` refuses
+        the rate.
 
     Notes
     -----
@@ -217,10 +261,10 @@ def check_burst(
     >>> check_burst(burst, plate.with_cutoff(2900.0), sample_rate_hz=8000.0).fit
     False
     """
-    from stimuli.burst import Burst
+    from stimuli.drive import Drive
     from stimuli.strip import Strip
 
-    instance("burst", burst, Burst, "a Burst")
+    instance("burst", burst, Drive, "a Burst or another Drive")
     instance("strip", strip, Strip, "a Strip")
     limit = finite("max_energy_above_cutoff", max_energy_above_cutoff, least=0.0, most=1.0)
     cutoff_hz = strip.cutoff_hz()

@@ -95,6 +95,11 @@ class Transform(Protocol):
     ) -> NDArray[np.float64]:
         """Return B at y = nearest + rest >= 0, with `nearest` the whole number next to y."""
 
+    def turned(
+        self, nearest: NDArray[np.float64], rest: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        """Return exp(i pi (y - N)) B(y) at y = nearest + rest, Im y >= 0, equation (60)."""
+
     def smooth(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the part of B^2 that does not oscillate."""
 
@@ -184,6 +189,28 @@ class _RationalTransform:
         second = polynomial.polyval(y, self.second)
         return ratio * (polynomial.polyval(y, self.first) + 2 * cosine * second)
 
+    def turned(
+        self, nearest: NDArray[np.float64], rest: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        # exp(i theta) in whole quarter turns and a rest, exp(2 i theta) - 1 without cancellation
+        quarters = np.mod((nearest - self.cycles) * (2 // self.stretch), 4.0)
+        turn = np.array([1, 1j, -1, -1j])[quarters.astype(np.intp)]
+        turn = turn * np.exp(1j * np.pi / self.stretch * rest)
+        square = turn * turn
+        returned = np.mod(quarters, 2.0) == 0
+        full = np.where(returned, np.expm1(2j * np.pi / self.stretch * rest), square - 1)
+        parted = np.isin(nearest, self.poles)
+        on_pole = parted & (rest == 0)
+        slope = 2j * np.pi / self.stretch
+        ratio = np.where(on_pole, slope, full / np.where(parted & ~on_pole, rest, 1.0))
+        for pole in self.poles:
+            ratio = ratio / np.where(nearest == pole, 1.0, nearest - pole + rest)
+        y = nearest + rest
+        first, second = polynomial.polyval(y, self.first), polynomial.polyval(y, self.second)
+        if self.stretch > 1:
+            first = first * turn
+        return np.asarray(ratio * (first + second * (square + 1)) / 2j)
+
     def smooth(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         first, second = self._fractions(y.astype(np.complex128))
         return (first.real**2 + second.real**2) / 2
@@ -236,6 +263,28 @@ class _GaussianTransform:
         turned = sign * np.exp(1j * np.pi * rest) * self._steps(y.astype(np.complex128))
         ends: NDArray[np.float64] = math.exp(-_SHARPNESS / 4) * np.real(turned)
         return math.sqrt(math.pi / _SHARPNESS) / 2 * (bell - ends)
+
+    def turned(
+        self, nearest: NDArray[np.float64], rest: NDArray[np.complex128]
+    ) -> NDArray[np.complex128]:
+        from scipy.special import wofz
+
+        y = nearest + rest
+        spread, root = np.pi**2 / _SHARPNESS, math.sqrt(_SHARPNESS)
+        # beyond this line the bell grows without end, but the ends' other half takes it away
+        above = np.pi * y.imag > _SHARPNESS / 2
+        side = np.where(above, -1.0, 1.0)
+        sign = 1 - 2 * np.mod(nearest - self.cycles, 2.0)
+        turn = sign * np.exp(1j * np.pi * rest)
+        calm = np.where(above, y.real, y)
+        bell = -np.expm1(-4 * spread * self.cycles * calm)
+        bell = bell * np.exp(-spread * (calm - self.cycles) ** 2) * turn
+        z = -np.pi / root * (y - self.cycles) + 0.5j * root
+        gap = 2 * math.pi * self.cycles / root
+        other = side * (wofz(side * z) - wofz(side * (z - gap)))
+        ends = math.exp(-_SHARPNESS / 4) / 2 * (turn * turn * self._steps(y) + other)
+        whole = np.where(above, 0.0, bell) - ends
+        return np.asarray(math.sqrt(math.pi / _SHARPNESS) / 2 * whole)
 
     def smooth(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
         steps = self._steps(y.astype(np.complex128))
