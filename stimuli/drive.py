@@ -14,6 +14,8 @@ from stimuli.spectrum import upper_half_plane
 from stimuli.sums import exponential_sums
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
     Complex = NDArray[np.complex128]
@@ -254,15 +256,35 @@ class SampledDrive:
         first = finite("frequency_hz", frequency_hz, least=0.0, most=most_hz) / self.sample_rate_hz
         if first == 0:
             return 1.0
-        folded = abs(first - round(first))
-        n_panels = 1 + len(self.values) // _PERIODS_A_PANEL
-        edges = np.unique(np.append(np.linspace(0.0, 0.5, n_panels + 1), folded))
-        place, weights = panels(edges)
-        values = np.array(self.values)
-        sums = exponential_sums(values[:, np.newaxis], place)[:, 0]
-        images = self._images(place, first) + self._images(1 - place, first)
-        above = 2 * float(weights @ (np.abs(sums) ** 2 * images))
+        above = 2 * sum(
+            float(
+                weights @ (square * (self._images(place, first) + self._images(1 - place, first)))
+            )
+            for place, weights, square in self._squares(abs(first - round(first)))
+        )
         return min(max(above / self._square_sum(), 0.0), 1.0)
+
+    def _squares(self, border: float) -> Iterator[tuple[Real, Real, Real]]:
+        """Yield nodes, weights and |sum of s_k exp(2 pi i k node)|^2 from 0 to 1/2, split there.
+
+        Panels of equal length have their nodes on as many uniform grids as a panel has nodes: each
+        grid is a fast transform. The two parts of the panel at the border are summed directly.
+        """
+        values = np.array(self.values)
+        n_panels = 1 + values.size // (2 * _PERIODS_A_PANEL)
+        width, split = 0.5 / n_panels, min(int(2 * n_panels * border), n_panels - 1)
+        first, weights = panels(np.array([0.0, width]))
+        folded = np.zeros(-(-values.size // (2 * n_panels)) * 2 * n_panels, dtype=np.complex128)
+        others = np.arange(n_panels) != split
+        for node, weight in zip(first, weights, strict=True):
+            folded[: values.size] = values * np.exp(2j * np.pi * node * np.arange(values.size))
+            grid = np.fft.ifft(folded.reshape(-1, 2 * n_panels).sum(axis=0), norm="forward")
+            place = node + width * np.arange(n_panels)
+            square = np.abs(grid[:n_panels]) ** 2
+            yield place[others], weight * others[others], square[others]
+        edges = np.unique([split * width, border, (split + 1) * width])
+        place, rest = panels(edges)
+        yield place, rest, np.abs(exponential_sums(values[:, np.newaxis], place)[:, 0]) ** 2
 
     def _images(self, place: Real, first: float) -> Real:
         """Return the sum of |spectrum of one sample|^2 over place + 0, 1, 2, ... beyond first."""

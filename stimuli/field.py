@@ -185,6 +185,9 @@ def solve(
             scales = (unit_scale(scene.loads[load], scene.strip.width_m) / stiffness)[:, np.newaxis]
             value[:, load] = part.value[:, places] * scales
             error[:, load] = part.error[:, places] * np.abs(scales)
+    if scene.driven is not None:
+        driven = np.array(scene.driven, dtype=np.float64)[:, np.newaxis]
+        value, error = value * driven, error * driven
     return Part(value=value, error=error)
 
 

@@ -53,6 +53,7 @@ def jobs(
     points_m: tuple[tuple[float, float], ...],
     *,
     skip: bool,
+    driven: tuple[bool, ...] | None = None,
 ) -> tuple[Job, ...]:
     """Return what has to be computed for loads and points, each different thing once.
 
@@ -65,7 +66,10 @@ def jobs(
     points_m : tuple of (float, float)
         Points.
     skip : bool
-        Whether equal and mirrored pairs and symmetries that are zero are left out.
+        Whether equal and mirrored pairs, symmetries that are zero and loads that are not driven
+        are left out.
+    driven : tuple of bool or None
+        Which loads are driven; all if none is given.
 
     Returns
     -------
@@ -84,6 +88,8 @@ def jobs(
     across = np.round((2 * y - width_m) / (2 * width_m), _DECIMALS)
     groups: dict[object, list[_Member]] = {}
     for index, load in enumerate(loads):
+        if skip and driven is not None and not driven[index]:
+            continue
         source, turn = _source(load, width_m)
         distance = np.round(np.abs(x - load.x_m) / width_m, _DECIMALS)
         places = turn * across

@@ -75,6 +75,9 @@ class Scene:
         At least one load, each wholly on the strip.
     points_m : tuple of (float, float)
         At least one point (x, y).
+    driven : tuple of bool or None
+        Which loads are ever driven, one value for each; all if None. The displacement of the
+        others is 0.
     skip : bool
         Whether what does not change the result is left out. Switched off, everything is
         computed for every load, point and frequency: for tests and benchmarks.
@@ -83,7 +86,7 @@ class Scene:
     ------
     ValueError
         If there is no load or no point, or one of them is not on the strip, or the strip is
-        finite.
+        finite, or `driven` has not one bool for each load.
 
     Examples
     --------
@@ -102,6 +105,7 @@ class Scene:
     strip: Strip
     loads: tuple[Load, ...]
     points_m: tuple[tuple[float, float], ...]
+    driven: tuple[bool, ...] | None = None
     skip: bool = field(default=True)
 
     def __post_init__(self) -> None:
@@ -118,6 +122,8 @@ class Scene:
             _check_on_strip(load, self.strip.width_m)
         points = [_point(point, self.strip.width_m) for point in _some("points_m", self.points_m)]
         object.__setattr__(self, "points_m", tuple(points))
+        if self.driven is not None:
+            object.__setattr__(self, "driven", _switches(self.driven, len(self.loads)))
 
     def work(self, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Work:
         """Return what will be computed and what is left out, with the reason.
@@ -160,7 +166,9 @@ class Scene:
             wall_correction=not (self.skip and self.is_supported),
             skipped=(),
         )
-        object.__setattr__(work, "skipped", tuple(_reasons(work, found)))
+        idle = () if self.driven is None or not self.skip else self.driven
+        reasons = (*_idle_loads(idle), *_reasons(work, found))
+        object.__setattr__(work, "skipped", reasons)
         return work
 
     @property
@@ -181,7 +189,7 @@ class Scene:
             k R = 16), or `rtol` is not from 1e-12 to 0.1.
         """
         frequencies = finite_array("frequencies_hz", frequencies_hz)
-        most_hz = self._most_hz()
+        most_hz = self.most_hz()
         if frequencies.ndim != 1 or np.any((frequencies < 0) | (frequencies > most_hz)):
             raise ValueError(
                 "frequencies_hz must be a one-dimensional array of frequencies from 0 to "
@@ -189,7 +197,7 @@ class Scene:
             )
         return frequencies, finite("rtol", rtol, least=LEAST_RTOL, most=MOST_RTOL)
 
-    def _most_hz(self) -> float:
+    def most_hz(self) -> float:
         """Return the highest frequency that is computed."""
         strip = self.strip
         supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
@@ -199,7 +207,7 @@ class Scene:
 
     def bands(self, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...]) -> tuple[Band, ...]:
         """Return how each frequency is obtained."""
-        farthest = max(float(np.max(job.distance)) for job in jobs)
+        farthest = max((float(np.max(job.distance)) for job in jobs), default=0.0)
         return bands(self.strip, frequencies_hz, rtol, farthest, skip=self.skip)
 
     def near(self, job: Job, rtol: float) -> int:
@@ -211,7 +219,8 @@ class Scene:
 
     def jobs(self) -> tuple[Job, ...]:
         """Return what has to be computed, each different thing once."""
-        return jobs(self.strip.width_m, self.loads, self.points_m, skip=self.skip)
+        width_m, driven = self.strip.width_m, self.driven
+        return jobs(width_m, self.loads, self.points_m, skip=self.skip, driven=driven)
 
 
 def _some(name: str, values: Iterable[object]) -> tuple[object, ...]:
@@ -219,6 +228,13 @@ def _some(name: str, values: Iterable[object]) -> tuple[object, ...]:
     if not tuple(values):
         raise ValueError(f"{name} must hold at least one, got {values!r}")
     return tuple(values)
+
+
+def _switches(driven: object, n_loads: int) -> tuple[bool, ...]:
+    values = tuple(driven) if isinstance(driven, (tuple, list)) else ()
+    if len(values) != n_loads or not all(isinstance(one, bool) for one in values):
+        raise ValueError(f"driven must hold a bool for each of {n_loads} loads, got {driven!r}")
+    return values
 
 
 def _point(point: object, width_m: float) -> tuple[float, float]:
@@ -237,6 +253,12 @@ def _check_on_strip(load: Load, width_m: float) -> None:
             f"loads: y_m must lie from {reach_m:g} to {width_m - reach_m:g} m, so that the load "
             f"is on the strip, got {load!r}"
         )
+
+
+def _idle_loads(driven: tuple[bool, ...]) -> Iterable[str]:
+    """Say which loads are left out because they are never driven."""
+    if not all(driven):
+        yield f"{driven.count(False)} of {len(driven)} loads: never driven"
 
 
 def _reasons(work: Work, found: tuple[Band, ...]) -> Iterable[str]:
