@@ -21,6 +21,7 @@ from stimuli.material import ALUMINIUM, Material
 from stimuli.scene import Scene, Work
 from stimuli.spectrum import BurstCheck, check_burst
 from stimuli.strip import Strip
+from stimuli.transient import TransientWork, transient, transient_work
 
 __all__ = [
     "ALUMINIUM",
@@ -48,6 +49,7 @@ __all__ = [
     "SampledDrive",
     "Scene",
     "Strip",
+    "TransientWork",
     "Work",
     "check_burst",
     "displacement",
@@ -55,4 +57,6 @@ __all__ = [
     "load_per_volt",
     "response",
     "staircase_energy_above",
+    "transient",
+    "transient_work",
 ]

@@ -1,20 +1,22 @@
 """The spectrum of a displacement along a line above the real axis, by adaptive panels.
 
 What is wanted at the bins of a fine uniform grid is solved at a few Chebyshev nodes of panels that
-are as wide as the field is smooth. Every round solves all pending panels at once; a panel whose
-series has not converged is halved, one without drive energy is left out, and the range grows until
-what lies above it no longer counts.
+are as wide as the field is smooth. A round solves all pending panels; one whose series has not
+converged is halved, one without drive energy is left out, and the range grows until what lies
+above it no longer counts.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stimuli.field import solve
+from stimuli.scene import LEAST_RTOL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,6 +24,340 @@ if TYPE_CHECKING:
     from stimuli.drive import Drive
     from stimuli.jobs import Job
     from stimuli.scene import Scene
+    from stimuli.transient import Line
 
     Complex = NDArray[np.complex128]
     Real = NDArray[np.float64]
+    Panel = tuple[int, int]
+
+_NODES: Final = 16
+"""Chebyshev nodes of a panel; one with no more bins is solved at its bins."""
+
+_SHARE: Final = 0.5
+"""Part of rtol for the series of one panel; few reach it."""
+
+_IDLE: Final = 1e-3
+"""Part of rtol below which a panel is left out, by the field at the probes next to it."""
+
+_TAIL: Final = 0.8
+"""Part of rtol for all above the range; what is really left out is about a third of its bound."""
+
+_SOLVER: Final = 0.03
+"""Part of rtol that is asked of every solution."""
+
+_NOISE: Final = 4.0
+"""Times the estimated error of the solutions, below which a series counts as converged."""
+
+_MOST_GROWTH: Final = 4
+"""Factor by which the range may grow in a round: the peaks are not well known before."""
+
+_FIRST_OCTAVES: Final = 3
+_PAIRS_AT_ONCE: Final = 16
+_ANGLES: Final = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+_ORDERS: Final = np.arange(_NODES)
+_TO_SERIES: Final = (
+    np.cos(_ORDERS[:, np.newaxis] * _ANGLES) * np.where(_ORDERS, 2.0, 1.0)[:, np.newaxis] / _NODES
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tail:
+    """What field and drive have at and above a row of probes, equation (66).
+
+    Attributes
+    ----------
+    frequencies_hz : ndarray of float64, shape (n_probes,)
+        The probes, increasing; the last is the highest frequency of the field.
+    field_m : ndarray of float64, shape (n_probes, n_pairs)
+        |U| there.
+    bound_m : ndarray of float64, shape (n_probes, n_pairs)
+        What all above each probe can add to |u|.
+    """
+
+    frequencies_hz: Real
+    field_m: Real
+    bound_m: Real
+
+    def near(self, low_hz: float, high_hz: float) -> Real:
+        """Return the largest |U| at the probes of a range and its neighbours."""
+        f = self.frequencies_hz
+        first = max(int(np.searchsorted(f, low_hz)) - 2, 0)
+        return np.asarray(
+            np.max(self.field_m[first : int(np.searchsorted(f, high_hz)) + 2], axis=0)
+        )
+
+    def end_hz(self, allowed_m: Real) -> float:
+        """Return the first probe above which no pair has more than is allowed, or the last."""
+        fits = np.all(self.bound_m <= allowed_m, axis=1)
+        return float(self.frequencies_hz[np.argmax(fits) if np.any(fits) else -1])
+
+
+def probes(drive: Drive, most_hz: float) -> Real:
+    """Return the places of the probes: two per octave from the drive's peak."""
+    scale_hz = min(max(drive.peak_hz(), 1 / drive.duration_s), most_hz / 2)
+    octaves = np.arange(0.0, math.log2(most_hz / scale_hz), 0.5)
+    return np.append(scale_hz * 2.0**octaves, most_hz)
+
+
+def tail(drive: Drive, frequencies_hz: Real, field_m: Real) -> Tail:
+    """Return what field and drive have above probes, by the inequality of Schwarz.
+
+    The drive's energy in each interval is exact, the field is the larger of both ends; beyond the
+    last probe it is taken to fall as f^(-3/4), the slowest that any load's does.
+    """
+    f = frequencies_hz
+    share = np.array([drive.energy_above(float(frequency)) for frequency in f])
+    energy = _energy(drive, float(4 * f[0])) / (1 - drive.energy_above(float(4 * f[0])))
+    within = np.sqrt(np.diff(f) * energy * np.clip(share[:-1] - share[1:], 0.0, None))
+    larger = np.maximum(field_m[:-1], field_m[1:])
+    beyond = math.sqrt(2 * f[-1] * energy * share[-1]) * field_m[-1]
+    parts = 2 * np.vstack([larger * within[:, np.newaxis], beyond])
+    return Tail(frequencies_hz=f, field_m=field_m, bound_m=np.cumsum(parts[::-1], axis=0)[::-1])
+
+
+def _energy(drive: Drive, most_hz: float) -> float:
+    """Return the integral of |S|^2 up to a frequency by a rule fine enough for the duration."""
+    f = np.linspace(0.0, most_hz, 2 + int(8 * most_hz * drive.duration_s))
+    square = np.abs(drive.spectrum(f)) ** 2
+    return float(np.sum(square) - (square[0] + square[-1]) / 2) * float(f[1])
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Sweep:
+    """The product of field and drive at the bins, as far as it is known.
+
+    Attributes
+    ----------
+    scene, drive, line, rtol
+        What is asked; `rtol` is relative to the peak of each pair of a load and a point.
+    values : ndarray of complex128, shape (n_bins, n_pairs)
+        Displacement times the drive's spectrum, in metre seconds.
+    peaks_m : ndarray of float64, shape (n_pairs,)
+        Largest |u| over the span.
+    late : float
+        Largest |u| from the span to the period, relative to the pair's peak.
+    n_solved, n_idle : int
+        Frequencies solved; bins within the range without drive energy.
+    """
+
+    scene: Scene
+    drive: Drive
+    line: Line
+    rtol: float
+    values: Complex = field(init=False)
+    peaks_m: Real = field(init=False)
+    late: float = 0.0
+    n_solved: int = 0
+    n_idle: int = 0
+    _jobs: tuple[Job, ...] = field(init=False)
+    _spectrum: Complex = field(init=False)
+    _tail: Tail = field(init=False)
+
+    def run(self) -> None:
+        """Find all bins that count.
+
+        Raises
+        ------
+        ValueError
+            If the drive reaches so far beyond the frequencies of the field that `rtol` is out of
+            reach.
+        """
+        n_pairs = len(self.scene.loads) * len(self.scene.points_m)
+        self.values, self.peaks_m = np.zeros((0, n_pairs), dtype=np.complex128), np.zeros(n_pairs)
+        self._spectrum = np.zeros(0, dtype=np.complex128)
+        self._jobs = self.scene.jobs()
+        self._probe()
+        scale = self._bin_above(float(self._tail.frequencies_hz[0]))
+        top = self._bin_above(float(self._tail.frequencies_hz[-1]))
+        edges = [0, *(min(scale * 2**octave, top) for octave in range(_FIRST_OCTAVES))]
+        pending = [panel for panel in pairwise(edges) if panel[0] < panel[1]]
+        self._extend(edges[-1])
+        while pending:
+            rough = self._fill(pending)
+            pending = [half for panel in rough for half in self._halves(panel)] + self._above()
+        self._refuse_if_short()
+
+    def solve_every_bin(self, scene: Scene) -> None:
+        """Replace what was interpolated or left out by a solution for every bin of the range."""
+        self._jobs = scene.jobs()
+        bins = np.arange(self.values.shape[0])
+        field_m, _ = self._solved(scene, self.line.at(bins))
+        self.values = field_m * self._spectrum[:, np.newaxis]
+        self.n_solved, self.n_idle = bins.size, 0
+        self._measure()
+
+    def _probe(self) -> None:
+        """Solve the probes."""
+        places_hz = probes(self.drive, self.scene.most_hz())
+        field_m, error_m = self._solved(self.scene, self.line.at(places_hz / self.line.step_hz))
+        known = np.maximum(np.abs(field_m) - _NOISE * error_m, 0.0)
+        self._tail = tail(self.drive, places_hz, known)
+
+    def _solved(self, scene: Scene, frequencies_hz: Complex) -> tuple[Complex, Real]:
+        """Return field and error, shape (n_frequencies, n_pairs).
+
+        Each two octaves are solved by themselves: high frequencies have many waves.
+        """
+        size = frequencies_hz.size, self.peaks_m.size
+        value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
+        octaves = np.log2(np.maximum(frequencies_hz.real / scene.strip.cutoff_hz(), 1.0)) // 2
+        for octave in np.unique(octaves):
+            rows = octaves == octave
+            rtol = max(_SOLVER * self.rtol, LEAST_RTOL)
+            part = solve(scene, frequencies_hz[rows], rtol, self._jobs)
+            value[rows] = part.value.reshape(-1, size[1])
+            error[rows] = part.error.reshape(-1, size[1])
+        self.n_solved += size[0]
+        return value, error
+
+    def _bin_above(self, frequency_hz: float) -> int:
+        return math.ceil(frequency_hz / self.line.step_hz)
+
+    def _extend(self, n_bins: int) -> None:
+        """Make room for more bins, with the drive's spectrum there."""
+        known = self._spectrum.size
+        if n_bins <= known:
+            return
+        more = self.drive.spectrum(self.line.at(np.arange(known, n_bins)))
+        self._spectrum = np.append(self._spectrum, more)
+        self.values = np.pad(self.values, ((0, n_bins - known), (0, 0)))
+
+    def _fill(self, pending: list[Panel]) -> list[Panel]:
+        """Solve panels and set their bins; return those whose series has not converged."""
+        nodes = [_nodes(panel) for panel in pending]
+        field_m, error_m = self._solved(self.scene, self.line.at(np.concatenate(nodes)))
+        ends = np.cumsum([node.size for node in nodes])[:-1]
+        allowed = _SHARE * self.rtol / math.sqrt(self.line.rise)
+        parts = zip(pending, np.split(field_m, ends), np.split(error_m, ends), strict=True)
+        left_m = []
+        for (first, stop), value, error in parts:
+            bins, rest_m = value, np.zeros(value.shape[1])
+            if stop - first > _NODES:
+                bins, rest_m = _interpolated(first, stop, value)
+            drive = self._spectrum[first:stop, np.newaxis]
+            self.values[first:stop] = bins * drive
+            rest_m = np.where(rest_m <= _NOISE * np.max(error, axis=0), 0.0, rest_m)
+            left_m.append(2 * rest_m * self._drive_within(first, stop))
+        self._measure()
+        return [
+            panel
+            for panel, left in zip(pending, left_m, strict=True)
+            if np.any(left > allowed * self.peaks_m)
+        ]
+
+    def _drive_within(self, first: int, stop: int) -> float:
+        """Return the integral of |S| over a panel."""
+        return float(np.sum(np.abs(self._spectrum[first:stop]))) * self.line.step_hz
+
+    def _measure(self) -> None:
+        """Find the peaks over the span and after it from a fast transform."""
+        n_times = 2 ** (2 * self.values.shape[0]).bit_length()
+        t = np.arange(n_times) * (self.line.period_s / n_times)
+        early, growth = t <= self.line.span_s, np.exp(self.line.decay_per_s * t)[:, np.newaxis]
+        later = np.zeros_like(self.peaks_m)
+        for start in range(0, later.size, _PAIRS_AT_ONCE):
+            some = slice(start, start + _PAIRS_AT_ONCE)
+            waves = np.fft.irfft(np.conj(self.values[:, some]), n_times, axis=0, norm="forward")
+            size = np.abs(waves) * growth * self.line.step_hz
+            self.peaks_m[some] = np.max(size[early], axis=0)
+            later[some] = np.max(size[~early], axis=0)
+        moved = self.peaks_m > 0
+        self.late = float(np.max(later[moved] / self.peaks_m[moved], initial=0.0))
+
+    def _halves(self, panel: Panel) -> list[Panel]:
+        """Return the halves of a panel that have energy; the others are set to 0."""
+        first, stop = panel
+        middle = (first + stop) // 2
+        return [half for half in ((first, middle), (middle, stop)) if self._counts(half)]
+
+    def _counts(self, panel: Panel) -> bool:
+        """Return whether a panel counts; set its bins to 0 if it does not."""
+        first, stop = panel
+        near_m = self._tail.near(first * self.line.step_hz, stop * self.line.step_hz)
+        most_m = 2 * near_m * self._drive_within(first, stop) * self.line.rise
+        if np.any(most_m > _IDLE * self.rtol * self.peaks_m):
+            return True
+        self.values[first:stop] = 0.0
+        self.n_idle += stop - first
+        return False
+
+    def _above(self) -> list[Panel]:
+        """Return the octaves by which the range has to grow now."""
+        found: list[Panel] = []
+        top = self._spectrum.size
+        end = self._bin_above(self._tail.end_hz(_TAIL * self.rtol * self.peaks_m))
+        most = min(end, _MOST_GROWTH * top)
+        while top < most:
+            found.append((top, min(2 * top, end)))
+            top = found[-1][1]
+        self._extend(top)
+        return [panel for panel in found if self._counts(panel)]
+
+    def _refuse_if_short(self) -> None:
+        left_m, moved = self._tail.bound_m[-1], self.peaks_m > 0
+        least = float(np.max(left_m[moved] / self.peaks_m[moved], initial=0.0)) / _TAIL
+        if least > self.rtol:
+            raise ValueError(
+                f"rtol must be at least {least * 1.01:.2g} for this drive and scene: they reach "
+                f"beyond {self._tail.frequencies_hz[-1]:.6g} Hz, the highest frequency of the "
+                f"field; smoother ends or viscous loss reach less far, got {self.rtol!r}"
+            )
+
+
+def swept(scene: Scene, drive: Drive, line: Line, rtol: float) -> Sweep:
+    """Return field times drive at all bins that count.
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points; with `skip` False every bin up to the end of the range is solved.
+    drive : Drive
+        The drive.
+    line : Line
+        Where the bins lie.
+    rtol : float
+        Wanted error relative to the peak of each pair of a load and a point.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    ValueError
+        If the drive reaches so far beyond the frequencies of the field that `rtol` is out of
+        reach.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
+    >>> from stimuli.transient import line_for
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    >>> found = swept(scene, burst, line_for(0.01, 1e-3), 1e-3)
+    >>> found.n_solved < found.values.shape[0]
+    True
+    """
+    sweep = Sweep(scene=replace(scene, skip=True), drive=drive, line=line, rtol=rtol)
+    sweep.run()
+    if not scene.skip:
+        sweep.solve_every_bin(scene)
+    return sweep
+
+
+def _nodes(panel: Panel) -> Real:
+    """Return the nodes of a panel in bins."""
+    first, stop = panel
+    if stop - first <= _NODES:
+        return np.arange(first, stop, dtype=np.float64)
+    return np.asarray((first + stop) / 2 + (stop - first) / 2 * np.cos(_ANGLES))
+
+
+def _interpolated(first: int, stop: int, value: Complex) -> tuple[Complex, Real]:
+    """Return a panel's series at its bins, and the size of its last two terms."""
+    series = _TO_SERIES @ value
+    place = (2 * np.arange(first, stop) - first - stop) / (stop - first)
+    waves = np.cos(_ORDERS * np.arccos(place)[:, np.newaxis])
+    return waves @ series, np.abs(series[-1]) + np.abs(series[-2])
