@@ -105,6 +105,13 @@ def test_the_diaphragm_on_brass_reaches_the_published_moment() -> None:
     assert 50.0 * moment(PLATE, MURATA_7BB_20_3) == pytest.approx(0.0879, rel=0.05)
 
 
+def test_prediction_and_the_papers_measurement_agree_within_a_factor() -> None:
+    # section III-B: 2.6 um at 100 Vpp and 300 Hz, on a plate with a first cut-off of 2900 Hz
+    strip = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED).with_cutoff(2900.0)
+    measured = load_per_volt(strip, DISC, PAPER).load_per_v
+    assert 1 / 1.5 < moment(strip, MURATA_7BB_20_3) / measured < 1.5
+
+
 def test_without_its_own_stiffness_a_patch_is_predicted_too_strong() -> None:
     thin = 50.0 * moment(PLATE, dataclasses.replace(PIC255, thickness_m=1e-9))
     assert 2 < thin / 0.0676 < 5
