@@ -5,8 +5,10 @@ from stimuli.burst import Burst
 from stimuli.drive import Drive, SampledDrive
 from stimuli.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from stimuli.energy import staircase_energy_above
+from stimuli.felt import causal, felt
 from stimuli.field import Response, displacement, response
 from stimuli.fingertip import Fingertip
+from stimuli.level import WindowChoice, level_db, shortest_window
 from stimuli.load import (
     ForceRectangle,
     Load,
@@ -50,12 +52,17 @@ __all__ = [
     "Scene",
     "Strip",
     "TransientWork",
+    "WindowChoice",
     "Work",
+    "causal",
     "check_burst",
     "displacement",
     "displacement_map",
+    "felt",
+    "level_db",
     "load_per_volt",
     "response",
+    "shortest_window",
     "staircase_energy_above",
     "transient",
     "transient_work",
