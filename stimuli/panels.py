@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.edge import SIMPLY_SUPPORTED
 from stimuli.field import solve
-from stimuli.scene import LEAST_RTOL
+from stimuli.load import DISCS
+from stimuli.scene import LEAST_RTOL, MOST_CUTOFFS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +37,7 @@ _NODES: Final = 16
 _SHARE: Final = 0.5
 """Part of rtol for the series of one panel; few reach it."""
 
-_IDLE: Final = 1e-3
+_IDLE: Final = 1e-2
 """Part of rtol below which a panel is left out, by the field at the probes next to it."""
 
 _TAIL: Final = 0.8
@@ -51,7 +52,12 @@ _NOISE: Final = 4.0
 _MOST_GROWTH: Final = 4
 """Factor by which the range may grow in a round: the peaks are not well known before."""
 
-_FIRST_OCTAVES: Final = 3
+_WIDEST_DISC: Final = 24.0
+"""Largest k R at which a point inside a disc has digits left, few but enough for a tail."""
+
+_MOST_RESPONSE: Final = 8.0
+"""First cut-offs up to which a response has all that makes its peak."""
+
 _PAIRS_AT_ONCE: Final = 16
 _ANGLES: Final = np.pi * (np.arange(_NODES) + 0.5) / _NODES
 _ORDERS: Final = np.arange(_NODES)
@@ -72,11 +78,15 @@ class Tail:
         |U| there.
     bound_m : ndarray of float64, shape (n_probes, n_pairs)
         What all above each probe can add to |u|.
+    known : ndarray of bool, shape (n_probes, n_pairs)
+        Whether the field is computed above each probe; if not, `field_m` is taken to fall as
+        f^(-3/4), the slowest that any load's does.
     """
 
     frequencies_hz: Real
     field_m: Real
     bound_m: Real
+    known: NDArray[np.bool_]
 
     def near(self, low_hz: float, high_hz: float) -> Real:
         """Return the largest |U| at the probes of a range and its neighbours."""
@@ -87,32 +97,57 @@ class Tail:
         )
 
     def end_hz(self, allowed_m: Real) -> float:
-        """Return the first probe above which no pair has more than is allowed, or the last."""
-        fits = np.all(self.bound_m <= allowed_m, axis=1)
-        return float(self.frequencies_hz[np.argmax(fits) if np.any(fits) else -1])
+        """Return the first probe above which no pair that is known has more than is allowed."""
+        fits = np.all((self.bound_m <= allowed_m) | ~self.known, axis=1)
+        return float(self.frequencies_hz[np.argmax(fits)])
+
+    @property
+    def least_m(self) -> Real:
+        """What must be left out of each pair."""
+        first = np.argmin(self.known, axis=0)
+        return np.asarray(self.bound_m[first, np.arange(first.size)])
 
 
-def probes(drive: Drive, most_hz: float) -> Real:
-    """Return the places of the probes: two per octave from the drive's peak."""
-    scale_hz = min(max(drive.peak_hz(), 1 / drive.duration_s), most_hz / 2)
+def limits_hz(scene: Scene) -> Real:
+    """Return the highest frequency that is computed for each pair of a load and a point."""
+    width_m = scene.strip.width_m
+    supported_hz = replace(scene.strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+    limits = np.full((len(scene.loads), len(scene.points_m)), MOST_CUTOFFS)
+    x, y = np.array(scene.points_m).T
+    for load, row in zip(scene.loads, limits, strict=True):
+        if isinstance(load, DISCS):
+            widest = (_WIDEST_DISC * width_m / (math.pi * load.radius_m)) ** 2
+            inside = np.hypot(x - load.x_m, y - load.y_m) < load.radius_m
+            row[inside] = min(widest, MOST_CUTOFFS)
+    return limits.ravel() * supported_hz
+
+
+def probes(drive: Drive, limits_hz: Real) -> Real:
+    """Return the places of the probes: two per octave from the drive's peak, and the limits."""
+    least_hz, most_hz = float(np.min(limits_hz)), float(np.max(limits_hz))
+    scale_hz = min(max(drive.peak_hz(), 1 / drive.duration_s), least_hz / 2)
     octaves = np.arange(0.0, math.log2(most_hz / scale_hz), 0.5)
-    return np.append(scale_hz * 2.0**octaves, most_hz)
+    return np.union1d(scale_hz * 2.0**octaves, limits_hz)
 
 
-def tail(drive: Drive, frequencies_hz: Real, field_m: Real) -> Tail:
+def tail(drive: Drive, frequencies_hz: Real, field_m: Real, limits_hz: Real) -> Tail:
     """Return what field and drive have above probes, by the inequality of Schwarz.
 
-    The drive's energy in each interval is exact, the field is the larger of both ends; beyond the
-    last probe it is taken to fall as f^(-3/4), the slowest that any load's does.
+    The drive's energy in each interval is exact, the field is the larger of both ends.
     """
     f = frequencies_hz
+    fall = np.minimum(limits_hz / f[:, np.newaxis], 1.0) ** 0.75
+    at_limit = field_m[np.searchsorted(f, limits_hz), np.arange(limits_hz.size)]
+    known = f[:, np.newaxis] < limits_hz
+    field_m = np.where(known, field_m, at_limit * fall)
     share = np.array([drive.energy_above(float(frequency)) for frequency in f])
     energy = _energy(drive, float(4 * f[0])) / (1 - drive.energy_above(float(4 * f[0])))
     within = np.sqrt(np.diff(f) * energy * np.clip(share[:-1] - share[1:], 0.0, None))
     larger = np.maximum(field_m[:-1], field_m[1:])
     beyond = math.sqrt(2 * f[-1] * energy * share[-1]) * field_m[-1]
     parts = 2 * np.vstack([larger * within[:, np.newaxis], beyond])
-    return Tail(frequencies_hz=f, field_m=field_m, bound_m=np.cumsum(parts[::-1], axis=0)[::-1])
+    bound_m = np.cumsum(parts[::-1], axis=0)[::-1]
+    return Tail(frequencies_hz=f, field_m=field_m, bound_m=bound_m, known=known)
 
 
 def _energy(drive: Drive, most_hz: float) -> float:
@@ -149,49 +184,46 @@ class Sweep:
     late: float = 0.0
     n_solved: int = 0
     n_idle: int = 0
+    _limits_hz: Real = field(init=False)
     _jobs: tuple[Job, ...] = field(init=False)
     _spectrum: Complex = field(init=False)
     _tail: Tail = field(init=False)
 
     def run(self) -> None:
-        """Find all bins that count.
-
-        Raises
-        ------
-        ValueError
-            If the drive reaches so far beyond the frequencies of the field that `rtol` is out of
-            reach.
-        """
+        """Find all bins that count, or refuse; see `swept`."""
         n_pairs = len(self.scene.loads) * len(self.scene.points_m)
         self.values, self.peaks_m = np.zeros((0, n_pairs), dtype=np.complex128), np.zeros(n_pairs)
         self._spectrum = np.zeros(0, dtype=np.complex128)
-        self._jobs = self.scene.jobs()
+        self._jobs, self._limits_hz = self.scene.jobs(), limits_hz(self.scene)
         self._probe()
         scale = self._bin_above(float(self._tail.frequencies_hz[0]))
-        top = self._bin_above(float(self._tail.frequencies_hz[-1]))
-        edges = [0, *(min(scale * 2**octave, top) for octave in range(_FIRST_OCTAVES))]
-        pending = [panel for panel in pairwise(edges) if panel[0] < panel[1]]
-        self._extend(edges[-1])
+        self._extend(scale)
+        pending = [(0, scale), *self._above(4 * scale)]
         while pending:
             rough = self._fill(pending)
-            pending = [half for panel in rough for half in self._halves(panel)] + self._above()
-        self._refuse_if_short()
+            self._refuse_if_short()
+            pending = [half for panel in rough for half in self._halves(panel)]
+            end_hz = self._tail.end_hz(_TAIL * self.rtol * self.peaks_m)
+            most = min(self._bin_above(end_hz), _MOST_GROWTH * self._spectrum.size)
+            pending += self._above(most)
 
     def solve_every_bin(self, scene: Scene) -> None:
         """Replace what was interpolated or left out by a solution for every bin of the range."""
         self._jobs = scene.jobs()
         bins = np.arange(self.values.shape[0])
         field_m, _ = self._solved(scene, self.line.at(bins))
+        limits = [self._bin_above(float(limit_hz)) for limit_hz in self._limits_hz]
+        field_m[bins[:, np.newaxis] >= limits] = 0.0
         self.values = field_m * self._spectrum[:, np.newaxis]
         self.n_solved, self.n_idle = bins.size, 0
         self._measure()
 
     def _probe(self) -> None:
         """Solve the probes."""
-        places_hz = probes(self.drive, self.scene.most_hz())
+        places_hz = probes(self.drive, self._limits_hz)
         field_m, error_m = self._solved(self.scene, self.line.at(places_hz / self.line.step_hz))
-        known = np.maximum(np.abs(field_m) - _NOISE * error_m, 0.0)
-        self._tail = tail(self.drive, places_hz, known)
+        certain_m = np.maximum(np.abs(field_m) - _NOISE * error_m, 0.0)
+        self._tail = tail(self.drive, places_hz, certain_m, self._limits_hz)
 
     def _solved(self, scene: Scene, frequencies_hz: Complex) -> tuple[Complex, Real]:
         """Return field and error, shape (n_frequencies, n_pairs).
@@ -227,7 +259,6 @@ class Sweep:
         nodes = [_nodes(panel) for panel in pending]
         field_m, error_m = self._solved(self.scene, self.line.at(np.concatenate(nodes)))
         ends = np.cumsum([node.size for node in nodes])[:-1]
-        allowed = _SHARE * self.rtol / math.sqrt(self.line.rise)
         parts = zip(pending, np.split(field_m, ends), np.split(error_m, ends), strict=True)
         left_m = []
         for (first, stop), value, error in parts:
@@ -236,9 +267,12 @@ class Sweep:
                 bins, rest_m = _interpolated(first, stop, value)
             drive = self._spectrum[first:stop, np.newaxis]
             self.values[first:stop] = bins * drive
+            beyond = self._limits_hz <= first * self.line.step_hz
+            self.values[first:stop, beyond] = rest_m[beyond] = 0.0
             rest_m = np.where(rest_m <= _NOISE * np.max(error, axis=0), 0.0, rest_m)
             left_m.append(2 * rest_m * self._drive_within(first, stop))
         self._measure()
+        allowed = _SHARE * self.rtol / math.sqrt(self.line.rise)
         return [
             panel
             for panel, left in zip(pending, left_m, strict=True)
@@ -281,26 +315,29 @@ class Sweep:
         self.n_idle += stop - first
         return False
 
-    def _above(self) -> list[Panel]:
-        """Return the octaves by which the range has to grow now."""
+    def _above(self, end: int) -> list[Panel]:
+        """Return the octaves by which the range grows; it ends at limits of pairs in between."""
         found: list[Panel] = []
         top = self._spectrum.size
-        end = self._bin_above(self._tail.end_hz(_TAIL * self.rtol * self.peaks_m))
-        most = min(end, _MOST_GROWTH * top)
-        while top < most:
-            found.append((top, min(2 * top, end)))
+        limits = {self._bin_above(float(limit_hz)) for limit_hz in self._limits_hz}
+        while top < end:
+            found.append((top, min(2 * top, end, *(one for one in limits if one > top))))
             top = found[-1][1]
         self._extend(top)
         return [panel for panel in found if self._counts(panel)]
 
     def _refuse_if_short(self) -> None:
-        left_m, moved = self._tail.bound_m[-1], self.peaks_m > 0
-        least = float(np.max(left_m[moved] / self.peaks_m[moved], initial=0.0)) / _TAIL
-        if least > self.rtol:
+        """Refuse what is out of reach, as soon as the range holds most of the response."""
+        if self._spectrum.size < self._bin_above(_MOST_RESPONSE * self.scene.strip.cutoff_hz()):
+            return
+        moved = self.peaks_m > 0
+        least = self._tail.least_m[moved] / (_TAIL * self.peaks_m[moved])
+        worst = float(np.max(least, initial=0.0))
+        if worst > self.rtol:
             raise ValueError(
-                f"rtol must be at least {least * 1.01:.2g} for this drive and scene: they reach "
-                f"beyond {self._tail.frequencies_hz[-1]:.6g} Hz, the highest frequency of the "
-                f"field; smoother ends or viscous loss reach less far, got {self.rtol!r}"
+                f"rtol must be at least {1.2 * worst:.2g} for this drive and scene: they reach "
+                f"beyond {np.min(self._limits_hz):.6g} Hz, the highest frequency of the field; "
+                f"smoother ends or viscous loss reach less far, got {self.rtol!r}"
             )
 
 

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 LEAST_RTOL: Final = 1e-12
 MOST_RTOL: Final = 0.1
-_MOST_CUTOFFS: Final = 5000.0
+MOST_CUTOFFS: Final = 5000.0
+"""Highest frequency that is computed, in first cut-offs of the supported strip."""
+
 _WIDEST_DISC: Final = 16.0
 """Largest k R of a disc: (50) loses exp(k R) of its digits."""
 
@@ -189,7 +191,7 @@ class Scene:
             k R = 16), or `rtol` is not from 1e-12 to 0.1.
         """
         frequencies = finite_array("frequencies_hz", frequencies_hz)
-        most_hz = self.most_hz()
+        most_hz = self._most_hz()
         if frequencies.ndim != 1 or np.any((frequencies < 0) | (frequencies > most_hz)):
             raise ValueError(
                 "frequencies_hz must be a one-dimensional array of frequencies from 0 to "
@@ -197,13 +199,13 @@ class Scene:
             )
         return frequencies, finite("rtol", rtol, least=LEAST_RTOL, most=MOST_RTOL)
 
-    def most_hz(self) -> float:
+    def _most_hz(self) -> float:
         """Return the highest frequency that is computed."""
         strip = self.strip
         supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
         radii = [load.radius_m for load in self.loads if isinstance(load, DISCS)]
         widest = math.pi * max(radii, default=1e-9) / self.strip.width_m
-        return min(_MOST_CUTOFFS, (_WIDEST_DISC / widest) ** 2) * supported_hz
+        return min(MOST_CUTOFFS, (_WIDEST_DISC / widest) ** 2) * supported_hz
 
     def bands(self, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...]) -> tuple[Band, ...]:
         """Return how each frequency is obtained."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
 from stimuli.drive import Drive
-from stimuli.panels import Sweep, swept
+from stimuli.panels import Sweep, limits_hz, swept
 from stimuli.scene import Scene
 from stimuli.sums import exponential_sums
 
@@ -222,8 +222,8 @@ def transient_work(
     times, rtol = _checked(scene, burst, times_s, rtol)
     found = _found(scene, burst, times, rtol)
     n_bins = found.values.shape[0]
-    asked = max(n_bins, math.ceil(scene.most_hz() * found.line.period_s))
-    of_scene = scene.work([min(burst.peak_hz() + 1.0, scene.most_hz())], rtol)
+    asked = max(n_bins, math.ceil(float(np.max(limits_hz(scene))) * found.line.period_s))
+    of_scene = scene.work([scene.strip.cutoff_hz() / 2], rtol)
     return TransientWork(
         bins_asked=asked,
         bins_skipped=asked - n_bins + found.n_idle,

@@ -1,0 +1,433 @@
+"""Displacements over time: known values, second methods, causality, limits and refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    Drive,
+    ElasticEdge,
+    IdealEdge,
+    Load,
+    MomentDisc,
+    MomentRectangle,
+    PointForce,
+    PressureRectangle,
+    SampledDrive,
+    Scene,
+    Strip,
+    displacement,
+    transient,
+    transient_work,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+W = 0.025
+TAU = 8.264e-7
+LOSSY = dataclasses.replace(ALUMINIUM, viscous_time_s=TAU)
+PLATE = Strip(width_m=W, thickness_m=0.0005, material=LOSSY, edge=SIMPLY_SUPPORTED)
+FIRM = ElasticEdge(stiffness_n=141.72083994908, lossless=False)
+DISC = MomentDisc(x_m=0.0, y_m=W / 2, radius_m=0.0064)
+PATCH = MomentRectangle(x_m=0.0, y_m=W / 2, length_x_m=0.006, length_y_m=0.018)
+HERE, THERE = (0.0, W / 2), (0.07, W / 2)
+SMOOTH = Burst(frequency_hz=500.0, cycles=2, window="hann")
+PLAIN = Burst(frequency_hz=500.0, cycles=1, window="none")
+TIMES = np.linspace(0.0, 0.008, 161)
+
+
+def scene_of(
+    edge: IdealEdge | ElasticEdge = SIMPLY_SUPPORTED,
+    load: Load = DISC,
+    points: tuple[tuple[float, float], ...] = (HERE, THERE),
+    tau: float = TAU,
+    **more: Any,
+) -> Scene:
+    material = dataclasses.replace(ALUMINIUM, viscous_time_s=tau)
+    strip = dataclasses.replace(PLATE, edge=edge, material=material)
+    return Scene(strip=strip, loads=(load,), points_m=points, **more)
+
+
+def misfit(found: Real, true: Real) -> float:
+    """Return the largest error relative to each pair's peak."""
+    return float(np.max(np.max(np.abs(found - true), axis=0) / np.max(np.abs(true), axis=0)))
+
+
+# --- known values and second methods -------------------------------------------------------------
+
+# time synthesis along two lines at two rates, 6 to 8 digits of the peak; the spring has the
+# plate's loss
+KNOWN = [
+    (ElasticEdge(stiffness_n=178.752842326547 * PLATE.bending_stiffness_n_m, lossless=False), 0.0,
+     1.760711e-05, (-1.72317486535442e-07, 5.57509787660388e-08), (1e-7, 1e-7)),
+    (CLAMPED, 0.02, 5.766769e-07, (-8.88061820623136e-10, -1.36217266004044e-09), (1e-5, 1e-6)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("edge", "x_m", "peak_m", "true", "digits"), KNOWN)
+def test_a_patch_moves_as_known(
+    edge: IdealEdge | ElasticEdge,
+    x_m: float,
+    peak_m: float,
+    true: tuple[float, ...],
+    digits: tuple[float, ...],
+) -> None:
+    scene = scene_of(edge, PATCH, ((x_m, W / 2),))
+    found = transient(scene, SMOOTH, [0.001, 0.002], rtol=1e-10)[:, 0, 0]
+    assert np.all(np.abs(found - true) < np.array(digits) * peak_m)
+
+
+def turned_on(t: Real, carrier: float, one: Complex, two: Complex) -> Real:
+    """Return the motion of oscillators with these two poles under sin(carrier t) from t = 0."""
+    t = np.maximum(t, 0.0)
+    steady = np.exp(1j * carrier * t) / (1j * (1j * carrier - one) * (1j * carrier - two))
+    free = [
+        carrier * np.exp(a * t) / ((a * a + carrier**2) * (a - b))
+        for a, b in ((one, two), (two, one))
+    ]
+    return np.asarray((steady + free[0] + free[1]).real)
+
+
+def by_oscillators(load: PressureRectangle, x_m: float, y_m: float, times: Real) -> Real:
+    """Return u(t) of a supported strip, repeated every 2 m, as a sum of damped oscillators.
+
+    Each wavenumber along and each mode across is an oscillator, driven by the three sines that
+    make up a Hann burst.
+    """
+    stiffness = PLATE.bending_stiffness_n_m
+    mass = ALUMINIUM.density_kg_m3 * PLATE.thickness_m
+    s = np.pi * np.arange(1500)[:, np.newaxis]
+    q = np.pi / W * np.arange(1, 41)
+    square = stiffness * (s**2 + q**2) ** 2 / mass
+    damping = square * TAU / 2
+    swing = np.sqrt(damping**2 - square + 0j)
+    poles = -square / (damping + swing), -damping - swing
+    half = load.length_x_m / 2
+    along = np.where(s == 0, 0.5, 1.0) * 2 * half * np.sinc(s * half / np.pi)
+    across = np.sin(q * load.y_m) * np.sinc(q * load.length_y_m / 2 / np.pi) * load.length_y_m
+    shape = along * np.cos(s * (x_m - load.x_m)) * across * np.sin(q * y_m) * 2 / W / mass
+    last, found = SMOOTH.duration_s, np.zeros(times.size)
+    for carrier_hz, part in ((500.0, 0.5), (750.0, -0.25), (250.0, -0.25)):
+        carrier = 2 * np.pi * carrier_hz
+        for row, t in enumerate(times):
+            motion = turned_on(t, carrier, *poles) - turned_on(t - last, carrier, *poles)
+            found[row] += part * np.sum(shape * motion)
+    return found
+
+
+def test_oscillators_in_the_wavenumber_domain_agree() -> None:
+    load = PressureRectangle(x_m=0.0, y_m=0.009, length_x_m=0.006, length_y_m=0.012)
+    scene = scene_of(load=load, points=((0.012, 0.011),))
+    times = np.array([0.0005, 0.0017, 0.0022, 0.0033, 0.0041, 0.006])
+    found = transient(scene, SMOOTH, times, rtol=1e-9)[:, 0, 0]
+    true = by_oscillators(load, 0.012, 0.011, times)
+    assert np.max(np.abs(found - true)) < 1e-6 * np.max(np.abs(true))
+
+
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
+def test_every_bin_solved_gives_the_same(edge: IdealEdge | ElasticEdge) -> None:
+    times = np.linspace(0.0, 0.012, 101)
+    lean, full = scene_of(edge), scene_of(edge, skip=False)
+    some, every = (transient(scene, SMOOTH, times, rtol=1e-3) for scene in (lean, full))
+    assert misfit(some, every) < 0.5e-3
+    of_lean, of_full = (transient_work(scene, SMOOTH, times, rtol=1e-3) for scene in (lean, full))
+    assert of_full.frequencies_solved > 1.5 * of_lean.frequencies_solved
+    assert not any("follow" in reason or "no energy" in reason for reason in of_full.skipped)
+
+
+@pytest.mark.parametrize(("edge", "tau"), [(SIMPLY_SUPPORTED, TAU), (CLAMPED, TAU)])
+def test_the_error_falls_with_rtol(edge: IdealEdge, tau: float) -> None:
+    scene = scene_of(edge, tau=tau)
+    burst = Burst(frequency_hz=430.0, cycles=3, window="hann")
+    true = transient(scene, burst, TIMES, rtol=1e-10)
+    errors = []
+    for rtol in (1e-2, 1e-4, 1e-6, 1e-8):
+        errors.append(misfit(transient(scene, burst, TIMES, rtol=rtol), true))
+        assert errors[-1] < rtol
+    assert all(later < 0.1 * earlier for earlier, later in itertools.pairwise(errors))
+
+
+def test_a_burst_with_corners_keeps_rtol_at_its_corners() -> None:
+    corner = PLAIN.duration_s + np.array([-1e-5, -1e-6, 0.0, 1e-6, 3e-6, 1e-5, 1e-4])
+    times = np.concatenate([[0.0, 1e-6, 3e-6, 1e-5], corner, TIMES])
+    true = transient(scene_of(), PLAIN, times, rtol=1e-6)
+    for rtol in (1e-2, 1e-3, 1e-4):
+        assert misfit(transient(scene_of(), PLAIN, times, rtol=rtol), true) < rtol
+
+
+def test_corners_without_loss_reach_the_default_accuracy() -> None:
+    times = np.concatenate([[0.0, 1e-6, 1e-5], PLAIN.duration_s + np.array([0.0, 1e-6, 1e-5])])
+    scene = scene_of(tau=0.0, points=(HERE,))
+    true = transient(scene, PLAIN, np.append(times, TIMES), rtol=1e-6)
+    assert misfit(transient(scene, PLAIN, np.append(times, TIMES), rtol=1e-4), true) < 1e-4
+
+
+# --- causality -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("burst", [SMOOTH, PLAIN])
+@pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+def test_nothing_moves_before_the_drive(burst: Burst, rtol: float) -> None:
+    times = np.concatenate([np.linspace(-0.008, -1e-6, 50), TIMES])
+    size = np.abs(transient(scene_of(FIRM), burst, times, rtol=rtol))
+    assert np.all(np.max(size[:50], axis=0) < rtol * np.max(size, axis=0))
+
+
+def test_nothing_moves_before_the_waves_arrive() -> None:
+    scene = scene_of(points=((0.5, W / 2),))
+    early, later = np.linspace(0.0, 2e-4, 20), np.linspace(2e-4, 0.012, 200)
+    size = np.abs(transient(scene, SMOOTH, np.concatenate([early, later]), rtol=1e-6))
+    assert np.max(size[:20]) < 1e-6 * np.max(size)
+
+
+def test_constant_loss_is_refused_with_the_viscous_time_that_equals_it() -> None:
+    material = dataclasses.replace(ALUMINIUM, loss_factor=0.02)
+    scene = dataclasses.replace(scene_of(), strip=dataclasses.replace(PLATE, material=material))
+    same = 0.02 / (2 * math.pi * SMOOTH.peak_hz())
+    with pytest.raises(ValueError, match=f"loss_factor .* viscous_time_s={same:.4g} .*0.02"):
+        transient(scene, SMOOTH, TIMES)
+    with pytest.raises(ValueError, match="not causal"):
+        transient_work(scene, SMOOTH, TIMES)
+
+
+# --- laws ----------------------------------------------------------------------------------------
+
+laws = settings(deadline=None, max_examples=6)
+
+
+@laws
+@given(
+    x=st.floats(-0.03, 0.03),
+    y=st.floats(0.003, 0.022),
+    edge=st.sampled_from([SIMPLY_SUPPORTED, FIRM, CLAMPED]),
+)
+def test_load_and_point_may_be_exchanged(x: float, y: float, edge: IdealEdge) -> None:
+    there = scene_of(edge, PointForce(x_m=0.0, y_m=0.008), ((x, y),))
+    back = scene_of(edge, PointForce(x_m=x, y_m=y), ((0.0, 0.008),))
+    u, v = (transient(scene, SMOOTH, TIMES, rtol=1e-6) for scene in (there, back))
+    assert misfit(u, v) < 2e-6
+
+
+def test_drives_add_up() -> None:
+    rng = np.random.default_rng(3)
+    one, two = (np.concatenate([[0.0], rng.uniform(-1, 1, 30), [0.0]]) for _ in range(2))
+    u, v, both = (
+        transient(scene_of(), SampledDrive(samples=s, sample_rate_hz=8e3), TIMES, rtol=1e-5)
+        for s in (one, two, one + 2 * two)
+    )
+    peak = np.max(np.abs(u), axis=0) + 2 * np.max(np.abs(v), axis=0)
+    assert np.all(np.abs(u + 2 * v - both) < 2e-5 * peak)
+
+
+def test_a_later_drive_moves_the_strip_later() -> None:
+    samples = SMOOTH.samples(16e3)
+    now = SampledDrive(samples=samples, sample_rate_hz=16e3)
+    later = SampledDrive(samples=np.append(np.zeros(40), samples), sample_rate_hz=16e3)
+    times = np.linspace(0.0, 0.01, 81)
+    u = transient(scene_of(FIRM), now, times, rtol=1e-6)
+    v = transient(scene_of(FIRM), later, times + 40 / 16e3, rtol=1e-6)
+    assert misfit(u, v) < 2e-6
+
+
+def test_a_slow_drive_moves_the_strip_as_a_static_load() -> None:
+    slow = Burst(frequency_hz=1.0, cycles=1, window="none")
+    times = np.linspace(0.05, 0.95, 19)
+    static = displacement(scene_of(FIRM, points=(HERE,)), [0.0], rtol=1e-9)[0].real
+    found = transient(scene_of(FIRM, points=(HERE,)), slow, times, rtol=1e-6)
+    signal = np.sin(2 * np.pi * times)[:, np.newaxis, np.newaxis]
+    assert misfit(found, static * signal) < 2e-5
+
+
+def test_times_may_come_in_any_order() -> None:
+    rng = np.random.default_rng(5)
+    mixed = rng.permutation(TIMES)
+    u = transient(scene_of(), SMOOTH, TIMES, rtol=1e-6)
+    v = transient(scene_of(), SMOOTH, mixed, rtol=1e-6)
+    np.testing.assert_allclose(v[np.argsort(mixed)], u, atol=1e-12 * float(np.max(np.abs(u))))
+    assert transient(scene_of(), SMOOTH, [], rtol=1e-3).shape == (0, 1, 2)
+
+
+@pytest.mark.parametrize("last", [0.05, 1.0])
+def test_long_records_agree_with_short_ones(last: float) -> None:
+    times = np.array([0.001, 0.002, 0.003])
+    short = transient(scene_of(), SMOOTH, np.append(times, 0.004), rtol=1e-5)
+    long = transient(scene_of(), SMOOTH, np.append(times, last), rtol=1e-5)
+    peak = np.max(np.abs(transient(scene_of(), SMOOTH, TIMES, rtol=1e-5)), axis=0)
+    assert np.all(np.abs(short[:3] - long[:3]) < 2e-5 * peak)
+
+
+# --- sampled drives ------------------------------------------------------------------------------
+
+
+def test_a_held_staircase_is_that_staircase_sampled_finely() -> None:
+    samples = PLAIN.samples(8e3)
+    held = SampledDrive(samples=samples, sample_rate_hz=8e3, held=True)
+    fine = SampledDrive(samples=np.repeat(samples, 16), sample_rate_hz=128e3, held=True)
+    u, v = (transient(scene_of(), drive, TIMES, rtol=1e-4) for drive in (held, fine))
+    assert misfit(u, v) < 2e-4
+
+
+def test_fine_samples_move_the_strip_as_their_burst_does() -> None:
+    u = transient(scene_of(), SMOOTH, TIMES, rtol=1e-6)
+    errors = []
+    for rate in (24e3, 48e3, 96e3):
+        lines = SampledDrive(samples=SMOOTH.samples(rate), sample_rate_hz=rate)
+        errors.append(misfit(transient(scene_of(points=(HERE,)), lines, TIMES, 1e-6), u[..., :1]))
+    assert errors[2] < 3e-4
+    # straight lines: the error falls with the square of the step
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
+
+
+def test_the_staircase_of_a_slow_converter_reaches_the_other_finger() -> None:
+    held = SampledDrive(samples=SMOOTH.samples(8e3), sample_rate_hz=8e3, held=True)
+    smooth, steps = (
+        np.ptp(transient(scene_of(CLAMPED), drive, TIMES, rtol=1e-4)[:, 0], axis=0)
+        for drive in (SMOOTH, held)
+    )
+    assert steps[0] == pytest.approx(smooth[0], rel=0.05)
+    assert steps[1] > 10 * smooth[1]
+
+
+# --- what a burst means at the other finger ------------------------------------------------------
+
+FINDINGS = [
+    (PLAIN, SIMPLY_SUPPORTED, 27.8), (PLAIN, FIRM, 31.9), (PLAIN, CLAMPED, 37.5),
+    (SMOOTH, SIMPLY_SUPPORTED, 57.0), (SMOOTH, FIRM, 73.5), (SMOOTH, CLAMPED, 86.7),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("burst", "edge", "wanted_db"), FINDINGS)
+def test_corners_of_a_burst_decide_what_arrives_70_mm_away(
+    burst: Burst, edge: IdealEdge | ElasticEdge, wanted_db: float
+) -> None:
+    """Patch 18 x 6 mm, viscous loss, peak-to-peak at 70 mm below that at the patch's centre."""
+    u = transient(scene_of(edge, PATCH), burst, np.linspace(0.0, 0.02, 4001), rtol=1e-4)[:, 0]
+    level_db = 20 * np.log10(np.ptp(u[:, 0]) / np.ptp(u[:, 1]))
+    assert level_db == pytest.approx(wanted_db, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("edge", "wanted_db"), [(SIMPLY_SUPPORTED, 68), (FIRM, 101), (CLAMPED, 97)]
+)
+def test_a_tone_alone_would_stay_at_its_finger(
+    edge: IdealEdge | ElasticEdge, wanted_db: float
+) -> None:
+    u = np.abs(displacement(scene_of(edge, PATCH), [500.0])[0, 0])
+    assert 20 * np.log10(u[0] / u[1]) == pytest.approx(wanted_db, abs=0.5)
+
+
+# --- what is left out ----------------------------------------------------------------------------
+
+
+def test_loads_never_driven_are_not_computed() -> None:
+    loads = (DISC, PATCH, dataclasses.replace(DISC, x_m=0.07))
+    strip = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)
+    all_three = Scene(strip=strip, loads=loads, points_m=(HERE, THERE))
+    some = dataclasses.replace(all_three, driven=(True, False, True))
+    full = dataclasses.replace(some, skip=False)
+    lean, every = ([displacement(one, [300.0, 2500.0]) for one in (some, full)], all_three)
+    assert np.all(lean[0][:, 1] == 0)
+    np.testing.assert_allclose(lean[0], lean[1], rtol=1e-6)
+    np.testing.assert_array_equal(lean[0][:, ::2], displacement(every, [300.0, 2500.0])[:, ::2])
+    assert some.work([300.0]).pairs_solved < full.work([300.0]).pairs_solved
+    assert "1 of 3 loads: never driven" in some.work([300.0]).skipped
+    u = transient(some, SMOOTH, TIMES[::16], rtol=1e-4)
+    assert np.all(u[:, 1] == 0)
+    assert np.any(u[:, 0])
+    assert "1 of 3 loads: never driven" in transient_work(some, SMOOTH, [0.01], 1e-3).skipped
+
+
+def test_a_scene_that_is_never_driven_does_not_move() -> None:
+    still = scene_of(driven=(False,))
+    assert np.all(displacement(still, [0.0, 300.0]) == 0)
+    assert np.all(transient(still, SMOOTH, TIMES[:3], rtol=1e-3) == 0)
+
+
+def test_a_point_on_the_edge_does_not_move() -> None:
+    u = transient(scene_of(FIRM, points=(HERE, (0.0, 0.0))), SMOOTH, TIMES, rtol=1e-6)
+    assert np.max(np.abs(u[..., 1])) < 1e-12 * np.max(np.abs(u[..., 0]))
+
+
+def test_work_tells_what_is_left_out_and_why() -> None:
+    work = transient_work(scene_of(), SMOOTH, [0.01], rtol=1e-4)
+    assert work.frequencies_solved < work.bins_asked - work.bins_skipped < work.bins_asked
+    assert any("too little left" in reason for reason in work.skipped)
+    assert any("smooth above the real axis" in reason for reason in work.skipped)
+    finer = transient_work(scene_of(), SMOOTH, [0.01], rtol=1e-6)
+    assert finer.highest_hz > work.highest_hz
+    assert finer.frequencies_solved > work.frequencies_solved
+
+
+def test_bins_between_the_images_of_a_staircase_are_left_out() -> None:
+    slow = Burst(frequency_hz=300.0, cycles=6, window="hann")
+    held = SampledDrive(samples=slow.samples(96e3), sample_rate_hz=96e3, held=True)
+    scene = scene_of(tau=1e-7, points=(THERE,))
+    work = transient_work(scene, held, [0.03], rtol=1e-2)
+    assert any("no energy there" in reason for reason in work.skipped)
+    times = np.linspace(0.0, 0.03, 100)
+    fine = transient(scene, held, times, rtol=1e-4)
+    assert misfit(transient(scene, held, times, rtol=1e-2), fine) < 1e-2
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "bad", [[math.nan], [0.0, math.inf], [1.5], [-2.0], 0.001, [[0.0]], "now", None, [1j], [True]]
+)
+def test_what_are_no_times_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="times_s must"):
+        transient(scene_of(), SMOOTH, bad)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1e-6, 1e-11, 0.2, math.nan, True, "1e-6", None])
+def test_rtol_out_of_range_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="rtol must be a finite number"):
+        transient(scene_of(), SMOOTH, TIMES, rtol=bad)
+
+
+@pytest.mark.parametrize("bad", [None, 500.0, "hann", np.zeros(3), Strip])
+def test_what_is_no_drive_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="burst must be a Burst or another Drive"):
+        transient(scene_of(), bad, TIMES)
+
+
+def test_what_is_no_scene_is_refused() -> None:
+    with pytest.raises(ValueError, match="scene must be a Scene"):
+        transient(PLATE, SMOOTH, TIMES)  # type: ignore[arg-type]  # the refusal
+
+
+def test_a_drive_of_more_than_a_second_is_refused() -> None:
+    slow: Drive = Burst(frequency_hz=0.5, cycles=1)
+    with pytest.raises(ValueError, match="burst must last at most 1 s, got one of 2 s"):
+        transient(scene_of(), slow, TIMES)
+
+
+def test_corners_beyond_the_field_are_refused_with_what_is_in_reach() -> None:
+    scene = scene_of(tau=0.0, points=(HERE,))
+    with pytest.raises(ValueError, match=r"rtol must be at least .* got 1e-09"):
+        transient(scene, PLAIN, [0.001], rtol=1e-9)
+
+
+@pytest.mark.parametrize("bad", [(True,), (1, 0), "ab", True, (True, None), ()])
+def test_driven_has_one_bool_for_each_load(bad: Any) -> None:
+    strip = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)
+    with pytest.raises(ValueError, match="driven must hold a bool for each of 2 loads"):
+        Scene(strip=strip, loads=(DISC, PATCH), points_m=(HERE,), driven=bad)
