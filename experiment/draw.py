@@ -13,6 +13,7 @@ from experiment.plan import PRACTICE_BLOCK, Plan, PlanError, Trial, seal
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from experiment.gains import ConditionGains
     from experiment.study import Condition, Design, Study
 
 WARM_UP_SIDES = ("left", "right")
@@ -26,6 +27,7 @@ def draw_plan(
     session: str,
     seed: int,
     levels_vpp: Sequence[float] | None = None,
+    gains: tuple[ConditionGains, ...] = (),
 ) -> Plan:
     """Draw and seal a session's trials.
 
@@ -39,6 +41,8 @@ def draw_plan(
         Levels placed for this participant, instead of the study's.
     seed : int
         Seed, 0 or more; the same seed gives the same plan.
+    gains : tuple of ConditionGains
+        The study's gain matrix, to be sealed with the trials; without it no displacement is told.
 
     Raises
     ------
@@ -69,6 +73,7 @@ def draw_plan(
             response_window_s=study.design.response_window_s,
             trials=trials,
             warm_up=_warm_up(study, trials),
+            gains=gains,
         )
     )
 

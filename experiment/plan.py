@@ -7,9 +7,12 @@ import json
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from experiment.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains, gains_from_json
 from experiment.record import KINDS, SIDES
 
-SCHEMA = 1
+SCHEMA = 2
+_WITHOUT_GAINS = 1
+"""Schema of a plan without a gain matrix: what earlier versions wrote."""
 PRACTICE_BLOCK = 0
 
 
@@ -80,6 +83,8 @@ class Plan:
         Every trial in its order.
     warm_up : tuple of Trial
         The trials presented to a person again after a resume.
+    gains : tuple of ConditionGains
+        The gain matrix of every condition; empty where displacements are not known.
     sha256 : str
         Checksum over the canonical form of everything above.
     """
@@ -95,7 +100,15 @@ class Plan:
     response_window_s: float
     trials: tuple[Trial, ...]
     warm_up: tuple[Trial, ...]
+    gains: tuple[ConditionGains, ...] = ()
     sha256: str = ""
+
+    def gains_of(self, condition: str) -> FingerGains:
+        """Return what the two fingers get in a condition; `OWN_FINGER_ONLY` if it is not known."""
+        for gains in self.gains:
+            if gains.condition == condition:
+                return gains.fingers()
+        return OWN_FINGER_ONLY
 
     def to_json(self) -> str:
         """Write the plan as the text of plan.json, checksum included."""
@@ -110,7 +123,9 @@ def _contents(plan: Plan) -> dict[str, Any]:
     contents = asdict(plan)
     del contents["sha256"]
     contents["study"] = json.loads(plan.study)
-    return {"schema": SCHEMA} | contents
+    if not plan.gains:
+        del contents["gains"]
+    return {"schema": SCHEMA if plan.gains else _WITHOUT_GAINS} | contents
 
 
 def _checksum(plan: Plan) -> str:
@@ -156,8 +171,13 @@ def plan_from_json(text: str) -> Plan:
     """
     try:
         contents = json.loads(text)
-        if contents["schema"] != SCHEMA:
-            raise PlanError(f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}")
+        if contents["schema"] not in (_WITHOUT_GAINS, SCHEMA):
+            raise PlanError(
+                f"the plan's schema must be {_WITHOUT_GAINS} or {SCHEMA}; "
+                f"got {contents['schema']!r}"
+            )
+        if contents["schema"] == _WITHOUT_GAINS:
+            contents["gains"] = []
         fields = {name: contents[name] for name in Plan.__dataclass_fields__}
         fields["study"] = json.dumps(
             contents["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False
@@ -165,6 +185,7 @@ def plan_from_json(text: str) -> Plan:
         fields["responses"] = tuple(contents["responses"])
         fields["trials"] = tuple(Trial(**trial) for trial in contents["trials"])
         fields["warm_up"] = tuple(Trial(**trial) for trial in contents["warm_up"])
+        fields["gains"] = tuple(gains_from_json(gains) for gains in contents["gains"])
         plan = Plan(**fields)
     except PlanError:
         raise

@@ -76,8 +76,10 @@ class TrialRow:
     foreperiod_s: float = _column("planned wait between cue and stimulus, seconds")
     level_left_vpp: float | None = _column("level the device set on the left channel, volts")
     level_right_vpp: float | None = _column("level the device set on the right channel, volts")
-    peak_left_um: float | None = _column("peak displacement under the left finger, micrometres")
-    peak_right_um: float | None = _column("peak displacement under the right finger, micrometres")
+    peak_left_um: float | None = _column("greatest displacement under the left finger, micrometres")
+    peak_right_um: float | None = _column(
+        "greatest displacement under the right finger, micrometres"
+    )
     displacement_basis: str | None = _column("where the displacements come from", *BASES)
     anticipated: bool = _column("a key came before the onset or within 100 ms of it")
     noise_ok: bool | None = _column("whether the masking noise was playing at the onset")

@@ -12,6 +12,7 @@ from experiment.steps import Task
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from experiment.gains import FingerGains
     from experiment.plan import Plan, Trial
 
 
@@ -211,6 +212,8 @@ def _open_trial(presentation: _Presentation) -> OpenTrial:
 def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRow:
     trial, stimulus = presentation.trial, presentation.stimulus
     response = presentation.answer.get("response")
+    gains = plan.gains_of(trial.condition)
+    peaks_um = _peaks_um(gains, stimulus)
     return TrialRow(
         schema=SCHEMA,
         participant=plan.participant,
@@ -230,11 +233,21 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         foreperiod_s=trial.foreperiod_s,
         level_left_vpp=stimulus.get("level_left_vpp"),
         level_right_vpp=stimulus.get("level_right_vpp"),
-        peak_left_um=None,
-        peak_right_um=None,
-        displacement_basis=None,
+        peak_left_um=peaks_um[0],
+        peak_right_um=peaks_um[1],
+        displacement_basis=None if peaks_um[0] is None else gains.basis,
         anticipated=presentation.end["anticipated"],
         noise_ok=None,
         simulated=simulated,
         study_sha256=plan.study_sha256,
     )
+
+
+def _peaks_um(
+    gains: FingerGains, stimulus: Mapping[str, Any]
+) -> tuple[float, float] | tuple[None, None]:
+    """Return the displacements at the fingers for the levels that the device reported."""
+    left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
+    if left_vpp is None or right_vpp is None:
+        return None, None
+    return gains.peaks_um(left_vpp, right_vpp) or (None, None)
