@@ -17,7 +17,7 @@ import click
 from experiment.exits import DEVICE_FAILED, CommandError, refusals, require_fit
 
 if TYPE_CHECKING:
-    from experiment.study import Study
+    from experiment.study_check import StudyCheck
 
 MOST_PARTICIPANTS = 10_000
 
@@ -52,11 +52,11 @@ def dry_run(
     from experiment.study import paper_study, read_study
 
     study = paper_study() if study_file is None else read_study(study_file)
-    require_fit(study)
+    check = require_fit(study)
     folder = _new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
-    _simulate(study, folder, participants, seed)
+    _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed), sys.stdout)
     click.echo(f"Written to {folder / 'analysis'}")
 
@@ -79,11 +79,13 @@ def _made(folder: Path) -> bool:
     return True
 
 
-def _simulate(study: Study, folder: Path, participants: int, seed: int) -> None:
+def _simulate(check: StudyCheck, folder: Path, participants: int, seed: int) -> None:
     from experiment.journal import JournalWriteError
     from experiment.simulate import SimulationError, simulate_study
 
-    sessions = simulate_study(study, folder, participants=participants, seed=seed)
+    sessions = simulate_study(
+        check.study, folder, participants=participants, seed=seed, gains=check.gains
+    )
     hidden = not sys.stderr.isatty()
     try:
         with click.progressbar(sessions, participants, file=sys.stderr, hidden=hidden) as bar:

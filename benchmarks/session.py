@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 from experiment.draw import draw_plan
 from experiment.engine import step, upcoming
+from experiment.felt_gains import study_gains
 from experiment.simulate import simulate_study
 from experiment.steps import Armed, Continued, Elapsed, Fired, Key, Phase, State, Task
 from experiment.study import paper_study
 
 if TYPE_CHECKING:
+    from experiment.gains import ConditionGains
     from experiment.plan import Plan
 
 REPEATS = 20
@@ -41,11 +43,11 @@ def _engine_s(plan: Plan) -> float:
     return (time.perf_counter() - start) / len(plan.trials)
 
 
-def _session_s(trials: int) -> float:
+def _session_s(trials: int, gains: tuple[ConditionGains, ...]) -> float:
     """Return the time per trial of a simulated session with journal and mock device, no fsync."""
     with tempfile.TemporaryDirectory() as name:
         start = time.perf_counter()
-        for _ in simulate_study(paper_study(), Path(name), participants=1, seed=1):
+        for _ in simulate_study(paper_study(), Path(name), participants=1, seed=1, gains=gains):
             pass
         return (time.perf_counter() - start) / trials
 
@@ -55,7 +57,8 @@ def section() -> str:
     plan = draw_plan(paper_study(), participant="01", session="01", seed=1)
     trials = len(plan.trials)
     engine_s = median(_engine_s(plan) for _ in range(REPEATS))
-    session_s = median(_session_s(trials) for _ in range(REPEATS))
+    gains = study_gains(paper_study())
+    session_s = median(_session_s(trials, gains) for _ in range(REPEATS))
     return "\n".join(
         [
             "## Trial",

@@ -24,9 +24,12 @@ mark("import of the command (click)")
 from experiment.study import paper_study
 study = paper_study()
 mark("import of numpy and pydantic, the study")
+from experiment.study_check import check_study
+gains = check_study(study).gains
+mark("the check: burst, displacements at the fingers")
 from experiment.simulate import simulate_study
 root = Path(sys.argv[1])
-for _ in simulate_study(study, root, participants=5, seed=7):
+for _ in simulate_study(study, root, participants=5, seed=7, gains=gains):
     pass
 mark("five sessions of 155 trials")
 from analysis.load import read_inputs

@@ -1,33 +1,38 @@
-"""The patches under the strip: their sizes and places, and that they lie on it."""
+"""The actuators under the strip: their sizes and places, and that they lie on it."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from itertools import combinations
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 from experiment.checks import require_word
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
-    from stimuli import Strip
+    from stimuli import MeasuredDisplacement, PiezoLayers, Strip
 
-Side = Literal["left", "right"]
-Shape = Literal["disc", "rectangle"]
+Side = Literal["left", "right", "other"]
+SIDES: Final[tuple[str, ...]] = get_args(Side)
+Shape = Literal["disc", "rectangle", "motor"]
 
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 _ROUNDING_M = 1e-12
 """A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
+_MOST_FINGER_M = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Actuator:
-    """A patch under the strip and the finger it serves.
+    """A patch or a motor under the strip and the finger above it.
 
     Attributes
     ----------
     side : str
-        ``left`` or ``right``, as the participant sees it.
+        ``left`` or ``right``, as the participant sees it; ``other`` is under neither finger.
     shape : str
-        ``disc`` or ``rectangle``.
+        ``disc`` or ``rectangle``, a bonded patch, or ``motor``, which pushes over its contact.
     x_m : float
         Place of its centre along the strip, from the middle, positive to the right.
     y_m : float
@@ -35,7 +40,13 @@ class Actuator:
     diameter_m : float or None
         Diameter of a disc, else none.
     length_x_m, length_y_m : float or None
-        Sides of a rectangle along and across the strip, else none.
+        Sides of a rectangle or of a motor's contact along and across the strip, else none.
+    name : str or None
+        1 to 32 letters, digits, ``_`` or ``-``, where the side is ``other``; else none.
+    finger_diameter_m : float
+        Contact of the fingertip above it, up to 50 mm.
+    basis : MeasuredDisplacement, PiezoLayers or None
+        What is known of its displacement per volt.
 
     Raises
     ------
@@ -55,22 +66,42 @@ class Actuator:
     diameter_m: float | None = None
     length_x_m: float | None = None
     length_y_m: float | None = None
+    name: str | None = None
+    finger_diameter_m: float = 0.01
+    basis: MeasuredDisplacement | PiezoLayers | None = None
 
     def __post_init__(self) -> None:
-        require_word("side", self.side, get_args(Side))
+        require_word("side", self.side, SIDES)
         require_word("shape", self.shape, get_args(Shape))
         finite("x_m", self.x_m)
         finite("y_m", self.y_m)
-        sizes = {
-            "disc": {"diameter_m": self.diameter_m},
-            "rectangle": {"length_x_m": self.length_x_m, "length_y_m": self.length_y_m},
-        }
-        for shape, lengths_m in sizes.items():
-            for name, length_m in lengths_m.items():
-                if shape != self.shape and length_m is not None:
-                    raise ValueError(f"{name} is the size of a {shape}; got it for a {self.shape}")
-                if shape == self.shape:
-                    _require_size(name, length_m, shape)
+        self._check_name()
+        finite("finger_diameter_m", self.finger_diameter_m, above=0, most=_MOST_FINGER_M)
+        rectangle_m = {"length_x_m": self.length_x_m, "length_y_m": self.length_y_m}
+        disc_m = {"diameter_m": self.diameter_m}
+        own_m, others_m = (disc_m, rectangle_m) if self.shape == "disc" else (rectangle_m, disc_m)
+        for name, length_m in others_m.items():
+            if length_m is not None:
+                raise ValueError(f"{name} is no size of a {self.shape}; got {length_m!r}")
+        for name, length_m in own_m.items():
+            _require_size(name, length_m, self.shape)
+
+    def _check_name(self) -> None:
+        if (self.name is not None) != (self.side == "other"):
+            raise ValueError(
+                f"name must be given where side is other, and only there; got {self.name!r} where "
+                f"side is {self.side}"
+            )
+        if self.name is not None and (not _NAME.fullmatch(self.name) or self.name in SIDES):
+            raise ValueError(
+                "name must be 1 to 32 of the characters A-Z a-z 0-9 _ - and no side; "
+                f"got {self.name!r}"
+            )
+
+    @property
+    def label(self) -> str:
+        """What it is called: its side, or its name."""
+        return self.name or self.side
 
     @property
     def span_x_m(self) -> tuple[float, float]:
@@ -100,19 +131,26 @@ def check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
     Parameters
     ----------
     actuators : tuple of Actuator
-        Left, right.
+        Left, right, and any number of others.
     strip : Strip
         The strip that they lie on.
 
     Raises
     ------
     ValueError
-        If one reaches over an edge or an end, they overlap along the strip, or a side is missing.
+        If one reaches over an edge or an end, the rectangles around two overlap, the left does not
+        end before the right begins, a side is missing, or two others have the same name.
     """
     sides = [actuator.side for actuator in actuators]
-    if sides != ["left", "right"]:
-        raise ValueError(f"actuator sides must be left and right, each once; got {sides}")
-    left, right = actuators
+    if sides[:2] != ["left", "right"] or set(sides[2:]) - {"other"}:
+        raise ValueError(
+            "actuator sides must be left and right, each once, and other for more; "
+            f"got {', '.join(sides)}"
+        )
+    names = [actuator.name for actuator in actuators[2:]]
+    if len(set(names)) != len(names):
+        raise ValueError(f"actuator names must be distinct; got {', '.join(map(str, names))}")
+    left, right, *_ = actuators
     for actuator in actuators:
         _check_span(actuator, "y_m", actuator.span_y_m, (0.0, strip.width_m))
         if strip.length_m is not None:
@@ -123,6 +161,17 @@ def check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
             "the left actuator must end, along the strip, before the right one begins at "
             f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
         )
+    for one, two in combinations(actuators, 2):
+        if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):
+            raise ValueError(
+                f"the actuators {one.label} and {two.label} must not overlap; got centres at "
+                f"x = {_mm(one.x_m)} and {_mm(two.x_m)}"
+            )
+
+
+def _overlap(one_m: tuple[float, float], two_m: tuple[float, float]) -> bool:
+    """Tell whether two spans have more than an end in common."""
+    return min(one_m[1], two_m[1]) - max(one_m[0], two_m[0]) > _ROUNDING_M
 
 
 def _check_span(
@@ -130,7 +179,7 @@ def _check_span(
 ) -> None:
     if span_m[0] < limits_m[0] - _ROUNDING_M or span_m[1] > limits_m[1] + _ROUNDING_M:
         raise ValueError(
-            f"the {actuator.side} actuator must lie on the strip, which goes from "
+            f"the {actuator.label} actuator must lie on the strip, which goes from "
             f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
             f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}"
         )

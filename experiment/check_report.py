@@ -7,24 +7,25 @@ import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from stimuli import CLAMPED, SIMPLY_SUPPORTED
+from experiment.check_displacement import COLUMN, displacement_facts, displacement_lines
+from experiment.stimulus import stimulus_facts
+from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst
 
 if TYPE_CHECKING:
     from experiment.actuator import Actuator
     from experiment.design import Design
     from experiment.study_check import ConditionCheck, StudyCheck
-    from experiment.study_values import Study
+    from experiment.study_values import Condition, Study
 
 JSON_SCHEMA: Final = 1
 _VERDICTS: Final = {
-    "fit": "fit: the bursts' energy stays below the strip's cut-off",
+    "fit": "fit: below the strip's cut-off, and masked at the other finger",
     "accepted": "unfit, and accepted by the study: the other finger may feel it too",
     "unfit": (
-        "UNFIT: change [burst] or the device's sample rate, "
+        "UNFIT: change [burst], the actuators' places or the device's sample rate, "
         "or say in accept_unfit why this stimulus is wanted"
     ),
 }
-_COLUMN: Final = 15
 THICK: Final = 0.1
 """From this (k h)^2 on, the theory of thin plates misses by more than a few per cent."""
 
@@ -52,7 +53,9 @@ def check_json(check: StudyCheck) -> str:
         "study": {"name": study.name, "sha256": study.sha256},
         "strip": _strip_facts(check),
         "max_energy_above_cutoff": study.max_energy_above_cutoff,
-        "conditions": [_condition_facts(condition) for condition in check.conditions],
+        "masking_limit_db": study.masking_limit_db,
+        "actuators": [_actuator_facts(actuator) for actuator in study.actuators],
+        "conditions": [_condition_facts(check, condition) for condition in check.conditions],
         "device": asdict(study.device),
         "design": asdict(study.design),
         "trials": check.trials,
@@ -70,23 +73,41 @@ def _strip_facts(check: StudyCheck) -> dict[str, Any]:
         "thickness_m": strip.thickness_m,
         "edge": check.study.edge_basis,
         "edge_stiffness_n": check.edge_stiffness_n,
+        "loss_factor": strip.material.loss_factor,
+        "viscous_time_s": strip.material.viscous_time_s,
         "cutoff_hz": check.cutoff_hz,
         "thinness": check.thinness,
     }
 
 
-def _condition_facts(check: ConditionCheck) -> dict[str, Any]:
+def _actuator_facts(actuator: Actuator) -> dict[str, Any]:
     return {
-        "name": check.condition.name,
-        "verdict": check.verdict,
-        "reasons": check.burst.reasons,
-        "accept_unfit": check.condition.accept_unfit,
-        "burst": asdict(check.condition.burst),
-        "duration_s": check.condition.burst.duration_s,
-        "peak_hz": check.burst.peak_hz,
-        "band_hz": check.burst.band_hz,
-        "energy_above_cutoff": check.burst.energy_above_cutoff,
-        "staircase_energy_above_cutoff": check.burst.staircase_energy_above_cutoff,
+        "name": actuator.label,
+        "side": actuator.side,
+        "shape": actuator.shape,
+        "x_m": actuator.x_m,
+        "y_m": actuator.y_m,
+        "diameter_m": actuator.diameter_m,
+        "length_x_m": actuator.length_x_m,
+        "length_y_m": actuator.length_y_m,
+        "finger_diameter_m": actuator.finger_diameter_m,
+    }
+
+
+def _condition_facts(check: StudyCheck, found: ConditionCheck) -> dict[str, Any]:
+    condition = found.condition
+    return {
+        "name": condition.name,
+        "verdict": found.verdict,
+        "reasons": found.reasons,
+        "accept_unfit": condition.accept_unfit,
+        "burst": stimulus_facts(condition),
+        "duration_s": condition.burst.duration_s,
+        "peak_hz": found.burst.peak_hz,
+        "band_hz": found.burst.band_hz,
+        "energy_above_cutoff": found.burst.energy_above_cutoff,
+        "staircase_energy_above_cutoff": found.burst.staircase_energy_above_cutoff,
+        "displacements": displacement_facts(check, found),
     }
 
 
@@ -105,21 +126,22 @@ def check_text(check: StudyCheck, file_name: str) -> str:
     >>> from experiment.study import paper_study
     >>> from experiment.study_check import check_study
     >>> print(check_text(check_study(paper_study()), "study.toml").splitlines()[-1])
-    verdict        fit: the bursts' energy stays below the strip's cut-off
+    verdict        fit: below the strip's cut-off, and masked at the other finger
     """
     study = check.study
     lines = [_line("study", f"{study.name} ({file_name}), sha256 {study.sha256[:12]}")]
     lines += _strip_lines(check)
     for actuator in study.actuators:
-        lines.append(_line(actuator.side, _actuator_text(actuator)))
+        lines.append(_line(actuator.label, _actuator_text(actuator)))
     for condition in check.conditions:
-        lines += ["", *_condition_lines(condition)]
+        lines += ["", *_condition_lines(condition), *displacement_lines(check, condition)]
+        lines += _verdict_lines(condition)
     lines += ["", *_plan_lines(check), "", _line("verdict", _VERDICTS[check.verdict])]
     return "\n".join(lines)
 
 
 def _line(name: str, text: str) -> str:
-    return f"{name:{_COLUMN}}{text}"
+    return f"{name:{COLUMN}}{text}"
 
 
 def _strip_lines(check: StudyCheck) -> list[str]:
@@ -165,18 +187,15 @@ def _actuator_text(actuator: Actuator) -> str:
 
 
 def _condition_lines(check: ConditionCheck) -> list[str]:
-    burst, found = check.condition.burst, check.burst
-    cycles = "1 cycle" if burst.cycles == 1 else f"{burst.cycles} cycles"
-    window = "no window" if burst.window == "none" else f"{burst.window} window"
+    found = check.burst
     lower_hz, upper_hz = found.band_hz
-    lines = [
+    ideal = "ideal burst's" if isinstance(check.condition.burst, Burst) else "samples'"
+    return [
         _line("condition", f"{check.condition.name}: {check.verdict}"),
-        _line(
-            "burst",
-            f"{cycles} of {burst.frequency_hz:g} Hz, {window}, {burst.duration_s * 1e3:g} ms",
-        ),
+        _line("burst", _burst_text(check.condition)),
+        *_auto_lines(check.condition),
         _line("band", f"{lower_hz:.1f} to {upper_hz:.1f} Hz at half power"),
-        _line("above cut-off", f"{found.energy_above_cutoff:.2e} of the ideal burst's energy"),
+        _line("above cut-off", f"{found.energy_above_cutoff:.2e} of the {ideal} energy"),
         _line(
             "",
             f"{found.staircase_energy_above_cutoff:.2e} of its staircase's at "
@@ -184,7 +203,34 @@ def _condition_lines(check: ConditionCheck) -> list[str]:
         ),
         _line("", f"{found.max_energy_above_cutoff:.2e} is the limit"),
     ]
-    lines += [_line("unfit", reason) for reason in found.reasons]
+
+
+def _burst_text(condition: Condition) -> str:
+    burst = condition.burst
+    if not isinstance(burst, Burst):
+        return f"{condition.file}, scaled to a peak of 1, {burst.duration_s * 1e3:g} ms"
+    cycles = "1 cycle" if burst.cycles == 1 else f"{burst.cycles} cycles"
+    window = "no window" if burst.window == "none" else f"{burst.window} window"
+    return f"{cycles} of {burst.frequency_hz:g} Hz, {window}, {burst.duration_s * 1e3:g} ms"
+
+
+def _auto_lines(condition: Condition) -> list[str]:
+    """Say what a window that the program chose costs."""
+    auto = condition.auto
+    if auto is None:
+        return []
+    extra_s = condition.burst.duration_s - auto.stated_s
+    return [
+        _line(
+            "window = auto",
+            f"the shortest with {auto.wanted_level_db:g} dB at the other finger; it costs "
+            f"{extra_s * 1e3:g} ms more than the {auto.stated_s * 1e3:g} ms stated",
+        )
+    ]
+
+
+def _verdict_lines(check: ConditionCheck) -> list[str]:
+    lines = [_line("unfit", reason) for reason in check.reasons]
     if check.verdict == "accepted":
         lines.append(_line("accepted", f"{check.condition.accept_unfit}"))
     return lines

@@ -86,16 +86,16 @@ def run(
     from experiment.conduct import Setting, begin, resume
     from experiment.interrupts import StopSignal
     from experiment.rig import DRIVERS
-    from experiment.study import read_levels, read_study
+    from experiment.study import read_levels, study_from_canonical
 
     stop = StopSignal()
     with stop.on_signals():
         folder = SessionFolder(out, participant, session)
-        study = read_study(study_file)
         levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
         resuming = resuming or resume_anyway
         plan_of = _plan_to_resume if resuming else _new_plan
-        plan = plan_of(folder, study, seed, levels_vpp)
+        plan = plan_of(folder, study_file, seed, levels_vpp)
+        study = study_from_canonical(plan.study)
         clock = VirtualClock() if responder == "simulated" else MonotonicClock()
         with _responder(responder, study, plan, clock) as someone, _failures():
             setting = Setting(
@@ -110,12 +110,17 @@ def run(
 
 
 def _new_plan(
-    folder: SessionFolder, study: Study, seed: int | None, levels_vpp: tuple[float, ...] | None
+    folder: SessionFolder,
+    study_file: Path,
+    seed: int | None,
+    levels_vpp: tuple[float, ...] | None,
 ) -> Plan:
     from experiment.draw import draw_plan
+    from experiment.study import read_study
 
     folder.refuse_existing()
-    require_fit(study)
+    study = read_study(study_file)
+    gains = require_fit(study).gains
     seed = secrets.randbits(32) if seed is None else seed
     plan = draw_plan(
         study,
@@ -123,22 +128,27 @@ def _new_plan(
         session=folder.session,
         seed=seed,
         levels_vpp=levels_vpp,
+        gains=gains,
     )
     click.echo(f"seed {seed}")
     return plan
 
 
 def _plan_to_resume(
-    folder: SessionFolder, study: Study, seed: int | None, levels_vpp: tuple[float, ...] | None
+    folder: SessionFolder,
+    study_file: Path,
+    seed: int | None,
+    levels_vpp: tuple[float, ...] | None,
 ) -> Plan:
     """Return the session's plan; refuse options that say otherwise than it does."""
     from experiment.study import study_from_canonical
+    from experiment.study_recorded import is_recorded
 
     plan = folder.read_plan()
-    if study.sha256 != plan.file_sha256:
+    if not is_recorded(study_file, plan):
         raise CommandError(
-            "STUDY is not the study that this session was begun with "
-            f"(sha256 {plan.file_sha256[:12]}...); got {study.sha256[:12]}..."
+            f"STUDY is not the study that this session was begun with; got {study_file}, of "
+            f"another sha256 than {plan.file_sha256[:12]}..."
         )
     if seed is not None and seed != plan.seed:
         raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")

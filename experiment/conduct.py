@@ -14,7 +14,7 @@ from device.driver import Outcome
 from experiment.archive import ArchiveError
 from experiment.record import NOT_AVAILABLE
 from experiment.session import Session, delivery_facts, trial_name
-from experiment.stimulus import host_limits, require_suitable
+from experiment.stimulus import host_limits, require_suitable, stimulus_facts
 from experiment.study import study_from_canonical
 from experiment.study_check import check_study
 
@@ -281,7 +281,8 @@ _UNKNOWN_YET = (
 
 def _header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
     """List what is worth knowing of a session and is not part of the plan."""
-    accepted = [c.condition for c in check_study(study).conditions if c.verdict == "accepted"]
+    check = check_study(study, plan.gains)
+    accepted = [c.condition for c in check.conditions if c.verdict == "accepted"]
     return {
         "schema": 1,
         "begun": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -291,6 +292,7 @@ def _header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> d
         "responses": plan.responses,
         "masking_noise": study.masking.noise,
         "masking_noise_played": False,
+        "stimuli": {c.name: stimulus_facts(c) for c in study.conditions},
         "unfit_stimuli_accepted": {c.name: c.accept_unfit for c in accepted},
         "platform": platform.platform(),
         "python": platform.python_version(),

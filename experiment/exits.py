@@ -12,6 +12,7 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from experiment.study_check import StudyCheck
     from experiment.study_values import Study
 
 ANSWER_IS_NO: Final = 1
@@ -91,8 +92,8 @@ def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
     return guarded
 
 
-def require_fit(study: Study) -> None:
-    """End the command where a stimulus of the study is unfit for its strip.
+def require_fit(study: Study) -> StudyCheck:
+    """Return the check of a study, or end the command where a stimulus of it is unfit.
 
     Parameters
     ----------
@@ -102,15 +103,17 @@ def require_fit(study: Study) -> None:
     Raises
     ------
     CommandError
-        With exit code 1, if a burst puts too much energy above the strip's cut-off and the study
-        does not accept that.
+        With exit code 1, if a burst puts too much energy above the strip's cut-off or is too
+        strong at the other finger, and the study does not accept that.
     """
     from experiment.study_check import check_study
 
-    for found in check_study(study).conditions:
+    check = check_study(study)
+    for found in check.conditions:
         if found.verdict == "unfit":
             raise CommandError(
                 f"the stimulus of condition {found.condition.name} is unfit for this strip: "
-                f'{"; ".join(found.burst.reasons)}; accept_unfit = "reason" runs it on purpose',
+                f'{"; ".join(found.reasons)}; accept_unfit = "reason" runs it on purpose',
                 exit_code=ANSWER_IS_NO,
             )
+    return check

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from experiment.gains import OWN_FINGER_ONLY, FingerGains
 from experiment.record import ANSWERS
 from stimuli.checks import finite, finite_array
 
@@ -28,7 +29,7 @@ FASTEST_ANSWER_S = 0.15
 
 _MASKING_RATIO: float = 10.0 ** (MASKING_DB / 20)
 _ROUNDING = 1.0 + 1e-12
-"""Levels that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
+"""Amplitudes that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
 _SQRT_2 = math.sqrt(2.0)
 
 
@@ -126,14 +127,17 @@ NO_ANSWER = ObserverAnswer(response=None, rt_s=None)
 class Observer:
     """One simulated participant.
 
-    Each finger gets its own level plus what reaches it from the other side; the amplitudes add. It
-    feels it with Phi(log10(V / threshold) / sigma), independently of the other, but not at all if
-    the other gets 20 dB more (`MASKING_DB`).
+    Each finger gets the displacement of its own actuator plus what reaches it from the other; the
+    amplitudes add. It feels an amplitude u with Phi(log10(u / threshold) / sigma), independently of
+    the other finger, but not at all if the other gets 20 dB more (`MASKING_DB`); equations (28),
+    (29) and (71) of docs/model.md.
 
     Attributes
     ----------
-    threshold_vpp : float
-        Level felt half of the time by one finger.
+    threshold_um : float or None
+        Displacement felt half of the time by one finger, um.
+    threshold_vpp : float or None
+        The same as the level at the finger's own actuator; one of the two is given.
     sigma : float
         Width of the psychometric function in units of log10(level).
     lapse_rate : float
@@ -144,8 +148,9 @@ class Observer:
         Probability of ``left`` in a guess between left and right.
     guess_both : float
         Probability of ``both`` in a guess where it is offered.
-    crosstalk_db : float
-        Amplitude of the burst at the other finger, dB re its amplitude at its own finger.
+    crosstalk_db : float or None
+        Amplitude of the burst at the other finger, dB re its amplitude at its own finger, if it is
+        to be another than that of the gain matrix.
     reaction_time_s : float
         Median reaction time to a stimulus that is always felt.
     reaction_time_spread : float
@@ -154,54 +159,63 @@ class Observer:
     Raises
     ------
     ValueError
-        If a value is out of its range.
+        If a value is out of its range, or not one of the two thresholds is given.
 
     Examples
     --------
     >>> from experiment.study import paper_study
     >>> person = paper_study().simulation.median
-    >>> person.felt_probability(person.threshold_vpp), person.felt_probability(0.0)
+    >>> person.felt_probability(1.0), person.felt_probability(0.0)
     (0.5, 0.0)
     """
 
-    threshold_vpp: float
+    threshold_um: float | None = None
+    threshold_vpp: float | None = None
     sigma: float
     lapse_rate: float
     false_alarm_rate: float
     side_bias: float
     guess_both: float
-    crosstalk_db: float
+    crosstalk_db: float | None = None
     reaction_time_s: float
     reaction_time_spread: float
 
     def __post_init__(self) -> None:
-        finite("threshold_vpp", self.threshold_vpp, above=0)
+        if (self.threshold_um is None) == (self.threshold_vpp is None):
+            raise ValueError(
+                "threshold_um or threshold_vpp must be given, not both; "
+                f"got {self.threshold_um!r} and {self.threshold_vpp!r}"
+            )
+        for name in ("threshold_um", "threshold_vpp"):
+            if getattr(self, name) is not None:
+                finite(name, getattr(self, name), above=0)
         finite("sigma", self.sigma, above=0, most=10)
         for name in ("lapse_rate", "false_alarm_rate", "side_bias", "guess_both"):
             finite(name, getattr(self, name), least=0, most=1)
-        finite("crosstalk_db", self.crosstalk_db, least=-200, most=0)
+        if self.crosstalk_db is not None:
+            finite("crosstalk_db", self.crosstalk_db, least=-200, most=0)
         finite("reaction_time_s", self.reaction_time_s, above=FASTEST_ANSWER_S, most=60)
         finite("reaction_time_spread", self.reaction_time_spread, least=0, most=5)
 
-    def felt_probability(self, level_vpp: float) -> float:
-        """Return the probability that one finger, not masked, feels a level.
+    def felt_probability(self, strength: float) -> float:
+        """Return the probability that one finger, not masked, feels a vibration.
 
         The psychometric function without guesses and lapses (docs/model.md).
 
         Parameters
         ----------
-        level_vpp : float
-            Level at that finger, 0 or more.
+        strength : float
+            Its amplitude over the threshold, 0 or more.
 
         Raises
         ------
         ValueError
-            If the level is negative or not finite.
+            If the strength is negative or not finite.
         """
-        finite("level_vpp", level_vpp, least=0)
-        if level_vpp == 0:
+        finite("strength", strength, least=0)
+        if strength == 0:
             return 0.0
-        z = (math.log10(level_vpp) - math.log10(self.threshold_vpp)) / self.sigma
+        z = math.log10(strength) / self.sigma
         return 0.5 * math.erfc(-z / _SQRT_2)
 
     def answer(
@@ -211,6 +225,8 @@ class Observer:
         responses: tuple[str, ...],
         rng: np.random.Generator,
         response_window_s: float,
+        *,
+        gains: FingerGains = OWN_FINGER_ONLY,
     ) -> ObserverAnswer:
         """Draw the answer to one trial.
 
@@ -224,6 +240,8 @@ class Observer:
             Where chance comes from.
         response_window_s : float
             Longest time to answer.
+        gains : FingerGains
+            What the fingers get of the two actuators.
 
         Returns
         -------
@@ -233,40 +251,58 @@ class Observer:
         Raises
         ------
         ValueError
-            If a level is negative or not finite, or the responses are not such a list.
+            If a level is negative or not finite, the responses are not such a list, or a
+            threshold in um meets gains without displacements.
         """
         finite("level_left_vpp", level_left_vpp, least=0)
         finite("level_right_vpp", level_right_vpp, least=0)
         _require_responses(responses)
-        leak: float = 10.0 ** (self.crosstalk_db / 20)
-        fingers_vpp = (
-            level_left_vpp + leak * level_right_vpp,
-            level_right_vpp + leak * level_left_vpp,
+        if self.crosstalk_db is not None:
+            gains = gains.with_crosstalk(self.crosstalk_db)
+        amplitudes = gains.amplitudes(level_left_vpp, level_right_vpp)
+        thresholds = self._thresholds(gains)
+        chances = (
+            self.felt_probability(amplitudes[0] / thresholds[0]),
+            self.felt_probability(amplitudes[1] / thresholds[1]),
         )
-        rt_s = self._reaction_time_s(self.felt_probability(max(fingers_vpp)), rng)
+        rt_s = self._reaction_time_s(max(chances), rng)
         if rng.random() < self.lapse_rate:
             response = responses[int(rng.random() * len(responses))]
         else:
-            response = self._respond(fingers_vpp, responses, rng)
+            response = self._respond(amplitudes, chances, responses, rng)
         if rt_s > response_window_s:
             return NO_ANSWER
         return ObserverAnswer(response=response, rt_s=rt_s)
 
+    def _thresholds(self, gains: FingerGains) -> tuple[float, float]:
+        """Return the thresholds of the left and the right finger, in the unit of the gains."""
+        if self.threshold_vpp is not None:
+            return self.threshold_vpp * gains.left[0], self.threshold_vpp * gains.right[1]
+        if self.threshold_um is None or gains.basis is None:
+            raise ValueError(
+                "threshold_um must meet gains in um; got gains of which no displacement is known"
+            )
+        return self.threshold_um, self.threshold_um
+
     def _respond(
-        self, fingers_vpp: tuple[float, float], responses: tuple[str, ...], rng: np.random.Generator
+        self,
+        amplitudes: tuple[float, float],
+        chances: tuple[float, float],
+        responses: tuple[str, ...],
+        rng: np.random.Generator,
     ) -> str:
-        """Say what was felt, or guess; the levels are those of the left and the right finger."""
-        left_vpp, right_vpp = fingers_vpp
-        felt_left = rng.random() < self.felt_probability(left_vpp)
-        felt_right = rng.random() < self.felt_probability(right_vpp)
-        felt_left = felt_left and not _masked(left_vpp, right_vpp)
-        felt_right = felt_right and not _masked(right_vpp, left_vpp)
+        """Say what was felt, or guess; the pairs are those of the left and the right finger."""
+        left, right = amplitudes
+        felt_left = rng.random() < chances[0]
+        felt_right = rng.random() < chances[1]
+        felt_left = felt_left and not _masked(left, right)
+        felt_right = felt_right and not _masked(right, left)
         if felt_left and felt_right and "both" in responses:
             return "both"
         if felt_left != felt_right:
             return "left" if felt_left else "right"
-        if felt_left and left_vpp != right_vpp:
-            return "left" if left_vpp > right_vpp else "right"
+        if felt_left and left != right:
+            return "left" if left > right else "right"
         if not felt_left and "none" in responses and rng.random() >= self.false_alarm_rate:
             return "none"
         return self._guess(responses, rng)
@@ -284,9 +320,9 @@ class Observer:
         )
 
 
-def _masked(level_vpp: float, other_vpp: float) -> bool:
+def _masked(amplitude: float, other: float) -> bool:
     """Tell whether a finger feels nothing because the other gets `MASKING_DB` more."""
-    return level_vpp * _MASKING_RATIO <= other_vpp * _ROUNDING
+    return amplitude * _MASKING_RATIO <= other * _ROUNDING
 
 
 def _require_responses(responses: tuple[str, ...]) -> None:
@@ -319,5 +355,7 @@ def draw_observer(simulation: Simulation, rng: np.random.Generator) -> Observer:
     True
     """
     offset_db = simulation.threshold_sd_db * rng.standard_normal()
-    threshold_vpp = simulation.median.threshold_vpp * 10.0 ** (offset_db / 20)
-    return replace(simulation.median, threshold_vpp=threshold_vpp)
+    factor = 10.0 ** (offset_db / 20)
+    median = simulation.median
+    name = "threshold_vpp" if median.threshold_um is None else "threshold_um"
+    return replace(median, **{name: getattr(median, name) * factor})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stimuli import Fingertip, Load, MomentDisc, MomentRectangle, Strip
+from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
 
 if TYPE_CHECKING:
     from experiment.actuator import Actuator
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def loads_of(study: Study) -> tuple[Load, ...]:
-    """Return the load of each actuator of a study: a bonded patch of 1 N m per metre.
+    """Return the load of each actuator of a study: a bonded patch of 1 N m per metre, or 1 N.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def loads_of(study: Study) -> tuple[Load, ...]:
     -------
     tuple of Load
         In the order of the study's actuators; a disc is a `MomentDisc`, a rectangle a
-        `MomentRectangle`.
+        `MomentRectangle`, a motor a `ForceRectangle` over its contact.
 
     Examples
     --------
@@ -37,7 +37,7 @@ def loads_of(study: Study) -> tuple[Load, ...]:
 
 
 def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
-    """Return the fingertip above the centre of each actuator: left, right.
+    """Return the fingertip above the centre of each actuator: left, right, then the others.
 
     Parameters
     ----------
@@ -50,7 +50,10 @@ def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
     >>> [(finger.x_m, finger.radius_m) for finger in fingertips_of(paper_study())]
     [(-0.035, 0.005), (0.035, 0.005)]
     """
-    return tuple(Fingertip(x_m=one.x_m, y_m=one.y_m) for one in study.actuators)
+    return tuple(
+        Fingertip(x_m=one.x_m, y_m=one.y_m, radius_m=one.finger_diameter_m / 2)
+        for one in study.actuators
+    )
 
 
 def field_strip(study: Study) -> Strip:
@@ -74,7 +77,8 @@ def _load(actuator: Actuator) -> Load:
     x_m, y_m = actuator.x_m, actuator.y_m
     if actuator.diameter_m is not None:
         return MomentDisc(x_m=x_m, y_m=y_m, radius_m=actuator.diameter_m / 2)
-    return MomentRectangle(
+    shape = ForceRectangle if actuator.shape == "motor" else MomentRectangle
+    return shape(
         x_m=x_m,
         y_m=y_m,
         length_x_m=actuator.length_x_m or 0.0,

@@ -10,16 +10,18 @@ from device.clock import VirtualClock
 from experiment.archive import SessionFolder
 from experiment.conduct import Setting, begin
 from experiment.draw import draw_plan
+from experiment.felt_gains import study_gains
 from experiment.interrupts import StopSignal
 from experiment.observer import draw_observer
 from experiment.responder import Press
 from experiment.rig import mock_device
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from device.clock import Clock
+    from experiment.gains import ConditionGains, FingerGains
     from experiment.observer import Observer
     from experiment.plan import Plan
     from experiment.responder import Progress, Question
@@ -43,17 +45,26 @@ class SimulatedResponder:
         Every trial's chance is drawn from this seed, the trial's number and the attempt.
     responses : tuple of str
         The answers offered.
+    gains : mapping
+        What the fingers get, by the number of the trial.
     """
 
     simulated = True
 
     def __init__(
-        self, observer: Observer, clock: Clock, *, seed: int, responses: tuple[str, ...]
+        self,
+        observer: Observer,
+        clock: Clock,
+        *,
+        seed: int,
+        responses: tuple[str, ...],
+        gains: Mapping[int, FingerGains],
     ) -> None:
         self._observer = observer
         self._clock = clock
         self._seed = seed
         self._responses = responses
+        self._gains = gains
 
     def cue(self, progress: Progress) -> None:
         """See the cue."""
@@ -72,6 +83,7 @@ class SimulatedResponder:
             responses=self._responses,
             rng=rng,
             response_window_s=question.window_s,
+            gains=self._gains[question.trial],
         )
         if answer.response is None or answer.rt_s is None:
             self._wait_until(question.onset_s + question.window_s)
@@ -96,7 +108,15 @@ def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResp
     """Draw a participant from the study's simulated population by the plan's seed."""
     rng = np.random.default_rng((plan.seed, _OBSERVER_STREAM))
     observer = draw_observer(study.simulation, rng)
-    return SimulatedResponder(observer, clock, seed=plan.seed, responses=plan.responses)
+    of_condition = {c.name: plan.gains_of(c.name) for c in study.conditions}
+    trials = (*plan.trials, *plan.warm_up)
+    return SimulatedResponder(
+        observer,
+        clock,
+        seed=plan.seed,
+        responses=plan.responses,
+        gains={trial.number: of_condition[trial.condition] for trial in trials},
+    )
 
 
 _OBSERVER_STREAM = 2**32 - 1
@@ -104,7 +124,12 @@ _OBSERVER_STREAM = 2**32 - 1
 
 
 def simulate_study(
-    study: Study, root: Path, *, participants: int, seed: int
+    study: Study,
+    root: Path,
+    *,
+    participants: int,
+    seed: int,
+    gains: tuple[ConditionGains, ...] | None = None,
 ) -> Iterator[SessionFolder]:
     """Run one session each of simulated participants on mock devices and virtual clocks.
 
@@ -118,6 +143,8 @@ def simulate_study(
         How many, at least 1.
     seed : int
         The same seed gives the same trials.csv.
+    gains : tuple of ConditionGains, optional
+        The study's gain matrix, where it was computed already.
 
     Yields
     ------
@@ -129,6 +156,7 @@ def simulate_study(
     SimulationError
         If the mock device refuses a stimulus.
     """
+    gains = study_gains(study) if gains is None else gains
     children = np.random.SeedSequence(seed).spawn(participants)
     for number, child in enumerate(children, start=1):
         folder = SessionFolder(root, f"{number:02d}", "01", durable=False)
@@ -137,6 +165,7 @@ def simulate_study(
             participant=folder.participant,
             session=folder.session,
             seed=int(child.generate_state(1)[0]),
+            gains=gains,
         )
         clock = VirtualClock()
         setting = Setting(

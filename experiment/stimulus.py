@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from device.driver import Rejected
 from device.limits import Limits, check_waveforms
+from stimuli import Burst
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,8 +41,21 @@ def drive_samples(condition: Condition, settings: DeviceSettings) -> NDArray[np.
         The study's device settings, with the sample rate.
     """
     samples = condition.burst.samples(settings.sample_rate_hz)
-    scaled: NDArray[np.float64] = samples / np.max(np.abs(samples))
+    scaled: NDArray[np.float64] = samples / unscaled_peak(condition, settings)
     return scaled
+
+
+def unscaled_peak(condition: Condition, settings: DeviceSettings) -> float:
+    """Return the greatest absolute value of a condition's samples before they are scaled.
+
+    Parameters
+    ----------
+    condition : Condition
+        The condition, with its burst.
+    settings : DeviceSettings
+        The study's device settings, with the sample rate.
+    """
+    return float(np.max(np.abs(condition.burst.samples(settings.sample_rate_hz))))
 
 
 def load_condition(device: BurstDevice, condition: Condition, settings: DeviceSettings) -> None:
@@ -131,3 +145,29 @@ def require_suitable(study: Study, identity: Identity) -> None:
                 f"condition {condition.name}: the burst cannot be played at "
                 f"device.sample_rate_hz = {settings.sample_rate_hz:g}: {refusal}"
             ) from refusal
+
+
+def stimulus_facts(condition: Condition) -> dict[str, Any]:
+    """List what is played in a condition, for people and programs; keys carry their SI unit.
+
+    Parameters
+    ----------
+    condition : Condition
+        The condition, with its burst.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> stimulus_facts(paper_study().conditions[0])
+    {'frequency_hz': 500.0, 'cycles': 1, 'window': 'none'}
+    """
+    burst = condition.burst
+    if isinstance(burst, Burst):
+        auto = condition.auto
+        return asdict(burst) | ({} if auto is None else {"wanted_level_db": auto.wanted_level_db})
+    samples = burst.samples(burst.sample_rate_hz)
+    return {
+        "file": condition.file,
+        "sample_rate_hz": burst.sample_rate_hz,
+        "samples": int(samples.size),
+    }

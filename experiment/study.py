@@ -73,7 +73,7 @@ def read_study(path: Path | str) -> Study:
         If there is no such file or it is not a study; one line that names file, key, what is
         allowed and what it got.
     """
-    return study_from_text(_read_text(Path(path)), str(path))
+    return study_from_text(read_text(Path(path)), str(path))
 
 
 def study_from_text(text: str, file_name: str) -> Study:
@@ -84,7 +84,7 @@ def study_from_text(text: str, file_name: str) -> Study:
     text : str
         The text of a study file.
     file_name : str
-        What an error calls it.
+        What an error calls it; files that the study names lie in the same folder.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def study_from_text(text: str, file_name: str) -> Study:
     >>> study_from_text(text, "study.toml") == paper_study()
     True
     """
-    return _study(_parsed(text, file_name), file_name)
+    return _study(parsed(text, file_name), file_name, folder=Path(file_name).parent)
 
 
 def study_from_canonical(text: str) -> Study:
@@ -173,7 +173,7 @@ def read_levels(path: Path | str, participant: str) -> tuple[float, ...]:
     StudyError
         If there is no such file, it is no list of levels, or it is somebody else's.
     """
-    table = _parsed(_read_text(Path(path)), str(path))
+    table = parsed(read_text(Path(path)), str(path))
     known = ("levels_vpp", "participant")
     for key in table:
         if key not in known:
@@ -191,7 +191,8 @@ def read_levels(path: Path | str, participant: str) -> tuple[float, ...]:
     return tuple(float(level_vpp) for level_vpp in levels_vpp)
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the text of a file in UTF-8, or refuse it in one line."""
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -207,7 +208,8 @@ def _read_text(path: Path) -> str:
         ) from error
 
 
-def _parsed(text: str, file_name: str) -> dict[str, Any]:
+def parsed(text: str, file_name: str) -> dict[str, Any]:
+    """Return the tables of a TOML text, or refuse it with its line."""
     try:
         return tomllib.loads(text)
     except RecursionError as error:
@@ -225,11 +227,11 @@ def _place(message: str, text: str) -> tuple[str, int, str]:
     return message[: found.start()], int(found["line"]), f" (column {found['column']})"
 
 
-def _study(tables: Mapping[str, Any], where: str) -> Study:
-    from experiment.study_build import built_study
+def _study(tables: Mapping[str, Any], where: str, folder: Path | None = None) -> Study:
     from experiment.study_faults import checked_tables
+    from experiment.study_settle import settle
 
     try:
-        return built_study(checked_tables(tables))
+        return settle(checked_tables(tables), folder, recorded=None)
     except ValueError as error:
         raise StudyError(f"{where}: {error}") from error

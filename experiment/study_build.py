@@ -2,28 +2,47 @@
 
 from __future__ import annotations
 
+import base64
+import binascii
 import hashlib
 import json
-from typing import TYPE_CHECKING, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, TypeVar
+
+import numpy as np
 
 from experiment.actuator import Actuator
+from experiment.burst_tables import SINE_KEYS
 from experiment.design import Design
 from experiment.observer import Observer
-from experiment.study_values import Condition, DeviceSettings, Masking, Simulation, Study
-from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst, ElasticEdge, IdealEdge, Material, Strip
+from experiment.plate_tables import CARRIER_KEYS, MEASURED_KEYS, PIEZO_KEYS
+from experiment.study_values import (
+    AutoWindow,
+    Condition,
+    DeviceSettings,
+    Masking,
+    Simulation,
+    Study,
+)
+from stimuli import (
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    ElasticEdge,
+    IdealEdge,
+    Material,
+    MeasuredDisplacement,
+    PiezoLayers,
+    SampledDrive,
+    Strip,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from experiment.study_tables import (
-        ActuatorTable,
-        BurstTable,
-        ConditionTable,
-        DesignTable,
-        SimulationTable,
-        StripTable,
-        StudyTables,
-    )
+    from experiment.burst_tables import BurstTable, ConditionTable
+    from experiment.plate_tables import ActuatorTable, StripTable
+    from experiment.study_tables import DesignTable, SimulationTable, StudyTables
 
 _Table = TypeVar("_Table")
 _Value = TypeVar("_Value")
@@ -51,12 +70,17 @@ def built_study(tables: StudyTables) -> Study:
         strip=_at("strip", _strip, tables.strip),
         edge_basis=tables.strip.edge,
         actuators=_each("actuator", _actuator, tables.actuator),
-        conditions=_each("condition", _condition, tables.condition),
+        conditions=_each(
+            "condition",
+            lambda table: _condition(table, tables.device.sample_rate_hz),
+            tables.condition,
+        ),
         design=_at("design", _design, tables.design),
         device=_at("device", lambda table: DeviceSettings(**table.model_dump()), tables.device),
         masking=_at("masking", lambda table: Masking(**table.model_dump()), tables.masking),
         simulation=_at("simulation", _simulation, tables.simulation),
         max_energy_above_cutoff=tables.burst.max_energy_above_cutoff,
+        masking_limit_db=tables.burst.masking_limit_db,
         canonical=canonical,
         sha256=hashlib.sha256(canonical.encode()).hexdigest(),
     )
@@ -85,6 +109,8 @@ def _strip(table: StripTable) -> Strip:
             youngs_modulus_pa=table.youngs_modulus_gpa * 1e9,
             poisson_ratio=table.poisson_ratio,
             density_kg_m3=table.density_kg_m3,
+            loss_factor=table.loss_factor,
+            viscous_time_s=table.viscous_time_us / 1e6,
         ),
         edge=_edge(table),
     )
@@ -108,20 +134,110 @@ def _edge(table: StripTable) -> IdealEdge | ElasticEdge:
 
 
 def _actuator(table: ActuatorTable) -> Actuator:
-    lengths_mm = table.model_dump(exclude={"side", "shape"}, exclude_none=True)
-    lengths_m = {f"{key[:-3]}_m": length_mm / 1e3 for key, length_mm in lengths_mm.items()}
-    return Actuator(side=table.side, shape=table.shape, **lengths_m)
+    lengths_mm = {key: getattr(table, key) for key in _LENGTHS_MM}
+    lengths_m = {
+        f"{key[:-3]}_m": length_mm / 1e3
+        for key, length_mm in lengths_mm.items()
+        if length_mm is not None
+    }
+    return Actuator(
+        side=table.side, name=table.name, shape=table.shape, basis=_basis(table), **lengths_m
+    )
+
+
+_LENGTHS_MM: Final = (
+    "x_mm",
+    "y_mm",
+    "diameter_mm",
+    "length_x_mm",
+    "length_y_mm",
+    "finger_diameter_mm",
+)
+
+
+def _basis(table: ActuatorTable) -> MeasuredDisplacement | PiezoLayers | None:
+    """Return what is known of the displacement; a refusal names the value as the file's key."""
+    try:
+        if table.measured_displacement_um is not None:
+            return _measured(table)
+        return None if table.piezo_thickness_mm is None else _layers(table)
+    except ValueError as error:
+        sort = "piezo" if table.measured_displacement_um is None else "measured"
+        prefix = "" if str(error).startswith("carrier") else f"{sort}_"
+        raise ValueError(f"{prefix}{error}") from error
+
+
+def _measured(table: ActuatorTable) -> MeasuredDisplacement:
+    displacement_um, level_vpp, frequency_hz = _given(table, MEASURED_KEYS)
+    return MeasuredDisplacement(
+        displacement_m=displacement_um / 1e6, level_vpp=level_vpp, frequency_hz=frequency_hz
+    )
+
+
+def _layers(table: ActuatorTable) -> PiezoLayers:
+    thickness_mm, modulus_gpa, poisson_ratio, d31_pm_v = _given(table, PIEZO_KEYS)
+    layers = PiezoLayers(
+        thickness_m=thickness_mm / 1e3,
+        youngs_modulus_pa=modulus_gpa * 1e9,
+        poisson_ratio=poisson_ratio,
+        d31_m_v=d31_pm_v / 1e12,
+    )
+    if table.carrier_thickness_mm is None:
+        return layers
+    carrier_mm, carrier_gpa, carrier_ratio = _given(table, CARRIER_KEYS)
+    return replace(
+        layers,
+        carrier_thickness_m=carrier_mm / 1e3,
+        carrier_youngs_modulus_pa=carrier_gpa * 1e9,
+        carrier_poisson_ratio=carrier_ratio,
+    )
+
+
+def _given(table: ActuatorTable, keys: Iterable[str]) -> list[float]:
+    return [getattr(table, key) for key in keys]
 
 
 def _require_burst(table: BurstTable) -> None:
     """Refuse [burst] by its own name, before the conditions that take it over."""
-    burst = Burst(frequency_hz=table.frequency_hz, cycles=table.cycles, window=table.window)
-    Condition(name="burst", burst=burst, accept_unfit=table.accept_unfit)
+    if table.file is None:
+        _sine(table)
+    if table.accept_unfit is not None:
+        burst = Burst(frequency_hz=500.0)
+        Condition(name="burst", burst=burst, accept_unfit=table.accept_unfit)
 
 
-def _condition(table: ConditionTable) -> Condition:
-    keys = table.model_dump(exclude={"name", "accept_unfit"})
-    return Condition(name=table.name, burst=Burst(**keys), accept_unfit=table.accept_unfit)
+def _sine(table: BurstTable | ConditionTable) -> Burst:
+    """Return the burst as the file states it; without a window where it is to be chosen."""
+    if table.frequency_hz is None or table.cycles is None or table.window is None:
+        missing = next(key for key in SINE_KEYS if getattr(table, key) is None)
+        raise ValueError(f"{missing} is missing")
+    window = "none" if table.window == "auto" else table.window
+    return Burst(frequency_hz=table.frequency_hz, cycles=table.cycles, window=window)
+
+
+def _condition(table: ConditionTable, sample_rate_hz: float) -> Condition:
+    if table.file is not None:
+        burst: Burst | SampledDrive = _sampled(table, sample_rate_hz)
+        return Condition(
+            name=table.name, burst=burst, accept_unfit=table.accept_unfit, file=table.file
+        )
+    burst, auto = _sine(table), None
+    if table.wanted_level_db is not None:
+        auto = AutoWindow(wanted_level_db=table.wanted_level_db, stated_s=burst.duration_s)
+    if table.auto_cycles is not None and table.auto_window is not None:
+        burst = replace(burst, cycles=table.auto_cycles, window=table.auto_window)
+    return Condition(name=table.name, burst=burst, accept_unfit=table.accept_unfit, auto=auto)
+
+
+def _sampled(table: ConditionTable, sample_rate_hz: float) -> SampledDrive:
+    if table.samples_base64 is None:
+        raise ValueError(f"file was not read; got {table.file!r}")
+    try:
+        data = base64.b64decode(table.samples_base64, validate=True)
+        samples = np.frombuffer(data, dtype="<f8")
+    except (binascii.Error, ValueError) as error:
+        raise ValueError(f"samples_base64 must hold samples; got {error}") from error
+    return SampledDrive(samples=samples.astype(np.float64), sample_rate_hz=sample_rate_hz)
 
 
 def _design(table: DesignTable) -> Design:

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Final, Literal
 
 from device.clock import VirtualClock
 from experiment.draw import block_count
+from experiment.gains import OWN_FINGERS
 from experiment.rig import DRIVERS
 from experiment.stimulus import require_suitable
 from experiment.study_values import StudyError
-from stimuli import ElasticEdge, check_burst
+from stimuli import Burst, BurstCheck, ElasticEdge, SampledDrive, check_burst
 
 if TYPE_CHECKING:
+    from experiment.gains import ConditionGains
     from experiment.study_values import Condition, Study
-    from stimuli import BurstCheck
 
 Verdict = Literal["fit", "accepted", "unfit"]
 
@@ -25,7 +26,7 @@ ASSUMED_ANSWER_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionCheck:
-    """A condition and how its burst goes with the strip.
+    """A condition and how its burst goes with the strip and the fingers.
 
     Attributes
     ----------
@@ -33,15 +34,37 @@ class ConditionCheck:
         The condition.
     burst : BurstCheck
         What the check of its burst found.
+    gains : ConditionGains or None
+        What every finger gets of every actuator; none where nobody computed it.
+    masking_limit_db : float
+        By how much the level at the other finger must lie below that at the own.
     """
 
     condition: Condition
     burst: BurstCheck
+    gains: ConditionGains | None
+    masking_limit_db: float
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the stimulus is unfit, a sentence each; empty if it is fit."""
+        reasons = list(self.burst.reasons)
+        if self.gains is None:
+            return tuple(reasons)
+        for own, other in ((0, 1), (1, 0)):
+            level_db = self.gains.level_db(other, own)
+            if level_db > -self.masking_limit_db:
+                reasons.append(
+                    f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
+                    f"finger {level_db:.1f} dB re its own finger; the limit is "
+                    f"{-self.masking_limit_db:g} dB"
+                )
+        return tuple(reasons)
 
     @property
     def verdict(self) -> Verdict:
         """``accepted`` where the burst is unfit and the study says why it is wanted."""
-        if self.burst.fit:
+        if not self.reasons:
             return "fit"
         return "unfit" if self.condition.accept_unfit is None else "accepted"
 
@@ -75,6 +98,17 @@ class StudyCheck:
     duration_s: float
 
     @property
+    def gains(self) -> tuple[ConditionGains, ...]:
+        """The gain matrix of every condition, to be sealed into a plan."""
+        return tuple(one.gains for one in self.conditions if one.gains is not None)
+
+    @property
+    def highest_vpp(self) -> float:
+        """The highest level that is ever presented."""
+        design = self.study.design
+        return max(*design.levels_vpp, design.both_level_vpp or 0.0)
+
+    @property
     def verdict(self) -> Verdict:
         """The worst of the conditions' verdicts."""
         verdicts = {condition.verdict for condition in self.conditions}
@@ -97,13 +131,15 @@ class StudyCheck:
         return edge.stiffness_n if isinstance(edge, ElasticEdge) else None
 
 
-def check_study(study: Study) -> StudyCheck:
-    """Check every burst of a study against its strip, and count its trials.
+def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -> StudyCheck:
+    """Check every burst of a study against its strip and fingers, and count its trials.
 
     Parameters
     ----------
     study : Study
         The study.
+    gains : tuple of ConditionGains, optional
+        The gain matrices as a plan holds them, even if none; computed by default.
 
     Raises
     ------
@@ -119,12 +155,26 @@ def check_study(study: Study) -> StudyCheck:
     ('fit', 2900, 155, 5)
     """
     trials = study.design.trials * len(study.conditions)
-    conditions = tuple(_check_condition(study, condition) for condition in study.conditions)
+    bursts = [_check_burst(study, condition) for condition in study.conditions]
     try:
         blocks = block_count(study.design) * len(study.conditions)
         require_suitable(study, DRIVERS[study.device.driver](study, VirtualClock()).open())
     except ValueError as error:
         raise StudyError(f"study {study.name}: {error}") from error
+    if gains is None:
+        from experiment.felt_gains import study_gains
+
+        gains = study_gains(study)
+    gains_of = {one.condition: one for one in gains}
+    conditions = tuple(
+        ConditionCheck(
+            condition=condition,
+            burst=burst,
+            gains=gains_of.get(condition.name),
+            masking_limit_db=study.masking_limit_db,
+        )
+        for condition, burst in zip(study.conditions, bursts, strict=True)
+    )
     return StudyCheck(
         study=study,
         cutoff_hz=study.strip.cutoff_hz(),
@@ -135,20 +185,34 @@ def check_study(study: Study) -> StudyCheck:
     )
 
 
-def _check_condition(study: Study, condition: Condition) -> ConditionCheck:
+def _check_burst(study: Study, condition: Condition) -> BurstCheck:
     try:
-        burst = check_burst(
-            condition.burst,
-            study.strip,
-            sample_rate_hz=study.device.sample_rate_hz,
-            max_energy_above_cutoff=study.max_energy_above_cutoff,
-        )
+        return _check_drive(study, condition.burst)
     except ValueError as error:
         raise StudyError(
             f"study {study.name}: condition {condition.name}: [burst] and device.sample_rate_hz "
             f"do not go together: {error}"
         ) from error
-    return ConditionCheck(condition=condition, burst=burst)
+
+
+def _check_drive(study: Study, drive: Burst | SampledDrive) -> BurstCheck:
+    """Check the energy of a drive above the cut-off; a click's is that of its samples."""
+    rate_hz, limit = study.device.sample_rate_hz, study.max_energy_above_cutoff
+    if isinstance(drive, Burst):
+        return check_burst(
+            drive, study.strip, sample_rate_hz=rate_hz, max_energy_above_cutoff=limit
+        )
+    cutoff_hz = study.strip.cutoff_hz()
+    held = SampledDrive(samples=drive.values, sample_rate_hz=drive.sample_rate_hz, held=True)
+    return BurstCheck(
+        cutoff_hz=cutoff_hz,
+        peak_hz=drive.peak_hz(),
+        band_hz=drive.band_hz(),
+        energy_above_cutoff=drive.energy_above(cutoff_hz),
+        staircase_energy_above_cutoff=held.energy_above(cutoff_hz),
+        max_energy_above_cutoff=limit,
+        sample_rate_hz=rate_hz,
+    )
 
 
 def _duration_s(study: Study, trials: int, blocks: int) -> float:

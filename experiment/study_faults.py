@@ -96,7 +96,7 @@ def _fault(path: str, errors: list[ErrorDetails]) -> str:
     if first["type"] == "missing":
         return f"{path} is missing"
     if first["type"] == "value_error":
-        return f"{path}.{first['ctx']['error']}"
+        return f"{path}.{first['ctx']['error']}".removeprefix(".")
     allowed = " or ".join(_allowed(error) for error in errors)
     if path in _ARRAYS:
         allowed = f"given as [[{path}]]"

@@ -6,131 +6,31 @@ belong to the values of `experiment.study_values`, but for lengths, which the fi
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self, get_args
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from experiment.actuator import Shape, Side
+from experiment.actuator import SIDES
+from experiment.burst_tables import BurstTable, ConditionTable
 from experiment.design import Anticipated, ConditionOrder, Order
-from experiment.study_values import DriverName, EdgeBasis, Noise
-from stimuli.windows import Window
+from experiment.plate_tables import ActuatorTable, StripTable, paper_actuators
+from experiment.study_values import DriverName, Noise
+from experiment.table import Above0, Table
 
-PAPER_CUTOFF_HZ = 2900.0
-"""First cut-off measured on the paper's plate (figure 4)."""
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
-_Above0 = Annotated[float, Field(gt=0)]
-
-
-class Table(BaseModel):
-    """A table that refuses unknown keys, numbers as text, and values that are not finite."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+PAPER_THRESHOLD_UM: Final = 1.57
+"""What 58 Vpp do above the paper's disc: half of the simulated people feel it."""
+THRESHOLD_VPP: Final = 58.0
+"""The same for actuators whose displacement is not known."""
 
 
 class StudyTable(Table):
     """What the study is called."""
 
     name: str = Field("paper", description="1 to 32 of A-Z a-z 0-9 _ -")
-
-
-class StripTable(Table):
-    """The plate, held along its two long edges."""
-
-    width_mm: _Above0 = Field(25.0, description="between the held edges")
-    length_mm: _Above0 | Literal["endless"] = Field(200.0, description='or "endless"')
-    thickness_mm: _Above0 = Field(0.5)
-    youngs_modulus_gpa: _Above0 = Field(67.0, description="aluminium")
-    poisson_ratio: float = Field(0.346)
-    density_kg_m3: _Above0 = Field(2700.0)
-    edge: EdgeBasis = Field("measured-cutoff")
-    measured_cutoff_hz: _Above0 | None = Field(
-        None, description="first cut-off as measured; with edge = measured-cutoff"
-    )
-    edge_stiffness_n: _Above0 | None = Field(
-        None, description="N m per rad per m of edge; with edge = elastic"
-    )
-
-    @model_validator(mode="after")
-    def _edge_has_its_key(self) -> Self:
-        """Ask for the one key of the edge; only the paper's plate has a known cut-off."""
-        keys = {"measured-cutoff": "measured_cutoff_hz", "elastic": "edge_stiffness_n"}
-        if self.edge == "measured-cutoff" and self.measured_cutoff_hz is None and self._is_paper():
-            self.measured_cutoff_hz = PAPER_CUTOFF_HZ
-        for edge, key in keys.items():
-            given = getattr(self, key)
-            if self.edge == edge and given is None:
-                raise ValueError(f"{key} is missing; edge = {edge} needs it")
-            if self.edge != edge and given is not None:
-                raise ValueError(f"{key} is for edge = {edge} only; got edge = {self.edge}")
-        return self
-
-    def _is_paper(self) -> bool:
-        """Tell whether what the cut-off depends on was left out or repeats the paper's value."""
-        fields = type(self).model_fields
-        given = self.model_fields_set - {"length_mm"}
-        return all(getattr(self, key) == fields[key].default for key in given)
-
-
-class ActuatorTable(Table):
-    """A patch under the strip, and the finger above it; one left, one right."""
-
-    side: Side = Field(description="as the participant sees it")
-    shape: Shape = Field("disc")
-    x_mm: float = Field(description="centre along the strip, from its middle, right positive")
-    y_mm: float | None = Field(None, description="centre across, from one edge; default the middle")
-    diameter_mm: _Above0 | None = Field(None, description="of a disc")
-    length_x_mm: _Above0 | None = Field(None, description="of a rectangle, along the strip")
-    length_y_mm: _Above0 | None = Field(None, description="of a rectangle, across the strip")
-
-    @model_validator(mode="after")
-    def _shape_has_its_sizes(self) -> Self:
-        sizes = {"disc": ("diameter_mm",), "rectangle": ("length_x_mm", "length_y_mm")}
-        for shape, keys in sizes.items():
-            for key in keys:
-                given = getattr(self, key) is not None
-                if given != (shape == self.shape):
-                    fault = f"is for shape = {shape} only" if given else "is missing"
-                    raise ValueError(f"{key} {fault}; got shape = {self.shape}")
-        return self
-
-
-class BurstTable(Table):
-    """What drives the actuators: a sine burst."""
-
-    frequency_hz: float = Field(500.0)
-    cycles: int = Field(1)
-    window: Window = Field("none")
-    max_energy_above_cutoff: float = Field(
-        0.01, description="largest fraction of its energy above the strip's cut-off"
-    )
-    accept_unfit: str | None = Field(
-        None, description="why an unfit burst is wanted all the same; recorded"
-    )
-
-
-class ConditionTable(Table):
-    """A stimulus that runs the whole design; what it leaves out is taken from [burst]."""
-
-    name: str = Field(description="1 to 32 of A-Z a-z 0-9 _ -")
-    frequency_hz: float | None = None
-    cycles: int | None = None
-    window: Window | None = None
-    accept_unfit: str | None = None
-
-    def filled(self, burst: BurstTable) -> ConditionTable:
-        """Return the condition with nothing left out.
-
-        The reason for an unfit burst is taken over with the whole burst only: it is no reason for
-        another one.
-        """
-        own = {
-            key: value
-            for key in ("frequency_hz", "cycles", "window", "accept_unfit")
-            if (value := getattr(self, key)) is not None
-        }
-        reason = None if own else burst.accept_unfit
-        inherited = burst.model_dump(exclude={"max_energy_above_cutoff", "accept_unfit"})
-        return ConditionTable(**{"name": self.name, "accept_unfit": reason} | inherited | own)
 
 
 class DesignTable(Table):
@@ -181,23 +81,40 @@ class MaskingTable(Table):
 class SimulationTable(Table):
     """The people that a dry run simulates."""
 
-    threshold_vpp: float = Field(58.0, description="felt half of the time; median of the people")
+    later: ClassVar[tuple[str, ...]] = ("threshold_um", "crosstalk_db")
+
+    threshold_um: Above0 | None = Field(
+        None, description="displacement felt half of the time; median of the people"
+    )
+    threshold_vpp: float | None = Field(
+        None, description="or the level that is, where displacements are unknown"
+    )
     threshold_sd_db: float = Field(1.5, description="between people, of 20 log10(threshold)")
     sigma: float = Field(0.1, description="width of the psychometric function, log10 units")
     lapse_rate: float = Field(0.03, description="answers at random, whatever was felt")
     false_alarm_rate: float = Field(0.05, description="felt nothing, may say none, but guesses")
     side_bias: float = Field(0.5, description="left, in a guess between left and right")
     guess_both: float = Field(0.0, description="both, in a guess")
-    crosstalk_db: float = Field(-30.0, description="amplitude at the other finger (paper, fig. 4)")
+    crosstalk_db: float | None = Field(
+        None, description="another level at the other finger than the computed one"
+    )
     reaction_time_s: float = Field(0.55, description="median, to a clear stimulus")
     reaction_time_spread: float = Field(0.3, description="standard deviation of its logarithm")
 
-
-def _paper_actuators() -> tuple[ActuatorTable, ...]:
-    return (
-        ActuatorTable(side="left", x_mm=-35.0, diameter_mm=12.8),
-        ActuatorTable(side="right", x_mm=35.0, diameter_mm=12.8),
-    )
+    def fill(self, *, displacements_known: bool) -> None:
+        """Put in the threshold that was left out, in the unit that the actuators allow."""
+        if self.threshold_um is None and self.threshold_vpp is None:
+            if displacements_known:
+                self.threshold_um = PAPER_THRESHOLD_UM
+            else:
+                self.threshold_vpp = THRESHOLD_VPP
+        if self.threshold_um is not None and self.threshold_vpp is not None:
+            raise ValueError("threshold_um and threshold_vpp exclude each other; got both")
+        if self.threshold_um is not None and not displacements_known:
+            raise ValueError(
+                "threshold_um needs the displacement or the layers of the left and the right "
+                "actuator; give threshold_vpp"
+            )
 
 
 def _one_condition() -> tuple[ConditionTable, ...]:
@@ -209,7 +126,7 @@ class StudyTables(Table):
 
     study: StudyTable = Field(default_factory=StudyTable)
     strip: StripTable = Field(default_factory=StripTable)
-    actuator: tuple[ActuatorTable, ...] = Field(default_factory=_paper_actuators, strict=False)
+    actuator: tuple[ActuatorTable, ...] = Field(default_factory=paper_actuators, strict=False)
     burst: BurstTable = Field(default_factory=BurstTable)
     condition: tuple[ConditionTable, ...] = Field(default_factory=_one_condition, strict=False)
     design: DesignTable = Field(default_factory=DesignTable)
@@ -219,13 +136,31 @@ class StudyTables(Table):
 
     @model_validator(mode="after")
     def _fill(self) -> Self:
-        """Put every actuator on the centre line that is nowhere else, and complete conditions."""
+        """Put every actuator on the centre line that is nowhere else, and complete the rest."""
         for actuator in self.actuator:
             if actuator.y_mm is None:
                 actuator.y_mm = self.strip.width_mm / 2
-        self.actuator = tuple(sorted(self.actuator, key=lambda actuator: actuator.side))
-        self.condition = tuple(condition.filled(self.burst) for condition in self.condition)
+        self.actuator = tuple(
+            sorted(self.actuator, key=lambda one: (SIDES.index(one.side), one.x_mm, one.y_mm))
+        )
+        self.condition = tuple(
+            _at(f"condition[{i}]", partial(condition.filled, self.burst))
+            for i, condition in enumerate(self.condition)
+        )
+        known = all(one.has_basis for one in self.actuator if one.side != "other")
+        _at("simulation", lambda: self.simulation.fill(displacements_known=known))
         return self
+
+
+_Value = TypeVar("_Value")
+
+
+def _at(path: str, fill: Callable[[], _Value]) -> _Value:
+    """Fill a table; a refusal gets the path of the table before its first word, the key."""
+    try:
+        return fill()
+    except ValueError as error:
+        raise ValueError(f"{path}.{error}") from error
 
 
 def section_table(section: str) -> type[Table]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import textwrap
-from typing import TYPE_CHECKING, Any, Final, Literal, get_args, get_origin
+from types import UnionType
+from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_origin
 
 from experiment.checks import require_word
 
 if TYPE_CHECKING:
-    from experiment.study_tables import Table
+    from experiment.table import Table
 
 Preset = Literal["paper", "recommended"]
 PRESETS: Final[tuple[str, ...]] = get_args(Preset)
@@ -126,6 +127,8 @@ def _keys(table: Table, *, commented: bool) -> str:
 
 def _words(annotation: object) -> str:
     """List the words of a key that takes one of several."""
+    if get_origin(annotation) in {Union, UnionType}:
+        return "".join(_words(member) for member in get_args(annotation))
     words = get_args(annotation) if get_origin(annotation) is Literal else ()
     return " | ".join(words) if len(words) > 1 else ""
 

@@ -16,7 +16,7 @@ from stimuli.checks import finite
 if TYPE_CHECKING:
     from experiment.design import Design
     from experiment.observer import Observer
-    from stimuli import Burst, Strip
+    from stimuli import Burst, SampledDrive, Strip
 
 DriverName = Literal["mock"]
 Noise = Literal["pink", "none"]
@@ -33,6 +33,31 @@ class StudyError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AutoWindow:
+    """What ``window = "auto"`` was asked for, where a condition's burst is what it came to.
+
+    Attributes
+    ----------
+    wanted_level_db : float
+        Level wanted at the other finger, dB re that at the actuator's own.
+    stated_s : float
+        How long the burst would last as the file states it, without a window.
+
+    Raises
+    ------
+    ValueError
+        If the level is not from -200 to -1 dB.
+    """
+
+    wanted_level_db: float
+    stated_s: float
+
+    def __post_init__(self) -> None:
+        finite("wanted_level_db", self.wanted_level_db, least=-200, most=-1)
+        finite("stated_s", self.stated_s, above=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
     """One stimulus that the whole design is run with.
 
@@ -40,10 +65,14 @@ class Condition:
     ----------
     name : str
         1 to 32 letters, digits, ``_`` or ``-``.
-    burst : Burst
+    burst : Burst or SampledDrive
         The drive, at unit amplitude.
     accept_unfit : str or None
         Why a burst that does not fit the strip is wanted all the same; none where it is not.
+    auto : AutoWindow or None
+        Why it is this burst, where the program chose it.
+    file : str or None
+        Where a sampled drive was read from, as the study names it.
 
     Raises
     ------
@@ -59,8 +88,10 @@ class Condition:
     """
 
     name: str
-    burst: Burst
+    burst: Burst | SampledDrive
     accept_unfit: str | None = None
+    auto: AutoWindow | None = None
+    file: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
@@ -165,7 +196,7 @@ class Study:
     edge_basis : str
         How its edges were stated: a word of `EdgeBasis`.
     actuators : tuple of Actuator
-        Left, right.
+        Left and right, under the two fingers; then the others, which no session drives.
     conditions : tuple of Condition
         At least one; each runs the whole design.
     design : Design
@@ -174,6 +205,8 @@ class Study:
     simulation : Simulation
     max_energy_above_cutoff : float
         Largest fraction of a burst's energy above the strip's first cut-off.
+    masking_limit_db : float
+        By how much the level at the other finger must lie below that at the actuator's own.
     canonical : str
         The complete study as JSON text with sorted keys, defaults filled in.
     sha256 : str
@@ -196,6 +229,7 @@ class Study:
     masking: Masking
     simulation: Simulation
     max_energy_above_cutoff: float
+    masking_limit_db: float
     canonical: str
     sha256: str
 
@@ -205,6 +239,7 @@ class Study:
         require_word("strip.edge", self.edge_basis, get_args(EdgeBasis))
         limit = self.max_energy_above_cutoff
         finite("burst.max_energy_above_cutoff", limit, above=0, most=1)
+        finite("burst.masking_limit_db", self.masking_limit_db, least=0, most=200)
         check_actuators(self.actuators, self.strip)
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):

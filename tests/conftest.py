@@ -19,6 +19,11 @@ settings.register_profile("explore", deadline=None)
 settings.load_profile("repeatable")
 """The same examples in every run; ``--hypothesis-profile=explore`` looks for new ones."""
 
+QUICK_BURST = """
+[burst]
+window = "hann"
+"""
+"""What it does at the other finger is computed quickest: it ends without a jump."""
 SHORT_DESIGN = """
 [design]
 levels_vpp = [80, 160]
@@ -33,6 +38,12 @@ foreperiod_s = [0.01, 0.02]
 def short_study_text() -> str:
     """A study file of five trials in two blocks."""
     return SHORT_DESIGN
+
+
+@pytest.fixture
+def quick_study_text(short_study_text: str) -> str:
+    """The same with a burst whose displacements are computed in a moment."""
+    return QUICK_BURST + short_study_text
 
 
 @pytest.fixture

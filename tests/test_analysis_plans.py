@@ -37,9 +37,9 @@ SECOND = "sub-02/ses-01"
 
 
 @pytest.fixture
-def results(tmp_path: Path, short_study_text: str, make_study: Callable[[str], Study]) -> Path:
+def results(tmp_path: Path, quick_study_text: str, make_study: Callable[[str], Study]) -> Path:
     """A study's folder with a short session each of two simulated participants."""
-    study = make_study(short_study_text)
+    study = make_study(quick_study_text)
     assert len(list(simulate_study(study, tmp_path / "results", participants=2, seed=7))) == 2
     return tmp_path / "results"
 
@@ -73,10 +73,10 @@ def test_plans_are_listed_among_the_inputs(results: Path) -> None:
 
 
 def test_the_plan_tells_whether_none_was_offered_and_blank_trials_have_no_level(
-    tmp_path: Path, short_study_text: str, make_study: Callable[[str], Study]
+    tmp_path: Path, quick_study_text: str, make_study: Callable[[str], Study]
 ) -> None:
     blank = 'responses = ["left", "right", "both", "none"]\nblank_trials = 2\n'
-    study = make_study(short_study_text + blank)
+    study = make_study(quick_study_text + blank)
     assert len(list(simulate_study(study, tmp_path, participants=1, seed=7))) == 1
     trials = read_trials([tmp_path])
     assert trials["none_offered"].all()
@@ -138,7 +138,14 @@ def test_warm_up_may_be_repeated_and_a_planned_trial_may_not(results: Path) -> N
 def test_placed_levels_make_no_other_study(results: Path, tmp_path: Path) -> None:
     study = study_from_canonical(SessionFolder(results, "01", "01").read_plan().study)
     folder = SessionFolder(results, "placed", "01", durable=False)
-    plan = draw_plan(study, participant="placed", session="01", seed=5, levels_vpp=(70.0, 150.0))
+    plan = draw_plan(
+        study,
+        participant="placed",
+        session="01",
+        seed=5,
+        levels_vpp=(70.0, 150.0),
+        gains=SessionFolder(results, "01", "01").read_plan().gains,
+    )
     clock = VirtualClock()
     setting = Setting(
         device=mock_device(study, clock),

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -218,6 +220,149 @@ def test_the_help_imports_neither_numpy_nor_pydantic() -> None:
         [sys.executable, "-c", program], capture_output=True, check=True, text=True
     )
     assert found.stdout.strip() == "[]"
+
+
+# --- what the fingers get -------------------------------------------------------------------------
+
+NEAR = """
+[[actuator]]
+side = "left"
+x_mm = -9
+diameter_mm = 12.8
+measured_displacement_um = 2.6
+measured_at_vpp = 100
+measured_at_hz = 300
+[[actuator]]
+side = "right"
+x_mm = 9
+diameter_mm = 12.8
+measured_displacement_um = 2.6
+measured_at_vpp = 100
+measured_at_hz = 300
+"""
+
+
+def displacements(result: Result, condition: int = 0) -> dict[str, dict[str, Any]]:
+    found = json.loads(result.stdout)["conditions"][condition]["displacements"]
+    return {one["name"]: one for one in found["actuators"]}
+
+
+def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
+    result = run(check, study_file(""))
+    assert "peak of the burst over the fingertip's contact area at 200 Vpp" in result.stdout
+    assert "of an endless strip" in result.stdout
+    assert re.search(
+        r"  left +5\.\d+ um, measured; 0\.\d+ um, -\d+\.\d dB at the right finger", result.stdout
+    )
+    assert "-20 dB at the other finger is the limit" in result.stdout
+    left = displacements(run(check, "study.toml", "--json"))["left"]
+    (right_finger,) = left["fingers"]
+    assert right_finger["finger"] == "right"
+    assert right_finger["level_db"] == pytest.approx(
+        20 * math.log10(right_finger["peak_um"] / left["own_um"]), abs=0.02
+    )
+
+
+def test_the_displacement_is_that_of_the_highest_level() -> None:
+    paper = displacements(run(check, study_file(""), "--json"))["left"]["own_um"]
+    half = displacements(run(check, study_file("[design]\nlevels_vpp = [50, 100]\n"), "--json"))
+    assert half["left"]["own_um"] == pytest.approx(paper / 2, rel=1e-3)
+    both = study_file("[design]\nlevels_vpp = [50, 100]\nboth_level = 150\n")
+    assert displacements(run(check, both, "--json"))["left"]["own_um"] == pytest.approx(
+        paper * 0.75, rel=1e-3
+    )
+
+
+def test_actuators_too_near_are_unfit_and_both_numbers_are_named() -> None:
+    result = run(check, study_file(NEAR))
+    assert result.exit_code == 1
+    assert re.search(
+        r"the left actuator's burst is at the right finger -1?\d\.\d dB re its own finger; "
+        r"the limit is -20 dB",
+        result.stdout,
+    )
+    assert "UNFIT" in result.stdout
+    found = json.loads(run(check, "study.toml", "--json").stdout)
+    assert found["masking_limit_db"] == 20
+    assert len(found["conditions"][0]["reasons"]) == 2
+
+
+def test_too_strong_at_the_other_finger_may_be_accepted() -> None:
+    result = run(check, study_file(NEAR + '[burst]\naccept_unfit = "how near is too near"\n'))
+    assert result.exit_code == 0
+    assert "main: accepted" in result.stdout
+
+
+def test_the_masking_limit_decides() -> None:
+    # the level at the other finger of the paper's burst lies between the two
+    assert run(check, study_file("[burst]\nmasking_limit_db = 25\n")).exit_code == 0
+    assert run(check, study_file("[burst]\nmasking_limit_db = 40\n")).exit_code == 1
+    assert (
+        run(check, study_file("[burst]\nmasking_limit_db = 40\nwindow = 'hann'\n")).exit_code == 0
+    )
+
+
+def test_unknown_displacements_still_have_levels() -> None:
+    text = re.sub("measured_.*\n", "", NEAR).replace("= 9", "= 35").replace("= -9", "= -35")
+    result = run(check, study_file(text))
+    assert result.exit_code == 0
+    assert "n/a, its displacement is not stated; -" in result.stdout
+    left = displacements(run(check, "study.toml", "--json"))["left"]
+    assert (left["basis"], left["own_um"], left["fingers"][0]["peak_um"]) == (None, None, None)
+    assert left["fingers"][0]["level_db"] < -20
+
+
+def test_an_array_is_predicted_and_only_the_two_under_the_fingers_decide() -> None:
+    text = NEAR.replace("= 9", "= 35").replace("= -9", "= -35")
+    text += '[[actuator]]\nside = "other"\nname = "mid"\nx_mm = 22\ndiameter_mm = 8\n'
+    result = run(check, study_file(text))
+    assert result.exit_code == 0
+    found = displacements(run(check, "study.toml", "--json"))
+    assert list(found) == ["left", "right", "mid"]
+    assert [finger["finger"] for finger in found["mid"]["fingers"]] == ["left", "right"]
+    assert found["mid"]["fingers"][1]["level_db"] > -20
+    assert "mid            disc 8 mm at x = 22" in result.stdout
+
+
+def test_a_chosen_window_is_told_with_what_it_costs() -> None:
+    result = run(check, study_file('[burst]\nwindow = "auto"\nwanted_level_db = -45\n'))
+    assert result.exit_code == 0
+    assert "window = auto  the shortest with -45 dB at the other finger; it costs " in result.stdout
+    assert "ms more than the 2 ms stated" in result.stdout
+    burst = json.loads(run(check, "study.toml", "--json").stdout)["conditions"][0]["burst"]
+    assert burst["window"] in {"tukey", "gaussian", "hann"}
+    assert burst["wanted_level_db"] == -45
+
+
+def test_a_click_is_checked_like_a_burst() -> None:
+    samples = [math.sin(2 * math.pi * k / 96) for k in range(96)]
+    Path("click.csv").write_text("".join(f"{value:.9f}\n" for value in [*samples, 0.0]))
+    result = run(check, study_file('[burst]\nfile = "click.csv"\n'))
+    assert result.exit_code == 0, result.stderr
+    assert "click.csv, scaled to a peak of 1, 2 ms" in result.stdout
+    click = json.loads(run(check, "study.toml", "--json").stdout)["conditions"][0]
+    burst = json.loads(run(check, study_file(""), "--json").stdout)["conditions"][0]
+    # the click is the paper's burst, sampled
+    for key in ("energy_above_cutoff", "staircase_energy_above_cutoff"):
+        assert click[key] == pytest.approx(burst[key], rel=0.02)
+    assert click["band_hz"] == pytest.approx(burst["band_hz"], rel=1e-3)
+    own = [one["displacements"]["actuators"][0]["own_um"] for one in (click, burst)]
+    assert own[0] == pytest.approx(own[1], rel=1e-3)
+
+
+def test_a_click_that_the_device_cannot_play_is_refused() -> None:
+    Path("click.csv").write_text("0\n1\n1\n0\n")
+    result = run(check, study_file('[burst]\nfile = "click.csv"\n'))
+    assert result.exit_code == 2
+    assert "cannot be played at device.sample_rate_hz = 48000" in result.stderr
+
+
+def test_a_constant_loss_is_turned_to_a_viscous_one_and_the_check_says_so() -> None:
+    result = run(check, study_file("[strip]\nloss_factor = 0.01\nviscous_time_us = 2\n"))
+    # 0.01 at the cut-off of 2900 Hz is 0.549 us, and 2 us are there already
+    assert "loss factor 0.01 computed as the viscous time of the same loss" in result.stdout
+    assert "at 2900 Hz: 2.55 us in all" in result.stdout
+    assert "loss factor" not in run(check, study_file("")).stdout
 
 
 # --- exits ----------------------------------------------------------------------------------------

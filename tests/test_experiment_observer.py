@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiment.felt_gains import study_gains
+from experiment.gains import FingerGains
 from experiment.observer import (
     FASTEST_ANSWER_S,
     NO_ANSWER,
@@ -159,7 +161,7 @@ def test_with_none_offered_the_guess_rate_is_half_the_false_alarm_rate() -> None
     found = shares(observer, (55.0, 0.0), WITH_NONE)
     expected = psychometric(55.0, threshold_vpp=60, sigma=0.1, guess_rate=0.1, lapse_rate=0)
     assert_binomial(found["left"], float(expected))
-    assert_binomial(found["none"], 0.8 * (1 - observer.felt_probability(55.0)))
+    assert_binomial(found["none"], 0.8 * (1 - observer.felt_probability(55.0 / 60.0)))
 
 
 def test_the_threshold_is_recovered_from_simulated_answers() -> None:
@@ -233,6 +235,74 @@ def test_crosstalk_adds_and_makes_one_strong_side_both() -> None:
     assert shares(helped, (50.0, 0.0), WITH_NONE, trials=100)["none"] == 1.0
 
 
+# --- displacements at the fingers -----------------------------------------------------------------
+
+PLATE = FingerGains(left=(0.02, 0.001), right=(0.001, 0.02), basis="measured")
+
+
+def shares_on(
+    gains: FingerGains, observer: Observer, levels_vpp: tuple[float, float], trials: int = 4000
+) -> dict[str | None, float]:
+    rng = np.random.default_rng(1)
+    answers = [
+        observer.answer(*levels_vpp, WITH_NONE, rng, 60.0, gains=gains).response
+        for _ in range(trials)
+    ]
+    return {word: answers.count(word) / trials for word in WITH_NONE}
+
+
+def test_a_threshold_in_micrometres_is_met_by_the_displacement() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2, crosstalk_db=None)
+    # 60 Vpp at 0.02 um per Vpp are 1.2 um
+    assert_binomial(shares_on(PLATE, observer, (60.0, 0.0))["left"], 0.5)
+    twice = FingerGains(left=(0.04, 0.0), right=(0.0, 0.02), basis="predicted")
+    assert_binomial(shares_on(twice, observer, (30.0, 0.0))["left"], 0.5)
+    expected = 1 - observer.felt_probability(0.5)
+    assert_binomial(shares_on(twice, observer, (0.0, 30.0))["none"], expected)
+
+
+def test_a_threshold_in_volts_is_that_of_the_own_finger() -> None:
+    observer = replace(IDEAL, crosstalk_db=None)
+    uneven = FingerGains(left=(0.04, 0.0), right=(0.0, 0.01), basis="measured")
+    assert_binomial(shares_on(uneven, observer, (60.0, 0.0))["left"], 0.5)
+    assert_binomial(shares_on(uneven, observer, (0.0, 60.0))["right"], 0.5)
+
+
+def test_the_threshold_may_be_stated_either_way() -> None:
+    volts = replace(IDEAL, crosstalk_db=None)
+    um = replace(volts, threshold_vpp=None, threshold_um=60.0 * 0.02)
+    for levels_vpp in ((55.0, 0.0), (0.0, 70.0), (60.0, 60.0)):
+        assert shares_on(PLATE, volts, levels_vpp, 300) == shares_on(PLATE, um, levels_vpp, 300)
+
+
+def test_masking_compares_displacements_not_levels() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2, crosstalk_db=None)
+    weak_left = FingerGains(left=(0.002, 0.0), right=(0.0, 0.02), basis="measured")
+    # 20 dB of displacement at equal levels: the left finger feels nothing
+    assert shares_on(weak_left, observer, (1e4, 1e4), 100)["right"] == 1.0
+    assert shares_on(weak_left, observer, (1.1e4, 1e4), 100)["both"] == 1.0
+
+
+def test_a_stated_crosstalk_overrides_that_of_the_plate() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2, crosstalk_db=None)
+    loud = FingerGains(left=(0.02, 0.01), right=(0.01, 0.02), basis="measured")
+    assert shares_on(loud, observer, (1e4, 0.0), 100)["both"] == 1.0
+    quiet = replace(observer, crosstalk_db=-40.0)
+    assert shares_on(loud, quiet, (1e4, 0.0), 100)["left"] == 1.0
+
+
+def test_micrometres_without_a_displacement_are_refused() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2)
+    with pytest.raises(ValueError, match="threshold_um must meet gains in um"):
+        observer.answer(60.0, 0.0, FORCED, np.random.default_rng(0), 3.0)
+
+
+@pytest.mark.parametrize("thresholds", [(None, None), (1.2, 60.0)])
+def test_an_observer_has_one_threshold(thresholds: tuple[float | None, float | None]) -> None:
+    with pytest.raises(ValueError, match="threshold_um or threshold_vpp must be given, not both"):
+        replace(IDEAL, threshold_um=thresholds[0], threshold_vpp=thresholds[1])
+
+
 def test_a_lapse_picks_any_answer_offered() -> None:
     found = shares(replace(IDEAL, lapse_rate=1.0), (200.0, 0.0), WITH_NONE)
     for word in WITH_NONE:
@@ -288,6 +358,7 @@ def test_an_impossible_trial_is_refused(
     "changed",
     [
         {"threshold_vpp": 0.0},
+        {"threshold_vpp": math.nan},
         {"sigma": math.nan},
         {"lapse_rate": 1.1},
         {"side_bias": -0.1},
@@ -310,19 +381,33 @@ def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
     rng = np.random.default_rng(4)
     population = Simulation(median=IDEAL, threshold_sd_db=2.0)
     drawn = [draw_observer(population, rng) for _ in range(4000)]
-    level_db = 20 * np.log10([observer.threshold_vpp / 60.0 for observer in drawn])
+    level_db = 20 * np.log10([(observer.threshold_vpp or 0.0) / 60.0 for observer in drawn])
     assert abs(np.mean(level_db)) < 5 * 2.0 / math.sqrt(4000)
     assert np.std(level_db) == pytest.approx(2.0, rel=0.06)
     assert {replace(observer, threshold_vpp=60.0) for observer in drawn} == {IDEAL}
+
+
+def test_thresholds_in_micrometres_are_drawn_alike() -> None:
+    um = replace(IDEAL, threshold_vpp=None, threshold_um=1.5)
+    drawn = [
+        draw_observer(Simulation(median=median, threshold_sd_db=2.0), np.random.default_rng(7))
+        for median in (IDEAL, um)
+    ]
+    volts, micrometres = drawn[0].threshold_vpp, drawn[1].threshold_um
+    assert volts is not None
+    assert micrometres is not None
+    assert micrometres / 1.5 == pytest.approx(volts / 60.0)
 
 
 def test_the_default_population_gives_a_table_like_the_papers() -> None:
     # paper, table I: 60 V below the rest, means of 0.86 and above; here 60 V is lower
     rng = np.random.default_rng(0)
     observers = [draw_observer(paper_study().simulation, rng) for _ in range(100)]
+    (condition,) = study_gains(paper_study())
+    gains = condition.fingers()
     means = [
         np.mean([
-            observer.answer(level_vpp, 0.0, FORCED, rng, 3.0).response == "left"
+            observer.answer(level_vpp, 0.0, FORCED, rng, 3.0, gains=gains).response == "left"
             for observer in observers for _ in range(15)
         ])
         for level_vpp in paper_study().design.levels_vpp

@@ -14,17 +14,25 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
+from device.clock import VirtualClock
 from experiment.archive import SessionFolder
+from experiment.conduct import Setting, begin
+from experiment.draw import draw_plan
+from experiment.interrupts import StopSignal
 from experiment.journal import read_journal
 from experiment.replay import replay
+from experiment.rig import mock_device
+from experiment.simulate import simulated_responder
 from tactstrip import main
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from click.testing import Result
 
     from experiment.journal import Entry
+    from experiment.study import Study
 
 KILLED_AFTER = """
 import sys, time
@@ -44,9 +52,9 @@ main(sys.argv[2:])
 
 
 @pytest.fixture
-def study_path(tmp_path: Path, short_study_text: str) -> Path:
+def study_path(tmp_path: Path, quick_study_text: str) -> Path:
     path = tmp_path / "study.toml"
-    path.write_text(short_study_text, encoding="utf-8")
+    path.write_text(quick_study_text, encoding="utf-8")
     return path
 
 
@@ -426,3 +434,148 @@ def test_one_session_that_cannot_be_exported_does_not_stop_the_others(study_path
     assert "this line is damaged" in result.stderr
     assert len(result.stdout.splitlines()) == 2
     assert third.trials_path.read_text("utf-8").count("\n") == 1
+
+
+# --- displacements --------------------------------------------------------------------------------
+
+EVERY_KIND = """
+[burst]
+window = "hann"
+[design]
+levels_vpp = [80, 160]
+trials_per_side = 2
+both_trials = 1
+blank_trials = 1
+practice_trials = 1
+break_every = 0
+foreperiod_s = [0.01, 0.02]
+responses = ["left", "right", "both", "none"]
+"""
+UNKNOWN = """
+[[actuator]]
+side = "left"
+x_mm = -35
+diameter_mm = 12.8
+[[actuator]]
+side = "right"
+x_mm = 35
+diameter_mm = 12.8
+"""
+
+
+def test_every_row_has_the_displacements_of_the_sealed_matrix(study_path: Path) -> None:
+    study_path.write_text(EVERY_KIND, encoding="utf-8")
+    assert run(study_path, "--seed", "1").exit_code == 0
+    rows = rows_of(study_path)
+    gains = folder_of(study_path).read_plan().gains_of("main")
+    assert {row["kind"] for row in rows} == {"practice", "single", "both", "blank"}
+    for row in rows:
+        left_vpp, right_vpp = float(row["level_left_vpp"]), float(row["level_right_vpp"])
+        peaks_um = gains.peaks_um(left_vpp, right_vpp)
+        assert peaks_um == (float(row["peak_left_um"]), float(row["peak_right_um"]))
+        assert row["displacement_basis"] == "measured"
+        assert (row["peak_left_um"] == "0") == (row["kind"] == "blank")
+        for column in ("peak_left_um", "peak_right_um"):
+            digits = row[column].replace(".", "").strip("0")
+            assert len(digits) <= 4
+
+
+def test_without_a_stated_displacement_the_columns_say_so(study_path: Path) -> None:
+    study_path.write_text(EVERY_KIND + UNKNOWN, encoding="utf-8")
+    assert run(study_path, "--seed", "1").exit_code == 0
+    assert folder_of(study_path).read_plan().gains[0].bases == (None, None)
+    for row in rows_of(study_path):
+        told = (row["peak_left_um"], row["peak_right_um"], row["displacement_basis"])
+        assert told == ("n/a", "n/a", "n/a")
+
+
+def test_a_session_never_computes_its_matrix_again(
+    study_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kill_after(study_path, 9, "--seed", "1")
+
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("experiment.felt_gains.study_gains", never)
+    assert run(study_path, "--resume").exit_code == 0
+    results = str(study_path.parent / "results")
+    assert CliRunner().invoke(main, ["export", results]).exit_code == 0
+    assert "measured" in {row["displacement_basis"] for row in rows_of(study_path)}
+
+
+def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
+    study_path: Path, short_study_text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = short_study_text
+    auto = '[burst]\nwindow = "auto"\nwanted_level_db = {}\n'
+    study_path.write_text(text + auto.format(-40), encoding="utf-8")
+    kill_after(study_path, 9, "--seed", "1")
+    header = json.loads((folder_of(study_path).path / "header.json").read_text("utf-8"))
+    stimulus = header["stimuli"]["main"]
+    assert stimulus["window"] in {"tukey", "gaussian", "hann"}
+    assert stimulus["wanted_level_db"] == -40
+
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("experiment.felt_gains.chosen_burst", never)
+    assert run(study_path, "--resume").exit_code == 0
+    monkeypatch.undo()
+    study_path.write_text(text + auto.format(-41), encoding="utf-8")
+    assert "not the study that this session was begun with" in refused(study_path, "--resume")
+
+
+def test_a_changed_click_ends_the_resume(study_path: Path, short_study_text: str) -> None:
+    click = study_path.parent / "click.csv"
+    click.write_text("0\n1\n2\n1\n0\n-1\n-2\n-1\n0\n", encoding="utf-8")
+    text = short_study_text + '[burst]\nfile = "click.csv"\n'
+    text += 'accept_unfit = "a click of 12 kHz"\n'
+    study_path.write_text(text, encoding="utf-8")
+    assert kill_after(study_path, 9, "--seed", "1")
+    whole = click.read_bytes()
+    click.write_text("0\n1\n-1\n0\n", encoding="utf-8")
+    assert "not the study that this session was begun with" in refused(study_path, "--resume")
+    click.write_bytes(whole)
+    assert run(study_path, "--resume").exit_code == 0
+    header = json.loads((folder_of(study_path).path / "header.json").read_text("utf-8"))
+    assert header["stimuli"]["main"] == {
+        "file": "click.csv",
+        "sample_rate_hz": 48000.0,
+        "samples": 9,
+    }
+
+
+def test_a_session_of_the_first_version_is_resumed_and_exported(
+    study_path: Path, make_study: Callable[[str], Study]
+) -> None:
+    # what that version had for a file that leaves actuators and people out, and its plan
+    people = "[simulation]\nthreshold_vpp = 58\ncrosstalk_db = -30\n"
+    study = make_study(study_path.read_text("utf-8") + people + UNKNOWN)
+    folder = folder_of(study_path)
+    plan = draw_plan(study, participant="01", session="01", seed=1)
+    assert json.loads(plan.to_json())["schema"] == 1
+    clock, stop = VirtualClock(), StopSignal()
+    responder = simulated_responder(study, plan, clock)
+    setting = Setting(device=mock_device(study, clock), responder=responder, clock=clock, stop=stop)
+    stop.asked = True
+    assert not begin(folder, plan, setting).finished
+    assert run(study_path, "--resume").exit_code == 0
+    assert {row["peak_left_um"] for row in rows_of(study_path)} == {"n/a"}
+    analyzed = CliRunner().invoke(
+        main, ["analyze", str(study_path.parent / "results"), "--allow-simulated", "--no-figures"]
+    )
+    assert analyzed.exit_code == 0, analyzed.stderr
+    study_path.write_text(study_path.read_text("utf-8") + people.replace("58", "59"))
+    assert "not the study that this session was begun with" in refused(study_path, "--resume")
+
+
+def test_an_unfit_place_of_the_actuators_stops_a_run_before_anything_is_written(
+    study_path: Path,
+) -> None:
+    near = UNKNOWN.replace("-35", "-8").replace("= 35", "= 8")
+    study_path.write_text(study_path.read_text("utf-8") + near, encoding="utf-8")
+    result = run(study_path)
+    assert result.exit_code == 1
+    assert "the limit is -20 dB" in result.stderr
+    assert not (study_path.parent / "results").exists()

@@ -23,10 +23,20 @@ from experiment.study import (
     with_levels,
 )
 from experiment.study_text import write_study_text
-from stimuli import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge
+from stimuli import (
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    ElasticEdge,
+    MeasuredDisplacement,
+    PiezoLayers,
+    SampledDrive,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from experiment.study import Condition, Study
 
 TWO_ACTUATORS = """
 [[actuator]]
@@ -34,11 +44,51 @@ side = "left"
 x_mm = {left_x}
 y_mm = {left_y}
 diameter_mm = 12.8
+measured_displacement_um = 2.6
+measured_at_vpp = 100
+measured_at_hz = 300
 [[actuator]]
 side = "right"
 x_mm = 35
 diameter_mm = 12.8
+measured_displacement_um = 2.6
+measured_at_vpp = 100
+measured_at_hz = 300
 """
+
+
+FIRST_FILE = """
+[strip]
+edge = "measured-cutoff"
+measured_cutoff_hz = 2900
+[[actuator]]
+side = "left"
+shape = "disc"
+x_mm = -35
+y_mm = 12.5
+diameter_mm = 12.8
+[[actuator]]
+side = "right"
+shape = "disc"
+x_mm = 35
+y_mm = 12.5
+diameter_mm = 12.8
+[burst]
+frequency_hz = 500
+cycles = 1
+window = "none"
+max_energy_above_cutoff = 0.01
+[simulation]
+threshold_vpp = 58
+threshold_sd_db = 1.5
+crosstalk_db = -30
+"""
+"""What the first version, which knew no displacements, wrote for the paper's protocol."""
+
+
+def burst_of(condition: Condition) -> Burst:
+    assert isinstance(condition.burst, Burst)
+    return condition.burst
 
 
 def refusal(text: str) -> str:
@@ -71,11 +121,8 @@ def test_the_papers_protocol_is_the_one_published() -> None:
     assert left.y_m == study.strip.width_m / 2
     assert (left.shape, left.diameter_m) == ("disc", 0.0128)
     (condition,) = study.conditions
-    assert (condition.name, condition.burst.frequency_hz, condition.burst.cycles) == (
-        "main",
-        500.0,
-        1,
-    )
+    assert condition.name == "main"
+    assert condition.burst == Burst(frequency_hz=500.0, cycles=1, window="none")
     design = study.design
     assert design.levels_vpp == (60.0, 95.0, 130.0, 165.0, 200.0)
     assert (design.trials_per_side, design.both_trials, design.blank_trials) == (75, 5, 0)
@@ -260,6 +307,271 @@ def test_each_side_has_exactly_one_actuator(sides: tuple[str, ...]) -> None:
     assert "left and right, each once" in refusal(text)
 
 
+# --- what an actuator does ------------------------------------------------------------------------
+
+LAYERS = (
+    "piezo_thickness_mm = 0.25\npiezo_youngs_modulus_gpa = 62\npiezo_poisson_ratio = 0.34\n"
+    "piezo_d31_pm_v = -180\n"
+)
+CARRIER = (
+    "carrier_thickness_mm = 0.2\ncarrier_youngs_modulus_gpa = 105\ncarrier_poisson_ratio = 0.35\n"
+)
+
+
+def left_with(keys: str) -> str:
+    return (
+        f'[[actuator]]\nside = "left"\nx_mm = -35\ndiameter_mm = 12.8\n{keys}'
+        '[[actuator]]\nside = "right"\nx_mm = 35\ndiameter_mm = 12.8\n'
+    )
+
+
+def test_the_papers_discs_have_the_displacement_that_was_measured() -> None:
+    # paper, section III-B
+    measured = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
+    assert [actuator.basis for actuator in paper_study().actuators] == [measured, measured]
+    assert [actuator.finger_diameter_m for actuator in paper_study().actuators] == [0.01, 0.01]
+
+
+def test_layers_come_in_si_units() -> None:
+    left, right = study_from_text(left_with(LAYERS), "s.toml").actuators
+    layers = PiezoLayers(
+        thickness_m=0.25e-3, youngs_modulus_pa=62e9, poisson_ratio=0.34, d31_m_v=-180e-12
+    )
+    assert left.basis == layers
+    assert right.basis is None
+    left, _ = study_from_text(left_with(LAYERS + CARRIER), "s.toml").actuators
+    assert left.basis == replace(
+        layers,
+        carrier_thickness_m=0.2e-3,
+        carrier_youngs_modulus_pa=105e9,
+        carrier_poisson_ratio=0.35,
+    )
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (
+            "measured_displacement_um = 2.6\nmeasured_at_vpp = 100\n",
+            "actuator[0].measured_at_hz is missing; measured_displacement_um needs it",
+        ),
+        (
+            "measured_at_hz = 300\n",
+            "actuator[0].measured_displacement_um is missing; measured_at_hz needs it",
+        ),
+        (LAYERS.replace("piezo_d31_pm_v = -180\n", ""), "actuator[0].piezo_d31_pm_v is missing"),
+        (
+            LAYERS + "measured_displacement_um = 1\nmeasured_at_vpp = 1\nmeasured_at_hz = 1\n",
+            "measured_displacement_um and piezo_thickness_mm exclude each other; got both",
+        ),
+        (CARRIER, "actuator[0].piezo_thickness_mm is missing; carrier_thickness_mm needs it"),
+        (LAYERS + "carrier_thickness_mm = 1\n", "carrier_youngs_modulus_gpa is missing"),
+        (LAYERS.replace("-180", "0"), "actuator[0].piezo_d31_m_v must not be 0"),
+        ("finger_diameter_mm = 0\n", "actuator[0].finger_diameter_mm must be a number > 0; got 0"),
+        ("finger_diameter_mm = 60\n", "actuator[0].finger_diameter_m must be a finite number > 0"),
+        ('name = "a"\n', "actuator[0].name must be given where side is other, and only there"),
+    ],
+)
+def test_half_a_basis_or_two_are_refused(keys: str, said: str) -> None:
+    assert said in refusal(left_with(keys))
+
+
+def test_a_motor_has_a_contact_and_no_layers() -> None:
+    motor = left_with("").replace(
+        "diameter_mm = 12.8", 'shape = "motor"\nlength_x_mm = 8\nlength_y_mm = 6', 1
+    )
+    left, _ = study_from_text(motor, "s.toml").actuators
+    assert (left.shape, left.length_x_m, left.length_y_m) == ("motor", 0.008, 0.006)
+    assert "piezo_thickness_mm is for patches only" in refusal(
+        motor.replace("length_y_mm = 6\n", f"length_y_mm = 6\n{LAYERS}")
+    )
+
+
+OTHER = '[[actuator]]\nside = "other"\nname = "{}"\nx_mm = {}\ndiameter_mm = 10\n'
+
+
+def test_an_array_has_left_and_right_first_and_the_others_along_the_strip() -> None:
+    text = OTHER.format("far", 60) + OTHER.format("near", -70) + left_with("")
+    labels = [actuator.label for actuator in study_from_text(text, "s.toml").actuators]
+    assert labels == ["left", "right", "near", "far"]
+    study = study_from_text(text, "s.toml")
+    assert study_from_canonical(study.canonical) == study
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (OTHER.format("a", 30), "the actuators right and a must not overlap"),
+        (OTHER.format("a", 0) + OTHER.format("b", 5), "the actuators a and b must not overlap"),
+        (OTHER.format("a", 0) + OTHER.format("a", 60), "names must be distinct; got a, a"),
+        (OTHER.format("a", 99), "the a actuator must lie on the strip"),
+        (OTHER.format("left", 0), "actuator[2].name must be 1 to 32"),
+        (OTHER.format("a b", 0), "actuator[2].name must be 1 to 32"),
+        (OTHER.format("a", 0).replace('name = "a"\n', ""), "name must be given where side is"),
+    ],
+)
+def test_an_array_whose_actuators_collide_is_refused(more: str, said: str) -> None:
+    assert said in refusal(left_with("") + more)
+
+
+# --- an older file --------------------------------------------------------------------------------
+
+
+def test_a_file_of_the_first_version_keeps_its_checksum() -> None:
+    # as that version computed it for the file that it wrote for the paper's preset
+    study = study_from_text(FIRST_FILE, "s.toml")
+    assert study.sha256 == "c45fac3e3fcb228f87eb66a4328ded68d5a0cae0e8fcf8ce108c8669533e0ec9"
+    assert study.simulation.median.threshold_vpp == 58.0
+    assert study.simulation.median.crosstalk_db == -30.0
+    assert [actuator.basis for actuator in study.actuators] == [None, None]
+
+
+def test_what_came_later_and_has_its_default_is_not_in_the_canonical_text() -> None:
+    tables = json.loads(study_from_text(FIRST_FILE, "s.toml").canonical)
+    assert "masking_limit_db" not in tables["burst"]
+    assert "finger_diameter_mm" not in tables["actuator"][0]
+    changed = FIRST_FILE.replace("[burst]", "[burst]\nmasking_limit_db = 30")
+    assert (
+        json.loads(study_from_text(changed, "s.toml").canonical)["burst"]["masking_limit_db"] == 30
+    )
+
+
+# --- whom a dry run simulates ---------------------------------------------------------------------
+
+
+def test_the_threshold_is_in_micrometres_where_displacements_are_known() -> None:
+    assert paper_study().simulation.median.threshold_um == 1.57
+    known = left_with(LAYERS).replace("x_mm = 35", f"x_mm = 35\n{LAYERS}")
+    assert study_from_text(known, "s.toml").simulation.median.threshold_um == 1.57
+    unknown = study_from_text(left_with(LAYERS), "s.toml").simulation.median
+    assert (unknown.threshold_um, unknown.threshold_vpp) == (None, 58.0)
+
+
+def test_two_thresholds_or_one_that_nothing_tells_are_refused() -> None:
+    both = "[simulation]\nthreshold_um = 1\nthreshold_vpp = 58\n"
+    assert "simulation.threshold_um and threshold_vpp exclude each other" in refusal(both)
+    message = refusal("[simulation]\nthreshold_um = 1\n" + left_with(LAYERS))
+    assert "simulation.threshold_um needs the displacement or the layers" in message
+
+
+# --- clicks and windows to be chosen --------------------------------------------------------------
+
+
+@pytest.fixture
+def click_folder(tmp_path: Path) -> Path:
+    wave = "".join(f"{value}\n" for value in [0, 1, 2, 1, 0, -1, -2, -1, 0])
+    (tmp_path / "click.csv").write_text(wave)
+    return tmp_path
+
+
+def read(folder: Path, text: str) -> Study:
+    path = folder / "study.toml"
+    path.write_text(text)
+    return read_study(path)
+
+
+def test_a_click_is_read_beside_the_study_and_kept_in_it(click_folder: Path) -> None:
+    study = read(click_folder, '[burst]\nfile = "click.csv"\n')
+    (condition,) = study.conditions
+    assert condition.file == "click.csv"
+    assert isinstance(condition.burst, SampledDrive)
+    assert condition.burst.values == (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
+    (click_folder / "click.csv").unlink()
+    assert study_from_canonical(study.canonical) == study
+    assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
+
+
+def test_a_changed_click_is_another_study(click_folder: Path) -> None:
+    text = '[burst]\nfile = "click.csv"\n'
+    first = read(click_folder, text)
+    assert read(click_folder, text).sha256 == first.sha256
+    (click_folder / "click.csv").write_text("0\n1\n-1\n0\n")
+    assert read(click_folder, text).sha256 != first.sha256
+
+
+def test_conditions_mix_clicks_bursts_and_windows(click_folder: Path) -> None:
+    text = (
+        '[burst]\nfile = "click.csv"\n[[condition]]\nname = "click"\n'
+        '[[condition]]\nname = "sine"\nfrequency_hz = 250\n'
+    )
+    click, sine = read(click_folder, text).conditions
+    assert isinstance(click.burst, SampledDrive)
+    assert sine.burst == Burst(frequency_hz=250.0, cycles=1, window="none")
+    text = '[[condition]]\nname = "sine"\n[[condition]]\nname = "click"\nfile = "click.csv"\n'
+    sine, click = read(click_folder, text).conditions
+    assert sine.burst == paper_study().conditions[0].burst
+    assert isinstance(click.burst, SampledDrive)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[burst]\nfile = 'a.wav'\ncycles = 2", "burst.cycles and file exclude each other"),
+        ("[burst]\nfile = 'a.wav'", "a.wav: No such file"),
+        ("[burst]\nfile = 'a.mp3'", "a.mp3: must be a .wav or .csv file"),
+        ("[burst]\nwindow = 'auto'", "burst.wanted_level_db is missing; window = auto needs it"),
+        ("[burst]\nwanted_level_db = -30", "burst.wanted_level_db is for window = auto only"),
+        ("[burst]\nwindow = 'auto'\nwanted_level_db = 3", "wanted_level_db must be"),
+        ("[burst]\nmasking_limit_db = -1", "burst.masking_limit_db must be a finite number >= 0"),
+        (
+            "[[condition]]\nname = 'a'\nfile = 'a.wav'\nwindow = 'hann'",
+            "condition[0].window and file exclude each other",
+        ),
+        (
+            "[[condition]]\nname = 'a'\nwindow = 'auto'",
+            "condition[0].wanted_level_db is missing; window = auto needs it",
+        ),
+        (
+            "[burst]\nfile = 'a.wav'\n[[condition]]\nname = 'a'\ncycles = 2",
+            "condition[0].frequency_hz is missing; [burst] has a file instead",
+        ),
+        (
+            "[[condition]]\nname = 'a'\nauto_cycles = 2",
+            "condition[0].auto_cycles and auto_window are for window = auto only",
+        ),
+    ],
+)
+def test_stimuli_that_contradict_themselves_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in refusal(text)
+
+
+def test_a_chosen_window_is_recorded_and_never_chosen_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text = '[burst]\nwindow = "auto"\nwanted_level_db = -40\n'
+    study = study_from_text(text, "s.toml")
+    (table,) = json.loads(study.canonical)["condition"]
+    assert (table["window"], table["cycles"], table["wanted_level_db"]) == ("auto", 1, -40)
+    (condition,) = study.conditions
+    assert (table["auto_cycles"], table["auto_window"]) == (
+        burst_of(condition).cycles,
+        burst_of(condition).window,
+    )
+
+    def never(*_: object) -> Burst:
+        raise AssertionError
+
+    monkeypatch.setattr("experiment.felt_gains.chosen_burst", never)
+    assert study_from_canonical(study.canonical) == study
+    assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
+
+
+def test_a_condition_may_ask_for_a_quieter_window_than_the_burst() -> None:
+    text = (
+        '[burst]\nwindow = "auto"\nwanted_level_db = -25\n[[condition]]\nname = "loud"\n'
+        '[[condition]]\nname = "quiet"\nwanted_level_db = -45\n'
+        '[[condition]]\nname = "hann"\nwindow = "hann"\n'
+    )
+    loud, quiet, hann = study_from_text(text, "s.toml").conditions
+    assert burst_of(loud).window == "none"
+    assert burst_of(quiet).window != "none"
+    assert hann.auto is None
+    assert burst_of(hann).window == "hann"
+
+
 # --- the conditions -------------------------------------------------------------------------------
 
 
@@ -269,8 +581,8 @@ def test_a_condition_takes_from_the_burst_what_it_leaves_out() -> None:
         '[[condition]]\nname = "two"\ncycles = 2\n'
     )
     one, two = study_from_text(text, "s.toml").conditions
-    assert (one.burst.cycles, one.burst.window) == (1, "hann")
-    assert two.burst == replace(one.burst, cycles=2)
+    assert (burst_of(one).cycles, burst_of(one).window) == (1, "hann")
+    assert two.burst == replace(burst_of(one), cycles=2)
 
 
 def test_a_reason_for_an_unfit_burst_is_none_for_another_burst() -> None:
@@ -350,7 +662,10 @@ def test_a_design_that_cannot_be_run_is_refused_by_key(text: str, said: str) -> 
     [
         ("[burst]\nfrequency_hz = 1" + "0" * 400, "burst.frequency_hz must be a number; got 1000"),
         ("[burst]\nfrequency_hz = 0x1" + "0" * 6000, "got a number of thousands of digits"),
-        ("[burst]\nwindow = 'hamming'", "burst.window must be 'none', 'hann', 'tukey' or"),
+        (
+            "[burst]\nwindow = 'hamming'",
+            "burst.window must be 'none', 'hann', 'tukey', 'gaussian' or 'auto'",
+        ),
         ("[burst]\nfrequency_hz = 0", "burst.frequency_hz must be"),
         ("[burst]\ncycles = 2000", "must last at most design.response_window_s = 3; got 4 s"),
         ("[burst]\naccept_unfit = ' '", "burst.accept_unfit must be a reason"),

@@ -25,9 +25,9 @@ LATER_S = 0.2
 
 
 @pytest.fixture
-def study_path(tmp_path: Path, short_study_text: str) -> Path:
+def study_path(tmp_path: Path, quick_study_text: str) -> Path:
     path = tmp_path / "study.toml"
-    patient = short_study_text + "response_window_s = 30\nminimum_break_s = 0\n"
+    patient = quick_study_text + "response_window_s = 30\nminimum_break_s = 0\n"
     path.write_text('[masking]\nnoise = "none"\n' + patient, encoding="utf-8")
     return path
 

@@ -1,0 +1,143 @@
+"""The gain matrix of a study, computed: what every fingertip feels of every actuator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from experiment.gains import ConditionGains, significant
+from experiment.study_values import StudyError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from experiment.study_values import Condition, Study
+    from stimuli import Burst
+
+
+def study_gains(study: Study) -> tuple[ConditionGains, ...]:
+    """Return the gain matrix of every condition of a study, equation (71).
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    tuple of ConditionGains
+        In the order of the study's conditions.
+
+    Raises
+    ------
+    StudyError
+        If the displacement of an actuator cannot be had from what is stated of it, or the field of
+        the strip cannot be computed.
+
+    Examples
+    --------
+    The paper's discs, 2.6 um of amplitude at 100 Vpp and 300 Hz, do a little more in the burst,
+    and the other finger gets about 29 dB less:
+
+    >>> from experiment.study import paper_study
+    >>> (gains,) = study_gains(paper_study())
+    >>> 0.025 < gains.per_vpp[0][0] < 0.03, -30 < gains.level_db(1, 0) < -28
+    (True, True)
+    """
+    labels = tuple(actuator.label for actuator in study.actuators)
+    per_volt = _per_volt(study)
+    return tuple(
+        ConditionGains(
+            condition=condition.name,
+            actuators=labels,
+            bases=tuple(basis for _, basis in per_volt),
+            per_vpp=_per_vpp(study, condition, [load_per_v for load_per_v, _ in per_volt]),
+        )
+        for condition in study.conditions
+    )
+
+
+def _per_volt(study: Study) -> list[tuple[float | None, str | None]]:
+    """Return the unit loads per volt of every actuator, and their bases; none without one."""
+    from experiment.plate import field_strip, loads_of
+    from stimuli import load_per_volt
+
+    strip = field_strip(study)
+    found: list[tuple[float | None, str | None]] = []
+    for actuator, load in zip(study.actuators, loads_of(study), strict=True):
+        if actuator.basis is None:
+            found.append((None, None))
+            continue
+        try:
+            known = load_per_volt(strip, load, actuator.basis)
+        except ValueError as error:
+            raise StudyError(
+                f"study {study.name}: the displacement of the {actuator.label} actuator: {error}"
+            ) from error
+        found.append((known.load_per_v, known.basis))
+    return found
+
+
+def _per_vpp(
+    study: Study, condition: Condition, loads_per_v: list[float | None]
+) -> tuple[tuple[float, ...], ...]:
+    """Return the matrix of a condition; a column without a load per volt is relative."""
+    per_load_m = _felt_m(study, condition)
+    columns = []
+    for place, load_per_v in enumerate(loads_per_v):
+        column = per_load_m[:, place]
+        # a level in Vpp is twice the amplitude; 1e6 um are 1 m
+        factor = 1 / column[place] if load_per_v is None else 1e6 * load_per_v / 2
+        columns.append([significant(float(gain)) for gain in factor * column])
+    return tuple(zip(*columns, strict=True))
+
+
+def _felt_m(study: Study, condition: Condition) -> NDArray[np.float64]:
+    """Return the peaks of unit loads driven by the burst as it is played: with a peak of 1."""
+    from experiment.plate import field_strip, fingertips_of, loads_of
+    from experiment.stimulus import unscaled_peak
+    from stimuli import felt
+
+    drive = condition.burst
+    try:
+        peaks_m = felt(field_strip(study), loads_of(study), fingertips_of(study), drive)
+    except ValueError as error:
+        raise StudyError(
+            f"study {study.name}: condition {condition.name}: the displacement: {error}"
+        ) from error
+    scaled: NDArray[np.float64] = peaks_m / unscaled_peak(condition, study.device)
+    return scaled
+
+
+def chosen_burst(study: Study, condition: Condition) -> Burst:
+    """Return the shortest standard burst that does what ``window = "auto"`` asks for.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    condition : Condition
+        A condition with `auto`, its burst as the file states it.
+
+    Raises
+    ------
+    ValueError
+        If no standard burst keeps the wanted level at the other finger.
+    """
+    from experiment.plate import field_strip, fingertips_of, loads_of
+    from stimuli import Burst, shortest_window
+
+    burst, auto = condition.burst, condition.auto
+    if auto is None or not isinstance(burst, Burst):
+        raise ValueError(f"condition {condition.name} must have window = auto; got {burst!r}")
+    try:
+        choice = shortest_window(
+            field_strip(study),
+            loads_of(study)[:2],
+            fingertips_of(study)[:2],
+            burst,
+            auto.wanted_level_db,
+        )
+    except ValueError as error:
+        raise ValueError(f"condition {condition.name}: window = auto: {error}") from error
+    return choice.burst
