@@ -81,8 +81,7 @@ def _computed(
     plate = plate_of(study)
     if band_hz is not None:
         return plate_band(plate, band_hz)
-    burst = study.conditions[0].burst
-    return plate_map(plate, burst.frequency_hz if frequency_hz is None else frequency_hz)
+    return plate_map(plate, plate.drive_hz if frequency_hz is None else frequency_hz)
 
 
 def _content(found: PlateMap | PlateBand, ending: str) -> bytes:

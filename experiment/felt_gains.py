@@ -45,7 +45,7 @@ def study_gains(study: Study) -> tuple[ConditionGains, ...]:
     (True, True)
     """
     labels = tuple(actuator.label for actuator in study.actuators)
-    per_volt = _per_volt(study)
+    per_volt = loads_per_volt(study)
     return tuple(
         ConditionGains(
             condition=condition.name,
@@ -57,8 +57,30 @@ def study_gains(study: Study) -> tuple[ConditionGains, ...]:
     )
 
 
-def _per_volt(study: Study) -> list[tuple[float | None, str | None]]:
-    """Return the unit loads per volt of every actuator, and their bases; none without one."""
+def loads_per_volt(study: Study) -> list[tuple[float | None, str | None]]:
+    """Return the unit loads per volt of amplitude of every actuator, and what they rest on.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    list of (float or None, str or None)
+        For each actuator; none and none where its displacement is not known.
+
+    Raises
+    ------
+    StudyError
+        If the displacement of an actuator cannot be had from what is stated of it.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> [basis for _, basis in loads_per_volt(paper_study())]
+    ['measured', 'measured']
+    """
     from experiment.plate import field_strip, loads_of
     from stimuli import load_per_volt
 

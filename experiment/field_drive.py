@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
+from experiment.felt_gains import loads_per_volt
 from experiment.plate import loads_of
 
 if TYPE_CHECKING:
     from experiment.study_values import Study
-
-Basis = Literal["measured", "predicted"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,9 +31,6 @@ class Drive:
 
     Examples
     --------
-    >>> from experiment.study import paper_study
-    >>> drive_of(paper_study()).basis
-    'per unit load of 1 N m/m'
     >>> Drive(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
     ...       bases=("measured", "predicted"), level_vpp=200.0).basis
     'left measured, right predicted, at 200 Vpp'
@@ -43,7 +39,7 @@ class Drive:
     names: tuple[str, ...]
     units: tuple[str, ...]
     amplitudes: tuple[float, ...]
-    bases: tuple[Basis, ...]
+    bases: tuple[str, ...]
     level_vpp: float | None
 
     @property
@@ -84,19 +80,30 @@ def drive_of(study: Study) -> Drive:
     Returns
     -------
     Drive
-        Unit loads: a study does not say yet what a volt does.
+        The study's highest level, or unit loads if the displacement of an actuator is not known.
+
+    Raises
+    ------
+    StudyError
+        If the displacement of an actuator cannot be had from what is stated of it.
 
     Examples
     --------
     >>> from experiment.study import paper_study
-    >>> drive_of(paper_study()).names
-    ('left', 'right')
+    >>> drive_of(paper_study()).basis
+    'measured, at 200 Vpp'
     """
-    loads = loads_of(study)
+    units = tuple(load.unit for load in loads_of(study))
+    names = tuple(actuator.label for actuator in study.actuators)
+    known = [(load, basis) for load, basis in loads_per_volt(study) if load and basis]
+    if len(known) < len(units):
+        ones = tuple(1.0 for _ in units)
+        return Drive(names=names, units=units, amplitudes=ones, bases=(), level_vpp=None)
+    level_vpp = max(study.design.levels_vpp)
     return Drive(
-        names=tuple(actuator.side for actuator in study.actuators),
-        units=tuple(load.unit for load in loads),
-        amplitudes=tuple(1.0 for _ in loads),
-        bases=(),
-        level_vpp=None,
+        names=names,
+        units=units,
+        amplitudes=tuple(load_per_v * level_vpp / 2 for load_per_v, _ in known),
+        bases=tuple(basis for _, basis in known),
+        level_vpp=level_vpp,
     )

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from experiment.field_drive import Drive, drive_of
-from experiment.observer import MASKING_DB
 from experiment.plate import field_strip, fingertips_of, loads_of
-from stimuli import Fingertip, Load, Scene, Strip, displacement
+from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -75,7 +74,13 @@ class Plate:
     @property
     def masking_limit_db(self) -> float:
         """Level below a finger's own from which another one feels nothing, equation (29)."""
-        return MASKING_DB
+        return self.study.masking_limit_db
+
+    @property
+    def drive_hz(self) -> float:
+        """Frequency of the first condition's burst; the peak of its spectrum for another drive."""
+        burst = self.study.conditions[0].burst
+        return burst.frequency_hz if isinstance(burst, Burst) else burst.peak_hz()
 
     @property
     def fingers(self) -> tuple[Fingertip, ...]:

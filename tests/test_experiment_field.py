@@ -123,9 +123,20 @@ def test_only_waves_that_the_actuators_make_have_their_cutoff_marked() -> None:
 
 def test_the_drive_scales_every_displacement_and_no_level() -> None:
     plate = plate_of(paper_study())
-    driven = replace(plate, drive=replace(plate.drive, amplitudes=(0.5, 2.0)))
-    unit_m, scaled_m = (found.at_fingers_m([300.0]) for found in (plate, driven))
-    assert np.allclose(scaled_m, unit_m * np.array([0.5, 2.0])[:, None, None], rtol=1e-14)
+    left, right = plate.drive.amplitudes
+    driven = replace(plate, drive=replace(plate.drive, amplitudes=(0.5 * left, 2.0 * right)))
+    asked_m, scaled_m = (found.at_fingers_m([300.0]) for found in (plate, driven))
+    assert np.allclose(scaled_m, asked_m * np.array([0.5, 2.0])[:, None, None], rtol=1e-14)
+
+
+def test_the_measured_displacement_comes_out_at_the_highest_level() -> None:
+    at_m = plate_of(paper_study()).at_fingers_m([300.0])[:, :, 0]
+    assert np.abs(np.diag(at_m)) == pytest.approx(2 * 2.6e-6, rel=1e-4)
+
+
+def test_without_a_known_displacement_the_field_is_per_unit_load() -> None:
+    drive = plate_of(study_from_text(OFF_CENTRE, "s")).drive
+    assert (drive.basis, drive.amplitudes) == ("per unit load of 1 N m/m", (1.0, 1.0))
 
 
 def test_a_level_is_the_other_finger_against_the_own_one() -> None:
@@ -180,9 +191,9 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition() -> No
     assert Path("field.png").read_bytes().startswith(b"\x89PNG")
     for told in (
         "map            500 Hz",
-        "per unit load of 1 N m/m",
+        "measured, at 200 Vpp",
         "short ends are left out",
-        "27.8 um per N m/m at x = -35, y = 12.5 mm; right finger -90.8 dB",
+        "5.25 um at x = -35, y = 12.5 mm; right finger -90.8 dB",
         "field.png written",
     ):
         assert told in result.stdout
@@ -196,15 +207,16 @@ def test_the_table_of_a_map_has_the_librarys_values() -> None:
     for row in rows[700::3001]:
         place = (float(row["x_mm"]) / 1e3, float(row["y_mm"]) / 1e3)
         scene = Scene(strip=field_strip(study), loads=loads_of(study), points_m=(place,))
-        expected_um = 1e6 * displacement(scene, [3300.0], rtol=1e-8)[0, :, 0]
+        per_load_um = 1e6 * displacement(scene, [3300.0], rtol=1e-8)[0, :, 0]
+        expected_um = per_load_um * np.array(plate_of(study).drive.amplitudes)
         for name, u_um in zip(("left", "right"), expected_um, strict=True):
             re_um, im_um, abs_um = (
-                float(row[f"{name}_driven_{part}_um_per_unit_load"]) for part in ("re", "im", "abs")
+                float(row[f"{name}_driven_{part}_um"]) for part in ("re", "im", "abs")
             )
             assert complex(re_um, im_um) == pytest.approx(u_um, rel=1e-4)
             assert abs_um == pytest.approx(abs(u_um), rel=1e-4)
     assert {row["frequency_hz"] for row in rows} == {"3300.0"}
-    assert {row["basis"] for row in rows} == {"per unit load of 1 N m/m; endless strip"}
+    assert {row["basis"] for row in rows} == {"measured, at 200 Vpp; endless strip"}
 
 
 def test_the_table_of_a_band_has_the_librarys_values_in_full_precision() -> None:
@@ -214,7 +226,7 @@ def test_the_table_of_a_band_has_the_librarys_values_in_full_precision() -> None
     assert [float(row["frequency_hz"]) for row in rows] == found.frequencies_hz.tolist()
     for i, driven in enumerate(("left", "right")):
         for j, finger in enumerate(("left", "right")):
-            name = f"{driven}_driven_at_{finger}_{{}}_um_per_unit_load"
+            name = f"{driven}_driven_at_{finger}_{{}}_um"
             u_um = np.array(
                 [float(r[name.format("re")]) + 1j * float(r[name.format("im")]) for r in rows]
             )
@@ -239,17 +251,23 @@ def test_the_ending_may_be_in_capitals() -> None:
 # --- the figures ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", ["", OFF_CENTRE], ids=["paper", "off-centre"])
-def test_a_map_names_its_axes_its_unit_its_cutoff_and_its_basis(text: str) -> None:
+@pytest.mark.parametrize(
+    ("text", "basis", "unit"),
+    [("", "measured, at 200 Vpp", "µm"), (OFF_CENTRE, "per unit load of 1 N m/m", "µm per N m/m")],
+    ids=["paper", "off-centre"],
+)
+def test_a_map_names_its_axes_its_unit_its_cutoff_and_its_basis(
+    text: str, basis: str, unit: str
+) -> None:
     svg = render(study_map(study_from_text(text, "s"), 3000.0), "svg").decode()
     for told in (
         "displacement at 3000 Hz; cut-off",
         "x along the plate, from its middle (mm)",
         "y (mm)",
         "|u| (dB re the panel's largest)",
-        "per unit load of 1 N m/m",
+        basis,
         "left actuator driven: largest",
-        "µm per N m/m",
+        unit,
         "fingertip's contact",
         "−20 dB, the masking limit",
     ):
@@ -261,8 +279,8 @@ def test_a_band_names_its_axes_its_unit_its_cutoffs_and_its_basis() -> None:
     for told in (
         "displacement at the fingers; cut-off 2900 Hz (measured), elastic edges",
         "Frequency (Hz)",
-        "|u| (µm per N m/m)",
-        "per unit load of 1 N m/m",
+        "|u| (µm)",
+        "measured, at 200 Vpp",
         "above the actuator",
         "other finger",
         "2900 Hz",
