@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _NODES: Final = 16
 """Chebyshev nodes of a panel; one with no more bins is solved at its bins."""
 
-_SHARE: Final = 0.5
+_SHARE: Final = 0.2
 """Part of rtol for the series of one panel; few reach it."""
 
 _IDLE: Final = 1e-2

@@ -34,9 +34,9 @@ def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> NDArray[np.comple
     if np.any(np.abs(frequencies) > most_hz):
         raise ValueError(f"frequencies_hz must lie within +-{most_hz:g}, got {frequencies_hz!r}")
     off_axis = frequencies.imag > 0
-    values = np.asarray(_real_spectrum(burst, frequencies.real))
-    if np.any(off_axis):
-        values[off_axis] = _complex_spectrum(burst, frequencies[off_axis])
+    values = np.empty(frequencies.shape, dtype=np.complex128)
+    values[~off_axis] = _real_spectrum(burst, frequencies[~off_axis].real)
+    values[off_axis] = _complex_spectrum(burst, frequencies[off_axis])
     return values
 
 

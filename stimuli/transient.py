@@ -31,10 +31,14 @@ _RISE: Final = 4.0
 """Logarithm of what exp(sigma t) grows to over the span: more makes the field smoother along the
 line, but its errors grow as much."""
 
+_MOST_PEAK: Final = 0.1
+"""Peak of a drive as a part of the highest frequency of the field."""
+
 _LATE: Final = 4.0
 """A response after the span that is so much larger than within it is kept out by a longer line."""
 
-_ATTEMPTS: Final = 3
+_MARGIN: Final = 2.0
+"""What the line then adds to the logarithm of that size, for what comes after the first period."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,12 +264,10 @@ def _reasons(found: Sweep, asked: int) -> list[str]:
 def _found(scene: Scene, drive: Drive, times: Real, rtol: float) -> Sweep:
     """Return all bins that count, on a line that keeps later responses out."""
     span_s = max(float(np.max(times, initial=0.0)), drive.duration_s)
-    further = 0.0
-    for _ in range(_ATTEMPTS):
+    found = swept(scene, drive, line_for(span_s, rtol), rtol)
+    if found.late > _LATE:
+        further = math.log(found.late) + _MARGIN
         found = swept(scene, drive, line_for(span_s, rtol, further), rtol)
-        if found.late <= _LATE:
-            break
-        further += math.log(found.late)
     return found
 
 
@@ -282,6 +284,12 @@ def _checked(scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float) -> tup
     if drive.duration_s > MOST_TIME_S:
         raise ValueError(
             f"burst must last at most {MOST_TIME_S:g} s, got one of {drive.duration_s:g} s"
+        )
+    most_hz = _MOST_PEAK * float(np.min(limits_hz(scene)))
+    if drive.peak_hz() > most_hz:
+        raise ValueError(
+            f"burst must have its peak below {most_hz:.6g} Hz, where the field is known far beyond "
+            f"it, got one of {drive.peak_hz():.6g} Hz"
         )
     _refuse_constant_loss(scene, drive)
     return times, finite("rtol", rtol, least=LEAST_RTOL, most=MOST_RTOL)

@@ -272,6 +272,15 @@ def test_long_records_agree_with_short_ones(last: float) -> None:
     assert np.all(np.abs(short[:3] - long[:3]) < 2e-5 * peak)
 
 
+def test_what_arrives_after_the_last_time_does_not_leak_into_it() -> None:
+    scene = scene_of(points=((1.0, W / 2),))
+    times = np.linspace(0.0, 0.004, 41)
+    short = transient(scene, SMOOTH, times, rtol=1e-4)
+    long = transient(scene, SMOOTH, np.append(times, 0.04), rtol=1e-7)
+    assert abs(long[-1, 0, 0]) > 10 * np.max(np.abs(long[:-1]))
+    assert misfit(short, long[:-1]) < 1e-4
+
+
 # --- sampled drives ------------------------------------------------------------------------------
 
 
@@ -418,6 +427,11 @@ def test_a_drive_of_more_than_a_second_is_refused() -> None:
     slow: Drive = Burst(frequency_hz=0.5, cycles=1)
     with pytest.raises(ValueError, match="burst must last at most 1 s, got one of 2 s"):
         transient(scene_of(), slow, TIMES)
+
+
+def test_a_drive_beyond_the_field_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"burst must have its peak below .* got one of 8.*e\+08"):
+        transient(scene_of(), Burst(frequency_hz=1e9), TIMES)
 
 
 def test_corners_beyond_the_field_are_refused_with_what_is_in_reach() -> None:
