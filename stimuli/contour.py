@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 _REACH: Final = 0.6
 """Reach as a part of the gap between the waves below and above the path."""
 
-_STRETCH: Final = 0.2
-"""Scale of the double exponential, in nepers of the wanted error."""
+_STRETCH: Final = 0.33
+"""Scale of the double exponential, in nepers of the wanted error, for integrands that fall as 1/s
+before `finest`: their poles may come nearer as their terms fall, D (1 - 1/cosh) < far."""
 
 _SPARE: Final = 7.0
 """Nepers beyond the wanted error, for values that are small against the terms of their sum."""
@@ -88,7 +89,13 @@ class Contour:
 
 
 def contour(
-    p: Complex, rtol: float, *, finest: float, nearest: float, mirrored: bool = False
+    p: Complex,
+    rtol: float,
+    *,
+    finest: float,
+    nearest: float,
+    mirrored: bool = False,
+    fall: int = 1,
 ) -> Contour:
     """Return the paths that need the fewest nodes.
 
@@ -104,6 +111,8 @@ def contour(
         Least distance along the strip that is asked; far from the load the path ends early.
     mirrored : bool
         Whether one half of the path is enough: no loss.
+    fall : int
+        The integrand falls as s^-fall before s = 1 / finest.
 
     Returns
     -------
@@ -125,7 +134,7 @@ def contour(
     far = np.log(2 / (finest * reach) + 2) + 0.5 * digits
     if nearest > 0:
         far = np.minimum(far, np.arccosh(1 + digits / (nearest * reach * np.sin(tilt))))
-    stretch = _STRETCH * digits
+    stretch = _STRETCH * digits / fall
     n_half = math.ceil(np.max(stretch * np.arcsinh(far / stretch) / step))
     number = np.arange(0 if mirrored else -n_half, n_half + 1)
     scaled = step[:, np.newaxis] / stretch * number

@@ -34,6 +34,11 @@ _CHUNK: Final = 300
 
 _AT_CUTOFF: Final = 4e-15
 
+_CAUTION: Final = 2.0
+"""What the first coefficient left out of a sweep is multiplied with."""
+
+_TINIEST, _LEAST_FALL = 1e-300, 0.02
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Response:
@@ -193,11 +198,15 @@ def solve(
 
 def _between(band: Band, part: Part) -> Part:
     """Return what the solved frequencies give at the asked ones, equation (53)."""
-    if band.matrix is None or band.last is None:
+    if band.matrix is None or band.last is None or band.rest is None:
         return part
     size = part.value.shape
     value, error = part.value.reshape(size[0], -1), part.error.reshape(size[0], -1)
-    error = np.abs(band.matrix) @ error + np.max(np.abs(band.last @ value), axis=0)
+    last = np.abs(band.last @ value)
+    older, newer = np.max(last[:2], axis=0), np.max(last[2:], axis=0)
+    fall = np.clip(np.sqrt(newer / np.maximum(older, _TINIEST)), _LEAST_FALL, 1.0)
+    left_out = np.outer(band.rest, np.maximum(last[3], last[2] * fall) * fall)
+    error = np.sqrt(band.matrix**2 @ error**2) + _CAUTION * left_out
     size = (band.rows.size, *size[1:])
     return Part(value=(band.matrix @ value).reshape(size), error=error.reshape(size))
 

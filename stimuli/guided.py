@@ -84,14 +84,20 @@ class Guided:
         end1, end2 = self._ends
         return end1 * near - end2 * far
 
-    def continued(self, k: Complex, n_waves: int) -> Guided:
-        """Return about the waves that follow, each as far from its last but one as that is."""
-        p = self.p
-        for _ in range(n_waves):
-            p = np.concatenate([p, 2 * p[:, -2:-1] - p[:, -4:-3]], axis=1)
-        p, k2 = p[:, self.p.shape[1] :], k * k
-        g1, g2 = np.sqrt(p * p - k2), np.sqrt(p * p + k2)
-        return Guided(p=p, g1=g1, g2=g2, sign=self.sign)
+    def continued(self, k: Complex, n_pairs: int) -> Guided:
+        """Return about the waves that follow the last two.
+
+        Of simply supported edges p^2 = +-k^2 - q^2 with q in steps of 2 pi, of others nearly so:
+        each second difference of p^2 is -8 pi^2.
+        """
+        p, before = self.p[:, -2:], self.p[:, -4:-2]
+        usual = np.abs(p - before - 2j * np.pi) < np.pi
+        z, k2 = p * p, k * k
+        step = z - np.where(usual, before, p - 2j * np.pi) ** 2
+        ahead = np.arange(1, n_pairs + 1)[:, np.newaxis]
+        z = z[:, np.newaxis] + ahead * step[:, np.newaxis] - 4 * np.pi**2 * ahead * (ahead + 1)
+        z = z.reshape(k.shape[0], -1)
+        return Guided(p=_outgoing(z), g1=np.sqrt(z - k2), g2=np.sqrt(z + k2), sign=self.sign)
 
     def norms(self) -> Complex:
         """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (46): bilinear, no conjugate.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,26 +28,37 @@ _LEAST_DISTANCE: Final = 1e-8
 cancel there differ by less than rounding."""
 
 _EXTRA_WAVES: Final = 6
-_FOLLOWING: Final = 6
-"""Waves beyond the known ones that the estimates of the error look at."""
+_FOLLOWING: Final = 8
+"""Pairs of waves beyond the known ones that the estimates of the error look at."""
 
 _CLOSEST: Final = 0.1
 """Relative distance of two waves below which their sum may be taken on a circle about both."""
 
-_CAUTION: Final = 3.0
-"""What the estimates of the path's error are multiplied with."""
+_CAUTION, _UNSIGNED = 5.0, 0.1
+"""What the sum of the errors of all waves and the sum of their amounts are multiplied with."""
 
-_TIGHT: Final = 1e-3
+_TIGHT: Final = 1e-6
 _DOUBLE: Final = 40.0
 """Relative distance below which a pair acts on the error as one double wave, and its factor."""
 
 _CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
-_EPS: Final = float(np.finfo(np.float64).eps)
-_CANCELLATION, _CANCELLATION_ALONG = 4.0, 80.0
-"""Rounding grows as these over (k W)^2 towards low frequencies, where the branches cancel: of the
-waves, times p W, and of the integral."""
+_EPS: Final = 6 * float(np.finfo(np.float64).eps)
+"""Rounding error of a few operations."""
+
+_CANCELLATION: Final = 6.0
+"""Rounding of the waves grows as this times p W / (k W)^2 at low frequencies, where the branches
+cancel."""
 
 _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sum:
+    """The part of one symmetry: its value, the known part of its error, and the rest's amount."""
+
+    value: Complex
+    drift: Complex
+    error: Real
 
 
 def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Part:
@@ -79,7 +91,7 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
     >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
     True
     """
-    value = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
+    value, drift = np.zeros((2, task.k.size, task.distance.size), dtype=np.complex128)
     error = np.zeros(value.shape)
     far = (task.clearance >= far_clearance(task.rtol)) & skip
     for sign in signs:
@@ -89,7 +101,9 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
             if np.any(points):
                 part = method(task.at(points), modes, strength)
                 value[:, points] += part.value
+                drift[:, points] += part.drift
                 error[:, points] += part.error
+    error += _CAUTION * np.abs(drift.real if task.lossless else drift)
     source = task.source
     if source.radius:
         apart = _clipped(source, np.hypot(task.distance, task.across - source.span.centre))
@@ -103,15 +117,15 @@ def n_waves(k: Complex) -> int:
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
 
 
-def _far(task: Task, modes: Guided, strength: Complex) -> Part:
+def _far(task: Task, modes: Guided, strength: Complex) -> _Sum:
     """Return the sum over all known guided waves, equation (47)."""
     alone = _separate_terms(task, modes, strength)
     terms = _together(alone, task, modes, np.ones(modes.p.shape, dtype=np.bool_))
-    error = _CAUTION * np.abs(_signed(task, _following(task, modes)[1].sum(axis=1)))
-    return Part(value=terms.sum(axis=1), error=error + _rounding(task, modes, terms))
+    left_out = _following(task, modes)[1].sum(axis=1)
+    return _Sum(value=terms.sum(axis=1), drift=left_out, error=_rounding(task, modes, terms))
 
 
-def _near(task: Task, modes: Guided, strength: Complex) -> Part:
+def _near(task: Task, modes: Guided, strength: Complex) -> _Sum:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
     source = task.source
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
@@ -122,19 +136,24 @@ def _near(task: Task, modes: Guided, strength: Complex) -> Part:
         finest=min(size for size in sizes if size > 0),
         nearest=0.0 if source.radius else nearest,
         mirrored=task.lossless,
+        fall=1 if source.moment else 2,
     )
     alone = _separate_terms(task, modes, strength)
     below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
     terms = _together(alone, task, modes, below)
-    leaked = _leaked(task, path, modes, alone, terms)
+    leaked = _leaked(task, path, modes, strength=strength, alone=alone, terms=terms)
     rest = _integral(task, path, modes.sign)
     terms = np.where(below[..., np.newaxis], terms, 0.0)
-    error = rest.error + leaked + _rounding(task, modes, terms)
-    return Part(value=terms.sum(axis=1) + rest.value, error=error)
+    pairs = np.abs(leaked[:, :-1] + leaked[:, 1:])
+    amount = np.minimum(pairs[:, ::2].sum(axis=1), pairs[:, 1::2].sum(axis=1))
+    error = rest.error + _UNSIGNED * amount + _rounding(task, modes, terms)
+    return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
 
 
-def _leaked(task: Task, path: Contour, modes: Guided, alone: Complex, terms: Complex) -> Real:
-    """Return the error of the path's trapezoidal rule due to the waves, equation (52)."""
+def _leaked(
+    task: Task, path: Contour, modes: Guided, *, strength: Complex, alone: Complex, terms: Complex
+) -> Complex:
+    """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
     pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
     if np.any(pair):
         tight = np.zeros(modes.p.shape, dtype=np.bool_)
@@ -142,9 +161,14 @@ def _leaked(task: Task, path: Contour, modes: Guided, alone: Complex, terms: Com
         tight[:, :-1] |= pair
         alone = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone)
     more, following = _following(task, modes)
-    each = np.concatenate([alone, following], axis=1)
-    each = each * path.leak(np.concatenate([modes.p, more.p], axis=1))[..., np.newaxis]
-    return np.asarray(_CAUTION * np.abs(_signed(task, each.sum(axis=1))))
+    p, each = [modes.p, more.p], [alone, following]
+    running = modes.p.real > modes.p.imag
+    if np.any(running):  # they lie on the path's other side as well, with the opposite residue
+        p.append(np.where(running, -modes.p, 1j))
+        strength = np.where(running, -strength, 0.0)
+        each.append(_separate_terms(task, replace(modes, p=p[-1]), strength))
+    leak = path.leak(np.concatenate(p, axis=1))
+    return np.concatenate(each, axis=1) * leak[..., np.newaxis]
 
 
 def _following(task: Task, modes: Guided) -> tuple[Guided, Complex]:
@@ -152,11 +176,6 @@ def _following(task: Task, modes: Guided) -> tuple[Guided, Complex]:
     k = task.k[:, np.newaxis]
     more = modes.continued(k, _FOLLOWING)
     return more, _separate_terms(task, more, 1j * more.excited(k, task.source) / more.norms())
-
-
-def _signed(task: Task, error: Complex) -> Complex | Real:
-    """Return the part of an error that counts: without loss values ... are real."""
-    return error.real if task.lossless else error
 
 
 def _separate_terms(task: Task, modes: Guided, strength: Complex) -> Complex:
@@ -181,7 +200,7 @@ def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]
     turn = radius[:, np.newaxis] * _CIRCLE[:, np.newaxis]
     s = centre[:, np.newaxis, np.newaxis] + turn
     k, hold = (a[rows, np.newaxis, np.newaxis] for a in (task.k, task.hold))
-    kernel = transformed(s, k, hold, source=task.source, across=task.across, sign=modes.sign)
+    kernel, _ = transformed(s, k, hold, source=task.source, across=task.across, sign=modes.sign)
     ring = 1j * np.mean(kernel * turn * task.source.along(s, task.distance), axis=1)
     merged = radius > 2 * apart[:, np.newaxis]
     terms = alone.copy()
@@ -203,28 +222,29 @@ def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
     apart[:, 1:] = np.abs(np.diff(p, axis=1))
     apart[:, :-1] = np.minimum(apart[:, :-1], apart[:, 1:])
     size = np.abs(p)
-    relative = _EPS * (1 + size / np.maximum(apart, _TIGHT * size) + _CANCELLATION * size / k2)
+    pairing = 1 + size / np.maximum(apart, 1e-12 * size)
+    relative = _EPS * (2 * pairing + _CANCELLATION * size / k2)
     relative += _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
-    each = relative[..., np.newaxis] + _EPS * size[..., np.newaxis] * task.distance
-    return np.asarray((np.abs(terms) * each).sum(axis=1))
+    turning = (_EPS * pairing * size)[..., np.newaxis] * task.distance
+    return np.asarray((np.abs(terms) * (relative[..., np.newaxis] + turning)).sum(axis=1))
 
 
 def _integral(task: Task, path: Contour, sign: int) -> Part:
     """Return the integral along the path, equation (48)."""
     s = path.s[..., np.newaxis]
     k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
-    kernel = transformed(s, k, hold, source=task.source, across=task.across, sign=sign)
+    kernel, size = transformed(s, k, hold, source=task.source, across=task.across, sign=sign)
     logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
     if task.source.radius:
         kernel, logarithm = _without_logarithm(kernel, path, task, sign)
-    terms = kernel * task.source.along(s, task.distance) * path.weight[..., np.newaxis]
-    value, size = terms.sum(axis=1), np.abs(terms).sum(axis=1)
+    along = task.source.along(s, task.distance) * path.weight[..., np.newaxis]
+    terms = kernel * along
+    value = terms.sum(axis=1)
     if path.mirrored:
         value = value.real + 0j
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
-    lost = _EPS * (4 + _CANCELLATION_ALONG / np.abs(task.k[:, np.newaxis]) ** 2)
-    error = 4 * ends + lost * size
-    return Part(value=value + logarithm, error=error + 4 * _EPS * np.abs(logarithm))
+    lost = 4 * (size * np.abs(along[:, ::4])).sum(axis=1) + np.abs(logarithm)
+    return Part(value=value + logarithm, error=4 * ends + _EPS * lost)
 
 
 def _without_logarithm(

@@ -8,6 +8,7 @@ places where they do not.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -36,6 +37,10 @@ _LOWEST: Final = (0.003, 0.1)
 """Below this part of that cut-off, or this part of the interval, nothing is solved by itself."""
 
 _LOWEST_NODES: Final = 12
+_FEWEST: Final = 4
+_SPARE, _SPARE_FAR = 1.0, 2.5
+"""Nepers beyond the wanted error, and those per width of distance, of the coefficients left out."""
+
 _FARTHEST: Final = 6.0
 """Distance in widths up to which a sweep is interpolated."""
 
@@ -53,8 +58,12 @@ class Band:
         that of negative viscous loss.
     matrix : ndarray of float64, shape (n, m), or None
         What takes solved values to the asked ones; none if they are the same.
-    last : ndarray of float64, shape (2, m), or None
-        What takes solved values to the last two Chebyshev coefficients.
+    last : ndarray of float64, shape (4, m), or None
+        What takes solved values to the last four Chebyshev coefficients.
+    rest : ndarray of float64, shape (n,), or None
+        The error at the asked frequencies, per size of the first coefficient left out.
+    ratio : float
+        Ratio of successive coefficients, at most.
     reason : str
         Why it is done in this way; empty if there is nothing to tell.
     """
@@ -63,6 +72,8 @@ class Band:
     solved_hz: Real
     matrix: Real | None = None
     last: Real | None = None
+    rest: Real | None = None
+    ratio: float = 0.0
     reason: str = ""
 
 
@@ -96,7 +107,7 @@ def bands(
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> [bands(strip, np.linspace(4, 1500, n), 1e-6, 3.0, skip=True)[0].solved_hz.size
     ...  for n in (50, 500)]
-    [12, 12]
+    [8, 8]
     """
     supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
     viscous = strip.material.viscous_time_s > 0
@@ -108,7 +119,9 @@ def bands(
     done = np.zeros(frequencies_hz.size, dtype=np.bool_)
     if skip and below.size and distance <= _FARTHEST:
         most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
-        count = _count(most_hz / cutoff_hz, rtol, distance, viscous=viscous)
+        ratio = _ratio(most_hz / cutoff_hz, viscous=viscous)
+        count = _count(ratio, rtol, distance)
+        count += count % 2 if viscous else 0  # none of them 0 Hz
         if count < below.size:
             reason = "below cut-off the field is smooth in frequency"
             found.append(
@@ -118,6 +131,7 @@ def bands(
                     viscous=viscous,
                     top_hz=most_hz,
                     count=count,
+                    ratio=ratio,
                     reason=reason,
                 )
             )
@@ -134,6 +148,7 @@ def bands(
             viscous=viscous,
             top_hz=most_hz,
             count=n_lowest,
+            ratio=_ratio(most_hz / cutoff_hz, viscous=viscous),
             reason=reason,
         )
         found.append(band)
@@ -144,12 +159,16 @@ def bands(
     return tuple(found)
 
 
-def _count(part: float, rtol: float, distance: float, *, viscous: bool) -> int:
-    """Return how many nodes reach the wanted error up to a part of the cut-off, the singularity."""
+def _ratio(part: float, *, viscous: bool) -> float:
+    """Return the ratio of coefficients up to a part of the cut-off, where the singularity is."""
     centre = 1 / part if viscous else 2 / part**2 - 1
-    ellipse = centre + np.sqrt(centre**2 - 1)
-    half = int((np.log(1 / rtol) + 5 + 3 * distance) / np.log(ellipse)) // 2 + 2
-    return 2 * half
+    return float(1 / (centre + np.sqrt(centre**2 - 1)))
+
+
+def _count(ratio: float, rtol: float, distance: float) -> int:
+    """Return how many nodes reach the wanted error."""
+    digits = -math.log(rtol) + _SPARE + _SPARE_FAR * distance
+    return max(math.ceil(-digits / math.log(ratio)) + 1, _FEWEST)
 
 
 def _interpolated(
@@ -159,6 +178,7 @@ def _interpolated(
     viscous: bool,
     top_hz: float,
     count: int,
+    ratio: float,
     reason: str,
 ) -> Band:
     """Return a band from 0 to its top that is interpolated in f^2 or, viscous, in f, (53)."""
@@ -167,13 +187,15 @@ def _interpolated(
     if not viscous:
         nodes_hz, place = top_hz * np.cos(angle / 2), 2 * place**2 - 1
     place = np.clip(place, -1.0, 1.0)
-    order = np.arange(count)
+    order, turn = np.arange(count), np.arccos(place)
     to_coefficients = 2 / count * np.cos(order[:, np.newaxis] * angle)
     to_coefficients[0] /= 2
     return Band(
         rows=rows,
         solved_hz=nodes_hz,
-        matrix=np.cos(order * np.arccos(place)[:, np.newaxis]) @ to_coefficients,
-        last=to_coefficients[-2:],
+        matrix=np.cos(order * turn[:, np.newaxis]) @ to_coefficients,
+        last=to_coefficients[-4:],
+        rest=np.abs(np.cos(count * turn)) * (1 - ratio**2) / (1 - 2 * ratio * place + ratio**2),
+        ratio=ratio,
         reason=reason,
     )

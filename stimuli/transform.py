@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stimuli.transverse import Span, crossing, shape, shape_integral
+from stimuli.transverse import Span, crossing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Complex = NDArray[np.complex128]
     Real = NDArray[np.float64]
-
-_END: Final = np.array(0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,12 +75,12 @@ def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
 
 def transformed(
     s: Complex, k: Complex, hold: Complex, *, source: Source, across: Real, sign: int
-) -> Complex:
+) -> tuple[Complex, Real]:
     """Return D U^ of one symmetry along the complex s plane, equations (39) to (42).
 
     Parameters
     ----------
-    s : ndarray of complex128
+    s : ndarray of complex128, shape (..., n_s, n_places or 1)
         Wavenumbers along the strip times the width, none of them a pole.
     k : ndarray of complex128
         Bending wavenumber times the width; not small, (39) cancels as k^-2.
@@ -97,21 +95,25 @@ def transformed(
 
     Returns
     -------
-    ndarray of complex128
+    value : ndarray of complex128
         The transform in units of the width, all arguments broadcast.
+    terms : ndarray of float64
+        Amount of the terms whose sum it is, for every fourth s: what rounding counts.
     """
     k2 = k * k
     g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)
     one, two = source.branch_weights(k)
-    (kernel1, shape1), (kernel2, shape2) = (
-        crossing(g, across, source.span, sign) for g in (g1, g2)
-    )
-    value: Complex = one * kernel1 - two * kernel2
+    first, second = (crossing(g, across, source.span, sign) for g in (g1, g2))
+    part1, part2 = one * first.kernel, two * second.kernel
+    value: Complex = part1 - part2
+    terms: Real = np.abs(part1[..., ::4, :]) + np.abs(part2[..., ::4, :])
     if not np.all(np.isinf(hold)):
-        end1, end2 = shape(g1, _END, sign), shape(g2, _END, sign)
-        psi = shape2 / end2 - shape1 / end1
-        load = two * shape_integral(g2, source.span, sign) / end2
-        load -= one * shape_integral(g1, source.span, sign) / end1
-        grip = 2 * k2 / (g1 + g2) - sign * (g2 * np.exp(-g2) / end2 - g1 * np.exp(-g1) / end1)
-        value -= psi * load / (2 * (2 * k2 * hold + grip))
-    return value / (2 * k2)
+        psi1, psi2 = first.shape / first.end, second.shape / second.end
+        load1, load2 = one * first.load / first.end, two * second.load / second.end
+        grip1, grip2 = g1 * first.fall / first.end, g2 * second.fall / second.end
+        grip = 2 * (2 * k2 * hold + 2 * k2 / (g1 + g2) - sign * (grip2 - grip1))
+        psi, load = psi2 - psi1, (load2 - load1) / grip
+        value -= psi * load
+        lost = np.abs(load1 / grip) + np.abs(load) * (np.abs(grip1 / grip))
+        terms += (np.abs(psi1 * load) + np.abs(psi) * lost)[..., ::4, :]
+    return value / (2 * k2), terms / np.abs(2 * k2)

@@ -72,8 +72,29 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     return ends
 
 
-def crossing(g: Complex, across: Real, span: Span, sign: int) -> tuple[Complex, Complex]:
-    """Return the supported strip's kernel, integrated over a span, and `shape`, equation (38).
+@dataclass(frozen=True, slots=True, eq=False)
+class Crossing:
+    """One branch across a strip: all that a field needs of it.
+
+    Attributes
+    ----------
+    kernel : ndarray of complex128
+        The kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38).
+    shape, load : ndarray of complex128
+        What `shape` returns at the places, and what `shape_integral` returns.
+    end, fall : ndarray of complex128
+        `shape` at the edge, and exp(-g).
+    """
+
+    kernel: Complex
+    shape: Complex
+    load: Complex
+    end: Complex
+    fall: Complex
+
+
+def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
+    """Return what `supported_kernel`, `shape` and `shape_integral` give, with shared exponentials.
 
     Parameters
     ----------
@@ -84,57 +105,85 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> tuple[Complex, 
     span : Span
         Where the load acts.
     sign : int
-        Symmetry of the part that is wanted; the two parts add up to the kernel.
+        Symmetry of the part that is wanted.
 
     Returns
     -------
-    kernel, shape : ndarray of complex128
-        The kernel of g^2 - d2/dy2 with zero ends, and what `shape` returns.
+    Crossing
+
+    Examples
+    --------
+    >>> g, here = np.array([1.5 + 0.5j]), np.array([-0.3])
+    >>> found = crossing(g, here, Span(centre=0.1), 1)
+    >>> bool(np.allclose(found.shape, shape(g, here, 1)))
+    True
+    """
+    up, down, fall = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across)), np.exp(-g)
+    above = np.exp(-g * (0.5 - span.high))
+    below = np.exp(-g * (0.5 + span.low)) if span.centre else above
+    whole: Complex | float = -np.expm1(-g * span.length) / g if span.length else 1.0
+    near, far = _images(g, across, span, places=(up, down), ends=(above, below), whole=whole)
+    if span.centre == 0:
+        parts = (1 + sign) * (near - far)
+    else:
+        images = _images(g, -across, span, places=(down, up), ends=(above, below), whole=whole)
+        parts = near - images[1] + sign * (images[0] - far)
+    end: Complex = np.asarray(0.5 * (1 + sign * fall))
+    return Crossing(
+        kernel=parts / (8 * g * end),
+        shape=0.5 * (up + sign * down),
+        load=0.5 * (above + sign * below) * whole,
+        end=end,
+        fall=fall,
+    )
+
+
+def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
+    """Return the kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38).
+
+    Parameters
+    ----------
+    g, across, span, sign
+        As for `crossing`; the kernels of the two symmetries add up to the whole.
+
+    Returns
+    -------
+    ndarray of complex128
 
     Examples
     --------
     The two parts add up to the closed form sinh(g y) sinh(g (1 - y0)) / (g sinh g), y <= y0:
 
     >>> g, here = np.array([1.5 + 0.5j]), np.array([-0.3])
-    >>> both = sum(crossing(g, here, Span(centre=0.1), sign)[0] for sign in (1, -1))
+    >>> both = sum(supported_kernel(g, here, Span(centre=0.1), sign) for sign in (1, -1))
     >>> closed = np.sinh(0.2 * g) * np.sinh(0.4 * g) / (g * np.sinh(g))
     >>> bool(np.allclose(both, closed, rtol=1e-14))
     True
     """
-    up, down = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across))
-    near, far = _images(g, across, span, up, down)
-    if span.centre == 0:
-        parts = (1 + sign) * (near - far)
-    else:
-        mirrored_near, mirrored_far = _images(g, -across, span, down, up)
-        parts = near - mirrored_far + sign * (mirrored_near - far)
-    kernel: Complex = parts / (4 * g * (1 + sign * np.exp(-g)))
-    return kernel, 0.5 * (up + sign * down)
-
-
-def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
-    """Return the kernel of `crossing` alone."""
-    return crossing(g, across, span, sign)[0]
+    return crossing(g, across, span, sign).kernel
 
 
 def _images(
-    g: Complex, across: Real, span: Span, up: Complex, down: Complex
+    g: Complex,
+    across: Real,
+    span: Span,
+    *,
+    places: tuple[Complex, Complex],
+    ends: tuple[Complex, Complex],
+    whole: Complex | float,
 ) -> tuple[Complex, Complex]:
     """Return the integrals of exp(-g |Y - y|) and exp(-g (1 - |Y - y|)) over the span.
 
     Every exponential decays: 1 - |Y - y| is the way from one of them to the one edge and from the
-    other to the other edge, `up` and `down` for the places.
+    other to the other edge, given as `places` for Y and as `ends` for the span.
     """
-    above, below = np.exp(-g * (0.5 - span.high)), np.exp(-g * (0.5 + span.low))
+    (up, down), (above, below) = places, ends
     right = across >= span.high
-    near: Complex = np.exp(-g * np.maximum(across - span.high, span.low - across).clip(0.0))
-    far: Complex = np.where(right, up * below, down * above)
-    if span.length == 0:
-        return near, far
-    whole = -np.expm1(-g * span.length) / g
-    near, far = near * whole, far * whole
+    beyond = np.maximum(np.maximum(across - span.high, span.low - across), 0.0)
+    near: Complex = np.exp(-g * beyond) * whole
+    far: Complex = np.where(right, up * below, down * above) * whole
     inside = (across > span.low) & ~right
-    if np.any(inside):
+    if span.length and np.any(inside):
         inside = np.broadcast_to(inside, near.shape)
         place = np.broadcast_to(across, near.shape)[inside]
         slow, above, below = (np.broadcast_to(a, near.shape)[inside] for a in (g, above, below))

@@ -632,8 +632,8 @@ def test_the_error_keeps_to_the_tolerance_and_to_its_estimate() -> None:
     rng = np.random.default_rng(7)
     cases = [random_case(rng) for _ in range(100)]
     true = [response(scene, [f], 1e-12).displacement_m for scene, f in cases]
-    for rtol in (1e-2, 1e-5, 1e-8):
-        kept, covered, wide, total, count = 0, 0, 0, 0, 0
+    kept, covered, wide, total, count = 0, 0, 0, 0, 0
+    for rtol in (1e-2, 1e-4, 1e-6, 1e-8):
         for (scene, f), exact in zip(cases, true, strict=True):
             result = response(scene, [f], rtol)
             error = np.abs(result.displacement_m - exact)
@@ -644,9 +644,9 @@ def test_the_error_keeps_to_the_tolerance_and_to_its_estimate() -> None:
             covered += int(np.sum(result.error_m[clear] >= error[clear]))
             wide += int(np.sum(result.error_m[clear] > 100 * error[clear]))
             total, count = total + error.size, count + int(np.sum(clear))
-        assert kept == total
-        assert covered >= 0.99 * count
-        assert wide <= 0.05 * count
+    assert kept == total
+    assert covered >= 0.98 * count
+    assert wide <= 0.02 * count
 
 
 def test_the_error_falls_with_the_tolerance() -> None:
