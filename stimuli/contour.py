@@ -30,6 +30,9 @@ before `finest`: their poles may come nearer as their terms fall, D (1 - 1/cosh)
 _SPARE: Final = 7.0
 """Nepers beyond the wanted error, for values that are small against the terms of their sum."""
 
+_NEIGHBOURS: Final = 4
+"""Waves above a path that may be the nearest to it."""
+
 _LEAST_GAP: Final = 1e-3
 
 
@@ -169,7 +172,7 @@ def _chosen(p: Complex) -> tuple[Real, Real, Real, NDArray[np.int_]]:
         low = p[:, below - 1].imag
         gap = np.maximum(p[:, below].imag - low, 0.0)
         reach = _REACH * np.maximum(gap, _LEAST_GAP)
-        above = (p[:, below:] - 1j * low[:, np.newaxis]) / reach[:, np.newaxis]
+        above = (p[:, below : below + _NEIGHBOURS] - 1j * low[:, np.newaxis]) / reach[:, np.newaxis]
         tilt = np.min(np.arcsinh(above).imag, axis=1) / 2
         merit = np.where(gap > _LEAST_GAP, tilt / (12 + np.log(1 + 1 / reach)), 0.0)
         better = merit > best

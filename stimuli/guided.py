@@ -71,10 +71,8 @@ class Guided:
 
     def shapes(self, across: Real) -> Complex:
         """Return the shapes at places Y: shape (n_frequencies, n_modes, n_places)."""
-        return self._mixed(
-            shape(self.g2[..., np.newaxis], across, self.sign),
-            shape(self.g1[..., np.newaxis], across, self.sign),
-        )
+        g1, g2, end1, end2 = (a[..., np.newaxis] for a in (self.g1, self.g2, *self._ends))
+        return end1 * shape(g2, across, self.sign) - end2 * shape(g1, across, self.sign)
 
     def excited(self, k: Complex, source: Source) -> Complex:
         """Return the load's integral over each shape, shape (n_frequencies, n_modes)."""
@@ -84,8 +82,8 @@ class Guided:
         end1, end2 = self._ends
         return end1 * near - end2 * far
 
-    def continued(self, k: Complex, n_pairs: int) -> Guided:
-        """Return about the waves that follow the last two.
+    def followed(self, k: Complex, n_pairs: int) -> Guided:
+        """Return these waves and about those that follow, in pairs like the last two.
 
         Of simply supported edges p^2 = +-k^2 - q^2 with q in steps of 2 pi, of others nearly so:
         each second difference of p^2 is -8 pi^2.
@@ -97,16 +95,21 @@ class Guided:
         ahead = np.arange(1, n_pairs + 1)[:, np.newaxis]
         z = z[:, np.newaxis] + ahead * step[:, np.newaxis] - 4 * np.pi**2 * ahead * (ahead + 1)
         z = z.reshape(k.shape[0], -1)
-        return Guided(p=_outgoing(z), g1=np.sqrt(z - k2), g2=np.sqrt(z + k2), sign=self.sign)
+        more = (_outgoing(z), np.sqrt(z - k2), np.sqrt(z + k2))
+        known = (self.p, self.g1, self.g2)
+        p, g1, g2 = (np.concatenate(both, axis=1) for both in zip(known, more, strict=True))
+        return Guided(p=p, g1=g1, g2=g2, sign=self.sign)
 
-    def norms(self) -> Complex:
+    def norms(self, n_exact: int | None = None) -> Complex:
         """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (46): bilinear, no conjugate.
 
-        The closed form cancels as k^-4 and is taken where k W > 1, else a sum over nodes.
+        The closed form cancels as k^-4 and is taken where k W > 1, else a sum over nodes for the
+        first `n_exact` waves (all, if it is None).
         """
-        low = np.abs(self.g2[:, 0] ** 2 - self.g1[:, 0] ** 2) < _LOW
         total = self._closed_norms()
-        total[low] = self._summed_norms()[low] if np.any(low) else 0.0
+        low = np.flatnonzero(np.abs(self.g2[:, 0] ** 2 - self.g1[:, 0] ** 2) < _LOW)
+        if low.size:
+            total[low, :n_exact] = self._summed_norms(low, n_exact)
         return 4 * self.p * total
 
     def _closed_norms(self) -> Complex:
@@ -120,16 +123,14 @@ class Guided:
                 total += weight[i] * weight[j] * (self.p**2 * even + g[i] * g[j] * odd)
         return total
 
-    def _summed_norms(self) -> Complex:
+    def _summed_norms(self, rows: NDArray[np.intp], n_modes: int | None) -> Complex:
         nodes, weights = _half_rule()
-        across, g1, g2 = nodes / 2, self.g1[..., np.newaxis], self.g2[..., np.newaxis]
-        slope2, slope1 = g2 * shape(g2, across, -self.sign), g1 * shape(g1, across, -self.sign)
-        square = (self.p[..., np.newaxis] * self.shapes(across)) ** 2
-        return np.asarray((square + self._mixed(slope2, slope1) ** 2) @ weights)
-
-    def _mixed(self, second: Complex, first: Complex) -> Complex:
-        end1, end2 = self._ends
-        return end1[..., np.newaxis] * second - end2[..., np.newaxis] * first
+        parts = (self.p, self.g1, self.g2, *self._ends)
+        p, g1, g2, end1, end2 = (a[rows, :n_modes, np.newaxis] for a in parts)
+        across, sign = nodes / 2, self.sign
+        value = end1 * shape(g2, across, sign) - end2 * shape(g1, across, sign)
+        slope = end1 * g2 * shape(g2, across, -sign) - end2 * g1 * shape(g1, across, -sign)
+        return np.asarray(((p * value) ** 2 + slope**2) @ weights)
 
 
 @lru_cache(maxsize=1)

@@ -53,6 +53,54 @@ _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Waves:
+    """The known waves of one symmetry, and about the next ones, with what the load makes of them.
+
+    Attributes
+    ----------
+    known : Guided
+        Waves that are summed.
+    every : Guided
+        These and those that follow, for the estimate of the error.
+    strength : ndarray of complex128, shape (n_frequencies, n_every)
+        i Phi / N.
+    """
+
+    known: Guided
+    every: Guided
+    strength: Complex
+
+    @classmethod
+    def of(cls, task: Task, sign: int) -> _Waves:
+        """Return the waves of a load."""
+        known, k = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign), task.k
+        every = known.followed(k[:, np.newaxis], _FOLLOWING)
+        norms = every.norms(known.p.shape[1])
+        strength = 1j * every.excited(k[:, np.newaxis], task.source) / norms
+        return cls(known=known, every=every, strength=strength)
+
+    def terms(self, task: Task) -> Complex:
+        """Return each wave at the points, shape (n_frequencies, n_every, n_points)."""
+        along = task.source.along(self.every.p[..., np.newaxis], task.distance)
+        return self.strength[..., np.newaxis] * self.every.shapes(task.across) * along
+
+    def incoming(self) -> _Waves:
+        """Return the waves that propagate as they come in from afar, with opposite residues."""
+        p = self.known.p
+        running = p.real > p.imag
+        some = np.any(running, axis=0)
+        n = p.shape[1]
+        strength = np.where(running, -self.strength[:, :n], 0.0)[:, some]
+        back = replace(
+            self.known,
+            p=np.where(running, -p, 1j)[:, some],
+            g1=self.known.g1[:, some],
+            g2=self.known.g2[:, some],
+        )
+        return _Waves(known=back, every=back, strength=strength)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Sum:
     """The part of one symmetry: its value, the known part of its error, and the rest's amount."""
 
@@ -95,11 +143,10 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
     error = np.zeros(value.shape)
     far = (task.clearance >= far_clearance(task.rtol)) & skip
     for sign in signs:
-        modes = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign)
-        strength = 1j * modes.excited(task.k[:, np.newaxis], task.source) / modes.norms()
+        waves = _Waves.of(task, sign)
         for points, method in ((far, _far), (~far, _near)):
             if np.any(points):
-                part = method(task.at(points), modes, strength)
+                part = method(task if np.all(points) else task.at(points), waves)
                 value[:, points] += part.value
                 drift[:, points] += part.drift
                 error[:, points] += part.error
@@ -117,17 +164,18 @@ def n_waves(k: Complex) -> int:
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
 
 
-def _far(task: Task, modes: Guided, strength: Complex) -> _Sum:
+def _far(task: Task, waves: _Waves) -> _Sum:
     """Return the sum over all known guided waves, equation (47)."""
-    alone = _separate_terms(task, modes, strength)
-    terms = _together(alone, task, modes, np.ones(modes.p.shape, dtype=np.bool_))
-    left_out = _following(task, modes)[1].sum(axis=1)
-    return _Sum(value=terms.sum(axis=1), drift=left_out, error=_rounding(task, modes, terms))
+    every, n = waves.terms(task), waves.known.p.shape[1]
+    used = np.ones(waves.known.p.shape, dtype=np.bool_)
+    terms = _together(every[:, :n], task, waves.known, used)
+    error = _rounding(task, waves.known, terms)
+    return _Sum(value=terms.sum(axis=1), drift=every[:, n:].sum(axis=1), error=error)
 
 
-def _near(task: Task, modes: Guided, strength: Complex) -> _Sum:
+def _near(task: Task, waves: _Waves) -> _Sum:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
-    source = task.source
+    source, modes = task.source, waves.known
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
     nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
     path = contour(
@@ -138,10 +186,11 @@ def _near(task: Task, modes: Guided, strength: Complex) -> _Sum:
         mirrored=task.lossless,
         fall=1 if source.moment else 2,
     )
-    alone = _separate_terms(task, modes, strength)
+    every = waves.terms(task)
+    alone = every[:, : modes.p.shape[1]]
     below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
     terms = _together(alone, task, modes, below)
-    leaked = _leaked(task, path, modes, strength=strength, alone=alone, terms=terms)
+    leaked = _leaked(task, path, waves, every=every, terms=terms)
     rest = _integral(task, path, modes.sign)
     terms = np.where(below[..., np.newaxis], terms, 0.0)
     pairs = np.abs(leaked[:, :-1] + leaked[:, 1:])
@@ -150,38 +199,22 @@ def _near(task: Task, modes: Guided, strength: Complex) -> _Sum:
     return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
 
 
-def _leaked(
-    task: Task, path: Contour, modes: Guided, *, strength: Complex, alone: Complex, terms: Complex
-) -> Complex:
+def _leaked(task: Task, path: Contour, waves: _Waves, *, every: Complex, terms: Complex) -> Complex:
     """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
+    modes = waves.known
     pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
     if np.any(pair):
         tight = np.zeros(modes.p.shape, dtype=np.bool_)
         tight[:, 1:] = pair
         tight[:, :-1] |= pair
-        alone = np.where(tight[..., np.newaxis], _DOUBLE * terms, alone)
-    more, following = _following(task, modes)
-    p, each = [modes.p, more.p], [alone, following]
-    running = modes.p.real > modes.p.imag
-    if np.any(running):  # they lie on the path's other side as well, with the opposite residue
-        p.append(np.where(running, -modes.p, 1j))
-        strength = np.where(running, -strength, 0.0)
-        each.append(_separate_terms(task, replace(modes, p=p[-1]), strength))
-    leak = path.leak(np.concatenate(p, axis=1))
-    return np.concatenate(each, axis=1) * leak[..., np.newaxis]
-
-
-def _following(task: Task, modes: Guided) -> tuple[Guided, Complex]:
-    """Return about the waves beyond the known ones and their terms at the points."""
-    k = task.k[:, np.newaxis]
-    more = modes.continued(k, _FOLLOWING)
-    return more, _separate_terms(task, more, 1j * more.excited(k, task.source) / more.norms())
-
-
-def _separate_terms(task: Task, modes: Guided, strength: Complex) -> Complex:
-    """Return each guided wave at the points, shape (n_frequencies, n_modes, n_points)."""
-    along = task.source.along(modes.p[..., np.newaxis], task.distance)
-    return strength[..., np.newaxis] * modes.shapes(task.across) * along
+        n = terms.shape[1]
+        every[:, :n] = np.where(tight[..., np.newaxis], _DOUBLE * terms, every[:, :n])
+    leaked = every * path.leak(waves.every.p)[..., np.newaxis]
+    if np.any(modes.p.real > modes.p.imag):  # they lie on the other side of the path as well
+        back = waves.incoming()
+        mirrored = back.terms(task) * path.leak(back.every.p)[..., np.newaxis]
+        leaked = np.concatenate([leaked, mirrored], axis=1)
+    return leaked
 
 
 def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]) -> Complex:
