@@ -87,7 +87,8 @@ class Contour:
         for turn in (place, 1j * np.pi - place):
             t = self.stretch * np.arcsinh((turn - 1j * tilt) / self.stretch)
             side = np.where(t.imag > 0, 1, -1)
-            total += side / np.expm1(-2j * np.pi * side * t / step)
+            fall = 2j * np.pi * side * t / step
+            total -= side * np.exp(fall) / np.expm1(fall)
         return total
 
 
