@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.checks import instance
-from stimuli.edge import ElasticEdge
-from stimuli.guided import PI
+from stimuli.ends import faintness, reflected
 from stimuli.jobs import Job, unit_scale
-from stimuli.scene import Scene, Work
+from stimuli.scaled import dimensionless, stiffness_factors
+from stimuli.scene import LEAST_RTOL, Scene, Work
 from stimuli.solver import solved
 from stimuli.supported import supported_cutoff_hz
 from stimuli.task import Part, Task
@@ -19,18 +19,23 @@ from stimuli.task import Part, Task
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from stimuli.strip import Strip
+    from stimuli.ends import Ends
     from stimuli.sweep import Band
 
     Complex = NDArray[np.complex128]
-    Exact = NDArray[np.clongdouble]
     Real = NDArray[np.float64]
-
-_SOFTEST: Final = 1e18
-"""1 / (kappa W) that stands for a simple support where nothing is to be skipped."""
 
 _CHUNK: Final = 300
 """Pairs of a frequency and a place that are solved at once: more do not fit the cache."""
+
+_ROWS: Final = 8
+"""Frequencies at which the ends are solved at once."""
+
+_POOR: Final = 10.0
+"""Estimated part of the wanted error above which the ends are solved again."""
+
+_FINER: Final = 1e-3
+"""Part of the wanted error that is asked for then."""
 
 _AT_CUTOFF: Final = 4e-15
 
@@ -183,7 +188,7 @@ def solve(
     jobs = scene.jobs() if jobs is None else jobs
     shape = (frequencies_hz.size, len(scene.loads), len(scene.points_m))
     value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
-    stiffness = scene.strip.bending_stiffness_n_m * _stiffness_factors(scene.strip, frequencies_hz)
+    stiffness = scene.strip.bending_stiffness_n_m * stiffness_factors(scene.strip, frequencies_hz)
     for job in jobs:
         part = _solved_at(scene, job, frequencies_hz, rtol)
         for load, places in zip(job.loads, job.places, strict=True):
@@ -213,7 +218,7 @@ def _between(band: Band, part: Part) -> Part:
 
 def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Part:
     """Return D U in units of the width for a job, in portions that fit the cache."""
-    k, hold = _dimensionless(scene, frequencies_hz)
+    k, hold = dimensionless(scene.strip, frequencies_hz, skip=scene.skip)
     size = (frequencies_hz.size, job.distance.size)
     value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
     order = np.argsort(frequencies_hz.real)
@@ -232,34 +237,48 @@ def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> 
             part = solved(some, job.signs, skip=scene.skip)
             value[np.ix_(rows, places)] = part.value
             error[np.ix_(rows, places)] = part.error
+    endless = Part(value=value, error=error)
+    return (
+        endless if job.ends is None else _with_ends(task, job, job.ends, endless, skip=scene.skip)
+    )
+
+
+def _with_ends(task: Task, job: Job, ends: Ends, endless: Part, *, skip: bool) -> Part:
+    """Return the field of a finite strip from that of the endless one, in portions."""
+    value, error = endless.value[:, ends.direct], endless.error[:, ends.direct]
+    task = task.at(ends.direct)
+    order = np.argsort(np.abs(task.k))
+    if skip:
+        faint = faintness(task, ends, job.signs)
+        used = np.any(faint > task.rtol, axis=1)
+        error[~used] += faint[~used] * np.abs(value[~used])
+        order = order[used[order]]
+    for rows in np.array_split(order, max(-(-order.size // _ROWS), 1)):
+        if not rows.size:
+            break
+        some = replace(task, exact_k=task.exact_k[rows], exact_hold=task.exact_hold[rows])
+        part = reflected(some, ends, job.signs)
+        value[rows] += part.value
+        error[rows] += part.error
+        again = _POOR * some.rtol < _relative(value[rows], part.error)
+        if np.any(again) and some.rtol > LEAST_RTOL:
+            finer = replace(
+                some,
+                exact_k=some.exact_k[again],
+                exact_hold=some.exact_hold[again],
+                rtol=max(some.rtol * _FINER, LEAST_RTOL),
+            )
+            better = reflected(finer, ends, job.signs)
+            value[rows[again]] += better.value - part.value[again]
+            error[rows[again]] += better.error - part.error[again]
     return Part(value=value, error=error)
 
 
-def _dimensionless(scene: Scene, frequencies_hz: Complex) -> tuple[Exact, Exact]:
-    """Return k W and 1 / (kappa W) with the digits that p needs near a cut-off."""
-    strip, material = scene.strip, scene.strip.material
-    width, thickness, nu = (
-        np.longdouble(v) for v in (strip.width_m, strip.thickness_m, material.poisson_ratio)
-    )
-    stiffness = material.youngs_modulus_pa * thickness**3 / (12 * (1 - nu) * (1 + nu))
-    factor = _stiffness_factors(strip, frequencies_hz).astype(np.clongdouble)
-    inertia = np.sqrt(np.sqrt(material.density_kg_m3 * thickness / stiffness))
-    forward_hz = np.where(frequencies_hz.real < 0, -frequencies_hz, frequencies_hz)
-    k = np.sqrt(2 * PI * forward_hz) * inertia * width / np.sqrt(np.sqrt(factor))
-    edge = strip.edge
-    if scene.is_supported:
-        return k, np.full(k.size, np.inf if scene.skip else _SOFTEST, dtype=np.clongdouble)
-    if not isinstance(edge, ElasticEdge):
-        return k, np.zeros(k.size, dtype=np.clongdouble)
-    hold = stiffness / (edge.stiffness_n * width)
-    return k, hold * (factor if edge.lossless else np.ones_like(factor))
-
-
-def _stiffness_factors(strip: Strip, frequencies_hz: Complex) -> Complex:
-    """Return what the loss makes of the bending stiffness, equation (15)."""
-    material = strip.material
-    loss = material.loss_factor + 2 * np.pi * frequencies_hz * material.viscous_time_s
-    return np.asarray(1 - 1j * loss)
+def _relative(value: Complex, error: Real) -> Real:
+    """Return the greatest error as a part of what it is wanted of, for each frequency."""
+    size = np.abs(value)
+    size = np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True))
+    return np.asarray(np.max(error / np.maximum(size, 1e-300), axis=1))
 
 
 def _refuse_cutoffs(scene: Scene, frequencies_hz: Real, jobs: tuple[Job, ...]) -> None:

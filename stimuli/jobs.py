@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.ends import Ends
 from stimuli.load import DISCS, ForceRectangle, Load, PressureDisc, PressureRectangle
 from stimuli.transform import Source
 from stimuli.transverse import Span
@@ -14,8 +15,10 @@ from stimuli.transverse import Span
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.strip import Strip
+
     Real = NDArray[np.float64]
-    _Member = tuple[int, Source, Real, Real]
+    _Member = tuple[int, Source, Real]
 
 _DECIMALS: Final = 15
 """Places in widths that agree to so many decimals are one place."""
@@ -31,12 +34,14 @@ class Job:
         The load.
     loads : tuple of int
         Which loads of the scene it stands for.
-    distance, across : ndarray of float64, shape (n_pairs,)
+    distance, across : ndarray of float64, shape (n_places,)
         Different places relative to the load.
     places : ndarray of int, shape (n_loads, n_points)
-        Where each load's points are among them.
+        Where each load's points are among them; for a finite strip, among the pairs of `ends`.
     signs : tuple of int
         Symmetries that are not zero.
+    ends : Ends or None
+        The ends of a finite strip and the different pairs of a load and a point between them.
     """
 
     source: Source
@@ -45,10 +50,16 @@ class Job:
     across: Real
     places: NDArray[np.intp]
     signs: tuple[int, ...]
+    ends: Ends | None = None
+
+    @property
+    def n_pairs(self) -> int:
+        """Number of different pairs of a load and a point."""
+        return int(self.distance.size if self.ends is None else self.ends.load.size)
 
 
 def jobs(
-    width_m: float,
+    strip: Strip,
     loads: tuple[Load, ...],
     points_m: tuple[tuple[float, float], ...],
     *,
@@ -59,8 +70,8 @@ def jobs(
 
     Parameters
     ----------
-    width_m : float
-        Width of the strip.
+    strip : Strip
+        The strip.
     loads : tuple of Load
         Loads.
     points_m : tuple of (float, float)
@@ -79,11 +90,13 @@ def jobs(
     --------
     Points to the left and to the right of a load, above and below its middle, are one:
 
-    >>> from stimuli import PointForce
+    >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> corners = tuple((x, y) for x in (-0.01, 0.01) for y in (0.005, 0.020))
-    >>> len(jobs(0.025, (PointForce(x_m=0.0, y_m=0.0125),), corners, skip=True)[0].distance)
+    >>> len(jobs(strip, (PointForce(x_m=0.0, y_m=0.0125),), corners, skip=True)[0].distance)
     1
     """
+    width_m = strip.width_m
     x, y = np.array(points_m).T
     across = np.round((2 * y - width_m) / (2 * width_m), _DECIMALS)
     groups: dict[object, list[_Member]] = {}
@@ -91,30 +104,62 @@ def jobs(
         if skip and driven is not None and not driven[index]:
             continue
         source, turn = _source(load, width_m)
-        distance = np.round(np.abs(x - load.x_m) / width_m, _DECIMALS)
         places = turn * across
         if skip and source.span.centre == 0:
             places = -np.abs(places)
+        load_x = np.full(x.size, load.x_m)
+        table = np.column_stack([np.abs(x - load_x), load_x, x]) / width_m
+        table = np.column_stack([np.round(table, _DECIMALS), places])
         key = source if skip else index
-        groups.setdefault(key, []).append((index, source, distance, places))
-    return tuple(_job(members, skip=skip) for members in groups.values())
+        groups.setdefault(key, []).append((index, source, table))
+    return tuple(_job(members, strip, skip=skip) for members in groups.values())
 
 
-def _job(members: list[_Member], *, skip: bool) -> Job:
+def _job(members: list[_Member], strip: Strip, *, skip: bool) -> Job:
     source = members[0][1]
-    pairs = np.concatenate([m[2] + 1j * m[3] for m in members])
-    inverse = np.arange(pairs.size)
-    if skip:
-        pairs, inverse = np.unique(pairs, return_inverse=True)
-    symmetric = source.span.centre == 0 or not np.any(pairs.imag)
+    table = np.concatenate([m[2] for m in members])
+    pairs, places = _different(table[:, [0, 3]], skip=skip)
+    symmetric = source.span.centre == 0 or bool(np.all(pairs[:, 1] == 0))
+    ends = None
+    if strip.length_m is not None:
+        if skip:
+            table = _mirrored(table)
+        table, inverse = _different(np.column_stack([table, places]), skip=skip)
+        direct, places = table[:, 4].astype(np.intp), inverse
+        ends = Ends(
+            length=strip.length_m / strip.width_m,
+            poisson_ratio=strip.material.poisson_ratio,
+            load=table[:, 1],
+            point=table[:, 2],
+            direct=direct,
+        )
     return Job(
         source=source,
         loads=tuple(m[0] for m in members),
-        distance=pairs.real.copy(),
-        across=pairs.imag.copy(),
-        places=inverse.reshape(len(members), -1),
+        distance=pairs[:, 0],
+        across=pairs[:, 1],
+        places=places.reshape(len(members), -1),
         signs=(1,) if skip and symmetric else (1, -1),
+        ends=ends,
     )
+
+
+def _different(rows: Real, *, skip: bool) -> tuple[Real, NDArray[np.intp]]:
+    """Return the different rows, and which of them each row is."""
+    if not skip:
+        return rows, np.arange(len(rows))
+    if rows.shape[1] == 2:  # noqa: PLR2004 - complex numbers sort faster than rows
+        different, inverse = np.unique(rows[:, 0] + 1j * rows[:, 1], return_inverse=True)
+        return np.column_stack([different.real, different.imag]), inverse.ravel()
+    different, inverse = np.unique(rows, axis=0, return_inverse=True)
+    return different, inverse.ravel()
+
+
+def _mirrored(table: Real) -> Real:
+    """Return pairs turned about the middle of the strip so that the load is on its right."""
+    load, point = table[:, 1], table[:, 2]
+    turn = np.where((load < 0) | ((load == 0) & (point < 0)), -1.0, 1.0)
+    return np.column_stack([table[:, 0], turn * load + 0.0, turn * point + 0.0, table[:, 3]])
 
 
 def _source(load: Load, width_m: float) -> tuple[Source, int]:

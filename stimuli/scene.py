@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
-from stimuli.edge import SIMPLY_SUPPORTED, ElasticEdge
+from stimuli.ends import faintness
 from stimuli.jobs import Job, jobs
 from stimuli.load import DISCS, LOADS, Load
+from stimuli.scaled import dimensionless, is_supported
 from stimuli.strip import Strip
 from stimuli.supported import supported_cutoff_hz
 from stimuli.sweep import Band, bands
-from stimuli.task import far_clearance
+from stimuli.task import Task, far_clearance
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -29,6 +30,7 @@ MOST_RTOL: Final = 0.1
 MOST_CUTOFFS: Final = 5000.0
 """Highest frequency that is computed, in first cut-offs of the supported strip."""
 
+_FARTHEST_M: Final = 1e3
 _WIDEST_DISC: Final = 16.0
 """Largest k R of a disc: (50) loses exp(k R) of its digits."""
 
@@ -47,6 +49,9 @@ class Work:
         Symmetric and antisymmetric waves, for each different load.
     integrals_asked, integrals_solved : int
         Pairs, times symmetries, for which more is needed than the guided waves.
+    reflections_asked, reflections_solved : int
+        Pairs, times solved frequencies, for which the ends of a finite strip are asked for, and
+        for which they count.
     wall_correction : bool
         Whether the edges are anything else than simple supports.
     skipped : tuple of str
@@ -61,18 +66,20 @@ class Work:
     symmetries_solved: int
     integrals_asked: int
     integrals_solved: int
+    reflections_asked: int
+    reflections_solved: int
     wall_correction: bool
     skipped: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """An endless strip with loads and the points at which its displacement is wanted.
+    """A strip with loads and the points at which its displacement is wanted.
 
     Attributes
     ----------
     strip : Strip
-        The strip, with `length_m` None: finite strips are not implemented.
+        The strip, endless or with two free ends at x = -length_m / 2 and length_m / 2.
     loads : tuple of Load
         At least one load, each wholly on the strip.
     points_m : tuple of (float, float)
@@ -87,8 +94,8 @@ class Scene:
     Raises
     ------
     ValueError
-        If there is no load or no point, or one of them is not on the strip, or the strip is
-        finite, or `driven` has not one bool for each load.
+        If there is no load or no point, or one of them is not on the strip, or `driven` has
+        not one bool for each load.
 
     Examples
     --------
@@ -113,16 +120,11 @@ class Scene:
     def __post_init__(self) -> None:
         instance("strip", self.strip, Strip, "a Strip")
         instance("skip", self.skip, bool, "True or False")
-        if self.strip.length_m is not None:
-            raise ValueError(
-                "strip must be endless (length_m=None): fields of finite strips are not "
-                f"implemented, got length_m={self.strip.length_m!r}"
-            )
         object.__setattr__(self, "loads", _some("loads", self.loads))
         for load in self.loads:
             instance("loads", load, LOADS, "a tuple of loads")
-            _check_on_strip(load, self.strip.width_m)
-        points = [_point(point, self.strip.width_m) for point in _some("points_m", self.points_m)]
+            _check_on_strip(load, self.strip)
+        points = [_point(point, self.strip) for point in _some("points_m", self.points_m)]
         object.__setattr__(self, "points_m", tuple(points))
         if self.driven is not None:
             object.__setattr__(self, "driven", _switches(self.driven, len(self.loads)))
@@ -156,15 +158,22 @@ class Scene:
         """Return the work that jobs and bands of frequencies are."""
         n_pairs = len(self.loads) * len(self.points_m)
         near = [self.near(job, rtol) for job in jobs]
+        n_solved = sum(band.solved_hz.size for band in found)
         work = Work(
             frequencies_asked=n_frequencies,
-            frequencies_solved=sum(band.solved_hz.size for band in found),
+            frequencies_solved=n_solved,
             pairs_asked=n_pairs,
-            pairs_solved=sum(job.distance.size for job in jobs),
+            pairs_solved=sum(job.n_pairs for job in jobs),
             symmetries_asked=2 * len(self.loads),
             symmetries_solved=sum(len(job.signs) for job in jobs),
             integrals_asked=2 * n_pairs,
             integrals_solved=sum(n * len(j.signs) for n, j in zip(near, jobs, strict=True)),
+            reflections_asked=n_solved * n_pairs if self.strip.length_m is not None else 0,
+            reflections_solved=sum(
+                job.n_pairs * self.reflecting(job, band.solved_hz, rtol)
+                for job in jobs
+                for band in found
+            ),
             wall_correction=not (self.skip and self.is_supported),
             skipped=(),
         )
@@ -176,10 +185,7 @@ class Scene:
     @property
     def is_supported(self) -> bool:
         """Whether both edges are simple supports."""
-        edge = self.strip.edge
-        if isinstance(edge, ElasticEdge):
-            return edge.stiffness_n == 0
-        return edge is SIMPLY_SUPPORTED
+        return is_supported(self.strip)
 
     def checked(self, frequencies_hz: ArrayLike, rtol: float) -> tuple[Real, float]:
         """Return frequencies and tolerance, or refuse them.
@@ -219,10 +225,26 @@ class Scene:
         clearance = job.distance - job.source.half_length - job.source.radius
         return int(np.count_nonzero(clearance < far_clearance(rtol)))
 
+    def reflecting(self, job: Job, solved_hz: Real, rtol: float) -> int:
+        """Return at how many frequencies the ends of the strip count for a job."""
+        if job.ends is None or not self.skip:
+            return 0 if job.ends is None else int(solved_hz.size)
+        k, hold = dimensionless(self.strip, solved_hz.astype(np.complex128))
+        task = Task(
+            exact_k=k,
+            exact_hold=hold,
+            source=job.source,
+            distance=job.distance,
+            across=job.across,
+            rtol=rtol,
+        )
+        faint = faintness(task.at(job.ends.direct), job.ends, job.signs)
+        return int(np.count_nonzero(np.any(faint > rtol, axis=1)))
+
     def jobs(self) -> tuple[Job, ...]:
         """Return what has to be computed, each different thing once."""
-        width_m, driven = self.strip.width_m, self.driven
-        return jobs(width_m, self.loads, self.points_m, skip=self.skip, driven=driven)
+        loads, points_m = self.loads, self.points_m
+        return jobs(self.strip, loads, points_m, skip=self.skip, driven=self.driven)
 
 
 def _some(name: str, values: Iterable[object]) -> tuple[object, ...]:
@@ -239,22 +261,32 @@ def _switches(driven: object, n_loads: int) -> tuple[bool, ...]:
     return values
 
 
-def _point(point: object, width_m: float) -> tuple[float, float]:
+def _point(point: object, strip: Strip) -> tuple[float, float]:
     if not isinstance(point, (tuple, list)) or len(point) != 2:  # noqa: PLR2004
         raise ValueError(f"points_m must hold pairs (x, y), got {point!r}")
-    x_m = finite("points_m: x", point[0], least=-1e3, most=1e3)
-    return x_m, finite("points_m: y", point[1], least=0.0, most=width_m)
+    end_m = _end_m(strip)
+    x_m = finite("points_m: x", point[0], least=-end_m, most=end_m)
+    return x_m, finite("points_m: y", point[1], least=0.0, most=strip.width_m)
 
 
-def _check_on_strip(load: Load, width_m: float) -> None:
-    """Refuse a load that is not wholly on the strip; one that touches an edge is."""
-    reach_m = load.half_size_m[1]
-    slack_m = 1e-12 * width_m
-    if not reach_m - slack_m <= load.y_m <= width_m - reach_m + slack_m:
-        raise ValueError(
-            f"loads: y_m must lie from {reach_m:g} to {width_m - reach_m:g} m, so that the load "
-            f"is on the strip, got {load!r}"
-        )
+def _end_m(strip: Strip) -> float:
+    """Return the largest x on the strip."""
+    return _FARTHEST_M if strip.length_m is None else strip.length_m / 2
+
+
+def _check_on_strip(load: Load, strip: Strip) -> None:
+    """Refuse a load that is not wholly on the strip; one that touches an edge or an end is."""
+    half_m = strip.width_m / 2
+    limits = (
+        ("y_m", load.y_m, half_m, half_m - load.half_size_m[1]),
+        ("x_m", load.x_m, 0.0, _end_m(strip) - load.half_size_m[0]),
+    )
+    for name, place_m, middle_m, room_m in limits:
+        if not abs(place_m - middle_m) <= room_m + 1e-12 * strip.width_m:
+            raise ValueError(
+                f"loads: {name} must lie from {middle_m - room_m:g} to {middle_m + room_m:g} m, so "
+                f"that the load is on the strip, got {load!r}"
+            )
 
 
 def _idle_loads(driven: tuple[bool, ...]) -> Iterable[str]:
@@ -281,6 +313,12 @@ def _reasons(work: Work, found: tuple[Band, ...]) -> Iterable[str]:
             work.integrals_asked,
             work.integrals_solved,
             "far from the load the guided waves are enough, or it is zero or repeated",
+        ),
+        (
+            "reflections",
+            work.reflections_asked,
+            work.reflections_solved,
+            "the ends are too far to be felt, or the pair is repeated or a mirror image",
         ),
     )
     for name, asked, solved, why in counts:

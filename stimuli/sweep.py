@@ -85,7 +85,7 @@ def bands(
     Parameters
     ----------
     strip : Strip
-        The endless strip.
+        The strip.
     frequencies_hz : ndarray of float64, shape (n_frequencies,)
         Asked frequencies.
     rtol : float
@@ -111,15 +111,16 @@ def bands(
     """
     supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
     viscous = strip.material.viscous_time_s > 0
-    cutoff_hz = strip.cutoff_hz()
-    top_hz = _UPPER * cutoff_hz
+    singular_hz = _first_singular_hz(strip)
+    top_hz = _UPPER * singular_hz
     below = np.flatnonzero(frequencies_hz <= top_hz)
     part = float(np.clip(_LOWEST_REACH / max(distance, 1e-9), *_LOWEST_TOPS))
+    part = min(part, top_hz / supported_hz)
     found = []
     done = np.zeros(frequencies_hz.size, dtype=np.bool_)
     if skip and below.size and distance <= _FARTHEST:
         most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
-        ratio = _ratio(most_hz / cutoff_hz, viscous=viscous)
+        ratio = _ratio(most_hz / singular_hz, viscous=viscous)
         count = _count(ratio, rtol, distance)
         count += count % 2 if viscous else 0  # none of them 0 Hz
         if count < below.size:
@@ -148,7 +149,7 @@ def bands(
             viscous=viscous,
             top_hz=most_hz,
             count=n_lowest,
-            ratio=_ratio(most_hz / cutoff_hz, viscous=viscous),
+            ratio=_ratio(most_hz / singular_hz, viscous=viscous),
             reason=reason,
         )
         found.append(band)
@@ -159,8 +160,17 @@ def bands(
     return tuple(found)
 
 
+def _first_singular_hz(strip: Strip) -> float:
+    """Return up to where the field is smooth: the first cut-off, or a bound of resonances, (59)."""
+    cutoff_hz = strip.cutoff_hz()
+    if strip.length_m is None:
+        return cutoff_hz
+    poisson_ratio = strip.material.poisson_ratio
+    return cutoff_hz * float(np.sqrt((1 - poisson_ratio) * (1 + poisson_ratio)))
+
+
 def _ratio(part: float, *, viscous: bool) -> float:
-    """Return the ratio of coefficients up to a part of the cut-off, where the singularity is."""
+    """Return the ratio of coefficients up to a part of where the nearest singularity is."""
     centre = 1 / part if viscous else 2 / part**2 - 1
     return float(1 / (centre + np.sqrt(centre**2 - 1)))
 

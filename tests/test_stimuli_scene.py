@@ -182,10 +182,35 @@ def test_wrong_parts_are_refused_by_name() -> None:
         dataclasses.replace(scene, skip=1)  # type: ignore[arg-type]  # wrong on purpose
 
 
-def test_a_finite_strip_is_refused_and_says_why() -> None:
-    strip = dataclasses.replace(PLATE, length_m=0.2)
-    with pytest.raises(ValueError, match=r"endless.*not implemented, got length_m=0\.2"):
-        Scene(strip=strip, loads=(MIDDLE,), points_m=((0.0, 0.0125),))
+SHORT = dataclasses.replace(PLATE, length_m=0.2)
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        PointForce(x_m=0.1000001, y_m=0.0125),
+        PressureDisc(x_m=-0.095, y_m=0.0125, radius_m=0.0051),
+        MomentRectangle(x_m=0.09, y_m=0.0125, length_x_m=0.021, length_y_m=0.01),
+    ],
+    ids=lambda load: type(load).__name__,
+)
+def test_loads_beyond_an_end_are_refused(load: Any) -> None:
+    with pytest.raises(ValueError, match=r"loads: x_m must lie from -.* to .*got"):
+        Scene(strip=SHORT, loads=(load,), points_m=((0.0, 0.0125),))
+
+
+@pytest.mark.parametrize("x_m", [0.1000001, -0.2, math.nan])
+def test_points_beyond_an_end_are_refused(x_m: float) -> None:
+    with pytest.raises(ValueError, match=r"points_m: x must be .*-0\.1 and <= 0\.1, got"):
+        Scene(strip=SHORT, loads=(MIDDLE,), points_m=((x_m, 0.0125),))
+
+
+def test_loads_and_points_at_an_end_are_taken() -> None:
+    loads = (
+        PointForce(x_m=0.1, y_m=0.0125),
+        MomentRectangle(x_m=-0.095, y_m=0.0125, length_x_m=0.01, length_y_m=0.01),
+    )
+    assert len(Scene(strip=SHORT, loads=loads, points_m=((-0.1, 0.01), (0.1, 0.01))).loads) == 2
 
 
 @pytest.mark.parametrize("bad", [[-1.0], [math.nan], [1e12], [[1.0]], 300.0, ["a"], [True]])
