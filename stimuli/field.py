@@ -39,7 +39,7 @@ _FINER: Final = 1e-3
 
 _AT_CUTOFF: Final = 4e-15
 
-_CAUTION: Final = 2.0
+_CAUTION: Final = 3.0
 """What the first coefficient left out of a sweep is multiplied with."""
 
 _TINIEST, _LEAST_FALL = 1e-300, 0.02

@@ -38,7 +38,7 @@ _LOWEST: Final = (0.003, 0.1)
 
 _LOWEST_NODES: Final = 12
 _FEWEST: Final = 4
-_SPARE, _SPARE_FAR = 1.0, 2.5
+_SPARE, _SPARE_FAR = 2.0, 2.5
 """Nepers beyond the wanted error, and those per width of distance, of the coefficients left out."""
 
 _FARTHEST: Final = 6.0
