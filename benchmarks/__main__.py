@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
-NAMES = ("startup", "session", "journal")
+NAMES = ("startup", "session", "journal", "stability")
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 
