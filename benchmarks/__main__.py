@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
-NAMES = ("startup", "session", "journal", "stability")
+NAMES = ("startup", "session", "journal", "stability", "field", "skipping")
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 
@@ -20,7 +20,10 @@ def machine() -> str:
     if info.exists():
         names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
         cpu = names[0].split(":")[1].strip() if names else cpu
-    packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "pandas", "matplotlib"))
+    packages = ", ".join(
+        f"{name} {version(name)}"
+        for name in ("numpy", "scipy", "pandas", "matplotlib", "scikit-fem")
+    )
     return (
         f"{cpu}, {os.cpu_count()} cores, {platform.system()}, "
         f"Python {platform.python_version()}, {packages}"

@@ -66,9 +66,11 @@ class Problem:
 
     @property
     def lossless(self) -> bool:
+        """Whether the field is real but for propagating waves."""
         return not (mp.im(self.k) or (mp.isfinite(self.hold) and mp.im(self.hold)))
 
     def branch_weights(self) -> tuple[Any, Any]:
+        """Return what the load makes of plane waves of either branch, (42) and (44)."""
         k, radius = self.k, self.radius
         one = two = mp.mpf(1)
         if radius:
