@@ -1,0 +1,93 @@
+"""The benchmarks run: the smallest case of each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from benchmarks import field, hard_cases, skipping, stability, timing
+from benchmarks.exact import exact
+from benchmarks.plate_fem import direct, modal, model
+from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+W = 0.025
+
+
+def test_the_evaluator_gives_values_known_from_other_methods() -> None:
+    # contour integrals and modal sums, 16 digits
+    force = PointForce(x_m=0.0, y_m=W / 2)
+    known = {
+        (SIMPLY_SUPPORTED, 0.0): 1.35672670270450974e-05,
+        (CLAMPED, 0.07): 3.70695978412616636e-11,
+    }
+    for (edge, x_m), value_m in known.items():
+        strip = hard_cases.strip_on(edge)
+        assert float(abs(exact(strip, force, x_m, W / 2, 300.0) / value_m - 1)) < 1e-15
+
+
+def test_the_evaluator_knows_the_free_ends_of_a_supported_strip() -> None:
+    # polynomial and finite-element models, 12 digits
+    load = MomentRectangle(x_m=0.0, y_m=W / 2, length_x_m=0.005, length_y_m=0.015)
+    known_m = -1.9807964221232675e-06 - 2.2596465628158454e-08j
+    assert (
+        abs(
+            complex(exact(field.scene(SIMPLY_SUPPORTED).strip, load, 0.02, 0.0075, 500.0)) / known_m
+            - 1
+        )
+        < 1e-12
+    )
+
+
+def test_a_stability_section_tells_error_and_estimate(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    sweep = hard_cases.sweeps()[1]
+    small = hard_cases.Sweep(name=sweep.name, axis=sweep.axis, cases=sweep.cases[4:6])
+    monkeypatch.setattr(stability, "sweeps", lambda: (small,))
+    monkeypatch.setattr(stability, "FIGURE", tmp_path / "figure.png")
+    text = stability.section()
+    assert "| Cut-off 2 |" in text
+    assert "must not hold a cut-off" in text
+    assert (tmp_path / "figure.png").exists()
+
+
+def test_a_field_section_sets_finite_elements_beside_the_field(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(field, "MESHES_M", (12.5e-3,))
+    monkeypatch.setattr(field, "MODES", (4, 8))
+    monkeypatch.setattr(field, "COUNTS", (1, 3))
+    monkeypatch.setattr(field, "RTOLS", (1e-2, 1e-6))
+    monkeypatch.setattr(field, "FIGURE", tmp_path / "figure.png")
+    monkeypatch.setattr(field, "growth_rows", lambda: iter(()))
+    text = field.section()
+    assert "| finite elements, direct | 12.5 mm" in text
+    assert (tmp_path / "figure.png").exists()
+
+
+def test_finite_elements_on_a_coarse_grid_are_right_to_a_percent() -> None:
+    place = field.scene(SIMPLY_SUPPORTED)
+    plate = model(place.strip, field.PATCH, place.points_m, 6e-3)
+    asked = field.frequencies(3)
+    true = displacement(place, asked, 1e-6)[:, 0]
+    assert field.error_of(direct(plate, asked), true) < 1e-2
+    assert field.error_of(modal(40, plate, asked), true) < 1e-2
+
+
+def test_growth_rows_time_points_loads_and_frequencies() -> None:
+    assert len(list(field.growth_rows(most=10))) == 3
+
+
+def test_a_saving_changes_its_count() -> None:
+    saving = next(skipping.savings())
+    assert " of 121 pairs" in skipping.row(saving)
+
+
+def test_a_timed_run_is_told_its_number() -> None:
+    seen: list[int] = []
+    timing.median_s(seen.append, 3)
+    assert seen == [0, 1, 2, 3]
