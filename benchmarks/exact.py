@@ -43,6 +43,8 @@ are infinite."""
 _STEEP: Final = mpmath.mpf(10) ** 16
 """|s| beyond which g2 T(g2/2) - g1 T(g1/2) is k^2 / s to all digits that count."""
 
+_MOST_STEPS: Final = 40
+_ASTRAY: Final = mpmath.mpf(10) ** -6
 _REST_HZ: Final = "1e-20"
 """Frequency that stands for 0 Hz: the field is even in the frequency."""
 
@@ -349,15 +351,21 @@ def _polished(problem: Problem, start: Any, found: list[Any], sign: int) -> Any:
         value = 2 * k2 * problem.hold * s1 * s2 + t2 * s1 - t1 * s2
         return value / mp.fprod(z - other for other in found)
 
-    step = mp.mpf(10) ** -9 * (1 + abs(start))
-    z = mp.findroot(
-        relation, (start, start + step), solver="secant", tol=mp.eps**1.6, maxsteps=60, verify=False
-    )
-    return (
-        mp.mpc(z.real, 0)
-        if problem.lossless and abs(mp.im(z)) < mp.eps**0.7 * (1 + abs(z))
-        else mp.mpc(z)
-    )
+    size = 1 + abs(start)
+    before, z = start, start + mp.mpf(10) ** -9 * size
+    value = relation(before)
+    for _ in range(_MOST_STEPS):
+        here = relation(z)
+        step = here * (z - before) / (here - value)
+        before, value, z = z, here, z - step
+        if abs(step) < mp.eps**0.75 * size:
+            break
+    else:
+        raise ArithmeticError(f"no wave near p^2 = {mpmath.nstr(start, 8)}")
+    if abs(z - start) > _ASTRAY * size:
+        raise ArithmeticError(f"another wave than that near p^2 = {mpmath.nstr(start, 8)}")
+    real = problem.lossless and abs(mp.im(z)) < mp.eps**0.7 * size
+    return mp.mpc(z.real, 0) if real else mp.mpc(z)
 
 
 def _inside_disc(problem: Problem) -> Any:

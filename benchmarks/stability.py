@@ -95,7 +95,7 @@ def _rows(sweep: Sweep, found: list[Measured]) -> Iterator[str]:
 def _figure(results: list[tuple[Sweep, list[Measured]]]) -> None:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 9), layout="constrained")
+    figure = Figure(figsize=(10, 8.4), layout="constrained")
     panels = figure.subplots(-(-len(results) // 3), 3).flatten()
     for axes, (sweep, found) in zip(panels, results, strict=False):
         _panel(axes, sweep, found)
@@ -104,7 +104,7 @@ def _figure(results: list[tuple[Sweep, list[Measured]]]) -> None:
     figure.suptitle(
         f"Relative error at rtol = {RTOLS[-1]:g}: true (filled) and estimated (line, open)"
     )
-    figure.savefig(FIGURE, dpi=100)
+    figure.savefig(FIGURE, dpi=90)
 
 
 def _panel(axes: Axes, sweep: Sweep, found: list[Measured]) -> None:
