@@ -142,12 +142,15 @@ class EndFunctions:
         powers = 1 + np.arange(_SPREAD)
         turned = np.concatenate([spread**powers, places], axis=2)
         displaced = np.concatenate([spread ** (powers + 2), places], axis=2)
-        kernels = self._kernels(s, self.k, self.hold, across, kinds)
+        rows, which = np.unique(across, return_inverse=True)
+        kernels = self._kernels(s, self.k, self.hold, rows, kinds)
         found = []
         for away in aways:
             decay = np.exp(1j * s[:, np.newaxis] * away[:, np.newaxis]) * weight
             columns = [
-                np.stack([(a * decay) @ turned, (b * decay) @ displaced], axis=-1)
+                np.stack(
+                    [(a[:, which] * decay) @ turned, (b[:, which] * decay) @ displaced], axis=-1
+                )
                 for a, b in zip(*kernels, strict=True)
             ]
             flat = [a.reshape(*a.shape[:2], -1) for a in columns]

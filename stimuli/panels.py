@@ -55,6 +55,9 @@ _MOST_GROWTH: Final = 4
 _WIDEST_DISC: Final = 24.0
 """Largest k R at which a point inside a disc has digits left, few but enough for a tail."""
 
+_MOST_WITH_ENDS: Final = 400.0
+"""First cut-offs of the supported strip up to which the free ends of a finite one are computed."""
+
 _MOST_RESPONSE: Final = 8.0
 """First cut-offs up to which a response has all that makes its peak."""
 
@@ -112,7 +115,8 @@ def limits_hz(scene: Scene) -> Real:
     """Return the highest frequency that is computed for each pair of a load and a point."""
     width_m = scene.strip.width_m
     supported_hz = replace(scene.strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
-    limits = np.full((len(scene.loads), len(scene.points_m)), MOST_CUTOFFS)
+    most = MOST_CUTOFFS if scene.strip.length_m is None else _MOST_WITH_ENDS
+    limits = np.full((len(scene.loads), len(scene.points_m)), most)
     x, y = np.array(scene.points_m).T
     for load, row in zip(scene.loads, limits, strict=True):
         if isinstance(load, DISCS):
