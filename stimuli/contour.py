@@ -165,19 +165,13 @@ def contour(
 
 def _chosen(p: Complex) -> tuple[Real, Real, Real, NDArray[np.int_]]:
     """Return lowest point, reach, tilt and the number of waves below, for each frequency."""
-    n_frequencies, n_modes = p.shape
-    best = np.full(n_frequencies, -1.0)
-    chosen = np.zeros((3, n_frequencies))
-    n_below = np.zeros(n_frequencies, dtype=np.int_)
-    for below in range(1, n_modes - 1):
-        low = p[:, below - 1].imag
-        gap = np.maximum(p[:, below].imag - low, 0.0)
-        reach = _REACH * np.maximum(gap, _LEAST_GAP)
-        above = (p[:, below : below + _NEIGHBOURS] - 1j * low[:, np.newaxis]) / reach[:, np.newaxis]
-        tilt = np.min(np.arcsinh(above).imag, axis=1) / 2
-        merit = np.where(gap > _LEAST_GAP, tilt / (12 + np.log(1 + 1 / reach)), 0.0)
-        better = merit > best
-        best = np.where(better, merit, best)
-        n_below = np.where(better, below, n_below)
-        chosen = np.where(better, np.stack([low, reach, tilt]), chosen)
-    return chosen[0], chosen[1], chosen[2], n_below
+    n_modes = p.shape[1]
+    low = p.imag[:, : n_modes - 2]
+    gap = np.maximum(p.imag[:, 1 : n_modes - 1] - low, 0.0)
+    reach = _REACH * np.maximum(gap, _LEAST_GAP)
+    nearest = np.arange(1, n_modes - 1)[:, np.newaxis] + np.arange(_NEIGHBOURS)
+    above = p[:, np.minimum(nearest, n_modes - 1)] - 1j * low[..., np.newaxis]
+    tilt = np.min(np.arcsinh(above / reach[..., np.newaxis]).imag, axis=2) / 2
+    merit = np.where(gap > _LEAST_GAP, tilt / (12 + np.log(1 + 1 / reach)), 0.0)
+    best, row = np.argmax(merit, axis=1), np.arange(p.shape[0])
+    return low[row, best], reach[row, best], tilt[row, best], best + 1

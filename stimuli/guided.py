@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PI: Final = np.longdouble("3.14159265358979323846264338327950288")
 _NEAR_CUTOFF: Final = 1e-2
-_POLISHING_STEPS: Final = 5
+_POLISHING_STEPS: Final = 15
 _NORM_NODES: Final = 48
 _END: Final = np.array(0.5)
 _LOW: Final = 2.0
@@ -40,9 +40,10 @@ _WIDTHS: Final = (1.2e-2, 1.2e-3)
 times the decay across the strip."""
 
 _TRUSTED: Final = 0.4
-"""How far these steps may lead, as a part of the distance to the next wave."""
+"""How far steps that do not settle may lead, as a part of the distance to the next wave."""
 
-_SETTLED: Final = 1e-13
+_SETTLED: Final = 1e-17
+"""Square of the last step, as a part of the distance to the next wave and of the wave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,12 +116,12 @@ class Guided:
     def _closed_norms(self) -> Complex:
         end1, end2 = self._ends
         g, weight = (self.g1, self.g2), (-end2, end1)
+        square = self.p**2
         total = np.zeros_like(self.p)
-        for i in (0, 1):
-            for j in (0, 1):
-                alike, other = _products(g[i], g[j], same=i == j)
-                even, odd = alike + self.sign * other, alike - self.sign * other
-                total += weight[i] * weight[j] * (self.p**2 * even + g[i] * g[j] * odd)
+        for i, j, factor in ((0, 0, 1), (0, 1, 2), (1, 1, 1)):
+            alike, other = _products(g[i], g[j], same=i == j)
+            even, odd = alike + self.sign * other, alike - self.sign * other
+            total += factor * weight[i] * weight[j] * (square * even + g[i] * g[j] * odd)
         return total
 
     def _summed_norms(self, rows: NDArray[np.intp], n_modes: int | None) -> Complex:
@@ -288,10 +289,11 @@ def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
         value, slope = _dispersion(z, k, hold, sign)
         step = value / (slope - value * np.sum(1 / between, axis=2))
         z = z - step
-        if np.all(np.abs(step) < _SETTLED * (np.abs(z) + 1)):
+        settled = np.abs(step) ** 2 < _SETTLED * reach * (np.abs(z) + 1)
+        if np.all(settled):
             break
         between = _differences(z)
-    z = np.where(np.abs(z - start) <= reach, z, start)
+    z = np.where(settled | (np.abs(z - start) <= reach), z, start)
     return np.where(real, z.real + 0j, z)
 
 
