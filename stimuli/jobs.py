@@ -148,9 +148,6 @@ def _different(rows: Real, *, skip: bool) -> tuple[Real, NDArray[np.intp]]:
     """Return the different rows, and which of them each row is."""
     if not skip:
         return rows, np.arange(len(rows))
-    if rows.shape[1] == 2:  # noqa: PLR2004 - complex numbers sort faster than rows
-        different, inverse = np.unique(rows[:, 0] + 1j * rows[:, 1], return_inverse=True)
-        return np.column_stack([different.real, different.imag]), inverse.ravel()
     different, inverse = np.unique(rows, axis=0, return_inverse=True)
     return different, inverse.ravel()
 
