@@ -88,6 +88,10 @@ def displacement_lines(check: StudyCheck, found: ConditionCheck) -> list[str]:
         basis = gains.bases[place] or "n/a, its displacement is not stated"
         lines.append(f"{'  ' + name:{COLUMN}}{own}{basis}; {'; '.join(others)}")
     lines.append(f"{'':{COLUMN}}{-found.masking_limit_db:g} dB at the other finger is the limit")
+    if check.study.strip.length_m is not None:
+        what = "the free ends are left out: they send back what lies above the cut-off, which"
+        lines.append(f"{'':{COLUMN}}{what}")
+        lines.append(f"{'':{COLUMN}}raises the level at the other finger (docs/model.md, section 9)")
     return [*lines, *loss_lines(check, found)]
 
 
