@@ -91,7 +91,7 @@ def displacement_lines(check: StudyCheck, found: ConditionCheck) -> list[str]:
     if check.study.strip.length_m is not None:
         what = "the free ends are left out: they send back what lies above the cut-off, which"
         lines.append(f"{'':{COLUMN}}{what}")
-        lines.append(f"{'':{COLUMN}}raises the level at the other finger (docs/model.md, section 9)")
+        lines.append(f"{'':{COLUMN}}raises the level at the other finger (docs/model.md, 9)")
     return [*lines, *loss_lines(check, found)]
 
 

@@ -43,9 +43,9 @@ def field_csv(field: PlateMap | PlateBand) -> str:
     >>> from experiment.study import paper_study
     >>> head, first, *_ = field_csv(plate_map(plate_of(paper_study()), 500.0)).splitlines()
     >>> head.split(",")[:4]
-    ['frequency_hz', 'x_mm', 'y_mm', 'left_driven_re_um_per_unit_load']
-    >>> first.split(",")[:3], first.split(",")[-1]
-    (['500.0', '-100.0', '0.0'], 'per unit load of 1 N m/m; endless strip')
+    ['frequency_hz', 'x_mm', 'y_mm', 'left_driven_re_um']
+    >>> first.split(",")[:3], "measured, at 200 Vpp; endless strip" in first
+    (['500.0', '-100.0', '0.0'], True)
     """
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
@@ -98,7 +98,7 @@ def field_text(field: PlateMap | PlateBand, file_name: str) -> str:
     >>> from experiment.field_values import plate_map
     >>> from experiment.study import paper_study
     >>> print(field_text(plate_map(plate_of(paper_study()), 500.0), "study.toml").splitlines()[-1])
-    right driven   27.8 um per N m/m at x = 35, y = 12.5 mm; left finger -90.8 dB
+    right driven   5.25 um at x = 35, y = 12.5 mm; left finger -90.8 dB
     """
     plate = field.plate
     lines = [

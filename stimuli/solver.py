@@ -257,7 +257,7 @@ def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
     size = np.abs(p)
     pairing = 1 + size / np.maximum(apart, 1e-12 * size)
     relative = _EPS * (2 * pairing + _CANCELLATION * size / k2)
-    relative += _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
+    relative += 2 * _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
     turning = (_EPS * pairing * size)[..., np.newaxis] * task.distance
     return np.asarray((np.abs(terms) * (relative[..., np.newaxis] + turning)).sum(axis=1))
 
