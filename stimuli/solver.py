@@ -28,13 +28,19 @@ _LEAST_DISTANCE: Final = 1e-8
 cancel there differ by less than rounding."""
 
 _EXTRA_WAVES: Final = 6
+_FAINTEST: Final = 30.0
+"""Nepers over which a wave that comes in from afar dies out before it counts."""
+
+_TINY: Final = 0.02
+"""Rounding grows as this over the size of a small load in widths."""
+
 _FOLLOWING: Final = 8
 """Pairs of waves beyond the known ones that the estimates of the error look at."""
 
 _CLOSEST: Final = 0.1
 """Relative distance of two waves below which their sum may be taken on a circle about both."""
 
-_CAUTION, _UNSIGNED = 5.0, 0.1
+_CAUTION, _UNSIGNED = 4.0, 0.1
 """What the sum of the errors of all waves and the sum of their amounts are multiplied with."""
 
 _TIGHT: Final = 1e-6
@@ -84,10 +90,12 @@ class _Waves:
         along = task.source.along(self.every.p[..., np.newaxis], task.distance)
         return self.strength[..., np.newaxis] * self.every.shapes(task.across) * along
 
-    def incoming(self) -> _Waves:
+    def incoming(self, task: Task) -> _Waves | None:
         """Return the waves that propagate as they come in from afar, with opposite residues."""
-        p = self.known.p
-        running = p.real > p.imag
+        p, reach = self.known.p, float(np.max(task.distance)) + task.source.half_length
+        running = (p.real > p.imag) & (p.imag * reach < _FAINTEST)
+        if not np.any(running):
+            return None
         some = np.any(running, axis=0)
         n = p.shape[1]
         strength = np.where(running, -self.strength[:, :n], 0.0)[:, some]
@@ -177,11 +185,12 @@ def _near(task: Task, waves: _Waves) -> _Sum:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
     source, modes = task.source, waves.known
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
+    finest = min(size for size in sizes if size > 0)
     nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
     path = contour(
         modes.p,
         task.rtol * math.exp(-float(np.max(np.abs(task.k))) * source.radius),
-        finest=min(size for size in sizes if size > 0),
+        finest=finest,
         nearest=0.0 if source.radius else nearest,
         mirrored=task.lossless,
         fall=1 if source.moment else 2,
@@ -196,6 +205,7 @@ def _near(task: Task, waves: _Waves) -> _Sum:
     pairs = np.abs(leaked[:, :-1] + leaked[:, 1:])
     amount = np.minimum(pairs[:, ::2].sum(axis=1), pairs[:, 1::2].sum(axis=1))
     error = rest.error + _UNSIGNED * amount + _rounding(task, modes, terms)
+    error += _EPS * _TINY / finest * np.abs(rest.value)
     return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
 
 
@@ -210,8 +220,8 @@ def _leaked(task: Task, path: Contour, waves: _Waves, *, every: Complex, terms: 
         n = terms.shape[1]
         every[:, :n] = np.where(tight[..., np.newaxis], _DOUBLE * terms, every[:, :n])
     leaked = every * path.leak(waves.every.p)[..., np.newaxis]
-    if np.any(modes.p.real > modes.p.imag):  # they lie on the other side of the path as well
-        back = waves.incoming()
+    back = waves.incoming(task)
+    if back is not None:  # they lie on the other side of the path
         mirrored = back.terms(task) * path.leak(back.every.p)[..., np.newaxis]
         leaked = np.concatenate([leaked, mirrored], axis=1)
     return leaked

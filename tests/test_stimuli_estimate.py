@@ -188,3 +188,16 @@ def test_close_waves_are_summed_to_the_tolerance_wherever_they_are_taken_togethe
     rough, exact = (displacement(scene, frequencies_hz, tol)[:, 0] for tol in (rtol, 1e-12))
     size_m = np.max(np.abs(exact), axis=1, keepdims=True)
     assert np.all(np.abs(rough - exact) <= rtol * np.maximum(np.abs(exact), 1e-3 * size_m))
+
+
+def test_no_scene_leaves_the_range_of_numbers() -> None:
+    rng = np.random.default_rng(24)
+    for _ in range(120):
+        scene = drawn_scene(rng)
+        x_m = 10.0 ** rng.uniform(-6, 1, 3) * rng.integers(0, 2, 3)
+        points = tuple((float(x), float(W * rng.random())) for x in x_m)
+        far = dataclasses.replace(scene, points_m=points, skip=bool(rng.random() < 0.8))
+        frequencies_hz = 10.0 ** rng.uniform(-3, 5, 3)
+        found = response(far, frequencies_hz, float(10.0 ** rng.uniform(-12, -1)))
+        assert np.all(np.isfinite(found.displacement_m))
+        assert np.all(np.isfinite(found.error_m))
