@@ -20,6 +20,7 @@ def finite(
     above: float = -math.inf,
     least: float = -math.inf,
     most: float = math.inf,
+    below: float = math.inf,
 ) -> float:
     """Return a value as a float, or refuse it.
 
@@ -29,8 +30,9 @@ def finite(
         What the message calls the value.
     value : float
         The value; a bool, a text, an infinity or a NaN is no finite number.
-    above, least, most : float
-        The value must be greater than `above`, at least `least` and at most `most`.
+    above, least, most, below : float
+        The value must be greater than `above`, at least `least`, at most `most` and less than
+        `below`.
 
     Returns
     -------
@@ -51,8 +53,9 @@ def finite(
     ValueError: width_m must be a finite number > 0 and <= 10, got 0.0
     """
     number = _as_float(value)
-    if not (above < number and least <= number <= most and math.isfinite(number)):
-        limits = ((">", above), (">=", least), ("<=", most))
+    fits = above < number < below and least <= number <= most
+    if not (fits and math.isfinite(number)):
+        limits = ((">", above), (">=", least), ("<=", most), ("<", below))
         range_text = " and ".join(f"{s} {v:.12g}" for s, v in limits if math.isfinite(v))
         raise ValueError(f"{name} must be a finite number {range_text}, got {value!r}")
     return number

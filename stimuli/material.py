@@ -18,7 +18,7 @@ class Material:
     youngs_modulus_pa : float
         Young's modulus E without loss.
     poisson_ratio : float
-        Poisson's ratio nu, up to 0.5.
+        Poisson's ratio nu, below 0.5.
     density_kg_m3 : float
         Mass density rho.
     loss_factor : float
@@ -52,15 +52,15 @@ class Material:
     def __post_init__(self) -> None:
         ranges = {
             "youngs_modulus_pa": (1e-3, 1e15),
-            "poisson_ratio": (-0.999, 0.5),
+            "poisson_ratio": (-0.999, math.inf),
             "density_kg_m3": (1e-3, 1e6),
             "loss_factor": (0.0, 1e3),
             "viscous_time_s": (0.0, 1e3),
         }
         for name, (least, most) in ranges.items():
-            object.__setattr__(
-                self, name, finite(name, getattr(self, name), least=least, most=most)
-            )
+            below = 0.5 if name == "poisson_ratio" else math.inf
+            value = finite(name, getattr(self, name), least=least, most=most, below=below)
+            object.__setattr__(self, name, value)
 
     def stiffness_factor(self, frequency_hz: float) -> complex:
         """Return what the loss multiplies the bending stiffness with, equation (15).

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     Complex = NDArray[np.complex128]
     Exact = NDArray[np.clongdouble]
 
+_NO_SPRING_N: Final = 1e-200
+"""Softer edges are simple supports: 1 / (kappa W) would overflow."""
+
 _SOFTEST: Final = 1e18
 """1 / (kappa W) that stands for a simple support where nothing is to be skipped."""
 
@@ -33,7 +36,7 @@ def is_supported(strip: Strip) -> bool:
     """
     edge = strip.edge
     if isinstance(edge, ElasticEdge):
-        return edge.stiffness_n == 0
+        return edge.stiffness_n <= _NO_SPRING_N
     return edge is SIMPLY_SUPPORTED
 
 

@@ -277,6 +277,12 @@ def _end_m(strip: Strip) -> float:
 def _check_on_strip(load: Load, strip: Strip) -> None:
     """Refuse a load that is not wholly on the strip; one that touches an edge or an end is."""
     half_m = strip.width_m / 2
+    for room_m, size_m in zip((_end_m(strip), half_m), load.half_size_m, strict=True):
+        if size_m > room_m + 1e-12 * strip.width_m:
+            raise ValueError(
+                f"loads: a load must be at most {2 * room_m:g} m long in that direction, the size "
+                f"of the strip, got {load!r}"
+            )
     limits = (
         ("y_m", load.y_m, half_m, half_m - load.half_size_m[1]),
         ("x_m", load.x_m, 0.0, _end_m(strip) - load.half_size_m[0]),

@@ -31,6 +31,7 @@ _EXTRA_WAVES: Final = 6
 _FAINTEST: Final = 30.0
 """Nepers over which a wave that comes in from afar dies out before it counts."""
 
+_LEAST_ROOM: Final = 1e-6
 _TINY: Final = 0.02
 """Rounding grows as this over the size of a small load in widths."""
 
@@ -186,10 +187,11 @@ def _near(task: Task, waves: _Waves) -> _Sum:
     source, modes = task.source, waves.known
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
     finest = min(size for size in sizes if size > 0)
+    rtol = task.rtol * _room(task) ** 2
     nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
     path = contour(
         modes.p,
-        task.rtol * math.exp(-float(np.max(np.abs(task.k))) * source.radius),
+        rtol * math.exp(-float(np.max(np.abs(task.k))) * source.radius),
         finest=finest,
         nearest=0.0 if source.radius else nearest,
         mirrored=task.lossless,
@@ -207,6 +209,16 @@ def _near(task: Task, waves: _Waves) -> _Sum:
     error = rest.error + _UNSIGNED * amount + _rounding(task, modes, terms)
     error += _EPS * _TINY / finest * np.abs(rest.value)
     return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
+
+
+def _room(task: Task) -> float:
+    """Return how near to an edge load and points are, 1 for a quarter of the width.
+
+    There sums cancel as its square, and waves of high order count.
+    """
+    inner = np.abs(task.across[np.abs(task.across) < 0.5])  # noqa: PLR2004 - the edges are at rest
+    nearest = 0.5 - max(float(np.max(inner, initial=0.0)), abs(task.source.span.centre))
+    return float(np.clip(4 * nearest, _LEAST_ROOM, 1.0))
 
 
 def _leaked(task: Task, path: Contour, waves: _Waves, *, every: Complex, terms: Complex) -> Complex:
