@@ -10,7 +10,18 @@ import numpy as np
 
 from benchmarks.hard_cases import FORCE, strip_on
 from benchmarks.timing import duration, median_s
-from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentDisc, PointForce, Scene, displacement
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    MomentDisc,
+    PointForce,
+    Scene,
+    displacement,
+    transient,
+)
+from stimuli.transient import transient_work
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,6 +108,18 @@ def savings() -> Iterator[Saving]:
         count=500,
     )
     yield Saving(
+        what="loads never driven: 10 of 11 discs, 11 points off them",
+        counted="pairs",
+        scene=Scene(
+            strip=clamped,
+            loads=tuple(
+                dataclasses.replace(d, y_m=0.4 * _W + 1e-4 * i) for i, d in enumerate(discs)
+            ),
+            points_m=above,
+            driven=(True, *[False] * 10),
+        ),
+    )
+    yield Saving(
         what="far ends: 100 points beside a force, strip of 1 m",
         counted="reflections",
         scene=_beside(dataclasses.replace(clamped, length_m=1.0)),
@@ -127,6 +150,29 @@ def row(saving: Saving) -> str:
     )
 
 
+def bins_row() -> str:
+    """Return the line of the bins of a transient: those without energy, those that follow."""
+    strip = dataclasses.replace(
+        strip_on(SIMPLY_SUPPORTED),
+        material=dataclasses.replace(ALUMINIUM, viscous_time_s=8e-7),
+    )
+    burst, times_s = Burst(frequency_hz=500.0, cycles=2, window="hann"), np.linspace(0, 0.005, 50)
+    scene = Scene(strip=strip, loads=(FORCE,), points_m=((0.0, 0.3 * _W), (0.02, 0.5 * _W)))
+    whole_scene = dataclasses.replace(scene, skip=False)
+    work = transient_work(scene, burst, times_s, 1e-3)
+    less, whole = (transient(one, burst, times_s, 1e-3) for one in (scene, whole_scene))
+    apart = np.max(np.abs(less - whole) / np.max(np.abs(whole), axis=0))
+    times = [
+        median_s(lambda _, one=one: transient(one, burst, times_s, 1e-3), 3)  # type: ignore[misc]
+        for one in (whole_scene, scene)
+    ]
+    counts = f"{work.frequencies_solved} of {work.bins_asked} bins"
+    return (
+        f"| bins: `transient` at rtol 1e-3, two cycles of 500 Hz | {counts} | {duration(times[0])} "
+        f"| {duration(times[1])} | {times[0] / times[1]:.1f} | {apart:.0e} |"
+    )
+
+
 def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
     return "\n".join(
@@ -144,6 +190,7 @@ def section() -> str:
             "| left out | counts of `scene.work` | everything | skipping | faster | difference |",
             "|---|---|---|---|---|---|",
             *(row(saving) for saving in savings()),
+            bins_row(),
             "",
         ]
     )
