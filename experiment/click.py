@@ -52,7 +52,7 @@ def read_click(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
         return _scaled(reader(path, sample_rate_hz))
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: {error}") from error
 
 
@@ -77,7 +77,7 @@ def _read_wav(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
         warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
         try:
             rate_hz, samples = wavfile.read(path)
-        except (struct.error, EOFError, wavfile.WavFileWarning) as error:
+        except (struct.error, EOFError, ArithmeticError, wavfile.WavFileWarning) as error:
             raise ValueError(f"must be a whole .wav file; {error}") from error
     if samples.ndim != 1:
         raise ValueError(f"must have one channel; got {samples.shape[1]}")
@@ -96,23 +96,29 @@ def _rates(rate_hz: float, sample_rate_hz: float) -> str:
 
 
 def _read_csv(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.reader(file) if row]
-    if rows and [cell.strip() for cell in rows[0]] in _HEADINGS:
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
+    if rows and [cell.strip() for cell in rows[0][1]] in _HEADINGS:
         del rows[0]
-    columns = len(rows[0]) if rows else 1
+    columns = len(rows[0][1]) if rows else 1
     if columns > len(_HEADINGS):
         raise ValueError(f"must have the columns time_s,value or one of samples; got {columns}")
-    table = np.array([_numbers(row, columns) for row in rows]).reshape(-1, columns)
+    table = np.array([_numbers(line, row, columns) for line, row in rows]).reshape(-1, columns)
     if columns == len(_HEADINGS):
         _check_times(table[:, 0], sample_rate_hz)
     return table[:, -1]
 
 
-def _numbers(row: list[str], columns: int) -> list[float]:
+def _numbers(line: int, row: list[str], columns: int) -> list[float]:
+    told = ",".join(row)
     if len(row) != columns:
-        raise ValueError(f"must have {columns} columns in every line; got {','.join(row)!r}")
-    return [float(cell) for cell in row]
+        raise ValueError(f"line {line} must have {columns} columns; got {told!r}")
+    try:
+        return [float(cell) for cell in row]
+    except ValueError as error:
+        raise ValueError(
+            f"line {line} must hold numbers, below a heading time_s,value if any; got {told!r}"
+        ) from error
 
 
 def _check_times(times_s: NDArray[np.float64], sample_rate_hz: float) -> None:

@@ -200,7 +200,7 @@ def _map_keys(plate: Plate) -> list[Line2D]:
     from matplotlib.patheffects import withStroke
 
     effects = [withStroke(linewidth=2.4, foreground="black")]
-    limit = f"−{plate.masking_limit_db:g} dB, the masking limit"
+    limit = f"−{plate.masking_limit_db:g} dB, the masking limit, re the largest (tone)"
     return [
         Line2D([], [], color="white", lw=1.2, path_effects=effects, label="actuator"),
         Line2D([], [], color="white", lw=1.2, ls=_DASHES, path_effects=effects,

@@ -21,6 +21,9 @@ _COLUMN: Final = 15
 _LEVELS: Final = "at the other finger's centre re above the driven actuator, for a tone"
 _PREFIXES: Final = (("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
+_PLATEAU_DB: Final = 0.1
+"""The first frequency within so much of the largest level is named: a plateau has no top."""
+
 
 def field_csv(field: PlateMap | PlateBand) -> str:
     """Write a field as CSV: a row for each place of a map, or for each frequency of a band.
@@ -144,12 +147,17 @@ def _band_lines(field: PlateBand) -> Iterable[str]:
     yield _line("band", f"{ends}, {asked_hz.size} frequencies")
     for cutoff_hz in field.left_out_hz:
         yield _line("left out", f"{hertz(cutoff_hz)}, a cut-off: infinite without loss")
+    material = field.plate.strip.material
+    between = [f for f in field.cutoffs_hz if f not in field.left_out_hz]
+    if between and not (material.loss_factor or material.viscous_time_s):
+        told = ", ".join(hertz(cutoff_hz) for cutoff_hz in between)
+        yield _line("not shown", f"without loss the field grows without end towards {told}")
     yield _line("levels", _LEVELS)
     for driven, name in enumerate(drive.names):
         size_m = np.abs(field.at_fingers_m[driven, driven])
         largest = int(np.argmax(size_m))
         told = f"{metres(float(size_m[largest]))}{drive.per_load(driven)} above it"
-        yield _line(f"{name} driven", f"at most {told}, at {hertz(asked_hz[largest])}")
+        yield _line(f"{name} driven", f"largest of those {told}, at {hertz(asked_hz[largest])}")
         yield from (_line("", _loudest(field, driven, n)) for n in field.plate.others_of(driven))
 
 
@@ -157,9 +165,10 @@ def _loudest(field: PlateBand, driven: int, other: int) -> str:
     """Say where another finger gets most, and from where on it gets more than it may."""
     asked_hz, level = field.frequencies_hz, field.level_db(driven, other)
     limit_db = field.plate.masking_limit_db
-    loudest, above = int(np.argmax(level)), np.flatnonzero(level > -limit_db)
+    loudest = int(np.argmax(level > np.max(level) - _PLATEAU_DB))
+    above = np.flatnonzero(level > -limit_db)
     first = f"first at {hertz(asked_hz[above[0]])}" if above.size else "nowhere"
-    most = f"at most {decibels(level[loudest])}, at {hertz(asked_hz[loudest])}"
+    most = f"largest {decibels(level[loudest])}, at {hertz(asked_hz[loudest])}"
     return f"{field.plate.places[other]} {most}; above -{limit_db:g} dB {first}"
 
 

@@ -98,12 +98,12 @@ def test_another_sample_rate_is_refused_and_both_are_named(tmp_path: Path) -> No
         ("0\n0\n", "got silence"),
         ("0\nnan\n", "finite samples only"),
         ("0\ninf\n", "finite samples only"),
-        ("0\nx\n", "could not convert"),
+        ("0\nx\n", "line 2 must hold numbers"),
         ("0,0,0\n", "columns time_s,value or one of samples; got 3"),
-        ("0\n1,2\n", "must have 1 columns in every line; got '1,2'"),
+        ("0\n1,2\n", "line 2 must have 1 columns; got '1,2'"),
         ("0,1\n", "at least two finite times"),
         ("0,1\n0,1\n", "got inf Hz"),
-        ("time,value\n0,1\n", "could not convert"),
+        ("time,value\n0,1\n", "line 1 must hold numbers, below a heading time_s,value"),
     ],
 )
 def test_a_text_that_is_no_click_is_refused_in_one_line(
