@@ -280,8 +280,8 @@ def _check_on_strip(load: Load, strip: Strip) -> None:
     for room_m, size_m in zip((_end_m(strip), half_m), load.half_size_m, strict=True):
         if size_m > room_m + 1e-12 * strip.width_m:
             raise ValueError(
-                f"loads: a load must be at most {2 * room_m:g} m long in that direction, the size "
-                f"of the strip, got {load!r}"
+                f"loads: sizes must be at most that of the strip, {2 * room_m:g} m in that "
+                f"direction, got {load!r}"
             )
     limits = (
         ("y_m", load.y_m, half_m, half_m - load.half_size_m[1]),

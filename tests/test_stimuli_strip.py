@@ -43,7 +43,7 @@ def strips(draw: st.DrawFn) -> Strip:
         thickness_m=draw(st.floats(1e-5, 1e-2)),
         material=Material(
             youngs_modulus_pa=draw(st.floats(1e6, 1e12)),
-            poisson_ratio=draw(st.floats(-0.9, 0.5)),
+            poisson_ratio=draw(st.floats(-0.9, 0.499)),
             density_kg_m3=draw(st.floats(100, 2e4)),
         ),
         edge=SIMPLY_SUPPORTED,
@@ -350,6 +350,11 @@ BAD_NUMBERS = [math.nan, math.inf, -math.inf, True, "1", None, 1j, np.array([1.0
 def test_a_material_refuses_what_is_no_number_of_its_range(name: str, bad: Any) -> None:
     with pytest.raises(ValueError, match=rf"{name} must be .*got"):
         dataclasses.replace(ALUMINIUM, **{name: bad})
+
+
+def test_an_incompressible_material_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"poisson_ratio must be .* < 0\.5, got 0\.5"):
+        dataclasses.replace(ALUMINIUM, poisson_ratio=0.5)
 
 
 @pytest.mark.parametrize("bad", [*BAD_NUMBERS[:5], 0.0, -0.025])
