@@ -44,7 +44,10 @@ class FingerGains:
         Peak displacement at that finger per Vpp of the left and of the right actuator: in um where
         the basis is known, else relative to what an actuator does at its own finger.
     basis : str or None
-        A word of `record.BASES`; none where no displacement is known.
+        A word of `record.BASES`, the weaker one if they differ; none where no displacement is
+        known.
+    bases : tuple of str or None
+        That of the left and of the right actuator, if they differ.
 
     Examples
     --------
@@ -58,6 +61,7 @@ class FingerGains:
     left: tuple[float, float]
     right: tuple[float, float]
     basis: str | None
+    bases: tuple[str, str] | None = None
 
     def amplitudes(self, level_left_vpp: float, level_right_vpp: float) -> tuple[float, float]:
         """Return the greatest displacement at the left and at the right finger.
@@ -82,6 +86,20 @@ class FingerGains:
         left_um, right_um = self.amplitudes(level_left_vpp, level_right_vpp)
         return significant(left_um), significant(right_um)
 
+    def basis_of(self, level_left_vpp: float, level_right_vpp: float) -> str | None:
+        """Return the basis of what the driven actuators do.
+
+        Examples
+        --------
+        >>> gains = FingerGains(left=(0.02, 0.0), right=(0.0, 0.02), basis="predicted",
+        ...                     bases=("measured", "predicted"))
+        >>> gains.basis_of(100.0, 0.0), gains.basis_of(100.0, 60.0)
+        ('measured', 'predicted')
+        """
+        if self.bases is None or (level_left_vpp > 0) == (level_right_vpp > 0):
+            return self.basis
+        return self.bases[0 if level_left_vpp > 0 else 1]
+
     def with_crosstalk(self, crosstalk_db: float) -> FingerGains:
         """Return the same actuators on a plate of another cross-talk.
 
@@ -98,7 +116,10 @@ class FingerGains:
         leak: float = 10.0 ** (crosstalk_db / 20)
         own_left, own_right = self.left[0], self.right[1]
         return FingerGains(
-            left=(own_left, leak * own_right), right=(leak * own_left, own_right), basis=self.basis
+            left=(own_left, leak * own_right),
+            right=(leak * own_left, own_right),
+            basis=self.basis,
+            bases=self.bases,
         )
 
 
@@ -133,7 +154,7 @@ class ConditionGains:
     >>> gains = ConditionGains(condition="main", actuators=("left", "right"),
     ...     bases=("measured", None), per_vpp=((0.02, 0.1), (0.001, 1.0)))
     >>> gains.fingers()
-    FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None)
+    FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None, bases=None)
     """
 
     condition: str
@@ -175,7 +196,8 @@ class ConditionGains:
         left, right = self.bases[:2]
         if left is not None and right is not None:
             basis = "predicted" if "predicted" in (left, right) else "measured"
-            return FingerGains(left=(ll, lr), right=(rl, rr), basis=basis)
+            bases = None if left == right else (left, right)
+            return FingerGains(left=(ll, lr), right=(rl, rr), basis=basis, bases=bases)
         return FingerGains(
             left=(1.0, significant(lr / rr)), right=(significant(rl / ll), 1.0), basis=None
         )

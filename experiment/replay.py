@@ -213,7 +213,7 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
     trial, stimulus = presentation.trial, presentation.stimulus
     response = presentation.answer.get("response")
     gains = plan.gains_of(trial.condition)
-    peaks_um = _peaks_um(gains, stimulus)
+    left_um, right_um, basis = _displacements(gains, stimulus)
     return TrialRow(
         schema=SCHEMA,
         participant=plan.participant,
@@ -233,9 +233,9 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         foreperiod_s=trial.foreperiod_s,
         level_left_vpp=stimulus.get("level_left_vpp"),
         level_right_vpp=stimulus.get("level_right_vpp"),
-        peak_left_um=peaks_um[0],
-        peak_right_um=peaks_um[1],
-        displacement_basis=None if peaks_um[0] is None else gains.basis,
+        peak_left_um=left_um,
+        peak_right_um=right_um,
+        displacement_basis=basis,
         anticipated=presentation.end["anticipated"],
         noise_ok=None,
         simulated=simulated,
@@ -243,11 +243,14 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
     )
 
 
-def _peaks_um(
+def _displacements(
     gains: FingerGains, stimulus: Mapping[str, Any]
-) -> tuple[float, float] | tuple[None, None]:
-    """Return the displacements at the fingers for the levels that the device reported."""
+) -> tuple[float | None, float | None, str | None]:
+    """Return what the fingers got for the levels that the device reported, and its basis."""
     left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
     if left_vpp is None or right_vpp is None:
-        return None, None
-    return gains.peaks_um(left_vpp, right_vpp) or (None, None)
+        return None, None, None
+    peaks_um = gains.peaks_um(left_vpp, right_vpp)
+    if peaks_um is None:
+        return None, None, None
+    return *peaks_um, gains.basis_of(left_vpp, right_vpp)

@@ -56,7 +56,7 @@ class ConditionCheck:
             if level_db > -self.masking_limit_db:
                 reasons.append(
                     f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
-                    f"finger {level_db:.1f} dB re its own finger; the limit is "
+                    f"finger {level_db:.3f} dB re its own finger; the limit is "
                     f"{-self.masking_limit_db:g} dB"
                 )
         return tuple(reasons)

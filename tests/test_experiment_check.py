@@ -277,7 +277,7 @@ def test_actuators_too_near_are_unfit_and_both_numbers_are_named() -> None:
     result = run(check, study_file(NEAR))
     assert result.exit_code == 1
     assert re.search(
-        r"the left actuator's burst is at the right finger -1?\d\.\d dB re its own finger; "
+        r"the left actuator's burst is at the right finger -1?\d\.\d{3} dB re its own finger; "
         r"the limit is -20 dB",
         result.stdout,
     )

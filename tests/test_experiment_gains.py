@@ -87,7 +87,10 @@ def test_a_matrix_of_known_displacements_is_in_um_and_takes_the_weaker_basis() -
         per_vpp=((0.03, 0.002, 0.1), (0.001, 0.02, 0.2), (0.1, 0.1, 1.0)),
     )
     assert matrix.fingers() == FingerGains(
-        left=(0.03, 0.002), right=(0.001, 0.02), basis="predicted"
+        left=(0.03, 0.002),
+        right=(0.001, 0.02),
+        basis="predicted",
+        bases=("measured", "predicted"),
     )
     assert replace(matrix, bases=("measured", "measured", None)).fingers().basis == "measured"
     assert matrix.level_db(1, 0) == pytest.approx(20 * math.log10(1 / 30))
