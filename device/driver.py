@@ -80,6 +80,10 @@ class Refusal(IntEnum):
     NOTHING_LOADED = 25, "no waveform is loaded"
     NOT_OPEN = 26, "the device is not open"
     ALREADY_OPEN = 27, "the device is open already"
+    WRONG_BOOT = 28, "the message is meant for another power cycle"
+    BAD_UPLOAD = 29, "the waveform arrived incomplete or damaged"
+    BAD_MESSAGE = 30, "the message is malformed"
+    STALE = 31, "a later message was answered already"
 
 
 class DeviceError(Exception):

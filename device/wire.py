@@ -1,0 +1,369 @@
+"""What the frames carry: every message of the wire format as a value, packed and unpacked.
+
+docs/protocol.md lists the same layouts for implementations in other languages. All numbers are
+little endian and unsigned unless said otherwise.
+"""
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Final
+
+from device.driver import Identity, Refusal, rejection
+from device.messages import Arm, Levels
+from device.states import State
+from device.tokens import Fate, Record
+
+LONGEST_DATA: Final = 32
+"""Bytes of a waveform in one DATA: longer frames seldom survive a bad line."""
+
+ANSWER: Final = 0x80
+"""What an answer's type has more than its question's."""
+
+
+class Kind(IntEnum):
+    """Types of questions; BEAT alone has no answer.
+
+    Examples
+    --------
+    >>> Kind(0x24).name
+    'FIRE'
+    """
+
+    HELLO = 0x01
+    PING = 0x02
+    BEGIN = 0x10
+    DATA = 0x11
+    COMMIT = 0x12
+    LEVEL = 0x20
+    OUTPUT = 0x21
+    ARM = 0x22
+    DISARM = 0x23
+    FIRE = 0x24
+    QUERY = 0x25
+    STOP = 0x30
+    BEAT = 0x31
+
+
+STATES: Final = (State.IDLE, State.LOADED, State.LIVE, State.ARMED, State.FIRED, State.SAFE)
+"""States by their number on the wire."""
+
+FATES: Final = (
+    Fate.UNKNOWN,
+    Fate.NEVER_ARMED,
+    Fate.ARMED,
+    Fate.FIRED,
+    Fate.EXPIRED,
+    Fate.ABORTED,
+)
+"""Fates by their number on the wire."""
+
+_BOOT: Final = struct.Struct("<Q")
+_TOKEN: Final = struct.Struct("<Q")
+_ARM: Final = struct.Struct("<QBI")
+_LEVELS: Final = struct.Struct("<II")
+_BEGIN: Final = struct.Struct("<BI")
+_OFFSET: Final = struct.Struct("<I")
+_COMMIT: Final = struct.Struct("<BI")
+_ANSWER: Final = struct.Struct("<BBQQ")
+_RECORD: Final = struct.Struct("<QBQII")
+_IDENTITY: Final = struct.Struct("<BBBBIII16s16s")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What every answer begins with, and the rest of it.
+
+    Parameters
+    ----------
+    refusal : Refusal or None
+        Why the question was refused; none if it was done.
+    state : State
+        The device's state now.
+    boot_id : int
+        Its power cycle.
+    device_us : int
+        Its clock.
+    body : bytes
+        A record, an identity, or nothing.
+
+    Examples
+    --------
+    >>> answer = Answer(refusal=Refusal.BUSY, state=State.FIRED, boot_id=5, device_us=9, body=b"")
+    >>> read_answer(answer.packed()) == answer
+    True
+    """
+
+    refusal: Refusal | None
+    state: State
+    boot_id: int
+    device_us: int
+    body: bytes = b""
+
+    def packed(self) -> bytes:
+        """Return the payload."""
+        number = 0 if self.refusal is None else int(self.refusal)
+        state = STATES.index(self.state)
+        return _ANSWER.pack(number, state, self.boot_id, self.device_us) + self.body
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Begin:
+    """Begin the upload of a waveform: the codes of the left channel, then those of the right.
+
+    Parameters
+    ----------
+    slot : int
+        0 to 7.
+    samples : int
+        Of each channel.
+    """
+
+    slot: int
+    samples: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commit:
+    """End an upload: store it if its bytes are all there and have this CRC-32."""
+
+    slot: int
+    crc: int
+
+
+def read_answer(payload: bytes) -> Answer:
+    """Return an answer from a payload.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    number, state, boot_id, device_us = _unpack(_ANSWER, payload[: _ANSWER.size])
+    known = {int(refusal): refusal for refusal in Refusal}
+    if state >= len(STATES) or (number and number not in known):
+        raise rejection(Refusal.BAD_MESSAGE, f"status {number}, state {state}")
+    return Answer(
+        refusal=known.get(number),
+        state=STATES[state],
+        boot_id=boot_id,
+        device_us=device_us,
+        body=payload[_ANSWER.size :],
+    )
+
+
+def for_boot(boot_id: int, content: bytes = b"") -> bytes:
+    """Return the payload of a question that is meant for one power cycle.
+
+    Examples
+    --------
+    >>> split_boot(for_boot(7, b"abc"))
+    (7, b'abc')
+    """
+    return _BOOT.pack(boot_id) + content
+
+
+def split_boot(payload: bytes) -> tuple[int, bytes]:
+    """Return the power cycle that a question is meant for, and the rest of its payload.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    (boot_id,) = _unpack(_BOOT, payload[: _BOOT.size])
+    return boot_id, payload[_BOOT.size :]
+
+
+def pack_token(token: int) -> bytes:
+    """Return the content of DISARM, FIRE and QUERY."""
+    return _TOKEN.pack(token)
+
+
+def read_token(content: bytes) -> int:
+    """Return the token of DISARM, FIRE or QUERY.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    (token,) = _unpack(_TOKEN, content)
+    return int(token)
+
+
+def pack_arm(message: Arm) -> bytes:
+    """Return the content of ARM."""
+    return _ARM.pack(message.token, message.slot, message.time_to_live_us)
+
+
+def read_arm(content: bytes) -> Arm:
+    """Return an ARM.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE, or what `Arm` refuses.
+
+    Examples
+    --------
+    >>> message = Arm(token=2**64 - 1, slot=7, time_to_live_us=500_000)
+    >>> read_arm(pack_arm(message)) == message
+    True
+    """
+    token, slot, time_to_live_us = _unpack(_ARM, content)
+    return Arm(token=token, slot=slot, time_to_live_us=time_to_live_us)
+
+
+def pack_levels(message: Levels) -> bytes:
+    """Return the content of LEVEL."""
+    return _LEVELS.pack(message.left_mvpp, message.right_mvpp)
+
+
+def read_levels(content: bytes) -> Levels:
+    """Return a LEVEL.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    left_mvpp, right_mvpp = _unpack(_LEVELS, content)
+    return Levels(left_mvpp=left_mvpp, right_mvpp=right_mvpp)
+
+
+def pack_begin(message: Begin) -> bytes:
+    """Return the content of BEGIN."""
+    return _BEGIN.pack(message.slot, message.samples)
+
+
+def read_begin(content: bytes) -> Begin:
+    """Return a BEGIN.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    slot, samples = _unpack(_BEGIN, content)
+    return Begin(slot=slot, samples=samples)
+
+
+def pack_data(offset: int, piece: bytes) -> bytes:
+    """Return the content of DATA."""
+    return _OFFSET.pack(offset) + piece
+
+
+def read_data(content: bytes) -> tuple[int, bytes]:
+    """Return the offset in bytes and the bytes of a DATA.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    (offset,) = _unpack(_OFFSET, content[: _OFFSET.size])
+    piece = content[_OFFSET.size :]
+    if not 1 <= len(piece) <= LONGEST_DATA:
+        raise rejection(Refusal.BAD_MESSAGE, f"{len(piece)} bytes of data")
+    return offset, piece
+
+
+def pack_commit(message: Commit) -> bytes:
+    """Return the content of COMMIT."""
+    return _COMMIT.pack(message.slot, message.crc)
+
+
+def read_commit(content: bytes) -> Commit:
+    """Return a COMMIT.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    slot, crc = _unpack(_COMMIT, content)
+    return Commit(slot=slot, crc=crc)
+
+
+def pack_record(record: Record) -> bytes:
+    """Return the body of the answer to FIRE and QUERY."""
+    start_us = 0 if record.start_us is None else record.start_us
+    return _RECORD.pack(record.token, FATES.index(record.fate), start_us, *record.levels_mvpp)
+
+
+def read_record(body: bytes) -> Record:
+    """Return the record of an answer to FIRE or QUERY.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+
+    Examples
+    --------
+    >>> record = Record(token=3, fate=Fate.FIRED, start_us=12, levels_mvpp=(130_000, 0))
+    >>> read_record(pack_record(record)) == record
+    True
+    """
+    token, fate, start_us, left_mvpp, right_mvpp = _unpack(_RECORD, body)
+    if fate >= len(FATES):
+        raise rejection(Refusal.BAD_MESSAGE, f"fate {fate}")
+    fired = FATES[fate] is Fate.FIRED
+    return Record(
+        token=token,
+        fate=FATES[fate],
+        start_us=start_us if fired else None,
+        levels_mvpp=(left_mvpp, right_mvpp),
+    )
+
+
+def pack_identity(identity: Identity, *, minor: int) -> bytes:
+    """Return the body of the answer to HELLO; names are cut to 16 bytes."""
+    return _IDENTITY.pack(
+        minor,
+        int(identity.emulated),
+        identity.bits,
+        identity.channels,
+        round(identity.sample_rate_hz * 1000),
+        round(identity.ceiling_vpp * 1000),
+        identity.longest_waveform,
+        identity.model.encode()[:16],
+        identity.serial_number.encode()[:16],
+    )
+
+
+def read_identity(answer: Answer, *, major: int) -> Identity:
+    """Return who answered HELLO.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+    """
+    minor, emulated, bits, channels, rate_mhz, ceiling_mvpp, longest, model, serial = _unpack(
+        _IDENTITY, answer.body
+    )
+    try:
+        return Identity(
+            model=model.rstrip(b"\x00").decode("ascii"),
+            serial_number=serial.rstrip(b"\x00").decode("ascii"),
+            boot_id=answer.boot_id,
+            protocol_version=f"{major}.{minor}",
+            sample_rate_hz=rate_mhz / 1000,
+            bits=bits,
+            channels=channels,
+            ceiling_vpp=ceiling_mvpp / 1000,
+            longest_waveform=longest,
+            emulated=bool(emulated),
+        )
+    except ValueError as error:
+        raise rejection(Refusal.BAD_MESSAGE, str(error)) from error
+
+
+def _unpack(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
+    if len(content) != layout.size:
+        raise rejection(
+            Refusal.BAD_MESSAGE, f"{layout.size} bytes are expected, got {len(content)}"
+        )
+    return layout.unpack(content)
