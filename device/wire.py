@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
+import numpy as np
+
 from device.driver import Identity, Refusal, rejection
 from device.messages import Arm, Levels
 from device.states import State
@@ -58,6 +60,7 @@ FATES: Final = (
 )
 """Fates by their number on the wire."""
 
+_SHORT_BITS: Final = 16
 _BOOT: Final = struct.Struct("<Q")
 _TOKEN: Final = struct.Struct("<Q")
 _ARM: Final = struct.Struct("<QBI")
@@ -359,6 +362,17 @@ def read_identity(answer: Answer, *, major: int) -> Identity:
         )
     except ValueError as error:
         raise rejection(Refusal.BAD_MESSAGE, str(error)) from error
+
+
+def code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:
+    """Return how one code of a waveform travels: 16 bit, or 32 where the converter has more.
+
+    Examples
+    --------
+    >>> code_type(16).str, code_type(24).str
+    ('<i2', '<i4')
+    """
+    return np.dtype("<i2" if bits <= _SHORT_BITS else "<i4")
 
 
 def _unpack(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
