@@ -1,0 +1,121 @@
+"""Serial ports and sockets as channels of the wire format, and what answers on them."""
+
+from typing import Final
+
+from device.clock import Clock, MonotonicClock
+from device.driver import DeviceError, Identity, LinkError
+from device.frame_link import FrameLink
+from device.host import HostDriver
+from device.limits import Limits
+
+BAUD: Final = 115_200
+"""Rate of a port that has one; USB and sockets ignore it."""
+
+_POLL_S: Final = 0.005
+_WRITE_WITHIN_S: Final = 0.5
+
+
+class SerialChannel:
+    """A `frame_link.Channel` over a serial port or a pyserial URL such as ``socket://host:port``.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port, or a URL.
+    clock : Clock
+        The machine's.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be opened; another process may have it.
+
+    Examples
+    --------
+    >>> SerialChannel("/no/such/port", MonotonicClock())
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open /no/such/port: ...
+    """
+
+    def __init__(self, port: str, clock: Clock) -> None:
+        import serial
+
+        self._port = port
+        self._clock = clock
+        try:
+            self._line = serial.serial_for_url(port, do_not_open=True)
+            self._line.baudrate = BAUD
+            self._line.timeout, self._line.write_timeout = _POLL_S, _WRITE_WITHIN_S
+            self._line.exclusive = True
+            self._line.open()
+        except (OSError, ValueError) as error:
+            raise LinkError(f"cannot open {port}: {error}") from error
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._line.write(data)
+        except (OSError, TypeError) as error:
+            raise self._gone(error) from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or wait for it; nothing after `timeout_s`."""
+        until_s = self._clock.now_s() + timeout_s
+        try:
+            while True:
+                first = bytes(self._line.read(1))
+                if first:
+                    return first + bytes(self._line.read(self._line.in_waiting))
+                if self._clock.now_s() >= until_s:
+                    return b""
+        except (OSError, TypeError) as error:
+            raise self._gone(error) from error
+
+    def close(self) -> None:
+        """Close the port."""
+        self._line.close()
+
+    def _gone(self, error: Exception) -> LinkError:
+        return LinkError(f"the line to {self._port} is gone: {error}")
+
+
+def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
+    """Return the driver of the device on a port; nothing is opened yet.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port, or a URL.
+    limits : Limits
+        Of the study.
+    clock : Clock
+        The machine's.
+
+    Examples
+    --------
+    >>> device = serial_device("/no/such/port", limits=Limits(ceiling_vpp=200.0),
+    ...                        clock=MonotonicClock())
+    >>> device.open()
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open /no/such/port: ...
+    """
+    link = FrameLink(lambda: SerialChannel(port, clock), clock)
+    return HostDriver(link, limits=limits, clock=clock)
+
+
+def identify(port: str) -> Identity | None:
+    """Return who answers on a port, or None where no device of this kind does.
+
+    Examples
+    --------
+    >>> identify("/no/such/port") is None
+    True
+    """
+    clock = MonotonicClock()
+    link = FrameLink(lambda: SerialChannel(port, clock), clock)
+    try:
+        return link.hello()
+    except DeviceError:
+        return None
+    finally:
+        link.hang_up()
