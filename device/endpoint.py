@@ -4,6 +4,7 @@ What an emulator or a firmware has to do, and nothing else: docs/protocol.md.
 """
 
 import zlib
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -15,12 +16,15 @@ from device.counts import check_slot
 from device.driver import Identity, Refusal, Rejected, rejection
 from device.frames import MINOR, Decoder, Frame, encode
 from device.messages import Load
+from device.plain_text import IdentityLine
+from device.states import State
 from device.wire import Answer, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 _HALF_TURN: Final = 0x8000
+_GREETINGS: Final = 16
 
 
 @dataclass(slots=True)
@@ -31,7 +35,7 @@ class _Upload:
 
 
 class Endpoint:
-    """A core behind the wire format.
+    r"""A core behind the wire format.
 
     Parameters
     ----------
@@ -54,22 +58,27 @@ class Endpoint:
     >>> answer, = Decoder().feed(endpoint.receive(10, ping))
     >>> wire.read_answer(answer.payload).state.value
     'idle'
+    >>> endpoint.receive(20, b"*IDN?\n")
+    b'tactstrip,m,1,protocol 1.0\n'
     """
 
     def __init__(self, core: DeviceCore, identity: Identity) -> None:
         self.core = core
         self._identity = identity
         self._decoder = Decoder()
+        self._text = IdentityLine(identity)
+        self._greetings: deque[int] = deque(maxlen=_GREETINGS)
+        self._newest: int | None = None
         self._last_question: Frame | None = None
         self._last_answer = b""
         self._upload: _Upload | None = None
         self._actions: dict[int, Callable[[int, bytes], bytes | None]] = {
-            Kind.PING: lambda now_us, _: core.advance(now_us),
+            Kind.PING: self._ping,
             Kind.BEGIN: self._begin,
             Kind.DATA: self._data,
             Kind.COMMIT: self._commit,
             Kind.LEVEL: lambda now_us, said: core.set_levels(now_us, wire.read_levels(said)),
-            Kind.OUTPUT: lambda now_us, _: core.enable(now_us),
+            Kind.OUTPUT: self._enable,
             Kind.ARM: lambda now_us, said: core.arm(now_us, wire.read_arm(said)),
             Kind.DISARM: lambda now_us, said: core.disarm(now_us, wire.read_token(said)),
             Kind.FIRE: lambda now_us, said: wire.pack_record(
@@ -93,14 +102,18 @@ class Endpoint:
         Returns
         -------
         bytes
-            Frames, or nothing.
+            Frames, the line that answers ``*IDN?``, or nothing.
         """
-        return b"".join(self._respond(now_us, frame) for frame in self._decoder.feed(data))
+        frames = self._decoder.feed(data)
+        questions = [frame for frame in frames if frame.kind < wire.ANSWER]
+        answers = [self._respond(now_us, question) for question in questions]
+        return b"".join(answers) + self._text.feed(data)
 
     def hang_up(self, now_us: int) -> None:
         """Notice that the line is gone: the outputs go to zero."""
         self.core.stop(now_us)
         self._decoder = Decoder()
+        self._text = IdentityLine(self._identity)
         self._upload = None
 
     def _respond(self, now_us: int, frame: Frame) -> bytes:
@@ -108,37 +121,56 @@ class Endpoint:
             self._beat(now_us, frame)
             return b""
         if frame.kind == Kind.STOP:
-            self.core.stop(now_us)
-            return encode(frame.answered(self._answer(None).packed()))
+            return self._stop(now_us, frame)
+        if frame.kind == Kind.HELLO:
+            return encode(frame.answered(self._greet(now_us, frame).packed()))
         if frame == self._last_question:
             return self._last_answer
-        if frame.kind != Kind.HELLO and not self._is_newer(frame):
+        if not self._is_newer(frame):
+            self.core.advance(now_us)
             return encode(frame.answered(self._answer(Refusal.STALE).packed()))
         answer = self._perform(now_us, frame)
-        self._last_question = frame
-        self._last_answer = encode(frame.answered(answer.packed()))
-        return self._last_answer
+        coded = encode(frame.answered(answer.packed()))
+        if answer.refusal is not Refusal.WRONG_BOOT:
+            self._newest, self._last_question, self._last_answer = frame.sequence, frame, coded
+        return coded
 
     def _is_newer(self, frame: Frame) -> bool:
-        if self._last_question is None:
+        if self._newest is None:
             return True
-        ahead = (frame.sequence - self._last_question.sequence) & 0xFFFF
-        return 0 < ahead < _HALF_TURN
+        return 0 < (frame.sequence - self._newest) & 0xFFFF < _HALF_TURN
+
+    def _stop(self, now_us: int, frame: Frame) -> bytes:
+        """Stop, whoever asks; no question from before may undo it, however late it comes."""
+        self.core.stop(now_us)
+        if self._is_newer(frame) and frame.payload == wire.for_boot(self.core.boot_id):
+            self._newest = frame.sequence
+        return encode(frame.answered(self._answer(None).packed()))
 
     def _beat(self, now_us: int, frame: Frame) -> None:
-        try:
-            boot_id, _ = wire.split_boot(frame.payload)
-        except Rejected:
-            return
-        if boot_id == self.core.boot_id:
+        if frame.payload == wire.for_boot(self.core.boot_id):
             self.core.beat(now_us)
+
+    def _greet(self, now_us: int, frame: Frame) -> Answer:
+        """Begin a connection; a HELLO that came before only gets its answer again."""
+        self.core.advance(now_us)
+        try:
+            nonce = wire.read_hello(frame.payload)
+        except Rejected as refused:
+            return self._answer(refused.code)
+        if nonce not in self._greetings:
+            if self.core.state is not State.IDLE:
+                self.core.stop(now_us)
+            self._greetings.append(nonce)
+            self._newest, self._last_question, self._upload = frame.sequence, None, None
+        elif nonce != self._greetings[-1]:
+            return self._answer(Refusal.STALE)
+        return self._answer(None, wire.pack_identity(self._identity, nonce=nonce, minor=MINOR))
 
     def _perform(self, now_us: int, frame: Frame) -> Answer:
         """Do what a question asks, or say why not."""
+        self.core.advance(now_us)
         try:
-            if frame.kind == Kind.HELLO:
-                self.core.advance(now_us)
-                return self._answer(None, wire.pack_identity(self._identity, minor=MINOR))
             boot_id, content = wire.split_boot(frame.payload)
             if boot_id != self.core.boot_id:
                 raise rejection(Refusal.WRONG_BOOT)
@@ -146,7 +178,6 @@ class Endpoint:
                 raise rejection(Refusal.BAD_MESSAGE, f"type {frame.kind:#04x}")
             return self._answer(None, self._actions[frame.kind](now_us, content) or b"")
         except Rejected as refused:
-            self.core.advance(now_us)
             return self._answer(refused.code)
 
     def _answer(self, refusal: Refusal | None, body: bytes = b"") -> Answer:
@@ -158,8 +189,14 @@ class Endpoint:
             body=body,
         )
 
+    def _ping(self, now_us: int, content: bytes) -> None:
+        wire.read_nothing(content)
+
+    def _enable(self, now_us: int, content: bytes) -> None:
+        wire.read_nothing(content)
+        self.core.enable(now_us)
+
     def _begin(self, now_us: int, content: bytes) -> None:
-        self.core.advance(now_us)
         begin = wire.read_begin(content)
         slot = check_slot(begin.slot)
         if not 1 <= begin.samples <= self._identity.longest_waveform:
@@ -168,7 +205,6 @@ class Endpoint:
         self._upload = _Upload(slot, bytearray(size), set(range(0, size, wire.LONGEST_DATA)))
 
     def _data(self, now_us: int, content: bytes) -> None:
-        self.core.advance(now_us)
         offset, piece = wire.read_data(content)
         upload = self._upload
         if upload is None or offset % wire.LONGEST_DATA or offset >= len(upload.data):
@@ -179,7 +215,6 @@ class Endpoint:
         upload.missing.discard(offset)
 
     def _commit(self, now_us: int, content: bytes) -> None:
-        self.core.advance(now_us)
         commit = wire.read_commit(content)
         upload, self._upload = self._upload, None
         if upload is None or upload.slot != commit.slot or upload.missing:

@@ -46,7 +46,8 @@ class FaultScript:
     delay_s, stall_s : float
         Longest times.
     disconnect_at : float
-        The line is lost once this many bytes have arrived at the device; infinite for never.
+        The line is lost once it has carried this many bytes, both ways together; infinite for
+        never.
 
     Raises
     ------
@@ -116,7 +117,7 @@ class Faults:
     Parameters
     ----------
     script : FaultScript
-        How often what goes wrong.
+        How often what goes wrong; may be changed at any time.
     rng : numpy.random.Generator
         Where chance comes from.
 
@@ -128,13 +129,16 @@ class Faults:
     """
 
     def __init__(self, script: FaultScript, rng: np.random.Generator) -> None:
-        self._script = script
+        self.script = script
         self._rng = rng
-        self._arrived = 0
+        self._room: float = script.disconnect_at
 
     def passed(self, data: bytes) -> list[tuple[float, bytes]]:
         """Return what comes out of the line for a frame put into it: pieces and their delays."""
-        script = self._script
+        script = self.script
+        if self._room < len(data):
+            data = data[: int(self._room)]
+        self._room -= len(data)
         copies = 1 + (self._rng.random() < script.duplicate)
         pieces = []
         for _ in range(copies):
@@ -143,16 +147,23 @@ class Faults:
             pieces.append((delay_s, self._damaged(data)))
         return pieces
 
-    def arrived(self, count: int) -> Mishap:
-        """Return what happens to the device when `count` bytes arrive."""
-        self._arrived += count
-        if self._arrived >= self._script.disconnect_at:
-            self._arrived = -(2**62)
-            return Mishap.DISCONNECT
+    def cut_after(self, count: int) -> None:
+        """Lose the line once it has carried so many more bytes, both ways together."""
+        self._room = count
+
+    def cut_off(self) -> bool:
+        """Tell, once, that the line has carried as many bytes as it was to carry."""
+        if self._room > 0:
+            return False
+        self._room = math.inf
+        return True
+
+    def arrived(self) -> Mishap:
+        """Return what happens to the device when something arrives."""
         for mishap, probability in (
-            (Mishap.RESET, self._script.reset),
-            (Mishap.DISCONNECT, self._script.disconnect),
-            (Mishap.STALL, self._script.stall),
+            (Mishap.RESET, self.script.reset),
+            (Mishap.DISCONNECT, self.script.disconnect),
+            (Mishap.STALL, self.script.stall),
         ):
             if self._rng.random() < probability:
                 return mishap
@@ -160,10 +171,10 @@ class Faults:
 
     def stall_s(self) -> float:
         """Return how long a stall lasts."""
-        return float(self._rng.random()) * self._script.stall_s
+        return float(self._rng.random()) * self.script.stall_s
 
     def _damaged(self, data: bytes) -> bytes:
-        script = self._script
+        script = self.script
         if not (script.drop or script.corrupt):
             return data
         octets = np.frombuffer(data, dtype=np.uint8).copy()

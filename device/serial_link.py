@@ -7,12 +7,18 @@ from device.driver import DeviceError, Identity, LinkError
 from device.frame_link import FrameLink
 from device.host import HostDriver
 from device.limits import Limits
+from device.plain_text import MAKER, QUESTION
 
 BAUD: Final = 115_200
 """Rate of a port that has one; USB and sockets ignore it."""
 
 _POLL_S: Final = 0.005
 _WRITE_WITHIN_S: Final = 0.5
+_AT_ONCE: Final = 4096
+_IDENTIFY_WITHIN_S: Final = 0.3
+
+_GONE: Final = (OSError, TypeError, ValueError, AttributeError)
+"""What pyserial raises where the port is gone, or is closed by another thread meanwhile."""
 
 
 class SerialChannel:
@@ -55,7 +61,7 @@ class SerialChannel:
         """Send bytes."""
         try:
             self._line.write(data)
-        except (OSError, TypeError) as error:
+        except _GONE as error:
             raise self._gone(error) from error
 
     def read(self, timeout_s: float) -> bytes:
@@ -63,12 +69,12 @@ class SerialChannel:
         until_s = self._clock.now_s() + timeout_s
         try:
             while True:
-                first = bytes(self._line.read(1))
-                if first:
-                    return first + bytes(self._line.read(self._line.in_waiting))
-                if self._clock.now_s() >= until_s:
-                    return b""
-        except (OSError, TypeError) as error:
+                arrived = bytes(self._line.read(1))
+                while arrived and len(arrived) < _AT_ONCE and (more := self._line.in_waiting):
+                    arrived += bytes(self._line.read(more))
+                if arrived or self._clock.now_s() >= until_s:
+                    return arrived
+        except _GONE as error:
             raise self._gone(error) from error
 
     def close(self) -> None:
@@ -106,6 +112,8 @@ def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
 def identify(port: str) -> Identity | None:
     """Return who answers on a port, or None where no device of this kind does.
 
+    Asks in plain text first: an instrument of another kind is not sent frames that it cannot read.
+
     Examples
     --------
     >>> identify("/no/such/port") is None
@@ -114,8 +122,20 @@ def identify(port: str) -> Identity | None:
     clock = MonotonicClock()
     link = FrameLink(lambda: SerialChannel(port, clock), clock)
     try:
-        return link.hello()
+        return link.hello() if _says_its_name(port, clock) else None
     except DeviceError:
         return None
     finally:
         link.hang_up()
+
+
+def _says_its_name(port: str, clock: Clock) -> bool:
+    channel = SerialChannel(port, clock)
+    try:
+        channel.write(b"\0" + QUESTION + b"\n")
+        until_s, said = clock.now_s() + _IDENTIFY_WITHIN_S, b""
+        while (left_s := until_s - clock.now_s()) > 0 and not said.endswith(b"\n"):
+            said += channel.read(left_s)
+        return MAKER.encode() in said
+    finally:
+        channel.close()

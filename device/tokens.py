@@ -146,7 +146,8 @@ class Exchange:
     boot_id : int
         Power cycle that answered.
     host_before_s, host_after_s : float
-        Host clock before the question was sent and after the answer was read.
+        Host clock readings between which the device answered: the question was sent after the
+        first and the answer read before the second, or more is known.
     device_us : int
         Device clock when it answered.
     resolution_s : float

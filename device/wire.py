@@ -60,6 +60,7 @@ FATES: Final = (
 )
 """Fates by their number on the wire."""
 
+_REFUSALS: Final = {int(refusal): refusal for refusal in Refusal}
 _SHORT_BITS: Final = 16
 _BOOT: Final = struct.Struct("<Q")
 _TOKEN: Final = struct.Struct("<Q")
@@ -70,7 +71,9 @@ _OFFSET: Final = struct.Struct("<I")
 _COMMIT: Final = struct.Struct("<BI")
 _ANSWER: Final = struct.Struct("<BBQQ")
 _RECORD: Final = struct.Struct("<QBQII")
-_IDENTITY: Final = struct.Struct("<BBBBIII16s16s")
+_NONCE: Final = struct.Struct("<Q")
+_IDENTITY: Final = struct.Struct("<QBBBBIII16s16s")
+_LATEST_US: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,11 +146,11 @@ def read_answer(payload: bytes) -> Answer:
         With code BAD_MESSAGE.
     """
     number, state, boot_id, device_us = _unpack(_ANSWER, payload[: _ANSWER.size])
-    known = {int(refusal): refusal for refusal in Refusal}
-    if state >= len(STATES) or (number and number not in known):
-        raise rejection(Refusal.BAD_MESSAGE, f"status {number}, state {state}")
+    if state >= len(STATES) or (number and number not in _REFUSALS) or device_us > _LATEST_US:
+        detail = f"status {number}, state {state}, time {device_us}"
+        raise rejection(Refusal.BAD_MESSAGE, detail)
     return Answer(
-        refusal=known.get(number),
+        refusal=_REFUSALS.get(number),
         state=STATES[state],
         boot_id=boot_id,
         device_us=device_us,
@@ -176,6 +179,44 @@ def split_boot(payload: bytes) -> tuple[int, bytes]:
     """
     (boot_id,) = _unpack(_BOOT, payload[: _BOOT.size])
     return boot_id, payload[_BOOT.size :]
+
+
+def read_nothing(content: bytes) -> None:
+    """Refuse a content where there must be none.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+
+    Examples
+    --------
+    >>> read_nothing(b"")
+    """
+    if content:
+        raise rejection(Refusal.BAD_MESSAGE, f"nothing is expected, got {len(content)} bytes")
+
+
+def pack_hello(nonce: int) -> bytes:
+    """Return the payload of HELLO: a number that no other connection has."""
+    return _NONCE.pack(nonce)
+
+
+def read_hello(payload: bytes) -> int:
+    """Return the nonce of a HELLO.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
+
+    Examples
+    --------
+    >>> read_hello(pack_hello(12))
+    12
+    """
+    (nonce,) = _unpack(_NONCE, payload)
+    return int(nonce)
 
 
 def pack_token(token: int) -> bytes:
@@ -310,8 +351,8 @@ def read_record(body: bytes) -> Record:
     True
     """
     token, fate, start_us, left_mvpp, right_mvpp = _unpack(_RECORD, body)
-    if fate >= len(FATES):
-        raise rejection(Refusal.BAD_MESSAGE, f"fate {fate}")
+    if fate >= len(FATES) or start_us > _LATEST_US:
+        raise rejection(Refusal.BAD_MESSAGE, f"fate {fate}, onset {start_us}")
     fired = FATES[fate] is Fate.FIRED
     return Record(
         token=token,
@@ -321,9 +362,10 @@ def read_record(body: bytes) -> Record:
     )
 
 
-def pack_identity(identity: Identity, *, minor: int) -> bytes:
-    """Return the body of the answer to HELLO; names are cut to 16 bytes."""
+def pack_identity(identity: Identity, *, nonce: int, minor: int) -> bytes:
+    """Return the body of the answer to HELLO, its nonce in it; names are cut to 16 bytes."""
     return _IDENTITY.pack(
+        nonce,
         minor,
         int(identity.emulated),
         identity.bits,
@@ -336,17 +378,19 @@ def pack_identity(identity: Identity, *, minor: int) -> bytes:
     )
 
 
-def read_identity(answer: Answer, *, major: int) -> Identity:
-    """Return who answered HELLO.
+def read_identity(answer: Answer, *, nonce: int, major: int) -> Identity:
+    """Return who answered the HELLO with a nonce.
 
     Raises
     ------
     Rejected
         With code BAD_MESSAGE.
     """
-    minor, emulated, bits, channels, rate_mhz, ceiling_mvpp, longest, model, serial = _unpack(
-        _IDENTITY, answer.body
+    echoed, minor, emulated, bits, channels, rate_mhz, ceiling_mvpp, longest, model, serial = (
+        _unpack(_IDENTITY, answer.body)
     )
+    if echoed != nonce:
+        raise rejection(Refusal.BAD_MESSAGE, "the answer is to another HELLO")
     try:
         return Identity(
             model=model.rstrip(b"\x00").decode("ascii"),
