@@ -180,8 +180,8 @@ def delivery(exchange: Exchange) -> Delivery:
     """Return what a driver reports for a record that it was told by the device.
 
     The onset of a burst that fired before the question is carried back to the host's clock by the
-    device's: the interval moves by the time since the onset, and the uncertainty grows by
-    `CLOCK_TOLERANCE` times that.
+    device's: the interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times
+    that to both sides.
 
     Parameters
     ----------
@@ -198,20 +198,21 @@ def delivery(exchange: Exchange) -> Delivery:
     >>> fired = Record(token=1, fate=Fate.FIRED, start_us=1_000_000)
     >>> late = delivery(Exchange(record=fired, boot_id=1, host_before_s=5.0, host_after_s=5.5,
     ...                          device_us=3_000_000, resolution_s=0.0, retries=0))
-    >>> late.host_before_s, late.host_after_s, round(late.uncertainty_s, 6)
-    (3.0, 3.5, 0.2502)
+    >>> round(late.host_before_s, 6), round(late.host_after_s, 6), round(late.uncertainty_s, 6)
+    (2.9998, 3.5002, 0.2502)
     """
     record = exchange.record
     since_s = 0.0 if record.start_us is None else (exchange.device_us - record.start_us) / 1e6
-    half_s = exchange.interval_s / 2
+    before_s = exchange.host_before_s - since_s / (1 - CLOCK_TOLERANCE)
+    after_s = exchange.host_after_s - since_s / (1 + CLOCK_TOLERANCE)
     return Delivery(
         outcome=OUTCOMES[record.fate],
         token=record.token,
         boot_id=exchange.boot_id,
         device_us=record.start_us,
-        host_before_s=exchange.host_before_s - since_s,
-        host_after_s=exchange.host_after_s - since_s,
-        uncertainty_s=half_s + exchange.resolution_s + CLOCK_TOLERANCE * since_s,
+        host_before_s=before_s,
+        host_after_s=after_s,
+        uncertainty_s=(after_s - before_s) / 2 + exchange.resolution_s,
         retries=exchange.retries,
         level_left_vpp=record.levels_mvpp[0] / 1000,
         level_right_vpp=record.levels_mvpp[1] / 1000,

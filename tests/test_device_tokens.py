@@ -80,8 +80,8 @@ def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> Non
 def test_an_onset_asked_for_later_is_carried_back_with_more_uncertainty() -> None:
     fired = Record(token=9, fate=Fate.FIRED, start_us=1_000_000)
     told = delivery(exchange(fired, device_us=5_000_000))
-    assert told.host_before_s == pytest.approx(6.0)
-    assert told.host_after_s == pytest.approx(6.002)
+    assert told.host_before_s == pytest.approx(6.0 - 4e-4, abs=1e-6)
+    assert told.host_after_s == pytest.approx(6.002 + 4e-4, abs=1e-6)
     assert told.uncertainty_s == pytest.approx(0.001 + 1e-6 + 4e-4)
 
 
