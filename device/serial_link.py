@@ -4,15 +4,16 @@ from typing import Final
 
 from device.clock import Clock, MonotonicClock
 from device.driver import DeviceError, Identity, LinkError
-from device.frame_link import FrameLink
+from device.frame_link import Channel, FrameLink
 from device.host import HostDriver
 from device.limits import Limits
 from device.plain_text import MAKER, QUESTION
+from device.socket_channel import SCHEME, SocketChannel
 
 BAUD: Final = 115_200
 """Rate of a port that has one; USB and sockets ignore it."""
 
-_POLL_S: Final = 0.005
+_POLL_S: Final = 0.002
 _WRITE_WITHIN_S: Final = 0.5
 _AT_ONCE: Final = 4096
 _IDENTIFY_WITHIN_S: Final = 0.3
@@ -22,7 +23,7 @@ _GONE: Final = (OSError, TypeError, ValueError, AttributeError)
 
 
 class SerialChannel:
-    """A `frame_link.Channel` over a serial port or a pyserial URL such as ``socket://host:port``.
+    """A `frame_link.Channel` over a serial port, or a URL that pyserial knows.
 
     Parameters
     ----------
@@ -85,6 +86,23 @@ class SerialChannel:
         return LinkError(f"the line to {self._port} is gone: {error}")
 
 
+def open_channel(port: str, clock: Clock) -> Channel:
+    """Return the channel to a port: of this machine, or ``socket://host:port``.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be opened.
+
+    Examples
+    --------
+    >>> open_channel("socket://127.0.0.1:1", MonotonicClock())
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open socket://127.0.0.1:1: ...
+    """
+    return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock)
+
+
 def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
     """Return the driver of the device on a port; nothing is opened yet.
 
@@ -105,7 +123,7 @@ def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
     Traceback (most recent call last):
     device.driver.LinkError: cannot open /no/such/port: ...
     """
-    link = FrameLink(lambda: SerialChannel(port, clock), clock)
+    link = FrameLink(lambda: open_channel(port, clock), clock)
     return HostDriver(link, limits=limits, clock=clock)
 
 
@@ -120,7 +138,7 @@ def identify(port: str) -> Identity | None:
     True
     """
     clock = MonotonicClock()
-    link = FrameLink(lambda: SerialChannel(port, clock), clock)
+    link = FrameLink(lambda: open_channel(port, clock), clock)
     try:
         return link.hello() if _says_its_name(port, clock) else None
     except DeviceError:
@@ -130,7 +148,7 @@ def identify(port: str) -> Identity | None:
 
 
 def _says_its_name(port: str, clock: Clock) -> bool:
-    channel = SerialChannel(port, clock)
+    channel = open_channel(port, clock)
     try:
         channel.write(b"\0" + QUESTION + b"\n")
         until_s, said = clock.now_s() + _IDENTIFY_WITHIN_S, b""

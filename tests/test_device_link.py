@@ -571,11 +571,12 @@ def test_a_fire_without_answer_is_asked_for_and_found() -> None:
     assert felt.uncertainty_s < 0.001
 
 
-def test_a_restart_while_a_fire_is_unanswered_is_indeterminate() -> None:
+@pytest.mark.parametrize("restart_after_s", [1.0, PATIENCE_S + 0.1, 2 * PATIENCE_S + 0.2])
+def test_a_restart_while_a_fire_is_unanswered_is_indeterminate(restart_after_s: float) -> None:
     trials = Trials("", 1)
     trials.device.arm(1, 0, time_to_live_s=5.0)
     trials.faults.script = FaultScript(drop=1.0)
-    wait, restart_s = trials.clock.wait, trials.clock.now_s() + 1.0
+    wait, restart_s = trials.clock.wait, trials.clock.now_s() + restart_after_s
 
     def restarting(duration_s: float) -> None:
         wait(duration_s)
@@ -586,7 +587,7 @@ def test_a_restart_while_a_fire_is_unanswered_is_indeterminate() -> None:
     trials.clock.wait = restarting  # type: ignore[method-assign] # the device's power fails
     felt = trials.device.fire(1)
     assert felt.outcome is Outcome.INDETERMINATE
-    assert felt.boot_id != trials.boot_id
+    assert (felt.boot_id != trials.boot_id) == (restart_after_s < 2 * PATIENCE_S)
 
 
 # --- any order
