@@ -199,7 +199,9 @@ class Endpoint:
     def _begin(self, now_us: int, content: bytes) -> None:
         begin = wire.read_begin(content)
         slot = check_slot(begin.slot)
-        if not 1 <= begin.samples <= self._identity.longest_waveform:
+        if begin.samples == 0:
+            raise rejection(Refusal.WAVEFORM_EMPTY)
+        if begin.samples > self._identity.longest_waveform:
             raise rejection(Refusal.WAVEFORM_TOO_LONG, f"{begin.samples} samples")
         size = 2 * begin.samples * wire.code_type(self._identity.bits).itemsize
         self._upload = _Upload(slot, bytearray(size), set(range(0, size, wire.LONGEST_DATA)))
