@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from device import wire
+from device import upload, wire
 from device.core import DeviceCore
 from device.counts import check_slot
 from device.driver import Identity, Refusal, Rejected, rejection
@@ -197,32 +197,32 @@ class Endpoint:
         self.core.enable(now_us)
 
     def _begin(self, now_us: int, content: bytes) -> None:
-        begin = wire.read_begin(content)
+        begin = upload.read_begin(content)
         slot = check_slot(begin.slot)
         if begin.samples == 0:
             raise rejection(Refusal.WAVEFORM_EMPTY)
         if begin.samples > self._identity.longest_waveform:
             raise rejection(Refusal.WAVEFORM_TOO_LONG, f"{begin.samples} samples")
-        size = 2 * begin.samples * wire.code_type(self._identity.bits).itemsize
-        self._upload = _Upload(slot, bytearray(size), set(range(0, size, wire.LONGEST_DATA)))
+        size = 2 * begin.samples * upload.code_type(self._identity.bits).itemsize
+        self._upload = _Upload(slot, bytearray(size), set(range(0, size, upload.LONGEST_DATA)))
 
     def _data(self, now_us: int, content: bytes) -> None:
-        offset, piece = wire.read_data(content)
-        upload = self._upload
-        if upload is None or offset % wire.LONGEST_DATA or offset >= len(upload.data):
+        offset, piece = upload.read_data(content)
+        pending = self._upload
+        if pending is None or offset % upload.LONGEST_DATA or offset >= len(pending.data):
             raise rejection(Refusal.BAD_UPLOAD, f"no place for bytes at {offset}")
-        if len(piece) != min(wire.LONGEST_DATA, len(upload.data) - offset):
+        if len(piece) != min(upload.LONGEST_DATA, len(pending.data) - offset):
             raise rejection(Refusal.BAD_UPLOAD, f"{len(piece)} bytes at {offset}")
-        upload.data[offset : offset + len(piece)] = piece
-        upload.missing.discard(offset)
+        pending.data[offset : offset + len(piece)] = piece
+        pending.missing.discard(offset)
 
     def _commit(self, now_us: int, content: bytes) -> None:
-        commit = wire.read_commit(content)
-        upload, self._upload = self._upload, None
-        if upload is None or upload.slot != commit.slot or upload.missing:
+        commit = upload.read_commit(content)
+        pending, self._upload = self._upload, None
+        if pending is None or pending.slot != commit.slot or pending.missing:
             raise rejection(Refusal.BAD_UPLOAD)
-        if zlib.crc32(upload.data) != commit.crc:
+        if zlib.crc32(pending.data) != commit.crc:
             raise rejection(Refusal.BAD_UPLOAD, "its checksum differs")
-        codes = np.frombuffer(bytes(upload.data), dtype=wire.code_type(self._identity.bits))
+        codes = np.frombuffer(bytes(pending.data), dtype=upload.code_type(self._identity.bits))
         left, right = codes.astype(np.int32).reshape(2, -1)
         self.core.load(now_us, Load(slot=commit.slot, left=left, right=right))

@@ -9,12 +9,13 @@ import secrets
 import zlib
 from collections.abc import Callable
 from itertools import count
-from threading import Event, Lock, Thread
-from typing import Final, Protocol, TypeVar
+from threading import Lock
+from typing import Final, TypeVar
 
 import numpy as np
 
-from device import wire
+from device import upload, wire
+from device.channel import Channel, Heart
 from device.clock import Clock, MonotonicClock, resolution_s
 from device.clock_sync import ClockSync, Sample
 from device.driver import Identity, LinkError, Refusal, Rejected, rejection
@@ -22,16 +23,14 @@ from device.frames import VERSION, Decoder, Frame, encode
 from device.messages import Arm, Levels, Load
 from device.states import State
 from device.tokens import Exchange, Fate, Record
-from device.wire import Answer, Begin, Commit, Kind
+from device.upload import Begin, Commit
+from device.wire import Answer, Kind
 
 ANSWER_WITHIN_S: Final = 0.025
 """A question is sent again when its answer took longer than this."""
 
 PATIENCE_S: Final = 2.0
 """A question that was not answered for so long is given up."""
-
-BEAT_EVERY_S: Final = 0.1
-"""Interval of the heartbeat."""
 
 _STOPS: Final = 3
 """STOP is sent so often at once: a frame that is under way may spoil the first."""
@@ -43,27 +42,6 @@ _FAREWELL_S: Final = 0.25
 _STALE_AT_MOST: Final = 8
 
 _Read = TypeVar("_Read")
-
-
-class Channel(Protocol):
-    """A line that carries bytes both ways.
-
-    Every method raises `LinkError` once the line is gone.
-
-    Examples
-    --------
-    >>> sorted(name for name in vars(Channel) if not name.startswith("_"))
-    ['close', 'read', 'write']
-    """
-
-    def write(self, data: bytes) -> None:
-        """Send bytes; from several threads."""
-
-    def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, or wait for it; nothing after `timeout_s`."""
-
-    def close(self) -> None:
-        """Close the line."""
 
 
 class FrameLink:
@@ -110,10 +88,10 @@ class FrameLink:
         self._numbers = count(secrets.randbits(16))
         self._stops: set[int] = set()
         self._last_stop = -1
-        self._code_type = wire.code_type(16)
+        self._code_type = upload.code_type(16)
         self._retries = 0
         self._writing = Lock()
-        self._heart: _Heart | None = None
+        self._heart: Heart | None = None
         self.clock_sync = ClockSync()
 
     @property
@@ -142,21 +120,21 @@ class FrameLink:
         except LinkError:
             self._drop()
             raise
-        self._code_type = wire.code_type(identity.bits)
+        self._code_type = upload.code_type(identity.bits)
         if isinstance(self._clock, MonotonicClock):
-            self._heart = _Heart(self.beat)
+            self._heart = Heart(self.beat)
         return identity
 
     def load(self, message: Load) -> None:
         """Send a waveform in pieces and have the device store it."""
         codes = np.concatenate((message.left, message.right)).astype(self._code_type).tobytes()
         begin = Begin(slot=message.slot, samples=int(message.left.size))
-        self._tell(Kind.BEGIN, wire.pack_begin(begin))
-        for offset in range(0, len(codes), wire.LONGEST_DATA):
-            piece = codes[offset : offset + wire.LONGEST_DATA]
-            self._tell(Kind.DATA, wire.pack_data(offset, piece))
+        self._tell(Kind.BEGIN, upload.pack_begin(begin))
+        for offset in range(0, len(codes), upload.LONGEST_DATA):
+            piece = codes[offset : offset + upload.LONGEST_DATA]
+            self._tell(Kind.DATA, upload.pack_data(offset, piece))
         commit = Commit(slot=message.slot, crc=zlib.crc32(codes))
-        self._tell(Kind.COMMIT, wire.pack_commit(commit))
+        self._tell(Kind.COMMIT, upload.pack_commit(commit))
 
     def set_levels(self, message: Levels) -> None:
         """Send LEVEL."""
@@ -390,25 +368,6 @@ class _Unanswered(LinkError):  # noqa: N818 - a link error by what it is, not by
 
 class _Restarted(LinkError):  # noqa: N818 - the same
     """A question that was meant for a power cycle that is over."""
-
-
-class _Heart:
-    """A thread that beats until it is told to end."""
-
-    def __init__(self, beat: Callable[[], None]) -> None:
-        self._beat = beat
-        self._over = Event()
-        self._thread = Thread(target=self._run, name="tactstrip heartbeat", daemon=True)
-        self._thread.start()
-
-    def end(self) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while not self._over.wait(BEAT_EVERY_S):
-            with contextlib.suppress(LinkError):
-                self._beat()
 
 
 def _require_done(kind: Kind, answer: Answer) -> None:

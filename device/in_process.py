@@ -6,11 +6,12 @@ and the endpoint are those of real processes; only the line itself is a pair of 
 
 from typing import IO, Final
 
+from device.channel import BEAT_EVERY_S
 from device.clock import VirtualClock
 from device.driver import LinkError
 from device.emulator import Emulator, Nature
 from device.faults import Faults
-from device.frame_link import BEAT_EVERY_S, FrameLink
+from device.frame_link import FrameLink
 from device.truth import Truth
 
 _LEAST_STEP_S: Final = 1e-7

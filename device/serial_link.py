@@ -2,9 +2,10 @@
 
 from typing import Final
 
+from device.channel import Channel
 from device.clock import Clock, MonotonicClock
 from device.driver import DeviceError, Identity, LinkError
-from device.frame_link import Channel, FrameLink
+from device.frame_link import FrameLink
 from device.host import HostDriver
 from device.limits import Limits
 from device.plain_text import MAKER, QUESTION
@@ -23,7 +24,7 @@ _GONE: Final = (OSError, TypeError, ValueError, AttributeError)
 
 
 class SerialChannel:
-    """A `frame_link.Channel` over a serial port, or a URL that pyserial knows.
+    """A `channel.Channel` over a serial port, or a URL that pyserial knows.
 
     Parameters
     ----------

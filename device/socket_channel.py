@@ -15,7 +15,7 @@ _WRITE_WITHIN_S: Final = 0.5
 
 
 class SocketChannel:
-    """A `frame_link.Channel` over TCP.
+    """A `channel.Channel` over TCP.
 
     pyserial opens such URLs too, but waits 0.3 s whenever it closes one and keeps the socket open
     if the other side was faster.

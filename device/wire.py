@@ -9,15 +9,10 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
-import numpy as np
-
 from device.driver import Identity, Refusal, rejection
 from device.messages import Arm, Levels
 from device.states import State
 from device.tokens import Fate, Record
-
-LONGEST_DATA: Final = 32
-"""Bytes of a waveform in one DATA: longer frames seldom survive a bad line."""
 
 ANSWER: Final = 0x80
 """What an answer's type has more than its question's."""
@@ -61,14 +56,10 @@ FATES: Final = (
 """Fates by their number on the wire."""
 
 _REFUSALS: Final = {int(refusal): refusal for refusal in Refusal}
-_SHORT_BITS: Final = 16
 _BOOT: Final = struct.Struct("<Q")
 _TOKEN: Final = struct.Struct("<Q")
 _ARM: Final = struct.Struct("<QBI")
 _LEVELS: Final = struct.Struct("<II")
-_BEGIN: Final = struct.Struct("<BI")
-_OFFSET: Final = struct.Struct("<I")
-_COMMIT: Final = struct.Struct("<BI")
 _ANSWER: Final = struct.Struct("<BBQQ")
 _RECORD: Final = struct.Struct("<QBQII")
 _NONCE: Final = struct.Struct("<Q")
@@ -113,30 +104,6 @@ class Answer:
         return _ANSWER.pack(number, state, self.boot_id, self.device_us) + self.body
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Begin:
-    """Begin the upload of a waveform: the codes of the left channel, then those of the right.
-
-    Parameters
-    ----------
-    slot : int
-        0 to 7.
-    samples : int
-        Of each channel.
-    """
-
-    slot: int
-    samples: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Commit:
-    """End an upload: store it if its bytes are all there and have this CRC-32."""
-
-    slot: int
-    crc: int
-
-
 def read_answer(payload: bytes) -> Answer:
     """Return an answer from a payload.
 
@@ -145,7 +112,7 @@ def read_answer(payload: bytes) -> Answer:
     Rejected
         With code BAD_MESSAGE.
     """
-    number, state, boot_id, device_us = _unpack(_ANSWER, payload[: _ANSWER.size])
+    number, state, boot_id, device_us = unpack(_ANSWER, payload[: _ANSWER.size])
     if state >= len(STATES) or (number and number not in _REFUSALS) or device_us > _LATEST_US:
         detail = f"status {number}, state {state}, time {device_us}"
         raise rejection(Refusal.BAD_MESSAGE, detail)
@@ -177,7 +144,7 @@ def split_boot(payload: bytes) -> tuple[int, bytes]:
     Rejected
         With code BAD_MESSAGE.
     """
-    (boot_id,) = _unpack(_BOOT, payload[: _BOOT.size])
+    (boot_id,) = unpack(_BOOT, payload[: _BOOT.size])
     return boot_id, payload[_BOOT.size :]
 
 
@@ -215,7 +182,7 @@ def read_hello(payload: bytes) -> int:
     >>> read_hello(pack_hello(12))
     12
     """
-    (nonce,) = _unpack(_NONCE, payload)
+    (nonce,) = unpack(_NONCE, payload)
     return int(nonce)
 
 
@@ -232,7 +199,7 @@ def read_token(content: bytes) -> int:
     Rejected
         With code BAD_MESSAGE.
     """
-    (token,) = _unpack(_TOKEN, content)
+    (token,) = unpack(_TOKEN, content)
     return int(token)
 
 
@@ -255,7 +222,7 @@ def read_arm(content: bytes) -> Arm:
     >>> read_arm(pack_arm(message)) == message
     True
     """
-    token, slot, time_to_live_us = _unpack(_ARM, content)
+    token, slot, time_to_live_us = unpack(_ARM, content)
     return Arm(token=token, slot=slot, time_to_live_us=time_to_live_us)
 
 
@@ -272,62 +239,8 @@ def read_levels(content: bytes) -> Levels:
     Rejected
         With code BAD_MESSAGE.
     """
-    left_mvpp, right_mvpp = _unpack(_LEVELS, content)
+    left_mvpp, right_mvpp = unpack(_LEVELS, content)
     return Levels(left_mvpp=left_mvpp, right_mvpp=right_mvpp)
-
-
-def pack_begin(message: Begin) -> bytes:
-    """Return the content of BEGIN."""
-    return _BEGIN.pack(message.slot, message.samples)
-
-
-def read_begin(content: bytes) -> Begin:
-    """Return a BEGIN.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    slot, samples = _unpack(_BEGIN, content)
-    return Begin(slot=slot, samples=samples)
-
-
-def pack_data(offset: int, piece: bytes) -> bytes:
-    """Return the content of DATA."""
-    return _OFFSET.pack(offset) + piece
-
-
-def read_data(content: bytes) -> tuple[int, bytes]:
-    """Return the offset in bytes and the bytes of a DATA.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    (offset,) = _unpack(_OFFSET, content[: _OFFSET.size])
-    piece = content[_OFFSET.size :]
-    if not 1 <= len(piece) <= LONGEST_DATA:
-        raise rejection(Refusal.BAD_MESSAGE, f"{len(piece)} bytes of data")
-    return offset, piece
-
-
-def pack_commit(message: Commit) -> bytes:
-    """Return the content of COMMIT."""
-    return _COMMIT.pack(message.slot, message.crc)
-
-
-def read_commit(content: bytes) -> Commit:
-    """Return a COMMIT.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    slot, crc = _unpack(_COMMIT, content)
-    return Commit(slot=slot, crc=crc)
 
 
 def pack_record(record: Record) -> bytes:
@@ -350,7 +263,7 @@ def read_record(body: bytes) -> Record:
     >>> read_record(pack_record(record)) == record
     True
     """
-    token, fate, start_us, left_mvpp, right_mvpp = _unpack(_RECORD, body)
+    token, fate, start_us, left_mvpp, right_mvpp = unpack(_RECORD, body)
     if fate >= len(FATES) or start_us > _LATEST_US:
         raise rejection(Refusal.BAD_MESSAGE, f"fate {fate}, onset {start_us}")
     fired = FATES[fate] is Fate.FIRED
@@ -387,7 +300,7 @@ def read_identity(answer: Answer, *, nonce: int, major: int) -> Identity:
         With code BAD_MESSAGE.
     """
     echoed, minor, emulated, bits, channels, rate_mhz, ceiling_mvpp, longest, model, serial = (
-        _unpack(_IDENTITY, answer.body)
+        unpack(_IDENTITY, answer.body)
     )
     if echoed != nonce:
         raise rejection(Refusal.BAD_MESSAGE, "the answer is to another HELLO")
@@ -408,18 +321,19 @@ def read_identity(answer: Answer, *, nonce: int, major: int) -> Identity:
         raise rejection(Refusal.BAD_MESSAGE, str(error)) from error
 
 
-def code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:
-    """Return how one code of a waveform travels: 16 bit, or 32 where the converter has more.
+def unpack(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
+    r"""Return the numbers of a layout that is exactly as long as the content.
+
+    Raises
+    ------
+    Rejected
+        With code BAD_MESSAGE.
 
     Examples
     --------
-    >>> code_type(16).str, code_type(24).str
-    ('<i2', '<i4')
+    >>> unpack(struct.Struct("<BH"), b"\x05\x00\x01")
+    (5, 256)
     """
-    return np.dtype("<i2" if bits <= _SHORT_BITS else "<i4")
-
-
-def _unpack(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
     if len(content) != layout.size:
         raise rejection(
             Refusal.BAD_MESSAGE, f"{layout.size} bytes are expected, got {len(content)}"

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from device import frames, wire
+from device import frames, upload, wire
 from device.core import WATCHDOG_US, DeviceCore
 from device.driver import Identity, Refusal, Rejected
 from device.endpoint import Endpoint
@@ -269,9 +269,9 @@ def test_what_is_no_golden_frame_gets_no_answer(noise: dict[str, Any]) -> None:
         wire.read_arm,
         wire.read_levels,
         wire.read_token,
-        wire.read_begin,
-        wire.read_data,
-        wire.read_commit,
+        upload.read_begin,
+        upload.read_data,
+        upload.read_commit,
         wire.read_record,
         wire.read_answer,
         wire.read_hello,
@@ -324,8 +324,8 @@ def test_the_page_lists_the_types_with_their_numbers() -> None:
 LAYOUTS = {
     "HELLO": wire._NONCE,
     "PING": struct.Struct("<"),
-    "BEGIN": wire._BEGIN,
-    "COMMIT": wire._COMMIT,
+    "BEGIN": upload._BEGIN,
+    "COMMIT": upload._COMMIT,
     "LEVEL": wire._LEVELS,
     "OUTPUT": struct.Struct("<"),
     "ARM": wire._ARM,
@@ -350,7 +350,7 @@ def test_the_page_states_the_layouts() -> None:
         assert size_of(rows[name][3]) == layout.size, name
     assert size_of(rows["HELLO"][4]) == wire._IDENTITY.size
     assert size_of(rows["FIRE"][4]) == size_of(rows["QUERY"][4]) == wire._RECORD.size
-    assert f"1 to {wire.LONGEST_DATA}" in rows["DATA"][3]
+    assert f"1 to {upload.LONGEST_DATA}" in rows["DATA"][3]
 
 
 @pytest.mark.parametrize(
