@@ -496,6 +496,17 @@ def test_the_heart_sends_the_stop_again_until_it_is_confirmed() -> None:
     assert {frame.kind for frame in Decoder().feed(line.sent[-1])} == {Kind.BEAT}
 
 
+def test_an_answer_to_a_stop_that_was_sent_long_before_tells_no_time() -> None:
+    line, link, _ = live_link()
+    link.stop()
+    line.clock.wait(1.0)
+    line.write = lambda data: None  # type: ignore[method-assign] # only the early answer comes
+    link._confirm_stops(PATIENCE_S)
+    told = link.clock_sync.estimate
+    assert told is not None
+    assert abs(told.offset_s) <= told.offset_uncertainty_s + 1e-6
+
+
 def test_stops_of_many_threads_are_all_confirmed() -> None:
     _, link, _ = live_link()
     threads = [Thread(target=link.stop) for _ in range(20)]
