@@ -1,37 +1,23 @@
 """A device in this process: the core behind the driver protocol, on any clock."""
 
 import secrets
-from collections import deque
-from collections.abc import Callable
-from typing import TypeVar
 
 import numpy as np
 
 from device._checks import require_real
-from device.clock import Clock, resolution_s
+from device.clock import Clock
 from device.core import DeviceCore
 from device.driver import Identity
 from device.host import HostDriver
 from device.limits import Limits
-from device.messages import Arm, Levels, Load
+from device.local_core import LocalCore
 from device.output import Emission, OutputStage
-from device.states import State
-from device.tokens import Exchange, Record
-
-BEAT_US = 100_000
-"""Interval of the host's heartbeat."""
 
 DEVICE_LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
 """The mock's own limits, unless told otherwise."""
 
 OUTPUT_STAGE = OutputStage()
 """The mock's converter and amplifier, unless told otherwise."""
-
-_STRIDE_US = 4 * BEAT_US
-"""One beat in four is given to the core: the others could not change what its watchdog does."""
-
-_Content = TypeVar("_Content")
-_Answer = TypeVar("_Answer")
 
 
 class MockDevice(HostDriver):
@@ -116,8 +102,8 @@ class MockDevice(HostDriver):
         self._bench.reset()
 
 
-class _Bench:
-    """The `Link` of the mock: a core, the clock it runs on, and a host's heart."""
+class _Bench(LocalCore):
+    """The `Link` of the mock: a core with a clock of its own."""
 
     def __init__(
         self,
@@ -129,28 +115,14 @@ class _Bench:
         offset_s: float,
         rng: np.random.Generator | None,
     ) -> None:
-        self._clock = clock
-        self._resolution_s = resolution_s(clock)
         self._limits = limits
         self._output = output
         self._rate = rate
         self._offset_s = offset_s
         self._rng = rng
         self._over: list[Emission] = []
-        self._stops: deque[float] = deque()
-        self._known = State.CLOSED
+        super().__init__(self._power_up(), clock)
         self._heart_beats = False
-        self._beat_us = 0
-        self._core = self._power_up()
-
-    @property
-    def state(self) -> State:
-        stopped = self._stops and self._known is not State.CLOSED
-        return State.SAFE if stopped else self._known
-
-    @property
-    def boot_id(self) -> int:
-        return self._core.boot_id
 
     def hello(self) -> Identity:
         self._beat_us = self._attend()
@@ -169,34 +141,9 @@ class _Bench:
             emulated=True,
         )
 
-    def load(self, message: Load) -> None:
-        self._ask(self._core.load, message)
-
-    def set_levels(self, message: Levels) -> None:
-        self._ask(self._core.set_levels, message)
-
-    def enable(self) -> None:
-        self._ask(lambda now_us, _: self._core.enable(now_us), None)
-
-    def arm(self, message: Arm) -> None:
-        self._ask(self._core.arm, message)
-
-    def fire(self, token: int) -> Exchange:
-        return self._exchange(self._core.fire, token)
-
-    def disarm(self, token: int) -> None:
-        self._ask(self._core.disarm, token)
-
-    def query(self, token: int) -> Exchange:
-        return self._exchange(self._core.query, token)
-
-    def stop(self) -> None:
-        self._stops.append(self._clock.now_s())
-
     def hang_up(self) -> None:
-        self._attend()
+        super().hang_up()
         self._heart_beats = False
-        self._known = State.CLOSED
 
     def emitted(self) -> tuple[Emission, ...]:
         self._attend()
@@ -216,44 +163,6 @@ class _Bench:
         return DeviceCore(
             boot_id=int(drawn), limits=self._limits, output=self._output, sink=self._over.append
         )
-
-    def _exchange(self, call: Callable[[int, int], Record], token: int) -> Exchange:
-        before_s = self._clock.now_s()
-        record = self._ask(call, token)
-        return Exchange(
-            record=record,
-            boot_id=self._core.boot_id,
-            host_before_s=before_s,
-            host_after_s=self._clock.now_s(),
-            device_us=self._core.now_us,
-            resolution_s=self._resolution_s,
-            retries=0,
-        )
-
-    def _ask(self, call: Callable[[int, _Content], _Answer], content: _Content) -> _Answer:
-        """Give a message to the device; its answer, also a refusal, tells the device's state."""
-        now_us = self._attend()
-        try:
-            return call(now_us, content)
-        finally:
-            self._known = self._core.state
-
-    def _attend(self) -> int:
-        """Bring the device up to the present, stops first, and return its time."""
-        while self._stops:
-            at_us = max(self._device_us(self._stops.popleft()), self._core.now_us)
-            self._beat_until(at_us)
-            self._core.stop(at_us)
-        now_us = self._device_us(self._clock.now_s())
-        self._beat_until(now_us)
-        self._core.advance(now_us)
-        return now_us
-
-    def _beat_until(self, until_us: int) -> None:
-        due_us = until_us - (until_us - self._beat_us) % BEAT_US
-        while self._heart_beats and self._beat_us < due_us:
-            self._beat_us = min(self._beat_us + _STRIDE_US, due_us)
-            self._core.beat(self._beat_us)
 
     def _device_us(self, host_s: float) -> int:
         return round((host_s * self._rate + self._offset_s) * 1e6)
