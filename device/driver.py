@@ -107,6 +107,17 @@ class LinkError(DeviceError):
     """
 
 
+class SettingError(DeviceError):
+    """A device that did not take a setting, or reports a fault of its own; nothing was played.
+
+    Examples
+    --------
+    >>> raise SettingError("OUTP1:LOAD? must answer 9.9E+37, got +5.0E+01")
+    Traceback (most recent call last):
+    device.driver.SettingError: OUTP1:LOAD? must answer 9.9E+37, got +5.0E+01
+    """
+
+
 class RefusedError(DeviceError):
     """A step that was refused, with the reason as `code`; nothing changed.
 
@@ -328,7 +339,7 @@ class BurstDevice(Protocol):
     The steps of a session: `open`, `load`, `enable`, then for each trial `set_levels`, `arm`,
     `fire`; at the end `close`. A heartbeat, where the device wants one, is the driver's own
     business. Every step may raise `StateError` (illegal now, nothing was sent), `Rejected` (the
-    device or its limits said no, nothing changed) or `LinkError`.
+    device or its limits said no, nothing changed), `SettingError` or `LinkError`.
 
     Examples
     --------
@@ -338,7 +349,13 @@ class BurstDevice(Protocol):
     >>> device: BurstDevice = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
     >>> device.open().emulated
     True
+    >>> device.cannot
+    ()
     """
+
+    @property
+    def cannot(self) -> tuple[str, ...]:
+        """What this device cannot promise, each to be read after "it cannot"; told before a run."""
 
     def open(self) -> Identity:
         """Connect and return who answered."""

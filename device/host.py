@@ -125,6 +125,11 @@ class HostDriver:
         self._burst: Delivery | None = None
         self._burst_us = 0
 
+    @property
+    def cannot(self) -> tuple[str, ...]:
+        """What the device cannot promise: nothing, where it has a core of its own."""
+        return ()
+
     def open(self) -> Identity:
         """Connect and return who answered; levels start at 0, waveforms have to be loaded.
 

@@ -90,6 +90,8 @@ class Rig:
 class BareCore:
     """A core behind the protocol with nothing checked on the way."""
 
+    cannot = ()
+
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._over: list[Emission] = []
