@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from device.channel import Channel
 from device.clock import Clock
 from device.driver import LinkError, SettingError
-from device.frame_link import Channel
 
 PATIENCE_S: Final = 5.0
 """How long an instrument may take to answer."""
