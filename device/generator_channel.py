@@ -1,0 +1,121 @@
+"""One channel of an emulated generator: its settings, what it refuses, and what it plays."""
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from device.driver import FloatArray
+
+_FULL_SCALE: Final = 32767
+_LEAST_SAMPLES: Final = 8
+_MEMORY: Final = 1_000_000
+_MOST_V: Final = 10.0
+_LEAST_VPP: Final = 0.001
+_MATCHED_OHM: Final = 50.0
+
+
+class ScpiError(Exception):
+    """An entry for the error queue."""
+
+
+NO_HEADER: Final = '-113,"Undefined header"'
+OUT_OF_RANGE: Final = '-222,"Data out of range"'
+CONFLICT: Final = '-221,"Settings conflict"'
+BAD_VALUE: Final = '-224,"Illegal parameter value"'
+BAD_BLOCK: Final = '-161,"Invalid block data"'
+IGNORED: Final = '-211,"Trigger ignored"'
+OVERFLOW: Final = '-350,"Error queue overflow"'
+NO_ARB: Final = '+785,"Specified arb waveform does not exist"'
+ARB_EXISTS: Final = '+786,"Specified arb waveform already exists"'
+
+
+@dataclass(slots=True, kw_only=True)
+class ChannelState:
+    """The settings of one channel, as they are after ``*RST``.
+
+    Volts are what stands on the display: at the terminals of an open circuit they are twice that
+    unless `load` is infinite.
+    """
+
+    load: float = _MATCHED_OHM
+    volts: float = 0.1
+    offset: float = 0.0
+    high: float = _MOST_V / 2
+    low: float = -_MOST_V / 2
+    limited: bool = False
+    autorange: bool = True
+    function: str = "SIN"
+    arb: str = "EXP_RISE"
+    rate: float = 40e3
+    filter: str = "NORM"
+    burst: bool = False
+    burst_mode: str = "TRIG"
+    cycles: float = 1.0
+    phase: float = 0.0
+    trigger: str = "IMM"
+    unit: str = "VPP"
+    on: bool = False
+    memory: dict[str, bytes] = field(default_factory=dict)
+
+    @property
+    def doubling(self) -> float:
+        """Volts into an open circuit per volt on the display."""
+        return 1.0 if self.load > 1e9 else 2.0  # noqa: PLR2004 - any infinite load
+
+    def set_load(self, ohm: float) -> None:
+        """Tell what is connected: the display changes, the terminals do not."""
+        if self.limited:
+            raise ScpiError(CONFLICT)
+        before = self.doubling
+        self.load = ohm
+        for name in ("volts", "offset", "high", "low"):
+            setattr(self, name, getattr(self, name) * before / self.doubling)
+
+    def set_volts(self, volts: float) -> None:
+        """Set the amplitude, clipped to what limits and hardware allow."""
+        most_vpp = 2 * _MOST_V / self.doubling
+        if self.limited:
+            most_vpp = min(most_vpp, 2 * (self.high - self.offset), 2 * (self.offset - self.low))
+        self.volts = min(max(volts, 2 * _LEAST_VPP / self.doubling), most_vpp)
+        if self.volts != volts:
+            raise ScpiError(OUT_OF_RANGE)
+
+    def set_limited(self, limited: bool) -> None:  # noqa: FBT001 - called through the table
+        """Switch the voltage limits; refused while the amplitude is beyond them."""
+        span = self.offset - self.volts / 2, self.offset + self.volts / 2
+        if limited and (span[0] < self.low or span[1] > self.high):
+            raise ScpiError(CONFLICT)
+        self.limited = limited
+
+    def set_arb(self, name: str) -> None:
+        """Select a stored waveform."""
+        if name.upper() not in self.memory:
+            raise ScpiError(NO_ARB)
+        self.arb = name.upper()
+
+    def clear(self) -> None:
+        """Forget the stored waveforms."""
+        self.memory.clear()
+        self.arb = "EXP_RISE"
+
+    def store(self, name: str, data: bytes) -> None:
+        """Store a waveform under a new name."""
+        if len(data) % 2 or len(data) < 2 * _LEAST_SAMPLES:
+            raise ScpiError(BAD_BLOCK)
+        if name in self.memory:
+            raise ScpiError(ARB_EXISTS)
+        if sum(map(len, self.memory.values())) + len(data) > 2 * _MEMORY:
+            raise ScpiError(OUT_OF_RANGE)
+        self.memory[name] = data
+
+    def waits(self) -> bool:
+        """Tell whether a trigger from the bus plays a burst."""
+        return self.burst and self.trigger == "BUS" and self.function == "ARB"
+
+    def play(self, *, byte_order: str) -> FloatArray:
+        """Return the volts into an open circuit of one cycle, zero if the output is off."""
+        stored = self.memory.get(self.arb, b"")
+        codes = np.frombuffer(stored, dtype="<i2" if byte_order == "SWAP" else ">i2")
+        amplitude_v = self.volts * self.doubling / 2 if self.on else 0.0
+        return codes / _FULL_SCALE * amplitude_v
