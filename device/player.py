@@ -1,0 +1,146 @@
+"""What feeds a sound card: frames of a burst when there is one, else zeros; and what it noticed."""
+
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from device.clock import Clock
+
+Frames: TypeAlias = NDArray[np.int16]
+
+
+class Timing(Protocol):
+    """What PortAudio tells a callback of time, in seconds of its own clock."""
+
+    currentTime: float  # noqa: N815 - PortAudio's name
+    outputBufferDacTime: float  # noqa: N815 - PortAudio's name
+
+
+class Status(Protocol):
+    """What PortAudio tells a callback of trouble."""
+
+    output_underflow: bool
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Played:
+    """A burst on its way to the sound card.
+
+    Parameters
+    ----------
+    frames : ndarray of int16, shape (n, 2)
+        Left and right.
+    taken : int
+        Frames that the sound card has taken.
+    began_s : float
+        Host time at which it took the first.
+    ended_s : float
+        Host time at which it took the last.
+    told_s : float
+        The longest time to its output that PortAudio told, buffer included.
+    callbacks_after : int
+        How often it came for more after the last frame.
+    clean : bool
+        False once it said that it had run out of frames.
+    cut : bool
+        True once a stop came in between.
+    """
+
+    frames: Frames
+    taken: int = 0
+    began_s: float = 0.0
+    ended_s: float = 0.0
+    told_s: float = 0.0
+    callbacks_after: int = 0
+    clean: bool = True
+    cut: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether every frame was taken."""
+        return self.taken == len(self.frames)
+
+    def settled(self, now_s: float) -> bool:
+        """Tell whether nothing more is to be learned: it was cut, or it must have come out."""
+        heard = now_s >= self.ended_s + self.told_s and self.callbacks_after > 0
+        return self.cut or (self.complete and heard)
+
+
+class Player:
+    """The callback of an output stream.
+
+    It takes no lock and waits for nothing: it and the threads that call it exchange whole objects.
+
+    Parameters
+    ----------
+    clock : Clock
+        The host's.
+    sample_rate_hz : float
+        Of the stream.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from device.clock import VirtualClock
+    >>> player = Player(VirtualClock(), 48e3)
+    >>> player.mute(on=False)
+    >>> burst = player.play(np.array([[5, 0], [-5, 0]], dtype=np.int16), 0.01)
+    >>> out = np.ones((3, 2), dtype=np.int16)
+    >>> player(out, 3, SimpleNamespace(currentTime=1.0, outputBufferDacTime=1.02),
+    ...        SimpleNamespace(output_underflow=False))
+    >>> out[:, 0].tolist(), out[:, 1].tolist(), burst.complete, player.frames
+    ([5, -5, 0], [0, 0, 0], True, 3)
+    """
+
+    def __init__(self, clock: Clock, sample_rate_hz: float) -> None:
+        self._clock = clock
+        self._rate_hz = sample_rate_hz
+        self._burst: Played | None = None
+        self._muted = True
+        self.frames = 0
+        self.underruns = 0
+
+    def mute(self, *, on: bool) -> None:
+        """Play zeros from the next buffer on, whatever else is asked for; or no longer."""
+        self._muted = on
+
+    def play(self, frames: Frames, latency_s: float) -> Played:
+        """Begin to play with the next buffer, by a stream of this latency in seconds."""
+        burst = Played(frames=frames, told_s=latency_s)
+        self._burst = burst
+        return burst
+
+    def forget(self) -> None:
+        """Play no burst any more."""
+        self._burst = None
+
+    def __call__(self, out: Frames, count: int, timing: Timing, status: Status) -> None:
+        """Fill one buffer, shape (count, 2)."""
+        out.fill(0)
+        burst = self._burst
+        self.frames += count
+        if status.output_underflow:
+            self.underruns += 1
+        if burst is None:
+            return
+        if status.output_underflow and burst.taken:
+            burst.clean = False
+        if burst.complete:
+            burst.callbacks_after += 1
+        elif self._muted:
+            burst.cut = True
+        elif not burst.cut:
+            self._fill(out, count, timing, burst)
+
+    def _fill(self, out: Frames, count: int, timing: Timing, burst: Played) -> None:
+        now_s = self._clock.now_s()
+        if not burst.taken:
+            burst.began_s = now_s
+        told_s = timing.outputBufferDacTime - timing.currentTime + count / self._rate_hz
+        burst.told_s = max(burst.told_s, told_s)
+        piece = burst.frames[burst.taken : burst.taken + count]
+        out[: len(piece)] = piece
+        burst.ended_s = now_s
+        burst.taken += len(piece)

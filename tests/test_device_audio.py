@@ -1,0 +1,366 @@
+"""Sound cards: frames as the callback hands them out, on a virtual clock and on a null sink."""
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.audio import AudioDevice, Callback, audio_device, sound_cards
+from device.clock import MonotonicClock, VirtualClock
+from device.driver import (
+    FloatArray,
+    LimitExceeded,
+    LinkError,
+    Outcome,
+    Refusal,
+    RefusedError,
+)
+from device.limits import Limits
+from device.player import Frames
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+RATE_HZ = 48_000.0
+FULL_SCALE_V = 125.0
+LATENCY_S = 0.02
+BUFFER = 64
+
+BURST: FloatArray = np.sin(2 * np.pi * np.arange(97) / 96)
+BURST[-1] = 0.0
+SILENCE: FloatArray = np.zeros_like(BURST)
+
+
+@dataclass(slots=True)
+class Card(VirtualClock):
+    """A sound card and the clock that drives it: to wait is to let it take buffers."""
+
+    callback: Callback | None = None
+    active: bool = True
+    latency: float = LATENCY_S
+    played: list[Frames] = field(default_factory=list)
+    trouble: Callable[[int], bool] = lambda _: False
+    at_buffer: Callable[[int], None] = lambda _: None
+    _now_s: float = 0.0
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def connect(self, callback: Callback) -> "Card":
+        self.callback, self.active = callback, True
+        return self
+
+    def start(self) -> None:
+        """Begin; the clock does the rest."""
+
+    def close(self) -> None:
+        self.callback, self.active = None, False
+
+    def wait(self, duration_s: float) -> None:
+        until_s = self._now_s + duration_s
+        while self._now_s < until_s:
+            self._now_s += BUFFER / RATE_HZ
+            if self.callback is not None and self.active:
+                self._take(self.callback)
+
+    def _take(self, callback: Callback) -> None:
+        self.at_buffer(len(self.played))
+        out = np.full((BUFFER, 2), 99, dtype=np.int16)
+        timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
+        status = SimpleNamespace(output_underflow=self.trouble(len(self.played)))
+        callback(out, BUFFER, timing, status)
+        self.played.append(out)
+
+    def frames(self) -> Frames:
+        return np.concatenate(self.played)
+
+
+def device_on(card: Card, limits: Limits = LIMITS) -> AudioDevice:
+    return AudioDevice(
+        card.connect,
+        limits=limits,
+        clock=card,
+        volts_full_scale=FULL_SCALE_V,
+        sample_rate_hz=RATE_HZ,
+        name="card",
+    )
+
+
+def live_on(card: Card) -> AudioDevice:
+    device = device_on(card)
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.load(1, SILENCE, BURST)
+    device.load(2, np.append(np.tile(BURST[:-1], 100), 0.0), np.zeros(9601))
+    device.enable()
+    device.set_levels(100.0, 100.0)
+    card.wait(0.1)
+    card.played.clear()
+    return device
+
+
+@pytest.fixture
+def card() -> Card:
+    return Card()
+
+
+def play(device: AudioDevice, token: int, slot: int = 0) -> Outcome:
+    device.arm(token, slot, time_to_live_s=1.0)
+    return device.fire(token).outcome
+
+
+def codes(level_vpp: float) -> Frames:
+    volts = np.trunc(np.trunc(BURST * 32767) * level_vpp / 2 / FULL_SCALE_V)
+    return volts.astype(np.int16)
+
+
+@pytest.mark.parametrize("slot", [0, 1])
+def test_a_burst_comes_out_on_its_channel_frame_by_frame(card: Card, slot: int) -> None:
+    device = live_on(card)
+    assert play(device, 1, slot) is Outcome.FIRED
+    frames = card.frames()
+    assert np.array_equal(frames[:97, slot], codes(100.0))
+    assert not frames[:, 1 - slot].any()
+    assert not frames[97:].any()
+
+
+def test_between_bursts_it_plays_zeros_and_counts_them(card: Card) -> None:
+    device = live_on(card)
+    before = device.frames
+    card.wait(1.0)
+    assert device.frames - before == card.frames().shape[0] >= RATE_HZ
+    assert not card.frames().any()
+
+
+def test_the_onset_interval_is_the_latency_that_was_told(card: Card) -> None:
+    device = live_on(card)
+    device.arm(1, 0, time_to_live_s=1.0)
+    asked_s = card.now_s()
+    told = device.fire(1)
+    assert told.host_before_s >= asked_s
+    assert told.host_after_s - told.host_before_s == pytest.approx(LATENCY_S + BUFFER / RATE_HZ)
+    assert told.uncertainty_s >= (told.host_after_s - told.host_before_s) / 2
+    assert card.now_s() >= told.host_after_s
+
+
+def test_the_same_token_again_plays_nothing_more(card: Card) -> None:
+    device = live_on(card)
+    device.arm(1, 0, time_to_live_s=1.0)
+    told = device.fire(1)
+    card.wait(0.1)
+    assert device.fire(1) == told == device.query(1)
+    assert np.count_nonzero(np.diff(np.sign(np.abs(card.frames()[:, 0]).astype(int))) > 0) <= 2
+
+
+def gap_at(buffer: int) -> Callable[[int], bool]:
+    return lambda index: index == buffer
+
+
+def test_a_gap_during_the_burst_or_before_it_is_heard_is_indeterminate(card: Card) -> None:
+    for bad in range(1, 6):
+        device = live_on(card)
+        card.trouble = gap_at(bad)
+        assert play(device, 1) is Outcome.INDETERMINATE
+        assert device.underruns == 1
+        card.trouble = lambda _: False
+        card.wait(0.1)
+        assert play(device, 2) is Outcome.FIRED
+        device.close()
+
+
+def test_a_gap_before_the_burst_does_not_matter(card: Card) -> None:
+    device = live_on(card)
+    card.trouble = lambda index: index == 0
+    assert play(device, 1) is Outcome.FIRED
+    assert device.underruns == 1
+
+
+def test_a_card_that_takes_nothing_leaves_the_burst_open(card: Card) -> None:
+    device = live_on(card)
+    device.arm(1, 0, time_to_live_s=1.0)
+    card.active = False
+    assert device.fire(1).outcome is Outcome.INDETERMINATE
+    with pytest.raises(LinkError):
+        device.arm(2, 0, time_to_live_s=1.0)
+
+
+def test_a_stop_in_the_burst_silences_it_from_the_next_buffer_on(card: Card) -> None:
+    device = live_on(card)
+    card.at_buffer = lambda index: device.stop() if index == 10 else None
+    assert play(device, 1, slot=2) is Outcome.INDETERMINATE
+    assert card.frames()[: 10 * BUFFER].any()
+    assert not card.frames()[10 * BUFFER :].any()
+    with pytest.raises(RefusedError) as refused:
+        device.arm(2, 0, time_to_live_s=1.0)
+    assert refused.value.code is Refusal.SAFE_STATE
+    device.enable()
+    card.wait(1.0)
+    assert play(device, 3) is Outcome.FIRED
+
+
+def test_a_stop_before_the_first_frame_means_that_nothing_came_out(card: Card) -> None:
+    device = live_on(card)
+    card.at_buffer = lambda index: device.stop() if index == 0 else None
+    assert play(device, 1) is Outcome.NOT_FIRED
+    assert not card.frames().any()
+
+
+def test_nothing_is_let_through_before_it_is_enabled(card: Card) -> None:
+    device = device_on(card)
+    device.open()
+    device.load(0, BURST, BURST)
+    with pytest.raises(RefusedError) as refused:
+        device.arm(1, 0, time_to_live_s=1.0)
+    assert refused.value.code is Refusal.NOT_ENABLED
+
+
+def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
+    device = device_on(card, Limits(ceiling_vpp=400.0))
+    assert device.open().ceiling_vpp == 2 * FULL_SCALE_V
+    device.load(0, BURST, SILENCE)
+    with pytest.raises(LimitExceeded):
+        device.set_levels(2 * FULL_SCALE_V + 1.0, 0.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    level_vpp=st.floats(0.0, 300.0), peak=st.floats(0.01, 1.0), ceiling_vpp=st.floats(1.0, 300.0)
+)
+def test_no_frame_is_above_the_ceiling(level_vpp: float, peak: float, ceiling_vpp: float) -> None:
+    card = Card()
+    device = device_on(card, Limits(ceiling_vpp=ceiling_vpp))
+    device.open()
+    device.load(0, peak * BURST, peak * BURST)
+    device.enable()
+    try:
+        device.set_levels(level_vpp, level_vpp)
+        device.arm(1, 0, time_to_live_s=1.0)
+    except RefusedError:
+        card.wait(0.1)
+        assert not card.frames().any()
+        return
+    device.fire(1)
+    volts = np.abs(card.frames().astype(float)).max() / 32767 * FULL_SCALE_V
+    assert 2 * volts <= min(ceiling_vpp, level_vpp * peak) * (1 + 1e-9)
+
+
+def test_what_a_sound_card_cannot_promise_is_told(card: Card) -> None:
+    assert any("loopback" in sentence for sentence in device_on(card).cannot)
+
+
+# --- real sound: PortAudio into PulseAudio's null sink, recorded from its monitor
+
+SOUND = "TACTSTRIP_SOUND"
+"""Set to "required", the tests below fail where they would be skipped."""
+
+
+def _missing() -> str:
+    missing = [tool for tool in ("pulseaudio", "parec") if shutil.which(tool) is None]
+    try:
+        import sounddevice  # noqa: F401 - looks for PortAudio when it is imported
+    except (ImportError, OSError):
+        missing.append("sounddevice with PortAudio")
+    return ", ".join(missing)
+
+
+def _look_again() -> None:
+    """Have PortAudio list the sound cards that there are now."""
+    import sounddevice
+
+    sounddevice._terminate()
+    sounddevice._initialize()
+
+
+def _until(done: Callable[[], bool]) -> bool:
+    give_up_s = time.monotonic() + 20.0
+    while not done() and time.monotonic() < give_up_s:
+        time.sleep(0.02)
+    return done()
+
+
+@pytest.fixture
+def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A null sink of 48 kHz and 16 bit, recorded into a file."""
+    missing = _missing()
+    if missing and os.environ.get(SOUND) != "required":
+        pytest.skip(f"real sound needs {missing}")
+    socket, file = tmp_path / "socket", tmp_path / "recording.raw"
+    for name, value in {"HOME": tmp_path, "XDG_RUNTIME_DIR": tmp_path}.items():
+        monkeypatch.setenv(name, str(value))
+    monkeypatch.setenv("PULSE_SERVER", f"unix:{socket}")
+    server = subprocess.Popen(
+        [
+            "pulseaudio", "-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1",
+            "--load=module-null-sink sink_name=plate rate=48000 format=s16le channels=2",
+            f"--load=module-native-protocol-unix socket={socket} auth-anonymous=1",
+        ],
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        assert _until(socket.exists)
+        with file.open("wb") as out:
+            listen = ["parec", "--device=plate.monitor", "--raw", "--latency-msec=10"]
+            listen += ["--format=s16le", "--rate=48000", "--channels=2"]
+            recorder = subprocess.Popen(listen, stdout=out, stderr=subprocess.DEVNULL)
+            try:
+                assert _until(lambda: file.stat().st_size > 0)
+                _look_again()
+                yield file
+            finally:
+                recorder.terminate()
+                recorder.wait()
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def _holds(recorded: Frames, wanted: Frames) -> bool:
+    """Tell whether the recording holds these frames, shape (n, 2), without a change."""
+    first = np.flatnonzero(wanted.any(axis=1))[0]
+    starts = np.flatnonzero(np.all(recorded == wanted[first], axis=1)) - first
+    return any(
+        start >= 0 and np.array_equal(recorded[start : start + len(wanted)], wanted)
+        for start in starts
+    )
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_null_sink_hears_the_burst_bit_for_bit(recording: Path, side: int) -> None:
+    device = audio_device(
+        "pulse",
+        limits=LIMITS,
+        clock=MonotonicClock(),
+        volts_full_scale=FULL_SCALE_V,
+        sample_rate_hz=RATE_HZ,
+    )
+    assert "pulse" in sound_cards()
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.load(1, SILENCE, BURST)
+    device.enable()
+    device.set_levels(100.0, 100.0)
+    wanted = np.zeros((97, 2), dtype=np.int16)
+    wanted[:, side] = codes(100.0)
+
+    def heard() -> bool:
+        raw = recording.read_bytes()
+        recorded = np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2").reshape(-1, 2)
+        return not recorded[:, 1 - side].any() and _holds(recorded, wanted)
+
+    fired = []
+    for token in range(1, 21):
+        fired.append(play(device, token, side) is Outcome.FIRED)
+        MonotonicClock().wait(0.1)
+        if fired[-1] and heard():
+            break
+    device.close()
+    assert any(fired)
+    assert device.frames > 0
+    assert _until(heard)
