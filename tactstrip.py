@@ -20,6 +20,8 @@ COMMANDS = {
     "run": ("experiment.commands", "run", "Run one session with a participant."),
     "analyze": ("analysis.commands", "analyze", "Turn result CSVs into tables and figures."),
     "field": ("experiment.commands_field", "field", "Draw the displacement of a study's plate."),
+    "devices": ("device.commands", "devices", "List what answers on ports and sound cards."),
+    "emulate": ("device.commands", "emulate", "Emulate a device on a port, for tests."),
     "export": ("experiment.commands", "export", "Build trials.csv anew from the journals."),
 }
 """Command: the module and the name where it is defined, and what the help says of it."""

@@ -1,0 +1,259 @@
+"""The commands `devices` and `emulate`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from device.driver import Identity
+    from device.generator_emulator import GeneratorEmulator
+    from device.lines import Line
+
+
+@click.command()
+@click.argument("ports", metavar="[PORT]...", nargs=-1)
+def devices(*, ports: tuple[str, ...]) -> None:
+    """List what answers on this machine's serial ports and on every PORT.
+
+    This writes to every one of them: a question that instruments know, *IDN?, and a greeting to a
+    device that answers it as one of ours. A PORT may be a URL such as socket://host:5025.
+    """
+    from serial.tools.list_ports import comports
+
+    from device.audio import sound_cards
+
+    names = dict.fromkeys([*sorted(port.device for port in comports()), *ports])
+    if names:
+        click.echo("Each port is written to: *IDN?, and a greeting to a device of ours.")
+    else:
+        click.echo("This machine has no serial ports; give others, such as socket://host:5025.")
+    for name in names:
+        click.echo(f"{name}  {_who(name)}")
+    for card in sound_cards():
+        click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
+
+
+def _who(port: str) -> str:
+    """Tell in one line what answers on a port."""
+    from device.clock import MonotonicClock
+    from device.driver import LinkError
+    from device.generator import identify_generator
+    from device.serial_link import identify, open_channel
+
+    try:
+        open_channel(port, MonotonicClock()).close()
+    except LinkError as error:
+        return str(error)
+    identity = identify(port)
+    if identity is not None:
+        return f"{describe(identity)}: --driver serial"
+    words = identify_generator(port)
+    if words is not None:
+        return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
+    return "nothing that tactstrip can drive answers"
+
+
+def describe(identity: Identity) -> str:
+    """Tell in one line what a device says of itself.
+
+    Parameters
+    ----------
+    identity : Identity
+        Of the device.
+
+    Examples
+    --------
+    >>> from device.driver import Identity
+    >>> describe(Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
+    ...                   sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
+    ...                   longest_waveform=4096, emulated=True))
+    'm 1 (emulated), ceiling 200 Vpp, 48000 Hz, 16 bit, 2 channels of up to 4096 samples'
+    """
+    emulated = " (emulated)" if identity.emulated else ""
+    return (
+        f"{identity.model} {identity.serial_number}{emulated}, "
+        f"ceiling {identity.ceiling_vpp:g} Vpp, {identity.sample_rate_hz:g} Hz, "
+        f"{identity.bits} bit, {identity.channels} channels of up to "
+        f"{identity.longest_waveform} samples"
+    )
+
+
+@click.command()
+@click.option("--pty", "on_pty", is_flag=True, help="On a pseudo-terminal, the default.")
+@click.option(
+    "--tcp",
+    "tcp_port",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="On a TCP port of this machine; 0 takes any free one.",
+)
+@click.option(
+    "--generator",
+    type=click.Choice(["keysight"]),
+    help="A generator of this make instead of a device of ours.",
+)
+@click.option(
+    "--truth",
+    "truth_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Add what really comes out to this file, as JSON lines.",
+)
+@click.option("--fault", "script", metavar="SCRIPT", help="Such as drop=0.01,corrupt=0.01.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of the faults; 0 by default.")
+@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Model a wire of this rate.")
+@click.option("--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default.")
+@click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default.")
+@click.option(
+    "--amplifier-gain",
+    type=float,
+    metavar="G",
+    help="Behind a generator, for the volts in the truth file; 1 by default.",
+)
+@click.pass_context
+def emulate(
+    ctx: click.Context,
+    *,
+    on_pty: bool,
+    tcp_port: int | None,
+    generator: str | None,
+    truth_file: Path | None,
+    script: str | None,
+    seed: int | None,
+    baud: int | None,
+    ceiling_vpp: float | None,
+    sample_rate_hz: float | None,
+    amplifier_gain: float | None,
+) -> None:
+    """Emulate a device until Ctrl-C or SIGTERM: a process of its own, with real bytes.
+
+    The first line says the port under which it is reached. Faults: probabilities for each byte
+    (drop, corrupt), each frame (duplicate, delay) or each time that something arrives (stall,
+    reset, disconnect); delay_s and stall_s in seconds; disconnect_at, a number of bytes.
+    """
+    if on_pty and tcp_port is not None:
+        raise click.UsageError("--pty and --tcp exclude each other.", ctx)
+    own = {
+        "--fault": script,
+        "--seed": seed,
+        "--baud": baud,
+        "--ceiling-vpp": ceiling_vpp,
+        "--sample-rate-hz": sample_rate_hz,
+    }
+    foreign = {"--amplifier-gain": amplifier_gain} if generator is None else own
+    for option, value in foreign.items():
+        if value is not None:
+            raise click.UsageError(
+                f"{option} and --generator {'exclude' if generator else 'need'} each other.", ctx
+            )
+    with _usage(ctx), _until_told(), _opened(truth_file) as truth:
+        if generator is not None:
+            _run_generator(tcp_port, truth, 1.0 if amplifier_gain is None else amplifier_gain)
+        else:
+            _run_device(
+                tcp_port,
+                truth,
+                script=script or "",
+                seed=seed or 0,
+                baud=baud,
+                ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
+                sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
+            )
+
+
+def _run_device(
+    tcp_port: int | None,
+    truth: IO[str],
+    *,
+    script: str,
+    seed: int,
+    baud: int | None,
+    ceiling_vpp: float,
+    sample_rate_hz: float,
+) -> None:
+    import numpy as np
+
+    from device.clock import MonotonicClock
+    from device.emulator import Emulator, Nature
+    from device.faults import Faults, FaultScript
+    from device.limits import Limits
+    from device.output import OutputStage
+    from device.truth import Truth
+
+    nature = Nature(
+        limits=Limits(ceiling_vpp=ceiling_vpp, least_interval_s=_LEAST_INTERVAL_S),
+        output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
+        baud=baud,
+    )
+    faults = Faults(FaultScript.parse(script), np.random.default_rng(seed))
+    line = _line(tcp_port)
+    emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
+    click.echo(line.name)
+    emulator.run()
+
+
+_LEAST_INTERVAL_S = 0.005
+"""Rest that the device itself asks for, as the mock."""
+
+
+def _run_generator(tcp_port: int | None, truth: IO[str], amplifier_gain: float) -> None:
+    from device._checks import require_positive
+    from device.generator_emulator import GeneratorEmulator
+
+    require_positive("amplifier_gain", amplifier_gain)
+    line = _line(tcp_port)
+    emulator: GeneratorEmulator = GeneratorEmulator(line, truth, amplifier_gain=amplifier_gain)
+    click.echo(line.name)
+    try:
+        emulator.run()
+    finally:
+        line.close()
+
+
+def _line(tcp_port: int | None) -> Line:
+    from device.lines import PtyLine, TcpLine
+
+    return PtyLine() if tcp_port is None else TcpLine(tcp_port)
+
+
+@contextlib.contextmanager
+def _opened(truth_file: Path | None) -> Iterator[IO[str]]:
+    """Open the truth file to add to it; what it holds already stays."""
+    with Path(truth_file or os.devnull).open("a", encoding="utf-8") as truth:
+        yield truth
+
+
+@contextlib.contextmanager
+def _until_told() -> Iterator[None]:
+    """Take Ctrl-C and SIGTERM for the end that an emulator comes to."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    try:
+        yield
+    except KeyboardInterrupt:
+        return
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _usage(ctx: click.Context) -> Iterator[None]:
+    """Say in one line what is wrong with a value, a file or a port."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        raise click.UsageError(f"{where}{error.strerror or error}.", ctx) from error
+    except ValueError as error:
+        raise click.UsageError(f"{error}.", ctx) from error
