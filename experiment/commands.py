@@ -13,9 +13,11 @@ from experiment.exits import (
     DEVICE_FAILED,
     STOPPED_EARLY,
     CommandError,
+    device_failures,
     refusals,
     require_fit,
 )
+from experiment.hardware_options import confirmed, hardware_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,8 +25,11 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from experiment.archive import SessionFolder
     from experiment.conduct import Ending
+    from experiment.interrupts import StopSignal
     from experiment.plan import Plan
     from experiment.responder import Responder
+    from experiment.rig import Rig
+    from experiment.safety import Confirmation
     from experiment.study import Study
 
 
@@ -47,7 +52,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Who answers.",
 )
-@click.option("--driver", type=click.Choice(["mock"]), help="Instead of the study's driver.")
+@hardware_options
 @click.option(
     "--levels",
     "levels_file",
@@ -71,6 +76,8 @@ def run(
     out: Path,
     responder: str,
     driver: str | None,
+    port: str | None,
+    confirm_hardware: bool,
     levels_file: Path | None,
     seed: int | None,
     resuming: bool,
@@ -81,11 +88,10 @@ def run(
     Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
     in any way goes on with --resume.
     """
-    from device.clock import MonotonicClock, VirtualClock
     from experiment.archive import SessionFolder
     from experiment.conduct import Setting, begin, resume
     from experiment.interrupts import StopSignal
-    from experiment.rig import DRIVERS
+    from experiment.rig import assemble
     from experiment.study import read_levels, study_from_canonical
 
     stop = StopSignal()
@@ -96,17 +102,31 @@ def run(
         plan_of = _plan_to_resume if resuming else _new_plan
         plan = plan_of(folder, study_file, seed, levels_vpp)
         study = study_from_canonical(plan.study)
-        clock = VirtualClock() if responder == "simulated" else MonotonicClock()
-        with _responder(responder, study, plan, clock) as someone, _failures():
+        rig = assemble(study, driver=driver, port=port, simulated=responder == "simulated")
+        with device_failures():
+            confirmation = _confirmed(rig, stop, given=confirm_hardware)
+        with _responder(responder, study, plan, rig.clock) as someone, _failures():
             setting = Setting(
-                device=DRIVERS[driver or study.device.driver](study, clock),
+                device=rig.device,
                 responder=someone,
-                clock=clock,
+                clock=rig.clock,
                 stop=stop,
                 resume_anyway=resume_anyway,
+                confirmation=confirmation,
+                tell=click.echo,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)
+
+
+def _confirmed(rig: Rig, stop: StopSignal, *, given: bool) -> Confirmation | None:
+    from experiment.interrupts import StopRequested
+
+    try:
+        with stop.interruptible():
+            return confirmed(rig, given=given)
+    except StopRequested as error:
+        raise KeyboardInterrupt from error
 
 
 def _new_plan(
@@ -163,13 +183,11 @@ def _plan_to_resume(
 @contextlib.contextmanager
 def _failures() -> Iterator[None]:
     """Give failures of device and disk their exit codes."""
-    from device.driver import DeviceError
     from experiment.journal import JournalWriteError
 
     try:
-        yield
-    except DeviceError as error:
-        raise CommandError(f"device: {error}", exit_code=DEVICE_FAILED) from error
+        with device_failures():
+            yield
     except JournalWriteError as error:
         raise CommandError(
             f"{error}; what is recorded is safe: make room, then go on with --resume",

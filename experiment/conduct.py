@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 from device.driver import Outcome
 from experiment.archive import ArchiveError
 from experiment.record import NOT_AVAILABLE
+from experiment.safety import require_confirmed
 from experiment.session import Session, delivery_facts, trial_name
 from experiment.stimulus import host_limits, require_suitable, stimulus_facts
 from experiment.study import study_from_canonical
 from experiment.study_check import check_study
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from device.clock import Clock
@@ -30,10 +31,15 @@ if TYPE_CHECKING:
     from experiment.plan import Plan
     from experiment.replay import History, OpenTrial
     from experiment.responder import Responder
+    from experiment.safety import Confirmation
     from experiment.study import Study
 
 LONGEST_INTERRUPTION_S = 30 * 60
 """After a longer one, plate, fingers and noise may not be what they were."""
+
+
+def _tell_nobody(_: str) -> None:
+    """Tell nobody: a simulation has no operator."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +59,10 @@ class Setting:
     resume_anyway : bool
         The operator's word that a session may go on although host or device changed, or much time
         went by.
+    confirmation : Confirmation or None
+        The operator's word that a real device is safe; an emulator needs none.
+    tell : callable
+        Is given, before the first trial, each line about what the device cannot promise.
     """
 
     device: BurstDevice
@@ -60,6 +70,8 @@ class Setting:
     clock: Clock
     stop: StopSignal
     resume_anyway: bool = False
+    confirmation: Confirmation | None = None
+    tell: Callable[[str], object] = _tell_nobody
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +103,9 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     ------
     ArchiveError
         If the session exists already, or another process holds it.
-    SuitabilityError
-        If the device cannot do what the study asks; no session is created then.
+    NotConfirmedError, SuitabilityError
+        If nobody confirmed that a real device is safe, or it cannot do what the study asks; no
+        session is created then.
     DeviceError
         If the device cannot be opened; no session is created then.
     JournalWriteError
@@ -100,7 +113,7 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     """
     folder.refuse_existing()
     study = study_from_canonical(plan.study)
-    with folder.locked(), _opened(setting.device, study) as identity:
+    with folder.locked(), _opened(setting, study) as identity:
         folder.create(plan, _header(study, plan, setting, identity))
         return _run(folder, study, plan, setting, identity)
 
@@ -114,8 +127,8 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
         If there is no session, another process holds it, or it may not go on here and now.
     JournalError, PlanError
         If journal or plan cannot be trusted; nothing is changed then.
-    SuitabilityError
-        If the device cannot do what the study asks.
+    NotConfirmedError, SuitabilityError
+        If nobody confirmed that a real device is safe, or it cannot do what the study asks.
     DeviceError
         If the device cannot be opened.
     JournalWriteError
@@ -123,15 +136,19 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     """
     plan = folder.read_plan()
     study = study_from_canonical(plan.study)
-    with folder.locked(), _opened(setting.device, study) as identity:
+    with folder.locked(), _opened(setting, study) as identity:
         return _run(folder, study, plan, setting, identity)
 
 
 @contextlib.contextmanager
-def _opened(device: BurstDevice, study: Study) -> Iterator[Identity]:
+def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
+    device = setting.device
     identity = device.open()
     try:
+        require_confirmed(identity, setting.confirmation)
         require_suitable(study, identity)
+        for promise in device.cannot:
+            setting.tell(f"Note: this device cannot {promise}.")
         yield identity
     finally:
         device.close()
@@ -192,7 +209,8 @@ def _enter(
     if not history.opening:
         journal.append("session_open", _opening(plan, identity, setting), sync=True)
         return
-    journal.append("session_resume", _place(identity), sync=True)
+    again = _place(identity) | {"hardware_confirmed": _confirmed(setting)}
+    journal.append("session_resume", again, sync=True)
     if history.open_trial is not None:
         same_boot = history.open_trial.boot_id == identity.boot_id
         _settle(history.open_trial, study, journal, setting.device, same_boot=same_boot)
@@ -269,6 +287,10 @@ def _opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]
     }
 
 
+def _confirmed(setting: Setting) -> dict[str, Any] | str:
+    return NOT_AVAILABLE if setting.confirmation is None else setting.confirmation.facts
+
+
 _UNKNOWN_YET = (
     "calibration",
     "consent_version",
@@ -288,6 +310,8 @@ def _header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> d
         "begun": datetime.now(UTC).isoformat(timespec="seconds"),
         **_opening(plan, identity, setting),
         "device_identity": asdict(identity),
+        "device_cannot": list(setting.device.cannot),
+        "hardware_confirmed": _confirmed(setting),
         "limits": asdict(host_limits(study.device)),
         "responses": plan.responses,
         "masking_noise": study.masking.noise,

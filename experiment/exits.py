@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from experiment.study_check import StudyCheck
     from experiment.study_values import Study
@@ -90,6 +90,26 @@ def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
             raise CommandError(str(error)) from error
 
     return guarded
+
+
+@contextlib.contextmanager
+def device_failures() -> Iterator[None]:
+    """Give a failure of the device its exit code.
+
+    Examples
+    --------
+    >>> from device.driver import LinkError
+    >>> with device_failures():
+    ...     raise LinkError("the line is gone")
+    Traceback (most recent call last):
+    experiment.exits.CommandError: device: the line is gone
+    """
+    from device.driver import DeviceError
+
+    try:
+        yield
+    except DeviceError as error:
+        raise CommandError(f"device: {error}", exit_code=DEVICE_FAILED) from error
 
 
 def require_fit(study: Study) -> StudyCheck:

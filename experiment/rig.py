@@ -2,19 +2,182 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, TypeVar, cast
 
+from device.clock import MonotonicClock, VirtualClock
+from device.driver import LinkError
 from device.mock import DEVICE_LIMITS, MockDevice
 from device.output import OutputStage
 from experiment.stimulus import host_limits
+from experiment.study_values import StudyError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from device.clock import Clock
     from device.driver import BurstDevice
-    from experiment.study import Study
+    from experiment.study_values import DeviceSettings, DriverName, Study
+
+MOCK: Final = "mock"
+_NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
+    MOCK: (),
+    "serial": ("port",),
+    "generator": ("port", "amplifier_gain"),
+    "audio": ("port", "volts_full_scale"),
+}
+"""Every driver with the keys of [device] that it cannot do without."""
+
+DRIVERS: Final = tuple(_NEEDS)
+"""Every driver by its name in the study file and on the command line."""
+
+_Value = TypeVar("_Value")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rig:
+    """A device, not yet opened, with the clock that it runs on.
+
+    Attributes
+    ----------
+    device : BurstDevice
+        The device.
+    clock : Clock
+        The machine's, or a virtual one for a session in which nothing and nobody is real.
+    settings : DeviceSettings
+        What it was made by: the study's, with the driver and the port that were chosen.
+    """
+
+    device: BurstDevice
+    clock: Clock
+    settings: DeviceSettings
+
+    def is_emulated(self) -> bool:
+        """Ask the device whether it is an emulator; nothing is set, loaded or switched on.
+
+        Raises
+        ------
+        LinkError
+            If nothing answers that this driver can drive.
+        """
+        driver = self.settings.driver
+        if driver == "generator":
+            return _is_emulated_generator(_given(self.settings.port))
+        if driver == "audio":
+            return False
+        return driver == MOCK or _is_emulated_device(_given(self.settings.port))
+
+
+def _is_emulated_device(port: str) -> bool:
+    from device.frame_link import FrameLink
+    from device.serial_link import open_channel
+
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(port, clock), clock)
+    try:
+        return link.hello().emulated
+    finally:
+        link.hang_up()
+
+
+def _is_emulated_generator(port: str) -> bool:
+    from device.dialects import EMULATED
+    from device.generator import identify_generator
+
+    words = identify_generator(port)
+    if words is None:
+        raise LinkError(f"no generator that is known here answers on {port}")
+    return EMULATED in words.split(",")
+
+
+def assemble(study: Study, *, driver: str | None, port: str | None, simulated: bool) -> Rig:
+    """Return the device and the clock of a session.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    driver, port : str or None
+        Instead of the study's.
+    simulated : bool
+        Whether the participant is.
+
+    Raises
+    ------
+    StudyError
+        If the driver needs a port, or a key of [device], that is not given.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> assemble(paper_study(), driver="serial", port=None, simulated=True)
+    Traceback (most recent call last):
+    experiment.study_values.StudyError: device.port is missing: the driver serial needs it;
+    --port gives it too
+    """
+    settings = chosen_settings(study.device, driver=driver, port=port)
+    require_complete(settings)
+    real = settings.driver != MOCK or not simulated
+    clock = MonotonicClock() if real else VirtualClock()
+    return Rig(device=_device(study, settings, clock), clock=clock, settings=settings)
+
+
+def chosen_settings(
+    settings: DeviceSettings, *, driver: str | None, port: str | None
+) -> DeviceSettings:
+    """Return a study's device settings with another driver or port, where one is given."""
+    name = settings.driver if driver is None else cast("DriverName", driver)
+    return replace(settings, driver=name, port=settings.port if port is None else port)
+
+
+def require_complete(settings: DeviceSettings) -> None:
+    """Refuse settings that lack what their driver needs.
+
+    Raises
+    ------
+    StudyError
+        If a key is not given.
+    """
+    for key in _NEEDS[settings.driver]:
+        if getattr(settings, key) is None:
+            hint = "; --port gives it too" if key == "port" else ""
+            raise StudyError(
+                f"device.{key} is missing: the driver {settings.driver} needs it{hint}"
+            )
+
+
+def _device(study: Study, settings: DeviceSettings, clock: Clock) -> BurstDevice:
+    if settings.driver == MOCK:
+        return mock_device(study, clock)
+    port, limits = _given(settings.port), host_limits(settings)
+    if settings.driver == "serial":
+        from device.serial_link import serial_device
+
+        return serial_device(port, limits=limits, clock=clock)
+    if settings.driver == "generator":
+        from device.generator import generator_device
+
+        return generator_device(
+            port,
+            limits=limits,
+            clock=clock,
+            amplifier_gain=_given(settings.amplifier_gain),
+            sample_rate_hz=settings.sample_rate_hz,
+        )
+    from device.audio import audio_device
+
+    return audio_device(
+        port,
+        limits=limits,
+        clock=clock,
+        volts_full_scale=_given(settings.volts_full_scale),
+        sample_rate_hz=settings.sample_rate_hz,
+    )
+
+
+def _given(value: _Value | None) -> _Value:
+    assert value is not None, "require_complete was called before"
+    return value
 
 
 def mock_device(study: Study, clock: Clock) -> MockDevice:
@@ -34,7 +197,3 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
         device_limits=replace(DEVICE_LIMITS, least_interval_s=limits.least_interval_s),
         output=OutputStage(sample_rate_hz=study.device.sample_rate_hz),
     )
-
-
-DRIVERS: Mapping[str, Callable[[Study, Clock], BurstDevice]] = {"mock": mock_device}
-"""Every driver by its name in the study file and on the command line."""

@@ -135,7 +135,28 @@ def require_suitable(study: Study, identity: Identity) -> None:
             "design.levels_vpp must be at most the device's own ceiling, "
             f"{identity.ceiling_vpp:g} Vpp; got {highest_vpp:g}"
         )
-    limits = replace(host_limits(settings), longest_waveform=identity.longest_waveform)
+    require_playable(study, longest_waveform=identity.longest_waveform)
+
+
+def require_playable(study: Study, *, longest_waveform: int | None = None) -> None:
+    """Refuse a study whose bursts no device could play at its sample rate.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    longest_waveform : int, optional
+        Of the device, where one is known.
+
+    Raises
+    ------
+    SuitabilityError
+        If a condition's waveform is too long, or breaks a rule that every device keeps.
+    """
+    settings = study.device
+    limits = host_limits(settings)
+    if longest_waveform is not None:
+        limits = replace(limits, longest_waveform=longest_waveform)
     for condition in study.conditions:
         burst = drive_samples(condition, settings)
         try:

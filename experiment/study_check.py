@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final, Literal
 from device.clock import VirtualClock
 from experiment.draw import block_count
 from experiment.gains import OWN_FINGERS
-from experiment.rig import DRIVERS
-from experiment.stimulus import require_suitable
+from experiment.rig import MOCK, mock_device
+from experiment.stimulus import require_playable, require_suitable
 from experiment.study_values import StudyError
 from stimuli import Burst, BurstCheck, ElasticEdge, SampledDrive, check_burst
 
@@ -158,7 +158,9 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
     bursts = [_check_burst(study, condition) for condition in study.conditions]
     try:
         blocks = block_count(study.design) * len(study.conditions)
-        require_suitable(study, DRIVERS[study.device.driver](study, VirtualClock()).open())
+        if study.device.driver == MOCK:
+            require_suitable(study, mock_device(study, VirtualClock()).open())
+        require_playable(study)
     except ValueError as error:
         raise StudyError(f"study {study.name}: {error}") from error
     if gains is None:

@@ -65,10 +65,19 @@ class DesignTable(Table):
 class DeviceTable(Table):
     """What drives the actuators, and what it may do."""
 
+    later: ClassVar[tuple[str, ...]] = ("port", "amplifier_gain", "volts_full_scale")
+
     driver: DriverName = Field("mock")
     sample_rate_hz: float = Field(48_000.0, description="of its output")
     ceiling_vpp: float = Field(200.0, description="no level is ever above this")
     least_interval_s: float = Field(0.05, description="rest from a burst's end to the next onset")
+    port: str | None = Field(None, description="where a device is: port, URL or sound card")
+    amplifier_gain: float | None = Field(
+        None, description="volts at the actuator per volt of a generator"
+    )
+    volts_full_scale: float | None = Field(
+        None, description="at the actuator, to both sides, of a sound card"
+    )
 
 
 class MaskingTable(Table):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from experiment.observer import Observer
     from stimuli import Burst, SampledDrive, Strip
 
-DriverName = Literal["mock"]
+DriverName = Literal["mock", "serial", "generator", "audio"]
 Noise = Literal["pink", "none"]
 EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 
@@ -119,18 +119,38 @@ class DeviceSettings:
         Highest level it may ever put out.
     least_interval_s : float
         Shortest rest from the end of a burst to the onset of the next.
+    port : str or None
+        Where a real device is: a port, a URL, or the name of a sound card.
+    amplifier_gain : float or None
+        Volts at the actuator per volt of a generator.
+    volts_full_scale : float or None
+        Volts at the actuator, to both sides, for a sound card's largest sample.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
     """
 
     driver: DriverName
     sample_rate_hz: float
     ceiling_vpp: float
     least_interval_s: float
+    port: str | None = None
+    amplifier_gain: float | None = None
+    volts_full_scale: float | None = None
 
     def __post_init__(self) -> None:
         require_word("driver", self.driver, get_args(DriverName))
         finite("sample_rate_hz", self.sample_rate_hz, least=1_000, most=10_000_000)
         finite("ceiling_vpp", self.ceiling_vpp, above=0, most=1_000)
         finite("least_interval_s", self.least_interval_s, above=0, most=60)
+        if self.port is not None and not _is_line(self.port):
+            raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
+        if self.amplifier_gain is not None:
+            finite("amplifier_gain", self.amplifier_gain, above=0, most=100_000)
+        if self.volts_full_scale is not None:
+            finite("volts_full_scale", self.volts_full_scale, above=0, most=1_000)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -671,7 +671,10 @@ def test_a_design_that_cannot_be_run_is_refused_by_key(text: str, said: str) -> 
         ("[burst]\naccept_unfit = ' '", "burst.accept_unfit must be a reason"),
         ("[burst]\nmax_energy_above_cutoff = 0", "burst.max_energy_above_cutoff must be"),
         ("[masking]\nmax_level_dba = 81", "masking.max_level_dba must be a finite number >= 0 and"),
-        ("[device]\ndriver = 'none'", "device.driver must be 'mock'; got 'none'"),
+        (
+            "[device]\ndriver = 'none'",
+            "device.driver must be 'mock', 'serial', 'generator' or 'audio'; got 'none'",
+        ),
         ("[simulation]\nlapse_rate = 1.5", "simulation.lapse_rate must be a finite number >= 0"),
         ("[study]\nname = 2024-01-01", "study.name must be text; got datetime.date(2024, 1, 1)"),
         ("[study]\nname = 'my study'", "study.name must be 1 to 32"),

@@ -1,0 +1,92 @@
+"""The options by which a command reaches a device, and the operator's word for a real one."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from experiment.exits import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from experiment.rig import Rig
+    from experiment.safety import Confirmation
+
+_Command = TypeVar("_Command", bound="Callable[..., object]")
+
+
+def hardware_options(command: _Command) -> _Command:
+    """Give a command the options ``--driver``, ``--port`` and ``--confirm-hardware``."""
+    for option in (
+        click.option(
+            "--confirm-hardware",
+            is_flag=True,
+            help="Says that a real device is safe, as docs/hardware.md has it; else you are asked.",
+        ),
+        click.option("--port", metavar="P", help="Instead of the study's port."),
+        click.option(
+            "--driver",
+            type=click.Choice(["mock", "serial", "generator", "audio"]),
+            help="Instead of the study's driver.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
+    """Return the operator's word that a device is safe; none for one that cannot move anything.
+
+    Parameters
+    ----------
+    rig : Rig
+        The device, not yet opened.
+    given : bool
+        Whether it was given on the command line.
+
+    Raises
+    ------
+    CommandError
+        If it is not given, and nobody is there to be asked or the answer is no.
+    LinkError
+        If nothing answers on the port.
+    """
+    from experiment.rig import MOCK
+    from experiment.safety import QUESTION, confirmed_now
+
+    driver = rig.settings.driver
+    if driver == MOCK:
+        return None
+    if given:
+        return confirmed_now("--confirm-hardware")
+    if rig.is_emulated():
+        return None
+    if not on_terminal():
+        raise CommandError(
+            f"the driver {driver} moves real actuators: read docs/hardware.md, then give "
+            "--confirm-hardware (or answer on a terminal); nothing was switched on"
+        )
+    click.echo(
+        f"The driver {driver} moves real actuators. Is all of this so (docs/hardware.md)?", err=True
+    )
+    for part in QUESTION:
+        click.echo(f"  - {part}", err=True)
+    if not answer("All of it is so?"):
+        raise CommandError("the hardware was not confirmed; nothing was switched on")
+    return confirmed_now("asked")
+
+
+def on_terminal() -> bool:
+    """Tell whether somebody is there to be asked."""
+    return sys.stdin.isatty()
+
+
+def answer(question: str) -> bool:
+    """Ask the operator on the terminal; Ctrl-C and the end of the input mean no."""
+    try:
+        return click.confirm(question, err=True)
+    except click.Abort:
+        return False
