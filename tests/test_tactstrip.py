@@ -228,3 +228,10 @@ def test_the_commands_of_the_readme_exist() -> None:
         options = {word for word in rest if word.startswith("--")}
         told = CliRunner().invoke(main, [command, "--help"]).output
         assert all(option in told for option in options), line
+
+
+def test_the_front_door_opens_as_a_module_too() -> None:
+    command = [sys.executable, "-m", "tactstrip", "no-such-command"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "See tactstrip --help" in done.stderr
