@@ -113,6 +113,11 @@ def describe(identity: Identity) -> str:
 @click.option("--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default.")
 @click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default.")
 @click.option(
+    "--serial-number",
+    metavar="S",
+    help="To be told from another emulator; by default each is the same device.",
+)
+@click.option(
     "--amplifier-gain",
     type=float,
     metavar="G",
@@ -131,6 +136,7 @@ def emulate(
     baud: int | None,
     ceiling_vpp: float | None,
     sample_rate_hz: float | None,
+    serial_number: str | None,
     amplifier_gain: float | None,
 ) -> None:
     """Emulate a device until Ctrl-C or SIGTERM: a process of its own, with real bytes.
@@ -139,6 +145,8 @@ def emulate(
     (drop, corrupt), each frame (duplicate, delay) or each time that something arrives (stall,
     reset, disconnect); delay_s and stall_s in seconds; disconnect_at, a number of bytes.
     """
+    from device.emulator import SERIAL_NUMBER
+
     if on_pty and tcp_port is not None:
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
     own = {
@@ -147,6 +155,7 @@ def emulate(
         "--baud": baud,
         "--ceiling-vpp": ceiling_vpp,
         "--sample-rate-hz": sample_rate_hz,
+        "--serial-number": serial_number,
     }
     foreign = {"--amplifier-gain": amplifier_gain} if generator is None else own
     for option, value in foreign.items():
@@ -166,6 +175,7 @@ def emulate(
                 baud=baud,
                 ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
                 sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
+                serial_number=SERIAL_NUMBER if serial_number is None else serial_number,
             )
 
 
@@ -178,6 +188,7 @@ def _run_device(
     baud: int | None,
     ceiling_vpp: float,
     sample_rate_hz: float,
+    serial_number: str,
 ) -> None:
     import numpy as np
 
@@ -192,6 +203,7 @@ def _run_device(
         limits=Limits(ceiling_vpp=ceiling_vpp, least_interval_s=_LEAST_INTERVAL_S),
         output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
         baud=baud,
+        serial_number=serial_number,
     )
     faults = Faults(FaultScript.parse(script), np.random.default_rng(seed))
     line = _line(tcp_port)

@@ -5,7 +5,6 @@ host can touch.
 """
 
 import heapq
-import os
 import secrets
 import signal
 from dataclasses import dataclass
@@ -27,8 +26,13 @@ from device.truth import Truth
 TICK_S: Final = 0.002
 """How late the device notices what is due by itself, such as its watchdog."""
 
+SERIAL_NUMBER: Final = "1"
+"""The same in every process: an emulator that is started again is the same device."""
+
 _IDLE_TICK_S: Final = 0.02
 _BITS_PER_BYTE: Final = 10
+_LONGEST_NAME: Final = 16
+_LARGEST: Final = 4_000_000.0
 _AWAKE: Final = (State.LIVE, State.ARMED, State.FIRED)
 
 
@@ -46,11 +50,13 @@ class Nature:
         Rate of a modelled wire, 10 bits a byte; none for no time on the wire.
     drift_ppm : float
         How much faster than the machine's clock its own runs, in parts per million.
+    serial_number : str
+        1 to 16 printable ASCII characters without a comma.
 
     Raises
     ------
     ValueError
-        `baud` or `drift_ppm` is out of range.
+        A field is out of range, or the frames have no room for the ceiling or the sample rate.
 
     Examples
     --------
@@ -62,11 +68,21 @@ class Nature:
     output: OutputStage
     baud: int | None = None
     drift_ppm: float = 0.0
+    serial_number: str = SERIAL_NUMBER
 
     def __post_init__(self) -> None:
+        require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_LARGEST)
+        require_real("sample_rate_hz", self.output.sample_rate_hz, least=0.001, most=_LARGEST)
         if self.baud is not None:
             require_whole("baud", self.baud, least=300, most=10_000_000)
         require_real("drift_ppm", self.drift_ppm, least=-1e5, most=1e5)
+        name = self.serial_number
+        plain = name.isascii() and name.isprintable() and name == name.strip() and "," not in name
+        if not plain or not 1 <= len(name) <= _LONGEST_NAME:
+            raise ValueError(
+                f"serial_number must be 1 to {_LONGEST_NAME} printable ASCII characters without a "
+                f"comma or spaces around, got {name!r}"
+            )
 
     @property
     def byte_s(self) -> float:
@@ -217,7 +233,7 @@ class Emulator:
         )
         identity = Identity(
             model="emulator",
-            serial_number=f"pid {os.getpid()}",
+            serial_number=self._nature.serial_number,
             boot_id=boot_id,
             protocol_version=f"{VERSION}.{MINOR}",
             sample_rate_hz=output.sample_rate_hz,

@@ -13,6 +13,7 @@ import numpy as np
 from device._checks import require_real
 
 _SECONDS: Final = ("delay_s", "stall_s")
+_LONGEST_S: Final = 86_400.0
 
 
 class Mishap(StrEnum):
@@ -44,7 +45,7 @@ class FaultScript:
         Probability each time that something arrives at the device: it does nothing for up to
         `stall_s`, restarts, or loses the line.
     delay_s, stall_s : float
-        Longest times.
+        Longest times, up to a day.
     disconnect_at : float
         The line is lost once it has carried this many bytes, both ways together; infinite for
         never.
@@ -52,7 +53,7 @@ class FaultScript:
     Raises
     ------
     ValueError
-        If a probability is not from 0 to 1, or a time or number is negative.
+        If a probability is not from 0 to 1, a time not from 0 to a day, or a number negative.
 
     Examples
     --------
@@ -76,8 +77,8 @@ class FaultScript:
             value = getattr(self, field.name)
             if field.name == "disconnect_at" and value == math.inf:
                 continue
-            counted = field.name in (*_SECONDS, "disconnect_at")
-            require_real(field.name, value, least=0.0, most=math.inf if counted else 1.0)
+            most = {"disconnect_at": math.inf} | dict.fromkeys(_SECONDS, _LONGEST_S)
+            require_real(field.name, value, least=0.0, most=most.get(field.name, 1.0))
 
     @staticmethod
     def parse(text: str) -> "FaultScript":

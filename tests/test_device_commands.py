@@ -58,6 +58,14 @@ def test_ceiling_and_sample_rate_are_those_of_the_options(start: Start) -> None:
     assert (identity.ceiling_vpp, identity.sample_rate_hz) == (120.0, 96_000.0)
 
 
+def test_an_emulator_that_is_started_again_is_the_same_device(start: Start) -> None:
+    seen = [identify(start(*options)[1]) for options in ([], [], ["--serial-number", "B 7"])]
+    first, again, other = (identity for identity in seen if identity is not None)
+    assert first.serial_number == again.serial_number
+    assert first.boot_id != again.boot_id
+    assert other.serial_number == "B 7"
+
+
 def test_a_truth_file_is_added_to(tmp_path: Path, start: Start) -> None:
     truth = tmp_path / "truth.jsonl"
     for count in (1, 2):
@@ -96,6 +104,12 @@ def test_devices_tells_who_answers_and_that_it_writes(start: Start) -> None:
         (["--fault", "nonsense"], "faults must be of"),
         (["--ceiling-vpp", "-1"], "ceiling_vpp must be"),
         (["--sample-rate-hz", "inf"], "sample_rate_hz must be"),
+        (["--sample-rate-hz", "5000000"], "sample_rate_hz must be"),
+        (["--fault", "stall=1,stall_s=1e30"], "stall_s must be"),
+        (["--serial-number", ""], "serial_number must be"),
+        (["--serial-number", "12345678901234567"], "serial_number must be"),
+        (["--serial-number", "a,b"], "serial_number must be"),
+        (["--serial-number", "1", "--generator", "keysight"], "--serial-number and --generator"),
         (["--baud", "10"], "--baud"),
         (["--truth", "/no/such/folder/truth.jsonl"], "/no/such/folder/truth.jsonl: No such file"),
         (["--tcp", "65536"], "--tcp"),

@@ -141,12 +141,11 @@ def require_true(out: Path, truth: Path, session: str = "01") -> Counter[str]:
     return Counter(ended.values())
 
 
-def finish(command: list[str], out: Path, *, session: str = "01", anyway: bool = False) -> int:
+def finish(command: list[str], out: Path, *, session: str = "01") -> int:
     """Run a session to its end through every failure of the device; return how many there were."""
     for failures in range(100):
         begun = (out / "sub-01" / f"ses-{session}" / "plan.json").exists()
-        again = ["--resume-anyway" if anyway else "--resume"] if begun else []
-        result = invoke(*command, *again)
+        result = invoke(*command, *(["--resume"] if begun else []))
         if result.exit_code == 0:
             return failures
         assert result.exit_code == 3, result.output
@@ -187,7 +186,7 @@ def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
     for name, (command, host) in hosts.items():
         out = tmp_path / name
         if host.wait() != 0:  # the machine stood still for longer than the watchdog waits
-            finish(command, out, anyway=True)
+            finish(command, out)
         repeated = {row["trial"] for row in rows_of(out) if row["attempt"] != "1"}
         found = answers_of(out)
         assert set(found) == set(expected) - repeated
@@ -216,12 +215,12 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     assert len(result.stderr.splitlines()) == 1
     assert "go on with --resume" in result.stderr
     assert 4 <= sum(row["status"] == "ok" for row in rows_of(out)) < 11
-    _, port = start(f"--{kind}", *(["0"] if kind == "tcp" else []), "--truth", str(truth))
-    options = run_options(study, out, "--driver", "serial", "--port", port)
-    other = invoke(*options, "--resume")
+    _, port = start("--pty", "--serial-number", "2")
+    other = invoke(*run_options(study, out, "--driver", "serial", "--port", port), "--resume")
     assert other.exit_code == 2
-    assert "--resume-anyway" in other.stderr  # it is another device, by its serial number
-    finish(options, out, anyway=True)
+    assert "serial_number '1'; got '2': give --resume-anyway" in other.stderr
+    _, port = start(f"--{kind}", *(["0"] if kind == "tcp" else []), "--truth", str(truth))
+    finish(run_options(study, out, "--driver", "serial", "--port", port), out)
     require_true(out, truth)
 
 
