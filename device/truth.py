@@ -46,9 +46,11 @@ class Truth:
         self._file.flush()
 
     def note_state(self, t_s: float, state: State, cause: str) -> None:
-        """Write down when the output goes on or off, and why."""
+        """Write down when the output goes on or off, and why; the watchdog has its own line too."""
         off = state in _QUIET
         if off != (self._was in _QUIET):
+            if off and cause == "watchdog":
+                self.note(t_s, "watchdog")
             self.note(t_s, "off" if off else "on", cause=cause)
         self._was = state
 

@@ -274,6 +274,7 @@ def test_a_host_that_stands_still_is_noticed_by_the_watchdog(emulate: Emulate, k
         took_s = monotonic_of(truth, off) - stopped_s
         print(f"{kind}: outputs at zero {took_s * 1e3:.0f} ms after the host stood still")
         assert off["cause"] == "watchdog"
+        assert wait_for(truth, "watchdog")["t_s"] == off["t_s"]
         assert took_s > 0.35
         assert is_alive(pid)
     finally:
