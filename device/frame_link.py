@@ -89,6 +89,8 @@ class FrameLink:
         self._stops: set[int] = set()
         self._last_stop = -1
         self._code_type = upload.code_type(16)
+        self._ceiling_vpp = 0.0
+        self._levels_vpp = 0.0, 0.0
         self._retries = 0
         self._writing = Lock()
         self._heart: Heart | None = None
@@ -121,6 +123,7 @@ class FrameLink:
             self._drop()
             raise
         self._code_type = upload.code_type(identity.bits)
+        self._ceiling_vpp = identity.ceiling_vpp
         if isinstance(self._clock, MonotonicClock):
             self._heart = Heart(self.beat)
         return identity
@@ -138,7 +141,8 @@ class FrameLink:
 
     def set_levels(self, message: Levels) -> None:
         """Send LEVEL."""
-        self._tell(Kind.LEVEL, wire.pack_levels(message))
+        self._tell(Kind.LEVEL, wire.pack_levels(message), levels_vpp=message.vpp)
+        self._levels_vpp = message.vpp
 
     def enable(self) -> None:
         """Send OUTPUT. A stop that is asked for meanwhile, by another thread, has the last word."""
@@ -149,7 +153,7 @@ class FrameLink:
 
     def arm(self, message: Arm) -> None:
         """Send ARM."""
-        self._tell(Kind.ARM, wire.pack_arm(message))
+        self._tell(Kind.ARM, wire.pack_arm(message), levels_vpp=self._levels_vpp)
 
     def fire(self, token: int) -> Exchange:
         """Send FIRE; without an answer DISARM and QUERY, and without that say UNKNOWN."""
@@ -247,10 +251,20 @@ class FrameLink:
         payload = wire.for_boot(self._boot_id)
         return Frame(kind=Kind.STOP, sequence=number & 0xFFFF, payload=payload)
 
-    def _tell(self, kind: Kind, content: bytes = b"", boot_id: int | None = None) -> None:
+    def _tell(
+        self,
+        kind: Kind,
+        content: bytes = b"",
+        boot_id: int | None = None,
+        levels_vpp: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """Have something done by one power cycle, the one last heard of."""
         boot_id = self._boot_id if boot_id is None else boot_id
         answer = self._ask(kind, wire.for_boot(boot_id, content))
+        if answer.refusal is Refusal.CEILING:
+            levels = f"{levels_vpp[0]:g} and {levels_vpp[1]:g} Vpp"
+            detail = f"the device, on {kind.name}: {levels}, its ceiling {self._ceiling_vpp:g} Vpp"
+            raise rejection(answer.refusal, detail)
         _require_done(kind, answer)
 
     def _exchange(

@@ -143,8 +143,10 @@ def test_without_the_hosts_check_the_device_refuses_alone(seed: int) -> None:
         with pytest.raises(LimitExceeded) as refused:
             rig.link.set_levels(Levels(left_mvpp=levels[0], right_mvpp=levels[1]))
         assert refused.value.code is Refusal.CEILING
+        assert f"{max(levels) / 1000:g}" in str(refused.value)
+        assert "its ceiling 150 Vpp" in str(refused.value)
     rig.link.load(Load(slot=1, left=codes // 4, right=codes // 4))
     rig.link.set_levels(Levels(left_mvpp=300_000, right_mvpp=0))
-    with pytest.raises(LimitExceeded):
+    with pytest.raises(LimitExceeded, match="300 and 0 Vpp, its ceiling 150 Vpp"):
         rig.link.arm(Arm(token=1, slot=0, time_to_live_us=1_000_000))
     assert '"burst"' not in truth.getvalue()
