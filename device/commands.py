@@ -48,16 +48,16 @@ def _who(port: str) -> str:
     from device.generator import identify_generator
     from device.serial_link import identify, open_channel
 
-    try:
-        open_channel(port, MonotonicClock()).close()
-    except LinkError as error:
-        return str(error)
     identity = identify(port)
     if identity is not None:
         return f"{describe(identity)}: --driver serial"
     words = identify_generator(port)
     if words is not None:
         return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
+    try:
+        open_channel(port, MonotonicClock()).close()
+    except LinkError as error:
+        return str(error)
     return "nothing that tactstrip can drive answers"
 
 

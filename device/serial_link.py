@@ -139,22 +139,23 @@ def identify(port: str) -> Identity | None:
     True
     """
     clock = MonotonicClock()
-    link = FrameLink(lambda: open_channel(port, clock), clock)
     try:
-        return link.hello() if _says_its_name(port, clock) else None
+        channel = open_channel(port, clock)
+    except LinkError:
+        return None
+    link = FrameLink(lambda: channel, clock)
+    try:
+        return link.hello() if _says_its_name(channel, clock) else None
     except DeviceError:
         return None
     finally:
         link.hang_up()
-
-
-def _says_its_name(port: str, clock: Clock) -> bool:
-    channel = open_channel(port, clock)
-    try:
-        channel.write(b"\0" + QUESTION + b"\n")
-        until_s, said = clock.now_s() + _IDENTIFY_WITHIN_S, b""
-        while (left_s := until_s - clock.now_s()) > 0 and not said.endswith(b"\n"):
-            said += channel.read(left_s)
-        return MAKER.encode() in said
-    finally:
         channel.close()
+
+
+def _says_its_name(channel: Channel, clock: Clock) -> bool:
+    channel.write(b"\0" + QUESTION + b"\n")
+    until_s, said = clock.now_s() + _IDENTIFY_WITHIN_S, b""
+    while (left_s := until_s - clock.now_s()) > 0 and not said.endswith(b"\n"):
+        said += channel.read(left_s)
+    return MAKER.encode() in said
