@@ -262,6 +262,11 @@ class FreshTokens(HostDriver):
     def __init__(self, link: FrameLink, clock: MonotonicClock) -> None:
         super().__init__(link, limits=LIMITS, clock=clock)
         self._base = round(clock.now_s() * 1e6) * 1000
+        self.longest_load = 0
+
+    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
+        super().load(slot, left, right)
+        self.longest_load = max(self.longest_load, len(left))
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         super().arm(self._fresh(token), slot, time_to_live_s=time_to_live_s)
@@ -366,8 +371,9 @@ def rig(implementation: str, request: pytest.FixtureRequest) -> Iterator[Rig]:
     longest = min(made.longest, identity.longest_waveform)
     yield replace(made, rate_hz=identity.sample_rate_hz, longest=longest)
     made.device.close()
-    if implementation == "hardware":
-        made.clock.wait(2.0 * made.long_s + 0.1)
+    if isinstance(made.device, FreshTokens):
+        longest_s = made.device.longest_load / identity.sample_rate_hz
+        made.clock.wait(2.0 * longest_s + 0.1)
 
 
 BURST = np.sin(2 * np.pi * np.arange(97) / 96)
