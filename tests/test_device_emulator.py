@@ -127,7 +127,7 @@ BAD_LINES = {
         "duplicate=0.1,delay=0.1,delay_s=0.02,stall=0.02,stall_s=0.02",
         90,
     ),
-    "resets and lost lines": ("reset=0.004,disconnect=0.004", 90),
+    "resets and lost lines": ("reset=0.01,disconnect=0.01", 90),
 }
 
 

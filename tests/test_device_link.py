@@ -222,7 +222,9 @@ SCRIPTS = {
     "everything": "drop=0.005,corrupt=0.005,duplicate=0.05,delay=0.05,stall=0.005,"
     "reset=0.005,disconnect=0.005",
 }
-LOSSLESS = ("clean", "noise", "duplicates and delays", "stalls", "all but losses")
+LOSSLESS = [
+    name for name, script in SCRIPTS.items() if "reset" not in script and "disconnect" not in script
+]
 SEEDS = range(4)
 TRIALS_EACH = 250
 
