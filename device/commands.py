@@ -109,7 +109,11 @@ def describe(identity: Identity) -> str:
 )
 @click.option("--fault", "script", metavar="SCRIPT", help="Such as drop=0.01,corrupt=0.01.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of the faults; 0 by default.")
-@click.option("--baud", type=click.IntRange(300, 10_000_000), help="Model a wire of this rate.")
+@click.option(
+    "--baud",
+    type=click.IntRange(300, 10_000_000),
+    help="Model a wire of this rate; below 28800 it is too slow for the protocol.",
+)
 @click.option("--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default.")
 @click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default.")
 @click.option(
