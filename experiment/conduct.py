@@ -209,7 +209,7 @@ def _enter(
     if not history.opening:
         journal.append("session_open", _opening(plan, identity, setting), sync=True)
         return
-    again = _place(identity) | {"hardware_confirmed": _confirmed(setting)}
+    again = _place(identity) | {"hardware_confirmed": _confirmed(setting, identity)}
     journal.append("session_resume", again, sync=True)
     if history.open_trial is not None:
         same_boot = history.open_trial.boot_id == identity.boot_id
@@ -287,8 +287,11 @@ def _opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]
     }
 
 
-def _confirmed(setting: Setting) -> dict[str, Any] | str:
-    return NOT_AVAILABLE if setting.confirmation is None else setting.confirmation.facts
+def _confirmed(setting: Setting, identity: Identity) -> dict[str, Any] | str:
+    """Return the word that a real device is safe; one given for an emulator says nothing."""
+    if setting.confirmation is None or identity.emulated:
+        return NOT_AVAILABLE
+    return setting.confirmation.facts
 
 
 _UNKNOWN_YET = (
@@ -311,7 +314,7 @@ def _header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> d
         **_opening(plan, identity, setting),
         "device_identity": asdict(identity),
         "device_cannot": list(setting.device.cannot),
-        "hardware_confirmed": _confirmed(setting),
+        "hardware_confirmed": _confirmed(setting, identity),
         "limits": asdict(host_limits(study.device)),
         "responses": plan.responses,
         "masking_noise": study.masking.noise,

@@ -368,12 +368,13 @@ def test_the_operator_is_asked_once_on_a_terminal(
     assert (b"OUTP" in real.received.upper()) == (exit_code == 0)
 
 
+@pytest.mark.parametrize("given", [(), ("--confirm-hardware",)])
 def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
-    tmp_path: Path, start: Start
+    given: tuple[str, ...], tmp_path: Path, start: Start
 ) -> None:
     study, out = study_file(tmp_path, TINY), tmp_path / "out"
     _, port = start("--pty")
-    options = ("--driver", "serial", "--port", port)
+    options = ("--driver", "serial", "--port", port, *given)
     assert invoke(*run_options(study, out, *options)).exit_code == 0
     header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text(encoding="utf-8"))
     assert header["hardware_confirmed"] == "n/a"
