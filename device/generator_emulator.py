@@ -303,6 +303,10 @@ class LocalChannel:
 class GeneratorEmulator:
     """The emulated generator between a line and a truth file.
 
+    No host tells a generator its tokens: a burst has a ``number``, and ``wall_s``, the calendar's
+    clock at its onset. In a journal of the same machine it belongs to the one attempt that was
+    armed before and ended after.
+
     Parameters
     ----------
     line : Line
@@ -343,7 +347,9 @@ class GeneratorEmulator:
 
     def _note_burst(self, burst: Emission) -> None:
         facts = burst_facts(burst, amplifier_gain=self._gain)
-        self._note(facts | {"token": None, "number": burst.token})
+        ago_s = (self._now_us() - burst.start_us) / 1e6
+        own = {"token": None, "number": burst.token, "wall_s": round(time.time() - ago_s, 6)}
+        self._note(facts | own)
 
     def _note(self, facts: dict[str, object]) -> None:
         self._truth.write(json.dumps({"t_s": self._now_us() / 1e6} | facts) + "\n")

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -636,7 +637,9 @@ def test_the_truth_file_says_what_the_driver_was_told(
         device.enable()
         device.set_levels(130.0, 130.0)
         device.arm(1, 0, time_to_live_s=5.0)
+        before_s = time.time()
         told = device.fire(1)
+        after_s = time.time()
         device.close()
     finally:
         over.set()
@@ -648,6 +651,8 @@ def test_the_truth_file_says_what_the_driver_was_told(
     assert (told.level_left_vpp, told.level_right_vpp) == (130.0, 0.0)
     assert (burst["channels"], burst["levels_mv"]) == ([1, 0], [130_000, 0])
     assert max(burst["peak_v"]) <= 65.0
+    assert (burst["token"], burst["number"]) == (None, 1)
+    assert before_s - 0.01 < burst["wall_s"] < after_s
     assert facts[-1]["event"] == "off"
 
 

@@ -45,6 +45,7 @@ PAPER = QUICK + "[design]\nforeperiod_s = [0.01, 0.02]\nminimum_break_s = 0\n"
 SHORT = PAPER + "trials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
 TINY = PAPER + "trials_per_side = 1\nboth_trials = 1\nbreak_every = 3\n"
 SOON_S = 60.0
+MILLISECOND_S = 0.001
 
 
 @pytest.fixture
@@ -141,6 +142,31 @@ def require_true(out: Path, truth: Path, session: str = "01") -> Counter[str]:
     return Counter(ended.values())
 
 
+def require_true_by_time(out: Path, truth: Path) -> Counter[str]:
+    """Join journal and truth by the calendar's clock: a generator knows no tokens."""
+    bursts = bursts_of(truth)
+    folder = out / "sub-01" / "ses-01"
+    armed_s, told_vpp, ended = 0.0, None, Counter[str]()
+    for entry in read_journal(folder / "journal.jsonl").entries:
+        facts: Any = entry.facts
+        if entry.event == "trial_armed":
+            armed_s, told_vpp = entry.wall_s, None
+        elif entry.event == "stimulus_confirmed" and facts["outcome"] == "fired":
+            told_vpp = facts["level_left_vpp"], facts["level_right_vpp"]
+        elif entry.event == "trial_end":
+            latest_s = entry.wall_s + MILLISECOND_S
+            during = [b for b in bursts if armed_s - MILLISECOND_S < b["wall_s"] < latest_s]
+            levels_mv = [burst["levels_mv"] for burst in during]
+            if told_vpp is not None:
+                assert levels_mv == [[round(1000 * level_vpp) for level_vpp in told_vpp]]
+            else:
+                assert len(during) <= (facts["status"] == "indeterminate")
+            bursts = [burst for burst in bursts if burst not in during]
+            ended[facts["status"]] += 1
+    assert not bursts
+    return ended
+
+
 def finish(command: list[str], out: Path, *, session: str = "01") -> int:
     """Run a session to its end through every failure of the device; return how many there were."""
     for failures in range(100):
@@ -173,10 +199,11 @@ def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
     assert invoke(*run_options(study, mock, "--seed", "7")).exit_code == 0
     expected = answers_of(mock)
     assert len(expected) == 155
+    generator = ("--tcp", "0", "--generator", "keysight", "--amplifier-gain", "27.5")
     links = {
         "pty": ("serial", ("--pty",)),
         "tcp": ("serial", ("--tcp", "0")),
-        "generator": ("generator", ("--tcp", "0", "--generator", "keysight")),
+        "generator": ("generator", generator),
     }
     hosts = {}
     for name, (driver, options) in links.items():
@@ -194,6 +221,7 @@ def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
         assert len(bursts_of(tmp_path / f"{name}.jsonl")) >= 155
     for name in ("pty", "tcp"):
         assert require_true(tmp_path / name, tmp_path / f"{name}.jsonl")["ok"] == 155
+    require_true_by_time(tmp_path / "generator", tmp_path / "generator.jsonl")
 
 
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
