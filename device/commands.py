@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from device.driver import Identity
+    from device.faults import Faults
     from device.generator_emulator import GeneratorEmulator
     from device.lines import Line
 
@@ -154,8 +155,6 @@ def emulate(
     if on_pty and tcp_port is not None:
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
     own = {
-        "--fault": script,
-        "--seed": seed,
         "--baud": baud,
         "--ceiling-vpp": ceiling_vpp,
         "--sample-rate-hz": sample_rate_hz,
@@ -168,14 +167,15 @@ def emulate(
                 f"{option} and --generator {'exclude' if generator else 'need'} each other.", ctx
             )
     with _usage(ctx), _until_told(), _opened(truth_file) as truth:
+        faults = _faults(script or "", seed or 0)
         if generator is not None:
-            _run_generator(tcp_port, truth, 1.0 if amplifier_gain is None else amplifier_gain)
+            gain = 1.0 if amplifier_gain is None else amplifier_gain
+            _run_generator(tcp_port, truth, faults, gain)
         else:
             _run_device(
                 tcp_port,
                 truth,
-                script=script or "",
-                seed=seed or 0,
+                faults,
                 baud=baud,
                 ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
                 sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
@@ -183,22 +183,26 @@ def emulate(
             )
 
 
+def _faults(script: str, seed: int) -> Faults:
+    import numpy as np
+
+    from device.faults import Faults, FaultScript
+
+    return Faults(FaultScript.parse(script), np.random.default_rng(seed))
+
+
 def _run_device(
     tcp_port: int | None,
     truth: IO[str],
+    faults: Faults,
     *,
-    script: str,
-    seed: int,
     baud: int | None,
     ceiling_vpp: float,
     sample_rate_hz: float,
     serial_number: str,
 ) -> None:
-    import numpy as np
-
     from device.clock import MonotonicClock
     from device.emulator import Emulator, Nature
-    from device.faults import Faults, FaultScript
     from device.limits import Limits
     from device.output import OutputStage
     from device.truth import Truth
@@ -209,7 +213,6 @@ def _run_device(
         baud=baud,
         serial_number=serial_number,
     )
-    faults = Faults(FaultScript.parse(script), np.random.default_rng(seed))
     line = _line(tcp_port)
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
     click.echo(line.name)
@@ -220,13 +223,17 @@ _LEAST_INTERVAL_S = 0.005
 """Rest that the device itself asks for, as the mock."""
 
 
-def _run_generator(tcp_port: int | None, truth: IO[str], amplifier_gain: float) -> None:
+def _run_generator(
+    tcp_port: int | None, truth: IO[str], faults: Faults, amplifier_gain: float
+) -> None:
     from device._checks import require_positive
     from device.generator_emulator import GeneratorEmulator
 
     require_positive("amplifier_gain", amplifier_gain)
     line = _line(tcp_port)
-    emulator: GeneratorEmulator = GeneratorEmulator(line, truth, amplifier_gain=amplifier_gain)
+    emulator: GeneratorEmulator = GeneratorEmulator(
+        line, truth, amplifier_gain=amplifier_gain, faults=faults
+    )
     click.echo(line.name)
     try:
         emulator.run()

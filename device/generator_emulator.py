@@ -15,9 +15,11 @@ from typing import IO, Final
 
 import numpy as np
 
-from device.clock import Clock
+from device.bad_line import BadLine
+from device.clock import Clock, MonotonicClock
 from device.dialects import EMULATED, INFINITE_OHM
 from device.emulator import TICK_S
+from device.faults import Faults
 from device.generator_channel import (
     BAD_BLOCK,
     BAD_VALUE,
@@ -315,10 +317,16 @@ class GeneratorEmulator:
         JSON lines of what really came out.
     amplifier_gain : float
         Of an amplifier behind it: the truth tells volts at the actuators.
+    faults : Faults or None
+        What goes wrong on the line; nothing by default.
     """
 
-    def __init__(self, line: Line, truth: IO[str], *, amplifier_gain: float) -> None:
-        self._line = line
+    def __init__(
+        self, line: Line, truth: IO[str], *, amplifier_gain: float, faults: Faults | None = None
+    ) -> None:
+        self._line: Line = line
+        if faults is not None:
+            self._line = BadLine(line, faults, MonotonicClock(), restart=self._restart)
         self._truth = truth
         self._gain = amplifier_gain
         self._began_s = time.monotonic()
@@ -341,6 +349,11 @@ class GeneratorEmulator:
         if self._generator.outputs_on != self._was:
             self._was = self._generator.outputs_on
             self._note({"event": "on" if any(self._was) else "off", "cause": "host"})
+
+    def _restart(self) -> None:
+        """Switch the generator off and on: it forgets everything, its outputs are off."""
+        self._generator.hang_up()
+        self._generator.receive(self._now_us(), b"*RST\n*CLS\n")
 
     def _now_us(self) -> int:
         return int((time.monotonic() - self._began_s) * 1e6)

@@ -97,7 +97,8 @@ def test_devices_tells_who_answers_and_that_it_writes(start: Start) -> None:
     ("options", "told"),
     [
         (["--pty", "--tcp", "0"], "--pty and --tcp exclude each other"),
-        (["--generator", "keysight", "--fault", "drop=0.1"], "--fault and --generator exclude"),
+        (["--generator", "keysight", "--baud", "9600"], "--baud and --generator exclude"),
+        (["--generator", "keysight", "--fault", "drop=2"], "drop must be"),
         (["--generator", "keysight", "--amplifier-gain", "nan"], "amplifier_gain must be"),
         (["--amplifier-gain", "2"], "--amplifier-gain and --generator need each other"),
         (["--fault", "drop=2"], "drop must be"),

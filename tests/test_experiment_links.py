@@ -274,6 +274,19 @@ def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
         require_true(out, truth, f"{done:02d}")
 
 
+def test_a_generator_on_a_line_that_breaks_costs_no_trial_and_no_truth(
+    tmp_path: Path, start: Start
+) -> None:
+    study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
+    faults = ("--fault", "disconnect_at=6000,reset=0.003,delay=0.02", "--seed", "3")
+    generator = ("--generator", "keysight", "--amplifier-gain", "27.5", "--truth", str(truth))
+    _, port = start("--tcp", "0", *generator, *faults)
+    options = ("--driver", "generator", "--port", port)
+    failures = finish(run_options(study, out, *options), out)
+    assert failures > 0
+    assert require_true_by_time(out, truth)["ok"] == 11
+
+
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
 def test_a_host_that_is_killed_doubles_nothing(kind: str, tmp_path: Path, start: Start) -> None:
     study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
