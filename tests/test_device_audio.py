@@ -1,5 +1,7 @@
 """Sound cards: frames as the callback hands them out, on a virtual clock and on a null sink."""
 
+import csv
+import json
 import os
 import shutil
 import subprocess
@@ -11,6 +13,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -26,12 +29,14 @@ from device.driver import (
 )
 from device.limits import Limits
 from device.player import Frames
+from tactstrip import main
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 RATE_HZ = 48_000.0
 FULL_SCALE_V = 125.0
 LATENCY_S = 0.02
 BUFFER = 64
+CONFIRM = "--confirm-hardware"
 
 BURST: FloatArray = np.sin(2 * np.pi * np.arange(97) / 96)
 BURST[-1] = 0.0
@@ -321,6 +326,12 @@ def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
         server.wait()
 
 
+def read(recording: Path) -> Frames:
+    """Return what was recorded so far, shape (n, 2)."""
+    raw = recording.read_bytes()
+    return np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2").reshape(-1, 2)
+
+
 def _holds(recorded: Frames, wanted: Frames) -> bool:
     """Tell whether the recording holds these frames, shape (n, 2), without a change."""
     first = np.flatnonzero(wanted.any(axis=1))[0]
@@ -350,8 +361,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(recording: Path, side: int) -> 
     wanted[:, side] = codes(100.0)
 
     def heard() -> bool:
-        raw = recording.read_bytes()
-        recorded = np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2").reshape(-1, 2)
+        recorded = read(recording)
         return not recorded[:, 1 - side].any() and _holds(recorded, wanted)
 
     fired = []
@@ -364,3 +374,58 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(recording: Path, side: int) -> 
     assert any(fired)
     assert device.frames > 0
     assert _until(heard)
+
+
+STUDY = """
+[burst]
+window = "hann"
+[device]
+driver = "audio"
+port = "pulse"
+volts_full_scale = 125
+least_interval_s = 0.01
+[design]
+trials_per_side = 3
+both_trials = 1
+foreperiod_s = [0.05, 0.06]
+minimum_break_s = 0
+[simulation]
+reaction_time_s = 0.151
+reaction_time_spread = 0
+"""
+
+
+def bursts_in(recorded: Frames) -> list[tuple[float, float]]:
+    """Return the peak-to-peak volts of each burst, left and right."""
+    sounding = np.flatnonzero(recorded.any(axis=1))
+    pieces = np.split(sounding, np.flatnonzero(np.diff(sounding) > RATE_HZ * 0.02) + 1)
+    volts = [
+        np.ptp(recorded[piece].astype(float), axis=0) / 32767 * FULL_SCALE_V for piece in pieces
+    ]
+    return [(float(left), float(right)) for left, right in volts]
+
+
+def test_a_session_of_run_comes_out_of_a_null_sink(recording: Path, tmp_path: Path) -> None:
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(STUDY, encoding="utf-8")
+    words = ["run", str(study), "--participant", "01", "--responder", "simulated"]
+    result = CliRunner().invoke(main, [*words, "--out", str(out), "--seed", "7", CONFIRM])
+    assert result.exit_code == 0, result.output
+    assert "this device cannot bring its outputs to zero" in result.stdout
+    with (out / "sub-01" / "ses-01" / "trials.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert sum(row["status"] == "ok" for row in rows) == 7
+    header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text(encoding="utf-8"))
+    assert header["hardware_confirmed"]["how"] == CONFIRM
+    assert not header["device_identity"]["emulated"]
+    if any(row["status"] != "ok" for row in rows):
+        return  # the sound system lost frames here, and the session said so
+    expected = [(float(r["level_left_vpp"]), float(r["level_right_vpp"])) for r in rows]
+    assert _until(lambda: len(bursts_in(read(recording))) >= len(expected))
+    heard = bursts_in(read(recording))
+    assert np.allclose(heard, expected, atol=0.02)
+    assert all(
+        volts <= level
+        for pair in zip(heard, expected, strict=True)
+        for volts, level in zip(*pair, strict=True)
+    )
