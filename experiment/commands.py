@@ -99,8 +99,10 @@ def run(
         folder = SessionFolder(out, participant, session)
         levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
         resuming = resuming or resume_anyway
-        plan_of = _plan_to_resume if resuming else _new_plan
-        plan = plan_of(folder, study_file, seed, levels_vpp)
+        if resuming:
+            plan = _plan_to_resume(folder, study_file, seed, levels_vpp)
+        else:
+            plan = _new_plan(folder, study_file, seed, levels_vpp, driver)
         study = study_from_canonical(plan.study)
         rig = assemble(study, driver=driver, port=port, simulated=responder == "simulated")
         with device_failures():
@@ -134,13 +136,14 @@ def _new_plan(
     study_file: Path,
     seed: int | None,
     levels_vpp: tuple[float, ...] | None,
+    driver: str | None,
 ) -> Plan:
     from experiment.draw import draw_plan
     from experiment.study import read_study
 
     folder.refuse_existing()
     study = read_study(study_file)
-    gains = require_fit(study).gains
+    gains = require_fit(study, driver=driver).gains
     seed = secrets.randbits(32) if seed is None else seed
     plan = draw_plan(
         study,

@@ -84,11 +84,12 @@ def check(
     from experiment.device_check import device_text
     from experiment.rig import assemble
     from experiment.study import read_study
-    from experiment.study_check import check_study
+    from experiment.study_check import check_study, require_mock_suitable
 
     if not with_device and (driver is not None or port is not None or confirm_hardware):
         raise CommandError("--driver, --port and --confirm-hardware need --device")
     found: StudyCheck = check_study(read_study(study_file))
+    require_mock_suitable(found.study, driver)
     if not as_json:
         click.echo(check_text(found, str(study_file)))
     if found.verdict == "unfit" or not with_device:

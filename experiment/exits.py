@@ -112,23 +112,28 @@ def device_failures() -> Iterator[None]:
         raise CommandError(f"device: {error}", exit_code=DEVICE_FAILED) from error
 
 
-def require_fit(study: Study) -> StudyCheck:
+def require_fit(study: Study, *, driver: str | None = None) -> StudyCheck:
     """Return the check of a study, or end the command where a stimulus of it is unfit.
 
     Parameters
     ----------
     study : Study
         The study that is to be run.
+    driver : str, optional
+        Instead of the study's.
 
     Raises
     ------
+    StudyError
+        If the study cannot be played.
     CommandError
         With exit code 1, if a burst puts too much energy above the strip's cut-off or is too
         strong at the other finger, and the study does not accept that.
     """
-    from experiment.study_check import check_study
+    from experiment.study_check import check_study, require_mock_suitable
 
     check = check_study(study)
+    require_mock_suitable(study, driver)
     for found in check.conditions:
         if found.verdict == "unfit":
             raise CommandError(

@@ -144,8 +144,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
     Raises
     ------
     StudyError
-        If the device cannot play a burst or reach a level, or the design cannot be divided into
-        blocks.
+        If no device can play a burst at a level, or the design cannot be divided into blocks.
 
     Examples
     --------
@@ -158,8 +157,6 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
     bursts = [_check_burst(study, condition) for condition in study.conditions]
     try:
         blocks = block_count(study.design) * len(study.conditions)
-        if study.device.driver == MOCK:
-            require_suitable(study, mock_device(study, VirtualClock()).open())
         require_playable(study)
     except ValueError as error:
         raise StudyError(f"study {study.name}: {error}") from error
@@ -185,6 +182,34 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         blocks=blocks,
         duration_s=_duration_s(study, trials + study.design.practice_trials, blocks),
     )
+
+
+def require_mock_suitable(study: Study, driver: str | None = None) -> None:
+    """Refuse a study that the mock cannot play, where the mock is what plays it.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    driver : str, optional
+        Instead of the study's. Any other device is asked for itself once it is open.
+
+    Raises
+    ------
+    StudyError
+        If the mock has another sample rate, or a lower ceiling than the study's levels.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> require_mock_suitable(paper_study())
+    """
+    if (driver or study.device.driver) != MOCK:
+        return
+    try:
+        require_suitable(study, mock_device(study, VirtualClock()).open())
+    except ValueError as error:
+        raise StudyError(f"study {study.name}: {error}") from error
 
 
 def _check_burst(study: Study, condition: Condition) -> BurstCheck:

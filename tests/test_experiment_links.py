@@ -460,6 +460,20 @@ def test_the_study_names_driver_and_port_and_options_name_others(
     assert invoke(*run_options(study, tmp_path / "c", "--port", port)).exit_code == 0
 
 
+def test_the_mocks_ceiling_is_none_of_another_devices(tmp_path: Path, start: Start) -> None:
+    loud = TINY.replace("[device]", "[device]\nceiling_vpp = 260") + "levels_vpp = [60, 250]\n"
+    loud = loud.replace("trials_per_side = 1", "trials_per_side = 2")
+    study, truth = study_file(tmp_path, loud), tmp_path / "truth.jsonl"
+    refused = invoke(*run_options(study, tmp_path / "mock"))
+    assert (refused.exit_code, "own ceiling, 200 Vpp" in refused.stderr) == (2, True)
+    _, port = start("--tcp", "0", "--ceiling-vpp", "260", "--truth", str(truth))
+    assert check(study, port).exit_code == 0
+    options = ("--driver", "serial", "--port", port, "--seed", "1")
+    result = invoke(*run_options(study, tmp_path / "out", *options))
+    assert result.exit_code == 0, result.stderr
+    assert 250_000 in {level for burst in bursts_of(truth) for level in burst["levels_mv"]}
+
+
 # --- the check of a device
 
 
