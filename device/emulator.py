@@ -140,7 +140,8 @@ class Emulator:
 
     def run(self) -> None:
         """Serve until SIGINT or SIGTERM asks for the end; the outputs are at zero then."""
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        for number in (signal.SIGINT, signal.SIGTERM):  # also where the shell had it ignored
+            signal.signal(number, signal.default_int_handler)
         try:
             while True:
                 awake = self._endpoint.core.state in _AWAKE
