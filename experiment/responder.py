@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Protocol
 
 ESCAPE = "escape"
 """What `Press.response` says when a pause is asked for."""
+
+
+class Part(StrEnum):
+    """A part of a session, by what a person is told before it."""
+
+    AUDIBILITY = "audibility"  # fingers off the plate, noise on: is anything heard?
+    PRACTICE = "practice"  # with feedback
+    WARM_UP = "warm_up"  # a few trials after a resume, not counted
+    MAIN = "main"  # the task
+    CONTROL = "control"  # fingers off the plate, the task as before
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +85,14 @@ class Responder(Protocol):
         """Whether nobody is there."""
         ...
 
+    def begin(self, progress: Progress) -> bool:
+        """Welcome and instruct, before the first trial of a sitting; ``False`` means stop."""
+        ...
+
+    def introduce(self, part: Part, progress: Progress) -> bool:
+        """Tell what the next part asks for, where the fingers lie; ``False`` means stop."""
+        ...
+
     def cue(self, progress: Progress) -> None:
         """Show that a trial begins."""
         ...
@@ -91,5 +110,12 @@ class Responder(Protocol):
         ...
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
-        """Hold a pause, or offer a break of a least length; ``False`` means stop."""
+        """Hold a pause, or offer a break of a least length; ``False`` means stop.
+
+        The operator ends a pause, too: see `operator.Requests`.
+        """
+        ...
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        """Thank and say good-bye; ``finished`` is false where the session was stopped early."""
         ...

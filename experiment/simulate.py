@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiment.gains import ConditionGains, FingerGains
     from experiment.observer import Observer
     from experiment.plan import Plan
-    from experiment.responder import Progress, Question
+    from experiment.responder import Part, Progress, Question
     from experiment.study import Study
 
 
@@ -66,6 +66,14 @@ class SimulatedResponder:
         self._responses = responses
         self._gains = gains
 
+    def begin(self, progress: Progress) -> bool:
+        """Need no instruction."""
+        return True
+
+    def introduce(self, part: Part, progress: Progress) -> bool:
+        """Need no introduction."""
+        return True
+
     def cue(self, progress: Progress) -> None:
         """See the cue."""
 
@@ -102,6 +110,9 @@ class SimulatedResponder:
         """Rest as briefly as is allowed, and go on."""
         self._clock.wait(minimum_s)
         return True
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        """Leave."""
 
 
 def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResponder:

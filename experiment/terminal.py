@@ -14,7 +14,7 @@ from experiment.responder import ESCAPE, Press
 
 if TYPE_CHECKING:
     from device.clock import Clock
-    from experiment.responder import Progress, Question
+    from experiment.responder import Part, Progress, Question
 
 _ESCAPE_KEY = b"\x1b"
 _ANSWER_OF = {
@@ -99,6 +99,14 @@ class TerminalResponder:
         with contextlib.suppress(termios.error):  # the terminal may be gone
             termios.tcsetattr(self._input, termios.TCSADRAIN, self._settings)
 
+    def begin(self, progress: Progress) -> bool:
+        """Go on: the keys were explained when the terminal was borrowed."""
+        return True
+
+    def introduce(self, part: Part, progress: Progress) -> bool:
+        """Go on: the terminal is for trying out."""
+        return True
+
     def cue(self, progress: Progress) -> None:
         """Show the trial's number; keys typed before it are dropped."""
         import termios
@@ -147,6 +155,9 @@ class TerminalResponder:
             if key == _ESCAPE_KEY:
                 return False
         return True
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        """Say nothing: the command reports how it ended."""
 
     def _say(self, *lines: str) -> None:
         """Write lines; the last stays open. A terminal that is gone ends the next wait."""

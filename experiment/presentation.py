@@ -1,0 +1,151 @@
+"""What stands before a participant: the window, its texts in any language, the keys that answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from stimuli.checks import finite, whole
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Screen:
+    """The participant's window.
+
+    Attributes
+    ----------
+    full_screen : bool
+        Whether it covers the screen.
+    index : int
+        Which screen, counted from 0.
+    width_px, height_px : int
+        Its size where it does not cover the screen.
+    text_height : float
+        Height of a line, as a fraction of the window's.
+    right_to_left : bool
+        Whether texts run from right to left.
+    font : str
+        Font of the texts.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range; it begins with the name.
+
+    Examples
+    --------
+    >>> Screen(text_height=0.5)
+    Traceback (most recent call last):
+    ValueError: text_height must be a finite number >= 0.01 and <= 0.2, got 0.5
+    """
+
+    full_screen: bool = True
+    index: int = 0
+    width_px: int = 1280
+    height_px: int = 720
+    text_height: float = 0.035
+    right_to_left: bool = False
+    font: str = "DejaVu Sans"
+
+    def __post_init__(self) -> None:
+        whole("index", self.index, least=0, most=15)
+        whole("width_px", self.width_px, least=320, most=16384)
+        whole("height_px", self.height_px, least=240, most=16384)
+        finite("text_height", self.text_height, least=0.01, most=0.2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Keys:
+    """The keys that mean an answer or a wish, by PsychoPy's names.
+
+    Attributes
+    ----------
+    left, right, both, none : tuple of str
+        Keys of each answer: arrows, the keys a pedal types, the operator's keys.
+    pause : tuple of str
+        A pause; pressed again within it, the end.
+    go_on : tuple of str
+        To the next screen.
+
+    Raises
+    ------
+    ValueError
+        If a wish has no key, or a key two meanings.
+
+    Examples
+    --------
+    >>> Keys(left=("space",))
+    Traceback (most recent call last):
+    ValueError: keys must have one meaning each; got space for left and none
+    """
+
+    left: tuple[str, ...] = ("left",)
+    right: tuple[str, ...] = ("right",)
+    both: tuple[str, ...] = ("down",)
+    none: tuple[str, ...] = ("space",)
+    pause: tuple[str, ...] = ("escape",)
+    go_on: tuple[str, ...] = ("return",)
+
+    def __post_init__(self) -> None:
+        meanings: dict[str, str] = {}
+        for field in fields(self):
+            keys: tuple[str, ...] = getattr(self, field.name)
+            if not keys:
+                raise ValueError(f"{field.name} must have at least one key; got none")
+            for key in keys:
+                if key in meanings:
+                    raise ValueError(
+                        f"keys must have one meaning each; got {key} for {meanings[key]} "
+                        f"and {field.name}"
+                    )
+                meanings[key] = field.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Texts:
+    """What a participant reads; ``{done}``, ``{planned}`` and ``{seconds}`` are filled in.
+
+    Attributes
+    ----------
+    welcome, instructions, placement : str
+        Before a sitting; `placement` stands above the picture of the fingers.
+    audibility, practice, warm_up, main, control : str
+        Before each part of a session.
+    ready, prompt : str
+        While the stimulus is awaited, and while the answer is.
+    correct, wrong : str
+        After a practice answer.
+    paused, rest, rest_over : str
+        In a pause; in a break, before and after its shortest time.
+    go_on : str
+        Below every screen that waits for its key.
+    finished, stopped : str
+        At the end, and after an early one.
+    """
+
+    welcome: str = "Welcome, and thank you for taking part."
+    instructions: str = (
+        "You will feel a short vibration under your left finger, your right finger, or both. "
+        "Then say where you felt it. If you are not sure, answer what seems most likely."
+    )
+    placement: str = "Lay one finger of each hand on the plate as shown, and keep them there."
+    audibility: str = (
+        "First without touching: take both hands off the plate. If you hear the plate through the "
+        "noise, press the key of the side; if you hear nothing, press the key for nothing."
+    )
+    practice: str = "Now a few trials for practice. You are told whether you were right."
+    warm_up: str = "A few trials to get used to it again. They do not count."
+    main: str = "Now the experiment begins."
+    control: str = (
+        "Now take both hands off the plate. Answer as before; if you notice nothing, press the "
+        "key for nothing."
+    )
+    ready: str = "+"
+    prompt: str = "Where did you feel it?"
+    correct: str = "Right"
+    wrong: str = "Not so"
+    paused: str = "Paused: {done} of {planned} trials are done."
+    rest: str = "Have a break: {done} of {planned} trials are done. It goes on in {seconds} s."
+    rest_over: str = "Have a break: {done} of {planned} trials are done."
+    go_on: str = "Press Enter to go on."
+    finished: str = "That was all. Thank you very much!"
+    stopped: str = "The session was stopped. Thank you."
