@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -35,6 +36,25 @@ def require_word(name: str, value: str, words: Iterable[str]) -> None:
     listed = tuple(words)
     if value not in listed:
         raise ValueError(f"{name} must be one of {', '.join(listed)}; got {value!r}")
+
+
+def is_line(text: object) -> bool:
+    r"""Tell whether a value is one line of text with something to read, in any script.
+
+    Examples
+    --------
+    >>> is_line("שלום"), is_line(" "), is_line("two\nlines"), is_line(3)
+    (True, False, False, False)
+    """
+    if not isinstance(text, str):
+        return False
+    return all(c.isprintable() or unicodedata.category(c) in _INVISIBLE for c in text) and any(
+        c.isprintable() and not c.isspace() for c in text
+    )
+
+
+_INVISIBLE = ("Cf", "Zs")
+"""Signs without a form: marks of the direction, joiners, wide spaces."""
 
 
 def unknown_key(path: str, known: Iterable[str]) -> str:

@@ -52,6 +52,9 @@ class Design:
         Shortest break.
     anticipated : str
         ``requeue`` repeats a trial answered before it could be felt, ``keep`` only flags it.
+    audibility_trials, control_trials : int
+        Trials with the fingers off the plate: before everything else, to hear whether the noise
+        hides the plate, and at the end, the task as before.
 
     Raises
     ------
@@ -82,12 +85,18 @@ class Design:
     break_every: int
     minimum_break_s: float
     anticipated: Anticipated
+    audibility_trials: int = 0
+    control_trials: int = 0
 
     def __post_init__(self) -> None:
         check_levels(self.levels_vpp)
         whole("trials_per_side", self.trials_per_side, least=1, most=MAX_TRIALS)
         for name in ("both_trials", "blank_trials", "practice_trials", "break_every"):
             whole(name, getattr(self, name), least=0, most=MAX_TRIALS)
+        for name in ("audibility_trials", "control_trials"):
+            trials = whole(name, getattr(self, name), least=0, most=MAX_TRIALS)
+            if trials % 2:
+                raise ValueError(f"{name} must be even, half of them for each side; got {trials}")
         if self.both_level_vpp is not None:
             finite("both_level", self.both_level_vpp, least=LEAST_LEVEL_VPP)
         require_word("order", self.order, get_args(Order))

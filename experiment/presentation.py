@@ -69,13 +69,13 @@ class Keys:
     Raises
     ------
     ValueError
-        If a wish has no key, or a key two meanings.
+        If a wish has no key, or a key two meanings; it begins with the name.
 
     Examples
     --------
     >>> Keys(left=("space",))
     Traceback (most recent call last):
-    ValueError: keys must have one meaning each; got space for left and none
+    ValueError: none must have keys without another meaning; got space, which means left
     """
 
     left: tuple[str, ...] = ("left",)
@@ -94,8 +94,8 @@ class Keys:
             for key in keys:
                 if key in meanings:
                     raise ValueError(
-                        f"keys must have one meaning each; got {key} for {meanings[key]} "
-                        f"and {field.name}"
+                        f"{field.name} must have keys without another meaning; got {key}, "
+                        f"which means {meanings[key]}"
                     )
                 meanings[key] = field.name
 

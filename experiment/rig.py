@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from device.driver import BurstDevice
-    from experiment.study_values import DeviceSettings, DriverName, Study
+    from experiment.equipment import DriverName
+    from experiment.study_values import DeviceSettings, Study
 
 MOCK: Final = "mock"
 _NEEDS: Final[Mapping[str, tuple[str, ...]]] = {

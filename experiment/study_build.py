@@ -16,13 +16,19 @@ from experiment.burst_tables import SINE_KEYS
 from experiment.design import Design
 from experiment.observer import Observer
 from experiment.plate_tables import CARRIER_KEYS, MEASURED_KEYS, PIEZO_KEYS
+from experiment.presentation_checks import check_keys, check_screen, check_texts
 from experiment.study_values import (
     AutoWindow,
     Condition,
+    Dataset,
     DeviceSettings,
+    Keys,
     Masking,
+    ParticipantColumn,
+    Screen,
     Simulation,
     Study,
+    Texts,
 )
 from stimuli import (
     CLAMPED,
@@ -42,6 +48,7 @@ if TYPE_CHECKING:
 
     from experiment.burst_tables import BurstTable, ConditionTable
     from experiment.plate_tables import ActuatorTable, StripTable
+    from experiment.presentation_tables import KeysTable, ScreenTable, TextsTable
     from experiment.study_tables import DesignTable, SimulationTable, StudyTables
 
 _Table = TypeVar("_Table")
@@ -77,12 +84,22 @@ def built_study(tables: StudyTables) -> Study:
         ),
         design=_at("design", _design, tables.design),
         device=_at("device", lambda table: DeviceSettings(**table.model_dump()), tables.device),
-        masking=_at("masking", lambda table: Masking(**table.model_dump()), tables.masking),
+        masking=_at("masking", lambda table: Masking(**dict(table)), tables.masking),
         simulation=_at("simulation", _simulation, tables.simulation),
         max_energy_above_cutoff=tables.burst.max_energy_above_cutoff,
         masking_limit_db=tables.burst.masking_limit_db,
         canonical=canonical,
         sha256=hashlib.sha256(canonical.encode()).hexdigest(),
+        screen=_at("screen", _screen, tables.screen),
+        keys=_at("keys", _keys, tables.keys),
+        texts=_at("texts", _texts, tables.texts),
+        consent_version=tables.study.consent_version,
+        participant_columns=_each(
+            "participants.columns",
+            lambda table: ParticipantColumn(**table.model_dump()),
+            tables.participants.columns,
+        ),
+        dataset=_at("dataset", lambda table: Dataset(**table.model_dump()), tables.dataset),
     )
 
 
@@ -248,3 +265,21 @@ def _design(table: DesignTable) -> Design:
 def _simulation(table: SimulationTable) -> Simulation:
     median = Observer(**table.model_dump(exclude={"threshold_sd_db"}))
     return Simulation(median=median, threshold_sd_db=table.threshold_sd_db)
+
+
+def _screen(table: ScreenTable) -> Screen:
+    screen = Screen(**table.model_dump())
+    check_screen(screen)
+    return screen
+
+
+def _keys(table: KeysTable) -> Keys:
+    keys = Keys(**table.model_dump())
+    check_keys(keys)
+    return keys
+
+
+def _texts(table: TextsTable) -> Texts:
+    texts = Texts(**table.model_dump())
+    check_texts(texts)
+    return texts

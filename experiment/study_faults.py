@@ -23,6 +23,7 @@ _EXPECTED = {
     "finite_number": "a finite number",
     "int_type": "a whole number",
     "string_type": "text",
+    "bool_type": "true or false",
     "tuple_type": "a list",
     "too_long": "a list of {max_length}",
     "greater_than": "a number > {gt:g}",
@@ -111,8 +112,7 @@ def _allowed(error: ErrorDetails) -> str:
 def _known_keys(steps: tuple[int | str, ...]) -> list[str]:
     """List the keys of the table that the steps lead to."""
     sections = [step for step in steps if isinstance(step, str)]
-    table = section_table(sections[0]) if sections else StudyTables
-    return list(table.model_fields)
+    return list(section_table(*sections).model_fields)
 
 
 def _shown(value: object) -> str:

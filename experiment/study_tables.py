@@ -14,8 +14,15 @@ from pydantic import Field, model_validator
 from experiment.actuator import SIDES
 from experiment.burst_tables import BurstTable, ConditionTable
 from experiment.design import Anticipated, ConditionOrder, Order
+from experiment.equipment import DriverName, Noise
 from experiment.plate_tables import ActuatorTable, StripTable, paper_actuators
-from experiment.study_values import DriverName, Noise
+from experiment.presentation_tables import (
+    DatasetTable,
+    KeysTable,
+    ParticipantsTable,
+    ScreenTable,
+    TextsTable,
+)
 from experiment.table import Above0, Table
 
 if TYPE_CHECKING:
@@ -28,13 +35,21 @@ THRESHOLD_VPP: Final = 58.0
 
 
 class StudyTable(Table):
-    """What the study is called."""
+    """What the study is called, and what its participants agree to."""
+
+    later: ClassVar[tuple[str, ...]] = ("consent_version",)
 
     name: str = Field("paper", description="1 to 32 of A-Z a-z 0-9 _ -")
+    consent_version: str | None = Field(None, description="of the form that participants sign")
 
 
 class DesignTable(Table):
-    """What is presented, how often, and what may be answered; for each condition."""
+    """What is presented, how often, and what may be answered; for each condition.
+
+    The trials with the fingers off the plate come once: as many of each side, at the highest level.
+    """
+
+    later: ClassVar[tuple[str, ...]] = ("audibility_trials", "control_trials")
 
     levels_vpp: tuple[float, ...] = Field(
         (60.0, 95.0, 130.0, 165.0, 200.0), strict=False, description="increasing"
@@ -46,6 +61,10 @@ class DesignTable(Table):
     )
     blank_trials: int = Field(0, description="no stimulus; needs the answer none")
     practice_trials: int = Field(0, description="with feedback, before the first block")
+    audibility_trials: int = Field(
+        0, description="fingers off, at the beginning: is the plate heard? even"
+    )
+    control_trials: int = Field(0, description="fingers off, at the end: the task as before; even")
     order: Order = Field("random", description="balanced: each level equally often")
     condition_order: ConditionOrder = Field("random")
     responses: tuple[str, ...] = Field(
@@ -83,8 +102,21 @@ class DeviceTable(Table):
 class MaskingTable(Table):
     """The noise in the headphones that hides the sound of the actuators."""
 
+    later: ClassVar[tuple[str, ...]] = (
+        "measured_level_dba",
+        "level_dbfs",
+        "sound_card",
+        "loop_s",
+        "sample_rate_hz",
+    )
+
     noise: Noise = Field("pink")
     max_level_dba: float = Field(75.0, description="at the ear; 80 at most")
+    measured_level_dba: float | None = Field(None, description="at the ear, with these settings")
+    level_dbfs: float = Field(-30.0, description="effective value re a full-scale sine's peak")
+    sound_card: str = Field("", description="empty: the system's default")
+    loop_s: float = Field(30.0, description="it is repeated without a seam")
+    sample_rate_hz: float = Field(48_000.0)
 
 
 class SimulationTable(Table):
@@ -133,6 +165,8 @@ def _one_condition() -> tuple[ConditionTable, ...]:
 class StudyTables(Table):
     """A whole study.toml; after reading, nothing is left out."""
 
+    later: ClassVar[tuple[str, ...]] = ("screen", "keys", "texts", "participants", "dataset")
+
     study: StudyTable = Field(default_factory=StudyTable)
     strip: StripTable = Field(default_factory=StripTable)
     actuator: tuple[ActuatorTable, ...] = Field(default_factory=paper_actuators, strict=False)
@@ -141,6 +175,11 @@ class StudyTables(Table):
     design: DesignTable = Field(default_factory=DesignTable)
     device: DeviceTable = Field(default_factory=DeviceTable)
     masking: MaskingTable = Field(default_factory=MaskingTable)
+    screen: ScreenTable = Field(default_factory=ScreenTable)
+    keys: KeysTable = Field(default_factory=KeysTable)
+    texts: TextsTable = Field(default_factory=TextsTable)
+    participants: ParticipantsTable = Field(default_factory=ParticipantsTable)
+    dataset: DatasetTable = Field(default_factory=DatasetTable)
     simulation: SimulationTable = Field(default_factory=SimulationTable)
 
     @model_validator(mode="after")
@@ -172,14 +211,16 @@ def _at(path: str, fill: Callable[[], _Value]) -> _Value:
         raise ValueError(f"{path}.{error}") from error
 
 
-def section_table(section: str) -> type[Table]:
-    """Return the table of a section: its keys, defaults and descriptions.
+def section_table(*steps: str) -> type[Table]:
+    """Return the table that keys lead to: its keys, defaults and descriptions.
 
     Examples
     --------
-    >>> section_table("actuator").__name__
-    'ActuatorTable'
+    >>> section_table("actuator").__name__, section_table("participants", "columns").__name__
+    ('ActuatorTable', 'ColumnTable')
     """
-    annotation: Any = StudyTables.model_fields[section].annotation
-    table: type[Table] = next(iter(get_args(annotation)), annotation)
+    table: type[Table] = StudyTables
+    for step in steps:
+        annotation: Any = table.model_fields[step].annotation
+        table = next(iter(get_args(annotation)), annotation)
     return table

@@ -58,6 +58,7 @@ _CONDITIONS: Final = """\
 """
 _COLUMN: Final = 37
 """Where a key's comment begins, unless the value is longer."""
+_WIDTH: Final = 100
 
 
 def write_study_text(preset: str) -> str:
@@ -118,11 +119,26 @@ def _keys(table: Table, *, commented: bool) -> str:
         value = getattr(table, key)
         line = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
         comment = "; ".join(filter(None, (_words(field.annotation), field.description)))
+        if len(line) > _WIDTH and isinstance(value, str):
+            line = _wrapped(key, value)
         if commented and comment:
-            lines.append(f"{line:{_COLUMN}}  # {comment}")
+            lines.append(_beside(line, comment))
         elif commented or value is not None:
             lines.append(line)
     return "".join(f"{line}\n" for line in lines)
+
+
+def _beside(line: str, comment: str) -> str:
+    """Put a comment behind a key, or above where there is no room."""
+    together = f"{line:{_COLUMN}}  # {comment}"
+    fits = max(map(len, together.split("\n"))) <= _WIDTH
+    return together if fits else f"# {comment}\n{line}"
+
+
+def _wrapped(key: str, text: str) -> str:
+    """Write a long text over several lines; a line's last backslash joins it to the next."""
+    lines = textwrap.wrap(_toml(text)[1:-1], width=_WIDTH - 6, break_on_hyphens=False)
+    return f'{key} = """\\\n    ' + " \\\n    ".join(lines) + '"""'
 
 
 def _words(annotation: object) -> str:
@@ -134,7 +150,10 @@ def _words(annotation: object) -> str:
 
 
 def _comment(text: str) -> str:
-    return "".join(f"# {line}\n" for line in textwrap.wrap(text, width=98, break_on_hyphens=False))
+    return "".join(
+        f"# {line}\n"
+        for line in textwrap.wrap(" ".join(text.split()), width=98, break_on_hyphens=False)
+    )
 
 
 def _toml(value: object) -> str:

@@ -10,7 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, get_args
 
 from experiment.actuator import Actuator, check_actuators
-from experiment.checks import require_word
+from experiment.checks import is_line, require_word
+from experiment.dataset import Dataset, ParticipantColumn
+from experiment.equipment import DeviceSettings, Masking
+from experiment.presentation import Keys, Screen, Texts
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
@@ -18,12 +21,24 @@ if TYPE_CHECKING:
     from experiment.observer import Observer
     from stimuli import Burst, SampledDrive, Strip
 
-DriverName = Literal["mock", "serial", "generator", "audio"]
-Noise = Literal["pink", "none"]
+__all__ = [
+    "AutoWindow",
+    "Condition",
+    "Dataset",
+    "DeviceSettings",
+    "EdgeBasis",
+    "Keys",
+    "Masking",
+    "ParticipantColumn",
+    "Screen",
+    "Simulation",
+    "Study",
+    "StudyError",
+    "Texts",
+]
+
 EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 
-MAX_MASKING_LEVEL_DBA = 80.0
-"""Loudest masking noise, dB(A) re 20 uPa, that a person may hear for the length of a session."""
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 _NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -"
 
@@ -97,91 +112,8 @@ class Condition:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             raise ValueError(f"name must be {_NAME_RULE}; got {self.name!r}")
         reason = self.accept_unfit
-        if reason is not None and not _is_line(reason):
+        if reason is not None and not is_line(reason):
             raise ValueError(f"accept_unfit must be a reason in one line of text; got {reason!r}")
-
-
-def _is_line(text: object) -> bool:
-    return isinstance(text, str) and text.isprintable() and bool(text.strip())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceSettings:
-    """What drives the actuators, and what it may do.
-
-    Attributes
-    ----------
-    driver : str
-        Name of the driver.
-    sample_rate_hz : float
-        Rate at which the device puts samples out.
-    ceiling_vpp : float
-        Highest level it may ever put out.
-    least_interval_s : float
-        Shortest rest from the end of a burst to the onset of the next.
-    port : str or None
-        Where a real device is: a port, a URL, or the name of a sound card.
-    amplifier_gain : float or None
-        Volts at the actuator per volt of a generator.
-    volts_full_scale : float or None
-        Volts at the actuator, to both sides, for a sound card's largest sample.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    driver: DriverName
-    sample_rate_hz: float
-    ceiling_vpp: float
-    least_interval_s: float
-    port: str | None = None
-    amplifier_gain: float | None = None
-    volts_full_scale: float | None = None
-
-    def __post_init__(self) -> None:
-        require_word("driver", self.driver, get_args(DriverName))
-        finite("sample_rate_hz", self.sample_rate_hz, least=1_000, most=10_000_000)
-        finite("ceiling_vpp", self.ceiling_vpp, above=0, most=1_000)
-        finite("least_interval_s", self.least_interval_s, above=0, most=60)
-        if self.port is not None and not _is_line(self.port):
-            raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
-        if self.amplifier_gain is not None:
-            finite("amplifier_gain", self.amplifier_gain, above=0, most=100_000)
-        if self.volts_full_scale is not None:
-            finite("volts_full_scale", self.volts_full_scale, above=0, most=1_000)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Masking:
-    """The noise that hides the sound of the actuators.
-
-    Attributes
-    ----------
-    noise : str
-        ``pink`` or ``none``.
-    max_level_dba : float
-        Loudest level at the ear, dB(A) re 20 uPa.
-
-    Raises
-    ------
-    ValueError
-        If the noise is unknown or may be louder than 80 dB(A).
-
-    Examples
-    --------
-    >>> Masking(noise="pink", max_level_dba=85.0)
-    Traceback (most recent call last):
-    ValueError: max_level_dba must be a finite number >= 0 and <= 80, got 85.0
-    """
-
-    noise: Noise
-    max_level_dba: float
-
-    def __post_init__(self) -> None:
-        require_word("noise", self.noise, get_args(Noise))
-        finite("max_level_dba", self.max_level_dba, least=0, most=MAX_MASKING_LEVEL_DBA)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,12 +163,24 @@ class Study:
         The complete study as JSON text with sorted keys, defaults filled in.
     sha256 : str
         Checksum of ``canonical``.
+    screen : Screen
+        The participant's window.
+    keys : Keys
+        The keys that answer.
+    texts : Texts
+        What the participant reads.
+    consent_version : str or None
+        Which version of the consent form the participants sign.
+    participant_columns : tuple of ParticipantColumn
+        What participants.tsv has beside the identifier.
+    dataset : Dataset
+        What a published data set says of itself.
 
     Raises
     ------
     ValueError
         If two parts do not go together: patches off the strip, levels above the device's ceiling,
-        bursts sooner than it allows, conditions of the same name.
+        bursts sooner than it allows, conditions or columns of the same name.
     """
 
     name: str
@@ -252,10 +196,21 @@ class Study:
     masking_limit_db: float
     canonical: str
     sha256: str
+    screen: Screen
+    keys: Keys
+    texts: Texts
+    consent_version: str | None
+    participant_columns: tuple[ParticipantColumn, ...]
+    dataset: Dataset
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             raise ValueError(f"study.name must be {_NAME_RULE}; got {self.name!r}")
+        if self.consent_version is not None and not is_line(self.consent_version):
+            raise ValueError(
+                "study.consent_version must be a name in one line of text; "
+                f"got {self.consent_version!r}"
+            )
         require_word("strip.edge", self.edge_basis, get_args(EdgeBasis))
         limit = self.max_energy_above_cutoff
         finite("burst.max_energy_above_cutoff", limit, above=0, most=1)
@@ -264,6 +219,9 @@ class Study:
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
             raise ValueError(f"condition names must be distinct, at least one; got {names}")
+        columns = [column.name for column in self.participant_columns]
+        if len(set(columns)) != len(columns):
+            raise ValueError(f"participants.columns must have distinct names; got {columns}")
         _check_levels(self.design, self.device)
         _check_durations(self.design, self.conditions)
 

@@ -31,8 +31,8 @@ class Table(BaseModel):
         values: dict[str, Any] = handler(self)
         fields = type(self).model_fields
         for key in self.later:
-            if key in values and values[key] == fields[key].default:
-                del values[key]
+            if getattr(self, key) == fields[key].get_default(call_default_factory=True):
+                values.pop(key, None)
         return values
 
     def _refuse_incomplete(self, *groups: tuple[str, ...]) -> str | None:
