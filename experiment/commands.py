@@ -1,4 +1,4 @@
-"""The commands `run` and `export`."""
+"""The command `run`."""
 
 from __future__ import annotations
 
@@ -228,22 +228,3 @@ def _report(ending: Ending, plan: Plan) -> None:
             exit_code=STOPPED_EARLY,
         )
     click.echo(f"all {len(plan.trials)} trials are answered: {ending.trials_path}")
-
-
-@click.command()
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@refusals
-def export(*, folder: Path) -> None:
-    """Build every trials.csv below DIR anew from its plan and journal."""
-    from experiment.archive import session_folders
-
-    refused = []
-    for session in session_folders(folder):
-        try:
-            with session.locked():
-                click.echo(session.write_trials())
-        except ValueError as error:
-            refused.append(str(error))
-    if refused:
-        others = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-        raise CommandError(refused[0] + others)
