@@ -40,7 +40,7 @@ def displacement_facts(check: StudyCheck, found: ConditionCheck) -> dict[str, An
     if gains is None:
         return None
     return {
-        "level_vpp": check.highest_vpp,
+        "level_vpp": check.study.design.highest_vpp,
         "strip_length_m": field_strip(check.study).length_m,
         "viscous_time_s": viscous_time_s(check, found),
         "actuators": [
@@ -76,7 +76,7 @@ def displacement_lines(check: StudyCheck, found: ConditionCheck) -> list[str]:
     if gains is None:
         return []
     what = "peak of the burst over the fingertip's contact area"
-    head = f"{what} at {check.highest_vpp:g} Vpp, {strip_text(check)}"
+    head = f"{what} at {check.study.design.highest_vpp:g} Vpp, {strip_text(check)}"
     lines = [f"{'displacement':{COLUMN}}{head}"]
     for place, name in enumerate(gains.actuators):
         own = _amount(check, gains, place, place)
@@ -141,7 +141,7 @@ def _fingers_of(place: int) -> list[int]:
 def _peak_um(check: StudyCheck, gains: ConditionGains, row: int, column: int) -> float | None:
     if gains.bases[column] is None:
         return None
-    return significant(gains.per_vpp[row][column] * check.highest_vpp)
+    return significant(gains.per_vpp[row][column] * check.study.design.highest_vpp)
 
 
 def _amount(check: StudyCheck, gains: ConditionGains, row: int, column: int) -> str:

@@ -60,6 +60,8 @@ def check_json(check: StudyCheck) -> str:
         "design": asdict(study.design),
         "trials": check.trials,
         "blocks": check.blocks,
+        "audibility_trials": check.audibility_trials,
+        "control_trials": check.control_trials,
         "duration_s": check.duration_s,
     }
     return json.dumps(report, allow_nan=False)
@@ -249,11 +251,26 @@ def _plan_lines(check: StudyCheck) -> list[str]:
             f"{design.both_trials} both, {design.blank_trials} blank; "
             f"{design.practice_trials} for practice before",
         ),
+        *_off_plate_lines(check),
         _line(
             "session",
             f"about {math.ceil(check.duration_s / 60)} min in {check.blocks} blocks, "
             f"breaks of {design.minimum_break_s:g} s",
         ),
+    ]
+
+
+def _off_plate_lines(check: StudyCheck) -> list[str]:
+    """Tell how many trials there are with the fingers off the plate, if any."""
+    if not check.audibility_trials and not check.control_trials:
+        return []
+    highest_vpp = check.study.design.highest_vpp
+    return [
+        _line(
+            "fingers off",
+            f"{check.audibility_trials} trials before everything else, is the plate heard; "
+            f"{check.control_trials} at the end; all at {highest_vpp:g} Vpp",
+        )
     ]
 
 

@@ -53,8 +53,9 @@ class Design:
     anticipated : str
         ``requeue`` repeats a trial answered before it could be felt, ``keep`` only flags it.
     audibility_trials, control_trials : int
-        Trials with the fingers off the plate: before everything else, to hear whether the noise
-        hides the plate, and at the end, the task as before.
+        Trials with the fingers off the plate, half of them for each side, at the highest level:
+        before everything else, to learn whether the plate is heard, and at the end, the task as
+        before.
 
     Raises
     ------
@@ -108,8 +109,13 @@ class Design:
 
     @property
     def trials(self) -> int:
-        """Trials of one condition, practice left out."""
+        """Trials of one condition, practice and those with the fingers off the plate left out."""
         return 2 * self.trials_per_side + self.both_trials + self.blank_trials
+
+    @property
+    def highest_vpp(self) -> float:
+        """The highest level that is ever presented."""
+        return max(*self.levels_vpp, self.both_level_vpp or 0.0)
 
     def _check_balance(self) -> None:
         if self.order == "balanced" and self.trials_per_side % len(self.levels_vpp):

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiment.plan import PRACTICE_BLOCK, Plan, PlanError, Trial, seal
+from experiment.plan import (
+    AUDIBILITY_BLOCK,
+    CONTROL,
+    PRACTICE_BLOCK,
+    Plan,
+    PlanError,
+    Trial,
+    seal,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -59,7 +67,7 @@ def draw_plan(
 
         study = with_levels(study, levels_vpp)
     rng = np.random.Generator(np.random.PCG64(seed))
-    trials = tuple(_number(_draw_trials(study, rng)))
+    trials = tuple(_number(_draw_trials(study, rng, _off_plate_generator(seed))))
     return seal(
         Plan(
             participant=participant,
@@ -112,18 +120,30 @@ def _number(trials: Iterator[Trial]) -> Iterator[Trial]:
         yield replace(trial, number=number)
 
 
-def _draw_trials(study: Study, rng: np.random.Generator) -> Iterator[Trial]:
-    conditions = list(study.conditions)
-    if study.design.condition_order == "random":
+def _off_plate_generator(seed: int) -> np.random.Generator:
+    """Return what draws the trials with the fingers off; the others stay as they are without."""
+    return np.random.Generator(np.random.PCG64((seed, _OFF_PLATE_STREAM)))
+
+
+_OFF_PLATE_STREAM = 1
+
+
+def _draw_trials(
+    study: Study, rng: np.random.Generator, off_plate: np.random.Generator
+) -> Iterator[Trial]:
+    design, conditions = study.design, list(study.conditions)
+    if design.condition_order == "random":
         conditions = [conditions[i] for i in rng.permutation(len(conditions))]
-    yield from _practice(study.design, conditions[0], rng)
-    first_block = 1
+    yield from _off_plate(design, conditions, AUDIBILITY_BLOCK, design.audibility_trials, off_plate)
+    yield from _practice(design, conditions[0], rng)
+    next_block = 1
     for condition in conditions:
-        blocks = _BLOCKS_OF[study.design.order](study.design, rng)
-        for block, stimuli in enumerate(blocks, start=first_block):
+        blocks = _BLOCKS_OF[design.order](design, rng)
+        for block, stimuli in enumerate(blocks, start=next_block):
             for place in rng.permutation(len(stimuli)):
-                yield _trial(study.design, condition, block, stimuli[place], rng)
-        first_block += len(blocks)
+                yield _trial(design, condition, block, stimuli[place], rng)
+        next_block += len(blocks)
+    yield from _off_plate(design, conditions, next_block, design.control_trials, off_plate)
 
 
 _Stimulus = tuple[str, str, float | None]
@@ -176,6 +196,20 @@ def _practice(design: Design, condition: Condition, rng: np.random.Generator) ->
     for place in rng.permutation(len(sides)):
         stimulus = ("practice", sides[place], max(design.levels_vpp))
         yield _trial(design, condition, PRACTICE_BLOCK, stimulus, rng)
+
+
+def _off_plate(
+    design: Design,
+    conditions: Sequence[Condition],
+    block: int,
+    trials: int,
+    rng: np.random.Generator,
+) -> Iterator[Trial]:
+    """Draw one block with the fingers off the plate: condition by condition, both sides alike."""
+    for condition in conditions:
+        for place in rng.permutation(trials):
+            stimulus = (CONTROL, WARM_UP_SIDES[place % 2], design.highest_vpp)
+            yield _trial(design, condition, block, stimulus, rng)
 
 
 def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:

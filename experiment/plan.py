@@ -13,7 +13,10 @@ from experiment.record import KINDS, SIDES
 SCHEMA = 2
 _WITHOUT_GAINS = 1
 """Schema of a plan without a gain matrix: what earlier versions wrote."""
+AUDIBILITY_BLOCK = -1
 PRACTICE_BLOCK = 0
+CONTROL = "control"
+"""The kind of the trials with the fingers off the plate."""
 
 
 class PlanError(ValueError):
@@ -29,7 +32,7 @@ class Trial:
     number : int
         Place in the plan, counted from 1.
     block : int
-        Block, counted from 1; 0 is practice and warm-up.
+        Block, counted from 1; 0 is practice and warm-up, -1 the audibility check.
     condition : str
         Name of the study's condition.
     kind, side : str
@@ -55,6 +58,12 @@ class Trial:
             raise PlanError(f"side must be one of {', '.join(SIDES)}; got {self.side!r}")
         if (self.level_vpp is None) != (self.kind == "blank"):
             raise PlanError(f"a {self.kind} trial cannot have level_vpp = {self.level_vpp!r}")
+        if self.kind == CONTROL and self.side not in {"left", "right"}:
+            raise PlanError(f"a control trial's side must be left or right; got {self.side!r}")
+        if self.block < AUDIBILITY_BLOCK or (
+            self.block == AUDIBILITY_BLOCK and self.kind != CONTROL
+        ):
+            raise PlanError(f"a {self.kind} trial cannot be of block {self.block}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +111,18 @@ class Plan:
     warm_up: tuple[Trial, ...]
     gains: tuple[ConditionGains, ...] = ()
     sha256: str = ""
+
+    def answers_to(self, trial: Trial) -> tuple[str, ...]:
+        """Return the answers accepted in a trial; ``none`` always is with the fingers off.
+
+        Parameters
+        ----------
+        trial : Trial
+            One of the plan's.
+        """
+        if trial.kind != CONTROL or "none" in self.responses:
+            return self.responses
+        return (*self.responses, "none")
 
     def gains_of(self, condition: str) -> FingerGains:
         """Return what the two fingers get in a condition; `OWN_FINGER_ONLY` if it is not known."""

@@ -82,12 +82,14 @@ class StudyCheck:
     conditions : tuple of ConditionCheck
         Its conditions, as listed.
     trials : int
-        Trials of all conditions, practice left out.
+        Trials of all conditions, practice and those with the fingers off the plate left out.
     blocks : int
         Blocks that they are divided into.
+    audibility_trials, control_trials : int
+        Trials of all conditions with the fingers off the plate, at the beginning and at the end.
     duration_s : float
-        Estimated length of a session: every foreperiod in the middle of its range, every answer
-        after `ASSUMED_ANSWER_S`, every break at its shortest.
+        Estimated length of a session with all of them: every foreperiod in the middle of its range,
+        every answer after `ASSUMED_ANSWER_S`, every break at its shortest.
     """
 
     study: Study
@@ -95,18 +97,14 @@ class StudyCheck:
     conditions: tuple[ConditionCheck, ...]
     trials: int
     blocks: int
+    audibility_trials: int
+    control_trials: int
     duration_s: float
 
     @property
     def gains(self) -> tuple[ConditionGains, ...]:
         """The gain matrix of every condition, to be sealed into a plan."""
         return tuple(one.gains for one in self.conditions if one.gains is not None)
-
-    @property
-    def highest_vpp(self) -> float:
-        """The highest level that is ever presented."""
-        design = self.study.design
-        return max(*design.levels_vpp, design.both_level_vpp or 0.0)
 
     @property
     def verdict(self) -> Verdict:
@@ -180,7 +178,9 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         conditions=conditions,
         trials=trials,
         blocks=blocks,
-        duration_s=_duration_s(study, trials + study.design.practice_trials, blocks),
+        audibility_trials=study.design.audibility_trials * len(study.conditions),
+        control_trials=study.design.control_trials * len(study.conditions),
+        duration_s=_duration_s(study, blocks),
     )
 
 
@@ -242,8 +242,11 @@ def _check_drive(study: Study, drive: Burst | SampledDrive) -> BurstCheck:
     )
 
 
-def _duration_s(study: Study, trials: int, blocks: int) -> float:
+def _duration_s(study: Study, blocks: int) -> float:
     design = study.design
+    each = design.trials + design.audibility_trials + design.control_trials
+    trials = each * len(study.conditions) + design.practice_trials
+    breaks = blocks - 1 + (design.control_trials > 0)
     answer_s = min(ASSUMED_ANSWER_S, design.response_window_s)
     trial_s = sum(design.foreperiod_s) / 2 + answer_s
-    return trials * trial_s + (blocks - 1) * design.minimum_break_s
+    return trials * trial_s + breaks * design.minimum_break_s
