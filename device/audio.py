@@ -7,7 +7,7 @@ of it and told of no gap until it must have been heard.
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import Final
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from device.local_core import HostedCore
 from device.messages import Arm
 from device.output import OutputStage
 from device.player import Frames, Played, Player
+from device.sound import CHANNELS, Callback, Stream, open_stream
 from device.tokens import Exchange, Fate, Record
-
-if TYPE_CHECKING:
-    from device.player import Status, Timing
 
 BITS: Final = 16
 """Of the frames; a card with more gets zeros below them."""
@@ -38,30 +36,9 @@ CANNOT: Final = (
 )
 """What no sound card can promise."""
 
-_CHANNELS: Final = 2
 _POLL_S: Final = 0.001
 _PATIENCE_S: Final = 2.0
 _SLEW_V_S: Final = 1e12
-
-Callback = Callable[[Frames, int, "Timing", "Status"], None]
-
-
-class Stream(Protocol):
-    """The part of `sounddevice.OutputStream` that is used."""
-
-    @property
-    def active(self) -> bool:
-        """Whether the callback is being called."""
-
-    @property
-    def latency(self) -> float:
-        """Seconds from callback to output, as PortAudio knows it."""
-
-    def start(self) -> None:
-        """Begin to call the callback."""
-
-    def close(self) -> None:
-        """End it."""
 
 
 class AudioLink(HostedCore):
@@ -109,7 +86,6 @@ class AudioLink(HostedCore):
         self._drop()
         self.player.mute(on=True)
         self._stream = self._connect(self.player)
-        self._stream.start()
         self._known = self._core.state
         limits, output = self._core.limits, self._core.output
         return Identity(
@@ -119,7 +95,7 @@ class AudioLink(HostedCore):
             protocol_version="PortAudio",
             sample_rate_hz=output.sample_rate_hz,
             bits=output.bits,
-            channels=_CHANNELS,
+            channels=CHANNELS,
             ceiling_vpp=limits.ceiling_vpp,
             longest_waveform=limits.longest_waveform,
             emulated=False,
@@ -294,23 +270,7 @@ def audio_device(
     """
 
     def connect(callback: Callback) -> Stream:
-        try:
-            import sounddevice
-        except (ImportError, OSError) as error:
-            raise LinkError(f"sound needs the extra 'audio' and PortAudio: {error}") from error
-        try:
-            stream: Stream = sounddevice.OutputStream(
-                samplerate=sample_rate_hz,
-                channels=_CHANNELS,
-                dtype="int16",
-                device=port,
-                latency="low",
-                callback=callback,
-                dither_off=True,
-            )
-        except (sounddevice.PortAudioError, ValueError) as error:
-            raise LinkError(f"cannot open the sound card {port}: {error}") from error
-        return stream
+        return open_stream(callback, card=port, sample_rate_hz=sample_rate_hz, latency="low")
 
     return AudioDevice(
         connect,
@@ -320,13 +280,3 @@ def audio_device(
         sample_rate_hz=sample_rate_hz,
         name=port,
     )
-
-
-def sound_cards() -> tuple[str, ...]:
-    """Return the names of the sound cards with two outputs; none where PortAudio is missing."""
-    try:
-        import sounddevice
-    except (ImportError, OSError):
-        return ()
-    cards = sounddevice.query_devices()
-    return tuple(card["name"] for card in cards if card["max_output_channels"] >= _CHANNELS)

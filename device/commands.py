@@ -29,7 +29,7 @@ def devices(*, ports: tuple[str, ...]) -> None:
     """
     from serial.tools.list_ports import comports
 
-    from device.audio import sound_cards
+    from device.sound import sound_cards
 
     names = dict.fromkeys([*sorted(port.device for port in comports()), *ports])
     if names:

@@ -68,7 +68,27 @@ class Played:
         return self.cut or (self.complete and heard)
 
 
-class Player:
+class Counter:
+    """What every callback of an output stream counts.
+
+    Attributes
+    ----------
+    frames, underruns : int
+        Taken by the sound card so far, and how often it said that it had run out of them.
+    """
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self.underruns = 0
+
+    def count(self, count: int, status: Status) -> None:
+        """Note one buffer of `count` frames."""
+        self.frames += count
+        if status.output_underflow:
+            self.underruns += 1
+
+
+class Player(Counter):
     """The callback of an output stream.
 
     It takes no lock and waits for nothing: it and the threads that call it exchange whole objects.
@@ -95,12 +115,11 @@ class Player:
     """
 
     def __init__(self, clock: Clock, sample_rate_hz: float) -> None:
+        super().__init__()
         self._clock = clock
         self._rate_hz = sample_rate_hz
         self._burst: Played | None = None
         self._muted = True
-        self.frames = 0
-        self.underruns = 0
 
     def mute(self, *, on: bool) -> None:
         """Play zeros from the next buffer on, whatever else is asked for; or no longer."""
@@ -120,9 +139,7 @@ class Player:
         """Fill one buffer, shape (count, 2)."""
         out.fill(0)
         burst = self._burst
-        self.frames += count
-        if status.output_underflow:
-            self.underruns += 1
+        self.count(count, status)
         if burst is None:
             return
         if status.output_underflow and burst.taken:

@@ -46,6 +46,8 @@ class NoiseFacts:
         Of the loop.
     loop_s : float or None
         Its length.
+    level_dbfs : float or None
+        Effective value of its samples, dB re the peak of a full-scale sine.
     max_level_dba, measured_level_dba : float or None
         The study's, at the ear.
     sound_card : str or None
@@ -57,6 +59,7 @@ class NoiseFacts:
     sha256: str | None = None
     sample_rate_hz: float | None = None
     loop_s: float | None = None
+    level_dbfs: float | None = None
     max_level_dba: float | None = None
     measured_level_dba: float | None = None
     sound_card: str | None = None

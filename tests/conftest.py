@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, TypeAlias
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
@@ -18,6 +21,8 @@ from experiment.study import study_from_text
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from experiment.study import Study
 
@@ -155,3 +160,102 @@ def emulate(emulator_server: subprocess.Popen[str], tmp_path: Path) -> Iterator[
 def _pipe(pipe: IO[str] | None) -> IO[str]:
     assert pipe is not None
     return pipe
+
+
+SOUND = "TACTSTRIP_SOUND"
+"""Set to "required", tests with real sound fail where they would be skipped."""
+
+
+class NullSink:
+    """A PulseAudio server with a sink of 48 kHz, 16 bit and two channels, which records itself."""
+
+    def __init__(self, folder: Path) -> None:
+        self.socket = folder / "socket"
+        self._file = folder / "recording.raw"
+        self._server: subprocess.Popen[bytes] | None = None
+        self._recorder: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start the server."""
+        sink = "--load=module-null-sink sink_name=plate rate=48000 format=s16le channels=2"
+        line = f"--load=module-native-protocol-unix socket={self.socket} auth-anonymous=1"
+        command = ["pulseaudio", "-n", "--daemonize=no", "--use-pid-file=no", "--disable-shm=yes"]
+        command += ["--exit-idle-time=-1", sink, line]
+        self._server = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        assert self.until(self.socket.exists)
+
+    def listen(self) -> None:
+        """Begin a new recording, in which there is something when this returns."""
+        self._end(self._recorder)
+        with self._file.open("wb") as out:
+            command = ["parec", "--device=plate.monitor", "--raw", "--latency-msec=10"]
+            command += ["--format=s16le", "--rate=48000", "--channels=2"]
+            self._recorder = subprocess.Popen(command, stdout=out, stderr=subprocess.DEVNULL)
+        assert self.until(lambda: self._file.stat().st_size > 0)
+
+    def recorded(self) -> NDArray[np.int16]:
+        """Return the frames recorded so far, shape (n, 2)."""
+        raw = self._file.read_bytes()
+        frames: NDArray[np.int16] = np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2")
+        return frames.reshape(-1, 2)
+
+    def kill(self) -> None:
+        """Kill the server."""
+        self._end(self._server)
+        self.socket.unlink(missing_ok=True)
+
+    def freeze(self, *, on: bool) -> None:
+        """Have the server stand still, or go on."""
+        assert self._server is not None
+        self._server.send_signal(signal.SIGSTOP if on else signal.SIGCONT)
+
+    def close(self) -> None:
+        """End the server and the recording."""
+        self._end(self._recorder)
+        self._end(self._server)
+
+    @staticmethod
+    def until(done: Callable[[], bool]) -> bool:
+        """Wait until something is done, 20 s at most, and tell whether it is."""
+        give_up_s = time.monotonic() + 20.0
+        while not done() and time.monotonic() < give_up_s:
+            time.sleep(0.02)
+        return done()
+
+    @staticmethod
+    def _end(process: subprocess.Popen[bytes] | None) -> None:
+        if process is not None:
+            process.kill()
+            process.wait()
+
+
+def _sound_missing() -> str:
+    missing = [tool for tool in ("pulseaudio", "parec") if shutil.which(tool) is None]
+    try:
+        import sounddevice  # noqa: F401 - looks for PortAudio when it is imported
+    except (ImportError, OSError):
+        missing.append("sounddevice with PortAudio")
+    return ", ".join(missing)
+
+
+@pytest.fixture(scope="module")
+def null_sink(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NullSink]:
+    """Real sound: PortAudio plays into a null sink, which can be listened to and killed."""
+    missing = _sound_missing()
+    if missing and os.environ.get(SOUND) != "required":
+        pytest.skip(f"real sound needs {missing}")
+    import sounddevice
+
+    folder = tmp_path_factory.mktemp("sound")
+    sink = NullSink(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", str(folder))
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        patch.setenv("PULSE_SERVER", f"unix:{sink.socket}")
+        try:
+            sink.start()
+            sounddevice._terminate()
+            sounddevice._initialize()  # it lists the sound cards that there are now
+            yield sink
+        finally:
+            sink.close()

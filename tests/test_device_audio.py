@@ -1,15 +1,13 @@
 """Sound cards: frames as the callback hands them out, on a virtual clock and on a null sink."""
 
+from __future__ import annotations
+
 import csv
 import json
-import os
-import shutil
-import subprocess
-import time
-from collections.abc import Callable, Iterator
+import sys
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,7 +15,7 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device.audio import AudioDevice, Callback, audio_device, sound_cards
+from device.audio import AudioDevice, audio_device
 from device.clock import MonotonicClock, VirtualClock
 from device.driver import (
     FloatArray,
@@ -28,8 +26,16 @@ from device.driver import (
     RefusedError,
 )
 from device.limits import Limits
-from device.player import Frames
+from device.sound import Callback, open_stream, sound_cards
 from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from conftest import NullSink
+
+    from device.player import Frames
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 RATE_HZ = 48_000.0
@@ -58,12 +64,9 @@ class Card(VirtualClock):
     def now_s(self) -> float:
         return self._now_s
 
-    def connect(self, callback: Callback) -> "Card":
+    def connect(self, callback: Callback) -> Card:
         self.callback, self.active = callback, True
         return self
-
-    def start(self) -> None:
-        """Begin; the clock does the rest."""
 
     def close(self) -> None:
         self.callback, self.active = None, False
@@ -260,76 +263,25 @@ def test_what_a_sound_card_cannot_promise_is_told(card: Card) -> None:
     assert any("loopback" in sentence for sentence in device_on(card).cannot)
 
 
+def test_a_card_that_cannot_be_started_is_closed_and_told_in_one_line(
+    card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class UnpluggedError(Exception):
+        pass
+
+    class Opened(Card):
+        def start(self) -> None:
+            raise UnpluggedError("no such device")
+
+    opened = Opened()
+    library = SimpleNamespace(PortAudioError=UnpluggedError, OutputStream=lambda **_: opened)
+    monkeypatch.setitem(sys.modules, "sounddevice", library)
+    with pytest.raises(LinkError, match=r"^cannot start the sound card default: no such device$"):
+        open_stream(lambda *_: None, card="", sample_rate_hz=RATE_HZ, latency="low")
+    assert not opened.active
+
+
 # --- real sound: PortAudio into PulseAudio's null sink, recorded from its monitor
-
-SOUND = "TACTSTRIP_SOUND"
-"""Set to "required", the tests below fail where they would be skipped."""
-
-
-def _missing() -> str:
-    missing = [tool for tool in ("pulseaudio", "parec") if shutil.which(tool) is None]
-    try:
-        import sounddevice  # noqa: F401 - looks for PortAudio when it is imported
-    except (ImportError, OSError):
-        missing.append("sounddevice with PortAudio")
-    return ", ".join(missing)
-
-
-def _look_again() -> None:
-    """Have PortAudio list the sound cards that there are now."""
-    import sounddevice
-
-    sounddevice._terminate()
-    sounddevice._initialize()
-
-
-def _until(done: Callable[[], bool]) -> bool:
-    give_up_s = time.monotonic() + 20.0
-    while not done() and time.monotonic() < give_up_s:
-        time.sleep(0.02)
-    return done()
-
-
-@pytest.fixture
-def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A null sink of 48 kHz and 16 bit, recorded into a file."""
-    missing = _missing()
-    if missing and os.environ.get(SOUND) != "required":
-        pytest.skip(f"real sound needs {missing}")
-    socket, file = tmp_path / "socket", tmp_path / "recording.raw"
-    for name, value in {"HOME": tmp_path, "XDG_RUNTIME_DIR": tmp_path}.items():
-        monkeypatch.setenv(name, str(value))
-    monkeypatch.setenv("PULSE_SERVER", f"unix:{socket}")
-    server = subprocess.Popen(
-        [
-            "pulseaudio", "-n", "--daemonize=no", "--use-pid-file=no", "--exit-idle-time=-1",
-            "--load=module-null-sink sink_name=plate rate=48000 format=s16le channels=2",
-            f"--load=module-native-protocol-unix socket={socket} auth-anonymous=1",
-        ],
-        stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    try:
-        assert _until(socket.exists)
-        with file.open("wb") as out:
-            listen = ["parec", "--device=plate.monitor", "--raw", "--latency-msec=10"]
-            listen += ["--format=s16le", "--rate=48000", "--channels=2"]
-            recorder = subprocess.Popen(listen, stdout=out, stderr=subprocess.DEVNULL)
-            try:
-                assert _until(lambda: file.stat().st_size > 0)
-                _look_again()
-                yield file
-            finally:
-                recorder.terminate()
-                recorder.wait()
-    finally:
-        server.terminate()
-        server.wait()
-
-
-def read(recording: Path) -> Frames:
-    """Return what was recorded so far, shape (n, 2)."""
-    raw = recording.read_bytes()
-    return np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2").reshape(-1, 2)
 
 
 def _holds(recorded: Frames, wanted: Frames) -> bool:
@@ -343,7 +295,8 @@ def _holds(recorded: Frames, wanted: Frames) -> bool:
 
 
 @pytest.mark.parametrize("side", [0, 1])
-def test_a_null_sink_hears_the_burst_bit_for_bit(recording: Path, side: int) -> None:
+def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int) -> None:
+    null_sink.listen()
     device = audio_device(
         "pulse",
         limits=LIMITS,
@@ -361,7 +314,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(recording: Path, side: int) -> 
     wanted[:, side] = codes(100.0)
 
     def heard() -> bool:
-        recorded = read(recording)
+        recorded = null_sink.recorded()
         return not recorded[:, 1 - side].any() and _holds(recorded, wanted)
 
     fired = []
@@ -373,7 +326,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(recording: Path, side: int) -> 
     device.close()
     assert any(fired)
     assert device.frames > 0
-    assert _until(heard)
+    assert null_sink.until(heard)
 
 
 STUDY = """
@@ -405,7 +358,7 @@ def bursts_in(recorded: Frames) -> list[tuple[float, float]]:
     return [(float(left), float(right)) for left, right in volts]
 
 
-def test_a_session_of_run_comes_out_of_a_null_sink(recording: Path, tmp_path: Path) -> None:
+def test_a_session_of_run_comes_out_of_a_null_sink(null_sink: NullSink, tmp_path: Path) -> None:
     study, out = tmp_path / "study.toml", tmp_path / "out"
     study.write_text(STUDY, encoding="utf-8")
     words = ["run", str(study), "--participant", "01", "--responder", "simulated"]
@@ -421,8 +374,8 @@ def test_a_session_of_run_comes_out_of_a_null_sink(recording: Path, tmp_path: Pa
     if any(row["status"] != "ok" for row in rows):
         return  # the sound system lost frames here, and the session said so
     expected = [(float(r["level_left_vpp"]), float(r["level_right_vpp"])) for r in rows]
-    assert _until(lambda: len(bursts_in(read(recording))) >= len(expected))
-    heard = bursts_in(read(recording))
+    assert null_sink.until(lambda: len(bursts_in(null_sink.recorded())) >= len(expected))
+    heard = bursts_in(null_sink.recorded())
     assert np.allclose(heard, expected, atol=0.02)
     assert all(
         volts <= level
