@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.errors import ResultFileError, shown
+from experiment.plan import AUDIBILITY_BLOCK
 from experiment.record import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ DETECTED = Column(
 _LEAST: Mapping[str, int] = MappingProxyType(
     {
         "schema": SCHEMA,
-        "block": 0,
+        "block": AUDIBILITY_BLOCK,
         "trial": 1,
         "attempt": 1,
         "rt_s": 0,
@@ -51,7 +52,7 @@ _LARGEST_WHOLE = 2**53
 _LARGEST = 1e300
 _LONGEST_TEXT = 64
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_WHOLE = re.compile(r"\d+(\.0*)?", re.ASCII)
+_WHOLE = re.compile(r"-?\d+(\.0*)?", re.ASCII)
 _FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
 
 

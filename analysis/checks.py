@@ -82,6 +82,11 @@ def _stimulus_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
             must=f"{' or '.join(sides)} in a {name} trial",
             broken=kind.eq(name) & ~side.isin(sides),
         )
+    yield _Rule(
+        column="block",
+        must="0 or more in any but a control trial",
+        broken=kind.ne("control") & rows["block"].lt(0),
+    )
     blank = side.eq("none")
     yield _Rule(
         column="level_vpp",

@@ -6,6 +6,10 @@ import math
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
+from analysis.control import AUDIBILITY
+from analysis.detection import TOTAL
+from experiment.plan import CONTROL
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -73,7 +77,8 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
         if forced:
             _say(file, _FORCED)
-    for line in (*_total_lines(analysis), *_excluded_lines(analysis.excluded)):
+    control = _control_lines(analysis.control)
+    for line in (*_total_lines(analysis), *control, *_excluded_lines(analysis.excluded)):
         _say(file, line)
     for warning in analysis.warnings:
         _say(file, f"warning: {warning}")
@@ -142,6 +147,23 @@ def _total_lines(analysis: Analysis) -> Iterator[str]:
             f"{row['presented']} false alarms, {_total(row, analysis.ci)}; left {row['left']}, "
             f"right {row['right']}, both {row['both']}."
         )
+
+
+def _control_lines(table: pd.DataFrame) -> Iterator[str]:
+    """Tell what was answered with the fingers off the plate, by part, both sides together."""
+    key = [name for name in ("condition", "part") if name in table.columns]
+    for _, rows in table[table["participant"].eq(TOTAL)].groupby(key):
+        row = rows.iloc[0]
+        presented = int(rows["presented"].sum())
+        own = sum(int(counts[counts["side"]]) for _, counts in rows.iterrows())
+        told = int(rows[["left", "right", "both"]].to_numpy().sum())
+        yield (
+            f"Fingers off the plate, {_PARTS[row['part']]}{_where(row)}: {own}/{presented} "
+            f"answered with the driven side, {told}/{presented} left, right or both."
+        )
+
+
+_PARTS = {AUDIBILITY: "audibility check", CONTROL: "control"}
 
 
 def _total(row: pd.Series[Any], ci: str) -> str:

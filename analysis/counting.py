@@ -31,13 +31,36 @@ def reasons(trials: pd.DataFrame) -> pd.Series[str]:
     >>> reasons(pd.DataFrame(trial))[0]
     'anticipated'
     """
-    kind, status = trials["kind"].astype(object), trials["status"].astype(object)
+    kind = trials["kind"].astype(object)
+    reason = kind.where(kind.isin(["practice", "control"]), faults(trials))
+    return pd.Series(reason, index=trials.index, dtype=object)
+
+
+def faults(trials: pd.DataFrame) -> pd.Series[str]:
+    """Tell why each trial does not count, whatever its kind.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Returns
+    -------
+    pandas.Series
+        One of `REASONS`, from ``device_error`` on; empty text where nothing is amiss.
+
+    Examples
+    --------
+    >>> trial = {"status": ["ok", "voided"], "anticipated": False, "noise_ok": [False, None]}
+    >>> faults(pd.DataFrame(trial)).tolist()
+    ['unmasked', 'voided']
+    """
+    status = trials["status"].astype(object)
     unmasked = trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False)
-    tests = [kind.eq("practice"), kind.eq("control"), status.ne("ok"), trials["anticipated"]]
-    named = ["practice", "control", status, "anticipated"]
+    tests = [status.ne("ok"), trials["anticipated"], unmasked]
     reason = np.select(
-        [np.asarray(test, dtype=bool) for test in (*tests, unmasked)],
-        [np.asarray(name, dtype=object) for name in (*named, "unmasked")],
+        [np.asarray(test, dtype=bool) for test in tests],
+        [np.asarray(name, dtype=object) for name in (status, "anticipated", "unmasked")],
         default="",
     )
     return pd.Series(reason, index=trials.index, dtype=object)

@@ -28,7 +28,15 @@ if TYPE_CHECKING:
 SCHEMA = 1
 SUMMARY = "summary.json"
 # The summary first: wherever moving stops, the next analysis knows the folder for one of its own.
-NAMES = (SUMMARY, "levels.csv", "participants.csv", "both.csv", "blank.csv", *figures.NAMES)
+NAMES = (
+    SUMMARY,
+    "levels.csv",
+    "participants.csv",
+    "both.csv",
+    "blank.csv",
+    "control.csv",
+    *figures.NAMES,
+)
 _SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "definitions": \{')
 
 DEFINITIONS: Mapping[str, str] = MappingProxyType(
@@ -45,13 +53,16 @@ DEFINITIONS: Mapping[str, str] = MappingProxyType(
         "for one participant",
         "over_report": "single stimuli answered both",
         "mislocalised": "single stimuli answered with the other side",
-        "timeouts": "single stimuli without an answer in time",
+        "timeouts": "single stimuli (in control.csv: control trials) without an answer in time",
         "p_answered": "detected / (presented without time-outs and invalid keys)",
         "detected_any": "single stimuli answered left, right or both; null where the answer "
         "none was not offered",
         "noticed": "both-finger trials answered both",
         "left_only, right_only": "both-finger trials answered with one side",
         "left, right, both": "blank trials with this answer, each a false alarm",
+        "part, side": "of control trials, with the fingers off the plate and in no other table: "
+        "audibility, before practice, or control, at the end; which side was driven",
+        "none, invalid": "control trials with this answer; left, right and both likewise",
     }
 )
 
@@ -87,7 +98,7 @@ def summary_text(analysis: Analysis) -> str:
     -------
     str
         A JSON object with the keys ``schema definitions inputs versions seed counts excluded levels
-        both blank warnings``.
+        both blank control warnings``.
     """
     levels = analysis.levels
     if analysis.detected_any is None:
@@ -105,6 +116,7 @@ def summary_text(analysis: Analysis) -> str:
         "levels": _records(levels),
         "both": _records(analysis.both),
         "blank": _records(analysis.blank),
+        "control": _records(analysis.control),
         "warnings": list(analysis.warnings),
     }
     return json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -184,7 +196,11 @@ def _is_summary(path: Path) -> bool:
 
 def _contents(analysis: Analysis, *, with_figures: bool) -> dict[str, bytes]:
     tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
-    possible = {"both.csv": analysis.both, "blank.csv": analysis.blank}
+    possible = {
+        "both.csv": analysis.both,
+        "blank.csv": analysis.blank,
+        "control.csv": analysis.control,
+    }
     tables |= {name: table for name, table in possible.items() if len(table)}
     contents = {SUMMARY: summary_text(analysis).encode()}
     contents |= {name: csv_text(table).encode() for name, table in tables.items()}

@@ -146,7 +146,8 @@ def _breaches(row: Any, trial: Trial | None, plan: Plan) -> Iterator[tuple[str, 
     for name in _OF_TRIAL if trial else ():
         if _known(getattr(row, name)) != getattr(trial, name):
             yield name, f"{format_value(getattr(trial, name))} in trial {row.trial}"
-    allowed = (*plan.responses, *_NEVER_DECLARED)
+    offered = plan.responses if trial is None else plan.answers_to(trial)
+    allowed = (*offered, *_NEVER_DECLARED)
     if _known(row.response) not in {*allowed, None}:
         yield "response", f"one of {', '.join(allowed)}"
     if row.rt_s > plan.response_window_s:

@@ -159,7 +159,7 @@ def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
     pandas.DataFrame
         The columns of `experiment.record.COLUMNS` in their order, ``line``, and ``none_offered``:
         true where ``detected`` says yes or no, or where "none" was answered in the same condition,
-        else missing.
+        else missing. Control trials tell nothing of it: "none" is always an answer there.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
         rows["response"] = pd.Categorical(answers, categories=list(RESPONSES))
     stated = rows["correct"].astype("boolean")
     rows["correct"] = stated.fillna(expected_correct(rows))
-    none = rows["response"].eq("none") | yes_or_no
+    none = rows["response"].eq("none") & rows["kind"].ne("control") | yes_or_no
     said = rows["condition"].isin(set(rows.loc[none, "condition"]))
     rows["none_offered"] = said.astype("boolean").mask(~said)
     return rows[[*_NAMES, "line", "none_offered"]]

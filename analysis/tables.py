@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analysis import counting, detection
+from analysis import control, counting, detection
 from analysis.errors import ResultFileError
 from analysis.methods import METHODS
 
@@ -60,6 +60,8 @@ class Analysis:
         As the functions of `analysis.detection` and `analysis.counting` return them.
     detected_any : pandas.DataFrame or None
         As `analysis.detection.detected_any`; ``None`` where "none" could not be answered.
+    control : pandas.DataFrame
+        As `analysis.control.control_table`: trials that are in none of the other tables.
     counts : Counts
         How many trials these are.
     inputs : tuple of InputFile
@@ -78,6 +80,7 @@ class Analysis:
     blank: pd.DataFrame
     excluded: pd.DataFrame
     detected_any: pd.DataFrame | None
+    control: pd.DataFrame
     counts: Counts
     inputs: tuple[InputFile, ...]
     warnings: tuple[str, ...]
@@ -138,6 +141,7 @@ def analyse(
         blank=detection.blank_table(trials, ci),
         excluded=excluded,
         detected_any=detection.detected_any(trials) if counting.offers_none(trials) else None,
+        control=control.control_table(trials),
         counts=_counts(trials),
         inputs=loaded.inputs,
         warnings=tuple(_warnings(loaded, excluded)),

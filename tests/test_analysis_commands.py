@@ -54,7 +54,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def test_the_example_gives_every_file_and_exit_code_0(tmp_path: Path) -> None:
     result = run(TABLE, "--columns", MAP, "--out", tmp_path / "out")
     assert result.exit_code == 0
-    assert set(files(tmp_path / "out")) == set(NAMES)
+    assert set(files(tmp_path / "out")) == {*NAMES} - {"control.csv"}  # it has no such trials
     assert result.stderr == ""
 
 
@@ -91,7 +91,7 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     summary = json.loads(text)
     assert list(summary) == [
         *("schema", "definitions", "inputs", "versions", "seed", "counts", "excluded", "levels"),
-        *("both", "blank", "warnings"),
+        *("both", "blank", "control", "warnings"),
     ]
     assert summary["inputs"] == [
         {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
