@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from device.mock import MockDevice
     from experiment.conduct import Ending
     from experiment.record import TrialRow
-    from experiment.responder import Progress, Question
+    from experiment.responder import Part, Progress, Question
     from experiment.study import Study
 
 
@@ -55,6 +55,13 @@ class Scripted:
             raise act
         return act
 
+    def begin(self, progress: Progress) -> bool:
+        return self._next("begin") is not False
+
+    def introduce(self, part: Part, progress: Progress) -> bool:
+        self.told.append(part)
+        return self._next("introduce") is not False
+
     def cue(self, progress: Progress) -> None:
         self._next("cue")
         self.told.append(progress)
@@ -79,6 +86,9 @@ class Scripted:
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         self._clock.wait(minimum_s)
         return self._next("pause") is not False
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        self._next("end")
 
 
 class Lab:
