@@ -25,6 +25,8 @@ REPEATS = 20
 def _engine_s(plan: Plan) -> float:
     """Return the time per trial of the engine alone, from the cue to the answer."""
     answers = {
+        Phase.WELCOME: Continued(),
+        Phase.INTRODUCTION: Continued(),
         Phase.FOREPERIOD: Elapsed(),
         Phase.ARMING: Armed(),
         Phase.FIRING: Fired(),

@@ -92,6 +92,7 @@ def run(
     from experiment.conduct import Setting, begin, resume
     from experiment.interrupts import StopSignal
     from experiment.rig import assemble
+    from experiment.silence import SilentNoise
     from experiment.study import read_levels, study_from_canonical
 
     stop = StopSignal()
@@ -111,6 +112,7 @@ def run(
             setting = Setting(
                 device=rig.device,
                 responder=someone,
+                noise=SilentNoise(study.masking.noise),
                 clock=rig.clock,
                 stop=stop,
                 resume_anyway=resume_anyway,

@@ -9,91 +9,115 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from experiment.actions import (
+    abort_and_pause,
+    abort_and_stop,
+    abort_for_noise,
+    arm,
+    close_block,
+    close_block_and_rest,
+    close_block_and_session,
+    cue_and_wait,
+    fire,
+    flag_and_wait_on,
+    go_on,
+    go_on_with_noise,
+    introduce,
+    listen,
+    pause_between_trials,
+    pause_for_noise,
+    report_error,
+    report_error_and_stop,
+    report_indeterminate,
+    report_indeterminate_and_stop,
+    stop_between_trials,
+    take_answer,
+    take_early_answer,
+    take_timeout,
+    void_and_pause,
+    void_and_stop,
+    void_as_anticipated,
+    void_for_noise,
+    welcome,
+)
 from experiment.plan import PRACTICE_BLOCK
-from experiment.record import is_correct
 from experiment.steps import (
-    Arm,
     Armed,
     BreakDue,
-    CloseBlock,
-    CloseSession,
     Continued,
-    Cue,
     DeviceFailed,
     EarlyKey,
     EarlyKeyKept,
-    Effect,
     Elapsed,
-    EndTrial,
     Event,
-    Feedback,
-    Fire,
     Fired,
     FiredPerhaps,
     Key,
-    Listen,
+    NoiseLost,
     NotFired,
     NotFiredAgain,
     NothingLeft,
-    OpenBlock,
+    PartDue,
     PauseAsked,
     Phase,
     PracticeOver,
-    Rest,
+    SittingDue,
     State,
     StopAsked,
-    Task,
     TrialDue,
-    Wait,
-    ZeroOutputs,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
+    from experiment.actions import Action, Change
 
-def transitions() -> Mapping[tuple[Phase, type[Event]], tuple[Phase, Action]]:
-    """Return the table of the trial: in this phase, on this event, go there and do that."""
-    return {
-        (Phase.READY, TrialDue): (Phase.FOREPERIOD, cue_and_wait),
-        (Phase.READY, PracticeOver): (Phase.READY, close_block),
-        (Phase.READY, BreakDue): (Phase.BREAK, close_block_and_rest),
-        (Phase.READY, NothingLeft): (Phase.FINISHED, close_block_and_session),
-        (Phase.READY, StopAsked): (Phase.STOPPED, stop_between_trials),
-        (Phase.FOREPERIOD, Elapsed): (Phase.ARMING, arm),
-        (Phase.FOREPERIOD, EarlyKey): (Phase.READY, void_as_anticipated),
-        (Phase.FOREPERIOD, EarlyKeyKept): (Phase.FOREPERIOD, flag_and_wait_on),
-        (Phase.FOREPERIOD, PauseAsked): (Phase.PAUSED, abort_and_pause),
-        (Phase.FOREPERIOD, StopAsked): (Phase.STOPPED, abort_and_stop),
-        (Phase.ARMING, Armed): (Phase.FIRING, fire),
-        (Phase.ARMING, DeviceFailed): (Phase.STOPPED, report_error_and_stop),
-        (Phase.FIRING, Fired): (Phase.ANSWER, listen),
-        (Phase.FIRING, NotFired): (Phase.READY, report_error),
-        (Phase.FIRING, NotFiredAgain): (Phase.STOPPED, report_error_and_stop),
-        (Phase.FIRING, FiredPerhaps): (Phase.READY, report_indeterminate),
-        (Phase.FIRING, DeviceFailed): (Phase.STOPPED, report_indeterminate_and_stop),
-        (Phase.ANSWER, Key): (Phase.READY, take_answer),
-        (Phase.ANSWER, EarlyKey): (Phase.READY, void_as_anticipated),
-        (Phase.ANSWER, EarlyKeyKept): (Phase.READY, take_early_answer),
-        (Phase.ANSWER, Elapsed): (Phase.READY, take_timeout),
-        (Phase.ANSWER, PauseAsked): (Phase.PAUSED, void_and_pause),
-        (Phase.ANSWER, StopAsked): (Phase.STOPPED, void_and_stop),
-        (Phase.BREAK, Continued): (Phase.READY, go_on),
-        (Phase.BREAK, StopAsked): (Phase.STOPPED, stop_between_trials),
-        (Phase.PAUSED, Continued): (Phase.READY, go_on),
-        (Phase.PAUSED, StopAsked): (Phase.STOPPED, stop_between_trials),
-    }
-
+TRANSITIONS: Mapping[tuple[Phase, type[Event]], tuple[Phase, Action]] = {
+    (Phase.READY, SittingDue): (Phase.WELCOME, welcome),
+    (Phase.READY, PartDue): (Phase.INTRODUCTION, introduce),
+    (Phase.READY, TrialDue): (Phase.FOREPERIOD, cue_and_wait),
+    (Phase.READY, PracticeOver): (Phase.READY, close_block),
+    (Phase.READY, BreakDue): (Phase.BREAK, close_block_and_rest),
+    (Phase.READY, NoiseLost): (Phase.PAUSED, pause_for_noise),
+    (Phase.READY, PauseAsked): (Phase.PAUSED, pause_between_trials),
+    (Phase.READY, NothingLeft): (Phase.FINISHED, close_block_and_session),
+    (Phase.READY, StopAsked): (Phase.STOPPED, stop_between_trials),
+    (Phase.WELCOME, Continued): (Phase.READY, go_on),
+    (Phase.WELCOME, StopAsked): (Phase.STOPPED, stop_between_trials),
+    (Phase.INTRODUCTION, Continued): (Phase.READY, go_on),
+    (Phase.INTRODUCTION, StopAsked): (Phase.STOPPED, stop_between_trials),
+    (Phase.FOREPERIOD, Elapsed): (Phase.ARMING, arm),
+    (Phase.FOREPERIOD, EarlyKey): (Phase.READY, void_as_anticipated),
+    (Phase.FOREPERIOD, EarlyKeyKept): (Phase.FOREPERIOD, flag_and_wait_on),
+    (Phase.FOREPERIOD, PauseAsked): (Phase.PAUSED, abort_and_pause),
+    (Phase.FOREPERIOD, StopAsked): (Phase.STOPPED, abort_and_stop),
+    (Phase.ARMING, Armed): (Phase.FIRING, fire),
+    (Phase.ARMING, NoiseLost): (Phase.PAUSED, abort_for_noise),
+    (Phase.ARMING, DeviceFailed): (Phase.STOPPED, report_error_and_stop),
+    (Phase.FIRING, Fired): (Phase.ANSWER, listen),
+    (Phase.FIRING, NotFired): (Phase.READY, report_error),
+    (Phase.FIRING, NotFiredAgain): (Phase.STOPPED, report_error_and_stop),
+    (Phase.FIRING, FiredPerhaps): (Phase.READY, report_indeterminate),
+    (Phase.FIRING, DeviceFailed): (Phase.STOPPED, report_indeterminate_and_stop),
+    (Phase.ANSWER, Key): (Phase.READY, take_answer),
+    (Phase.ANSWER, EarlyKey): (Phase.READY, void_as_anticipated),
+    (Phase.ANSWER, EarlyKeyKept): (Phase.READY, take_early_answer),
+    (Phase.ANSWER, Elapsed): (Phase.READY, take_timeout),
+    (Phase.ANSWER, NoiseLost): (Phase.PAUSED, void_for_noise),
+    (Phase.ANSWER, PauseAsked): (Phase.PAUSED, void_and_pause),
+    (Phase.ANSWER, StopAsked): (Phase.STOPPED, void_and_stop),
+    (Phase.BREAK, Continued): (Phase.READY, go_on),
+    (Phase.BREAK, StopAsked): (Phase.STOPPED, stop_between_trials),
+    (Phase.PAUSED, Continued): (Phase.READY, go_on_with_noise),
+    (Phase.PAUSED, StopAsked): (Phase.STOPPED, stop_between_trials),
+}
+"""The table of the session: in this phase, on this event, go there and do that."""
 
 EARLIEST_ANSWER_S = 0.1
 """A key within this time of the onset cannot be an answer to it."""
 
 MOST_FAILURES = 3
 """So many stimuli in a row that were not delivered are a failure of the device."""
-
-Change = tuple[State, tuple[Effect, ...]]
-if TYPE_CHECKING:
-    Action = Callable[[State, Event], Change]
 
 
 class IllegalStepError(RuntimeError):
@@ -128,9 +152,12 @@ def upcoming(state: State) -> Event:
     """Return the event by which a session that is ready goes on."""
     if not state.pending:
         return NothingLeft()
-    if state.block is not None and state.pending[0].trial.block != state.block:
-        return PracticeOver() if state.block == PRACTICE_BLOCK else BreakDue()
-    return TrialDue()
+    if not state.greeted:
+        return SittingDue()
+    task = state.pending[0]
+    if state.block is not None and task.trial.block != state.block:
+        return PracticeOver() if state.block <= PRACTICE_BLOCK else BreakDue()
+    return TrialDue() if task.part is state.part else PartDue()
 
 
 def _refine(state: State, event: Event) -> Event:
@@ -145,152 +172,3 @@ def _refine(state: State, event: Event) -> Event:
         case FiredPerhaps() if state.failures + 1 >= MOST_FAILURES:
             return DeviceFailed()
     return event
-
-
-# What is done: the actions of the table.
-
-
-def cue_and_wait(state: State, _: Event) -> Change:
-    """Open the block where it is new, show the cue, let the foreperiod pass."""
-    task = state.pending[0]
-    opening = () if state.block is not None else (OpenBlock(task),)
-    state = replace(state, block=task.trial.block, anticipated=False)
-    return state, (*opening, Cue(task), Wait(task))
-
-
-def flag_and_wait_on(state: State, _: Event) -> Change:
-    """Remember the early key and let the rest of the foreperiod pass."""
-    return replace(state, anticipated=True), (Wait(state.pending[0]),)
-
-
-def arm(state: State, _: Event) -> Change:
-    """Arm the device."""
-    return state, (Arm(state.pending[0]),)
-
-
-def fire(state: State, _: Event) -> Change:
-    """Emit the stimulus."""
-    return state, (Fire(state.pending[0]),)
-
-
-def listen(state: State, _: Event) -> Change:
-    """Wait for the answer."""
-    return replace(state, failures=0), (Listen(state.pending[0], state.response_window_s),)
-
-
-def take_answer(state: State, event: Event) -> Change:
-    """Record the answer; the trial is done."""
-    assert isinstance(event, Key | EarlyKeyKept)
-    return _done(state, event.response, event.rt_s)
-
-
-def take_early_answer(state: State, event: Event) -> Change:
-    """Record the answer as anticipated; the trial is done."""
-    return take_answer(replace(state, anticipated=True), event)
-
-
-def take_timeout(state: State, _: Event) -> Change:
-    """Record that no answer came; the trial is done."""
-    return _done(state, "timeout", None)
-
-
-def void_as_anticipated(state: State, _: Event) -> Change:
-    """Record the trial as void and present it again later."""
-    return _again(replace(state, anticipated=True), "voided")
-
-
-def report_error(state: State, _: Event) -> Change:
-    """Record that the stimulus did not go out and present it again later."""
-    return _again(replace(state, failures=state.failures + 1), "device_error")
-
-
-def report_indeterminate(state: State, _: Event) -> Change:
-    """Record that nobody knows whether it went out and present it again later."""
-    return _again(replace(state, failures=state.failures + 1), "indeterminate")
-
-
-def abort_and_pause(state: State, _: Event) -> Change:
-    """Give the trial up before its stimulus, and pause."""
-    state, effects = _again(state, "aborted")
-    return state, (*effects, Rest(paused=True))
-
-
-def void_and_pause(state: State, _: Event) -> Change:
-    """Give up a trial that was felt, and pause."""
-    state, effects = _again(state, "voided")
-    return state, (*effects, Rest(paused=True))
-
-
-def abort_and_stop(state: State, _: Event) -> Change:
-    """Give the trial up before its stimulus, and stop."""
-    return _give_up(state, "aborted")
-
-
-def void_and_stop(state: State, _: Event) -> Change:
-    """Give up a trial that was felt, and stop."""
-    return _give_up(state, "voided")
-
-
-def report_error_and_stop(state: State, _: Event) -> Change:
-    """Record that the stimulus did not go out, and stop."""
-    return _give_up(state, "device_error")
-
-
-def report_indeterminate_and_stop(state: State, _: Event) -> Change:
-    """Record that nobody knows whether it went out, and stop."""
-    return _give_up(state, "indeterminate")
-
-
-def close_block(state: State, _: Event) -> Change:
-    """Close the block and go straight on."""
-    assert state.block is not None
-    return replace(state, block=None), (CloseBlock(state.block),)
-
-
-def close_block_and_rest(state: State, _: Event) -> Change:
-    """Close the block and offer a break."""
-    state, effects = close_block(state, _)
-    return state, (*effects, Rest(paused=False))
-
-
-def close_block_and_session(state: State, _: Event) -> Change:
-    """Close block and session; every trial is answered."""
-    closing = () if state.block is None else (CloseBlock(state.block),)
-    return state, (*closing, ZeroOutputs(), CloseSession(finished=True))
-
-
-def stop_between_trials(state: State, _: Event) -> Change:
-    """Put the outputs to zero and leave; the session can be resumed."""
-    return state, (ZeroOutputs(), CloseSession(finished=False))
-
-
-def go_on(state: State, _: Event) -> Change:
-    """Return to the trials."""
-    return state, ()
-
-
-def _done(state: State, response: str, rt_s: float | None) -> Change:
-    task = state.pending[0]
-    end = EndTrial(
-        task=task, status="ok", response=response, rt_s=rt_s, anticipated=state.anticipated
-    )
-    correct = is_correct(task.trial.kind, task.trial.side, response)
-    told = (Feedback(bool(correct)),) if task.trial.kind == "practice" else ()
-    return replace(state, pending=state.pending[1:]), (end, *told)
-
-
-def _again(state: State, status: str) -> Change:
-    """End the trial with this status and put it at the end of its block."""
-    task, *rest = state.pending
-    end = EndTrial(task=task, status=status, anticipated=state.anticipated)
-    place = next((i for i, t in enumerate(rest) if t.trial.block != task.trial.block), len(rest))
-    rest.insert(place, Task(task.trial, task.attempt + 1))
-    return replace(state, pending=tuple(rest)), (end,)
-
-
-def _give_up(state: State, status: str) -> Change:
-    state, effects = _again(state, status)
-    return state, (ZeroOutputs(), *effects, CloseSession(finished=False))
-
-
-TRANSITIONS = transitions()

@@ -62,7 +62,7 @@ class TrialRow:
     participant: str = _column("participant's identifier")
     session: str = _column("session's identifier")
     condition: str = _column("condition's name in the study file")
-    block: int = _column("block, counted from 1; 0 is practice")
+    block: int = _column("block, counted from 1; 0 is practice, -1 the audibility check")
     trial: int = _column("trial of the plan, counted from 1")
     attempt: int = _column("1, or more where a trial had to be presented again")
     kind: str = _column("what sort of trial it is", *KINDS)
@@ -82,7 +82,7 @@ class TrialRow:
     )
     displacement_basis: str | None = _column("where the displacements come from", *BASES)
     anticipated: bool = _column("a key came before the onset or within 100 ms of it")
-    noise_ok: bool | None = _column("whether the masking noise was playing at the onset")
+    noise_ok: bool | None = _column("whether the masking noise played from the onset to the answer")
     simulated: bool = _column("whether the participant is a simulation")
     study_sha256: str = _column("checksum of the study that was run")
 

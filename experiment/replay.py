@@ -34,6 +34,8 @@ class OpenTrial:
         The answer of the participant, where it was still written.
     anticipated : bool
         Whether a key came too early.
+    noise_ok : bool or None
+        Whether the masking noise played, where that was still written with the answer.
     """
 
     task: Task
@@ -42,6 +44,7 @@ class OpenTrial:
     outcome: str | None
     response: str | None
     anticipated: bool
+    noise_ok: bool | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +77,18 @@ class History:
     finished: bool
     last_t_s: float
     last_wall_s: float
+
+    def due(self, *, warm_up: bool) -> tuple[Task, ...]:
+        """Return what is to be presented in the next sitting, in its order.
+
+        Parameters
+        ----------
+        warm_up : bool
+            Whether warm-up trials come before the next trial on the plate, if there is one.
+        """
+        touched = any(task.trial.kind != "control" for task in self.pending)
+        again = self.warm_up if warm_up and touched else ()
+        return tuple(sorted((*again, *self.pending), key=lambda task: task.trial.block))
 
 
 @dataclass(slots=True)
@@ -178,7 +193,9 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
 
 def _warm_up(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
     attempts = {presentation.trial.number: presentation.attempt for presentation in ended}
-    return tuple(Task(trial, attempts.get(trial.number, 0) + 1) for trial in plan.warm_up)
+    return tuple(
+        Task(trial, attempts.get(trial.number, 0) + 1, warm_up=True) for trial in plan.warm_up
+    )
 
 
 def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
@@ -206,6 +223,7 @@ def _open_trial(presentation: _Presentation) -> OpenTrial:
         outcome=presentation.stimulus.get("outcome"),
         response=presentation.answer.get("response"),
         anticipated=presentation.answer.get("anticipated", False),
+        noise_ok=presentation.answer.get("noise_ok"),
     )
 
 
@@ -213,7 +231,7 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
     trial, stimulus = presentation.trial, presentation.stimulus
     response = presentation.answer.get("response")
     gains = plan.gains_of(trial.condition)
-    left_um, right_um, basis = _displacements(gains, stimulus)
+    left_um, right_um, basis = _displacements(gains, stimulus, trial.kind)
     return TrialRow(
         schema=SCHEMA,
         participant=plan.participant,
@@ -237,18 +255,18 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         peak_right_um=right_um,
         displacement_basis=basis,
         anticipated=presentation.end["anticipated"],
-        noise_ok=None,
+        noise_ok=presentation.end.get("noise_ok"),  # lines of earlier versions say nothing of it
         simulated=simulated,
         study_sha256=plan.study_sha256,
     )
 
 
 def _displacements(
-    gains: FingerGains, stimulus: Mapping[str, Any]
+    gains: FingerGains, stimulus: Mapping[str, Any], kind: str
 ) -> tuple[float | None, float | None, str | None]:
     """Return what the fingers got for the levels that the device reported, and its basis."""
     left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
-    if left_vpp is None or right_vpp is None:
+    if left_vpp is None or right_vpp is None or kind == "control":
         return None, None, None
     peaks_um = gains.peaks_um(left_vpp, right_vpp)
     if peaks_um is None:

@@ -1,31 +1,35 @@
-"""One session: the engine's effects carried out on device, participant, clock and journal."""
+"""One session: the engine's effects carried out on device, participant, noise and journal."""
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
-from device.driver import DeviceError, Outcome, RefusedError
+from device.driver import DeviceError
 from experiment import steps
+from experiment.attendance import Attendance
+from experiment.emission import Emission
 from experiment.engine import step, upcoming
-from experiment.interrupts import StopRequested
-from experiment.responder import ESCAPE, Press, Progress, Question
-from experiment.stimulus import SLOTS, load_condition, onset_interval_s
+from experiment.entries import delivery_facts, trial_name
+from experiment.noise_watch import NoiseWatch
+from experiment.responder import Question
+from experiment.standing import Standing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from device.clock import Clock
-    from device.driver import BurstDevice, Delivery
+    from device.driver import BurstDevice
     from experiment.interrupts import StopSignal
     from experiment.journal import Journal
+    from experiment.noise_player import NoisePlayer
+    from experiment.operator import Monitor, Requests
     from experiment.plan import Plan
     from experiment.replay import History
     from experiment.responder import Responder
     from experiment.study import Study
 
-ARM_TO_FIRE_S = 1.0
-"""How long the device may hold a stimulus ready; later it cannot be fired any more."""
+_SHOWN_BEFORE = (steps.Greet, steps.Introduce, steps.Cue, steps.Rest, steps.Farewell)
+"""What takes a while: the operator is told first. From the cue's end to the answer nobody is."""
 
 
 class Session:
@@ -45,12 +49,18 @@ class Session:
         The actuators, opened.
     responder : Responder
         The participant.
+    noise : NoisePlayer
+        The masking noise, started.
     clock : Clock
         The clock of device and responder.
     origin_s : float
         The clock's reading at the session's beginning.
     journal : Journal
         The session's journal, opened.
+    requests : Requests
+        What the operator asks for.
+    monitor : Monitor
+        What the operator is shown.
     stop : StopSignal
         Tells that the session is to be stopped.
     """
@@ -64,36 +74,37 @@ class Session:
         resumed: bool,
         device: BurstDevice,
         responder: Responder,
+        noise: NoisePlayer,
         clock: Clock,
         origin_s: float,
         journal: Journal,
+        requests: Requests,
+        monitor: Monitor,
         stop: StopSignal,
     ) -> None:
         self._study = study
-        self._plan = plan
         self._device = device
         self._responder = responder
+        self._participant = Attendance(responder, stop, responses=plan.responses)
         self._clock = clock
         self._origin_s = origin_s
         self._journal = journal
+        self._requests = requests
+        self._monitor = monitor
         self._stop = stop
-        self._conditions = {condition.name: condition for condition in study.conditions}
-        self._loaded: str | None = None
         self._due_s = 0.0
-        self._interval_s = 0.0
-        self._rested_s = clock.now_s()
-        self._token = 0
-        self._delivery: Delivery | None = None
-        self._onset_s = 0.0
-        self.failure: DeviceError | None = None
-        warm_up = history.warm_up if resumed and not responder.simulated else ()
-        pending = (*warm_up, *history.pending) if history.pending else ()
+        self._emission = Emission(study=study, device=device, clock=clock, journal=journal)
+        self._noise = NoiseWatch(noise, journal)
+        self._standing = Standing(plan, study.design, history)
+        again = resumed and not responder.simulated
         self._state = steps.State(
-            pending=pending,
+            pending=history.due(warm_up=again),
             keep_anticipated=study.design.anticipated == "keep",
             response_window_s=study.design.response_window_s,
         )
-        self._perform: dict[type[steps.Effect], Callable[..., steps.Event | None]] = {
+        self._perform: Mapping[type[steps.Effect], Callable[..., steps.Event | None]] = {
+            steps.Greet: self._greet,
+            steps.Introduce: self._introduce,
             steps.OpenBlock: self._open_block,
             steps.CloseBlock: self._close_block,
             steps.Cue: self._cue,
@@ -104,9 +115,16 @@ class Session:
             steps.EndTrial: self._end_trial,
             steps.Feedback: self._feedback,
             steps.Rest: self._rest,
+            steps.StartNoise: self._start_noise,
             steps.ZeroOutputs: self._zero_outputs,
             steps.CloseSession: self._close,
+            steps.Farewell: self._farewell,
         }
+
+    @property
+    def failure(self) -> DeviceError | None:
+        """What the device failed with, if it did."""
+        return self._emission.failure
 
     def run(self) -> bool:
         """Run to the end, or until the session is stopped; return whether it is complete.
@@ -117,11 +135,12 @@ class Session:
             If the record cannot be kept; the outputs are at zero then.
         """
         try:
-            event = upcoming(self._state)
+            event = self._look_around()
             while self._state.phase not in (steps.Phase.FINISHED, steps.Phase.STOPPED):
                 event = self._step(event)
         except DeviceError as error:
-            self._device_failed(error)
+            self._emission.fail(error)
+            self._show()
         finally:
             self._device.stop()
         return self._state.phase is steps.Phase.FINISHED
@@ -130,21 +149,48 @@ class Session:
         self._state, effects = step(self._state, event)
         answer = None
         for effect in effects:
+            if isinstance(effect, _SHOWN_BEFORE):
+                self._requests.take_go_on()  # one that was asked for before is none for this wait
+                self._show()
             answer = self._perform[type(effect)](effect) or answer
-        if answer is not None:
-            return answer
-        if self._stop.asked and self._state.phase is steps.Phase.READY:
-            return steps.StopAsked()
-        return upcoming(self._state)
+        return self._look_around() if answer is None else answer
 
-    def _progress(self) -> Progress:
-        pending = self._state.pending
-        left = sum(task.trial.number <= len(self._plan.trials) for task in pending)
-        return Progress(
-            done=len(self._plan.trials) - left,
-            planned=len(self._plan.trials),
-            practice=bool(pending) and pending[0].trial.kind == "practice",
+    def _look_around(self) -> steps.Event:
+        """Between two trials: note what is new, show how it stands, heed the operator."""
+        if self._state.phase is steps.Phase.READY:
+            self._note()
+            self._show()
+        event = upcoming(self._state)
+        if isinstance(event, steps.NothingLeft):
+            return event
+        if self._stop.asked:
+            return steps.StopAsked()
+        return steps.PauseAsked() if self._requests.paused else event
+
+    def _note(self) -> None:
+        """Journal the operator's notes, and the noise where it changed."""
+        for text in self._requests.notes():
+            self._journal.append("note", {"text": text}, sync=True)
+        self._noise.note()
+
+    def _show(self) -> None:
+        failures = self._state.failures
+        device = f"{failures} stimuli in a row not delivered" if failures else "ok"
+        if self.failure is not None:
+            device = "failed"
+        status = self._standing.status(
+            self._state,
+            noise=self._noise.words(),
+            device=device,
+            message=self._noise.trouble if self.failure is None else str(self.failure),
         )
+        self._monitor.show(status)
+
+    def _greet(self, _: steps.Greet) -> steps.Event:
+        return self._participant.greet(self._standing.progress(self._state))
+
+    def _introduce(self, effect: steps.Introduce) -> steps.Event:
+        return self._participant.introduce(effect.part, self._standing.progress(self._state))
 
     def _open_block(self, effect: steps.OpenBlock) -> None:
         trial = effect.task.trial
@@ -154,153 +200,78 @@ class Session:
     def _close_block(self, effect: steps.CloseBlock) -> None:
         self._journal.append("block_end", {"block": effect.block})
 
-    def _load(self, condition_name: str) -> None:
-        """Load a condition's waveforms, unless the device has them."""
-        if condition_name == self._loaded:
-            return
-        condition = self._conditions[condition_name]
-        load_condition(self._device, condition, self._study.device)
-        self._device.enable()
-        self._loaded = condition_name
-        self._interval_s = onset_interval_s(condition, self._study.device)
-        self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
-
     def _cue(self, effect: steps.Cue) -> None:
-        self._load(effect.task.trial.condition)
-        self._responder.cue(self._progress())
-        due_s = self._clock.now_s() + effect.task.trial.foreperiod_s
-        self._due_s = max(due_s, self._rested_s)
-        self._delivery = None
+        trial = effect.task.trial
+        self._noise.begin_trial()
+        self._standing.trial_begins(self._clock.now_s())
+        rested_s = self._emission.prepare(trial)
+        self._responder.cue(self._standing.progress(self._state))
+        self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
 
-    def _wait(self, _: steps.Wait) -> steps.Event:
-        try:
-            with self._stop.interruptible():
-                press = self._responder.wait(self._due_s)
-        except StopRequested:
-            return steps.StopAsked()
-        return self._event_of(press, onset_s=None)
+    def _wait(self, effect: steps.Wait) -> steps.Event:
+        return self._participant.wait(effect.task, self._due_s)
 
     def _arm(self, effect: steps.Arm) -> steps.Event:
-        trial = effect.task.trial
-        level_vpp = trial.level_vpp or min(self._study.design.levels_vpp)
-        self._token = max(self._token + 1, time.time_ns())
-        self._journal.append(
-            "trial_armed", trial_name(effect.task) | {"token": self._token}, sync=True
-        )
-        try:
-            self._device.set_levels(level_vpp, level_vpp)
-            self._device.arm(self._token, SLOTS[trial.side], time_to_live_s=ARM_TO_FIRE_S)
-        except DeviceError as error:
-            return self._device_failed(error)
-        self._journal.append("stimulus_commanded", {"token": self._token})
-        return steps.Armed()
+        return steps.NoiseLost() if self._noise.lost() else self._emission.arm(effect.task)
 
     def _fire(self, _: steps.Fire) -> steps.Event:
         """Emit the stimulus; nothing touches the disk from here to the answer."""
-        self._rested_s = self._clock.now_s() + self._interval_s
-        try:
-            self._delivery = self._device.fire(self._token)
-        except RefusedError as error:
-            self._note_fault(error)
-            return steps.NotFired()
-        except DeviceError as error:
-            return self._device_failed(error)
-        before_s, after_s = self._delivery.host_before_s, self._delivery.host_after_s
-        self._onset_s = (before_s + after_s) / 2
-        return _EVENT_OF[self._delivery.outcome]
+        event = self._emission.fire()
+        if isinstance(event, steps.Fired):
+            self._noise.hear_onset()
+        return event
 
     def _listen(self, effect: steps.Listen) -> steps.Event:
-        assert self._delivery is not None
+        delivery = self._emission.delivery
+        assert delivery is not None
         question = Question(
             trial=effect.task.trial.number,
             attempt=effect.task.attempt,
-            level_left_vpp=self._delivery.level_left_vpp,
-            level_right_vpp=self._delivery.level_right_vpp,
-            onset_s=self._onset_s,
+            level_left_vpp=delivery.level_left_vpp,
+            level_right_vpp=delivery.level_right_vpp,
+            onset_s=self._emission.onset_s,
             window_s=effect.window_s,
         )
-        try:
-            with self._stop.interruptible():
-                press = self._responder.ask(question)
-        except StopRequested:
-            return steps.StopAsked()
-        return self._event_of(press, onset_s=self._onset_s)
-
-    def _event_of(self, press: Press | None, *, onset_s: float | None) -> steps.Event:
-        if press is None:
-            return steps.Elapsed()
-        if press.response == ESCAPE:
-            return steps.PauseAsked()
-        offered = press.response in self._plan.responses
-        rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
-        return steps.Key(press.response if offered else "invalid", rt_s)
+        event = self._participant.ask(effect.task, question)
+        lost = self._noise.lost()
+        return steps.NoiseLost() if lost and not isinstance(event, steps.StopAsked) else event
 
     def _end_trial(self, effect: steps.EndTrial) -> None:
         name = trial_name(effect.task)
-        early = {"anticipated": effect.anticipated}
-        if self._delivery is not None:
-            onset_s = round(self._onset_s - self._origin_s, 6)
-            facts = delivery_facts(self._delivery, onset_s)
+        how = {"anticipated": effect.anticipated, "noise_ok": self._noise.ok}
+        if self._emission.delivery is not None:
+            onset_s = round(self._emission.onset_s - self._origin_s, 6)
+            facts = delivery_facts(self._emission.delivery, onset_s)
             self._journal.append("stimulus_confirmed", name | facts)
         if effect.response is not None:
             answer = {"response": effect.response, "rt_s": effect.rt_s}
-            self._journal.append("response", name | answer | early)
-        self._journal.append("trial_end", name | {"status": effect.status} | early, sync=True)
+            self._journal.append("response", name | answer | how)
+        self._journal.append("trial_end", name | {"status": effect.status} | how, sync=True)
+        self._standing.trial_ends(effect, self._clock.now_s())
 
     def _feedback(self, effect: steps.Feedback) -> None:
         self._responder.feedback(correct=effect.correct)
 
     def _rest(self, effect: steps.Rest) -> steps.Event:
+        self._note()
         self._journal.append("pause" if effect.paused else "break", sync=True)
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
-        try:
-            with self._stop.interruptible():
-                go_on = self._responder.pause(
-                    self._progress(), paused=effect.paused, minimum_s=minimum_s
-                )
-        except StopRequested:
-            return steps.StopAsked()
-        return steps.Continued() if go_on else steps.StopAsked()
+        progress = self._standing.progress(self._state)
+        event = self._participant.rest(progress, paused=effect.paused, minimum_s=minimum_s)
+        if effect.paused:
+            self._requests.go_on()
+        return event
+
+    def _start_noise(self, _: steps.StartNoise) -> steps.Event | None:
+        return None if self._noise.start_again() else steps.NoiseLost()
 
     def _zero_outputs(self, _: steps.ZeroOutputs) -> None:
         self._device.stop()
 
     def _close(self, effect: steps.CloseSession) -> None:
+        self._note()
         self._journal.append("session_close", {"finished": effect.finished}, sync=True)
 
-    def _device_failed(self, error: DeviceError) -> steps.Event:
-        self.failure = error
-        self._note_fault(error)
-        return steps.DeviceFailed()
-
-    def _note_fault(self, error: DeviceError) -> None:
-        facts = {"error": type(error).__name__, "message": str(error)}
-        self._journal.append("fault", facts, sync=True)
-
-
-_EVENT_OF: dict[Outcome, steps.Event] = {
-    Outcome.FIRED: steps.Fired(),
-    Outcome.NOT_FIRED: steps.NotFired(),
-    Outcome.INDETERMINATE: steps.FiredPerhaps(),
-}
-
-
-def trial_name(task: steps.Task) -> dict[str, object]:
-    """List how the journal names an attempt at a trial."""
-    return {"trial": task.trial.number, "attempt": task.attempt}
-
-
-def delivery_facts(delivery: Delivery, onset_s: float | None) -> dict[str, object]:
-    """List what the journal keeps of a delivery; onset and levels only if it surely went out."""
-    fired = delivery.outcome is Outcome.FIRED
-    return {
-        "outcome": delivery.outcome.value,
-        "token": delivery.token,
-        "boot_id": delivery.boot_id,
-        "device_us": delivery.device_us,
-        "onset_s": onset_s if fired else None,
-        "uncertainty_s": delivery.uncertainty_s,
-        "retries": delivery.retries,
-        "level_left_vpp": delivery.level_left_vpp if fired else None,
-        "level_right_vpp": delivery.level_right_vpp if fired else None,
-    }
+    def _farewell(self, effect: steps.Farewell) -> None:
+        self._noise.stop()
+        self._participant.leave(self._standing.progress(self._state), finished=effect.finished)

@@ -13,9 +13,9 @@ from experiment.draw import draw_plan
 from experiment.felt_gains import study_gains
 from experiment.interrupts import StopSignal
 from experiment.observer import draw_observer
-from experiment.plan import CONTROL
 from experiment.responder import Press
 from experiment.rig import mock_device
+from experiment.silence import SilentNoise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -48,9 +48,8 @@ class SimulatedResponder:
         The answers offered.
     gains : mapping
         What the fingers get, by the number of the trial.
-    off_plate : frozenset of int
-        Numbers of the trials with the fingers off the plate: nothing is felt there, ``none`` may be
-        answered.
+    untouched : frozenset of int
+        Trials with the fingers off the plate: nothing is felt, and ``none`` may be answered.
     """
 
     simulated = True
@@ -63,14 +62,14 @@ class SimulatedResponder:
         seed: int,
         responses: tuple[str, ...],
         gains: Mapping[int, FingerGains],
-        off_plate: frozenset[int] = frozenset(),
+        untouched: frozenset[int] = frozenset(),
     ) -> None:
         self._observer = observer
         self._clock = clock
         self._seed = seed
         self._responses = responses
         self._gains = gains
-        self._off_plate = off_plate
+        self._untouched = untouched
 
     def begin(self, progress: Progress) -> bool:
         """Need no instruction."""
@@ -91,11 +90,9 @@ class SimulatedResponder:
     def ask(self, question: Question) -> Press | None:
         """Answer as the observer does."""
         rng = np.random.default_rng((self._seed, question.trial, question.attempt))
-        levels_vpp = (question.level_left_vpp, question.level_right_vpp)
-        responses = self._responses
-        if question.trial in self._off_plate:
-            levels_vpp = (0.0, 0.0)
-            responses = responses if "none" in responses else (*responses, "none")
+        levels_vpp, responses = (question.level_left_vpp, question.level_right_vpp), self._responses
+        if question.trial in self._untouched:
+            levels_vpp, responses = (0.0, 0.0), tuple(dict.fromkeys((*responses, "none")))
         answer = self._observer.answer(
             *levels_vpp,
             responses=responses,
@@ -137,7 +134,7 @@ def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResp
         seed=plan.seed,
         responses=plan.responses,
         gains={trial.number: of_condition[trial.condition] for trial in trials},
-        off_plate=frozenset(trial.number for trial in trials if trial.kind == CONTROL),
+        untouched=frozenset(trial.number for trial in trials if trial.kind == "control"),
     )
 
 
@@ -193,6 +190,7 @@ def simulate_study(
         setting = Setting(
             device=mock_device(study, clock),
             responder=simulated_responder(study, plan, clock),
+            noise=SilentNoise(study.masking.noise),
             clock=clock,
             stop=StopSignal(),
         )

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from experiment.plan import PRACTICE_BLOCK
+from experiment.responder import Part
+
 if TYPE_CHECKING:
     from experiment.plan import Trial
 
@@ -14,6 +17,8 @@ class Phase(StrEnum):
     """Where a session stands."""
 
     READY = "ready"  # between two trials
+    WELCOME = "welcome"  # a sitting begins
+    INTRODUCTION = "introduction"  # a part begins: what it asks for, where the fingers lie
     FOREPERIOD = "foreperiod"  # the cue is shown, the stimulus has yet to come
     ARMING = "arming"  # the device was told of the stimulus
     FIRING = "firing"  # the device was told to emit it
@@ -26,10 +31,30 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A trial to be presented, for the how-many-eth time."""
+    """A trial to be presented, for the how-many-eth time.
+
+    Attributes
+    ----------
+    trial : Trial
+        The trial.
+    attempt : int
+        Counted from 1.
+    warm_up : bool
+        Whether it is one of those after a resume, which do not count.
+    """
 
     trial: Trial
     attempt: int
+    warm_up: bool = False
+
+    @property
+    def part(self) -> Part:
+        """The part of the session that it belongs to."""
+        if self.warm_up:
+            return Part.WARM_UP
+        if self.trial.kind == "control":
+            return Part.AUDIBILITY if self.trial.block < PRACTICE_BLOCK else Part.CONTROL
+        return Part.PRACTICE if self.trial.kind == "practice" else Part.MAIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +77,12 @@ class State:
         A key came too early in the current trial.
     failures : int
         Stimuli in a row that were not delivered.
+    greeted : bool
+        The participant was welcomed in this sitting.
+    part : Part or None
+        The part that was introduced last in this sitting.
+    noise_lost : bool
+        The masking noise has to be started again before the next trial.
     """
 
     pending: tuple[Task, ...]
@@ -61,6 +92,9 @@ class State:
     block: int | None = None
     anticipated: bool = False
     failures: int = 0
+    greeted: bool = False
+    part: Part | None = None
+    noise_lost: bool = False
 
 
 # What happened: the events.
@@ -71,12 +105,20 @@ class Event:
     """Something that happened."""
 
 
+class SittingDue(Event):
+    """The participant was not welcomed yet."""
+
+
+class PartDue(Event):
+    """The next trial belongs to a part that was not introduced yet."""
+
+
 class TrialDue(Event):
-    """The next trial belongs to the open block, or opens the first."""
+    """The next trial belongs to the open block, or opens one."""
 
 
 class PracticeOver(Event):
-    """Practice, or the warm-up after a resume, has no trial left, a later block has."""
+    """What stands before the first block has no trial left; a later block follows at once."""
 
 
 class BreakDue(Event):
@@ -135,12 +177,16 @@ class DeviceFailed(Event):
     """The device refused, or its link is lost."""
 
 
+class NoiseLost(Event):
+    """The masking noise does not play, or did not at the onset."""
+
+
 class PauseAsked(Event):
     """Esc was pressed, or the operator asked for a pause."""
 
 
 class Continued(Event):
-    """The break or pause is over."""
+    """Welcome, introduction, break or pause is over."""
 
 
 class StopAsked(Event):
@@ -153,6 +199,17 @@ class StopAsked(Event):
 @dataclass(frozen=True, slots=True)
 class Effect:
     """Something to be done; a few of them are answered by an event."""
+
+
+class Greet(Effect):
+    """Welcome and instruct the participant. Answered by Continued or StopAsked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Introduce(Effect):
+    """Tell what a part asks for. Answered by Continued or StopAsked."""
+
+    part: Part
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,14 +235,14 @@ class Cue(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Wait(Effect):
-    """Let the foreperiod pass, or what is left of it. Answered by Elapsed, Key, PauseAsked."""
+    """Let the foreperiod pass, or its rest. Answered by Elapsed, Key, PauseAsked or StopAsked."""
 
     task: Task
 
 
 @dataclass(frozen=True, slots=True)
 class Arm(Effect):
-    """Journal the token, then arm the device. Answered by Armed or DeviceFailed."""
+    """Journal the token, then arm the device. Answered by Armed, NoiseLost or DeviceFailed."""
 
     task: Task
 
@@ -199,7 +256,7 @@ class Fire(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Listen(Effect):
-    """Wait for the answer. Answered by Key, Elapsed or PauseAsked."""
+    """Wait for the answer. Answered by Key, Elapsed, NoiseLost, PauseAsked or StopAsked."""
 
     task: Task
     window_s: float
@@ -230,6 +287,10 @@ class Rest(Effect):
     paused: bool
 
 
+class StartNoise(Effect):
+    """Start the masking noise again. Answered by NoiseLost if that fails."""
+
+
 class ZeroOutputs(Effect):
     """Put the device's outputs to zero."""
 
@@ -237,5 +298,12 @@ class ZeroOutputs(Effect):
 @dataclass(frozen=True, slots=True)
 class CloseSession(Effect):
     """Note that the session is over, and whether it is complete."""
+
+    finished: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Farewell(Effect):
+    """Fall silent and say good-bye to the participant."""
 
     finished: bool

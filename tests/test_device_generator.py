@@ -39,6 +39,7 @@ from experiment.draw import draw_plan
 from experiment.felt_gains import study_gains
 from experiment.interrupts import StopSignal
 from experiment.rig import mock_device
+from experiment.silence import SilentNoise
 from experiment.simulate import simulated_responder
 from experiment.stimulus import host_limits
 from experiment.study import paper_study
@@ -683,6 +684,7 @@ def test_a_paper_session_gives_the_same_answers_as_the_mock(tmp_path: Path) -> N
         setting = Setting(
             device=device,
             responder=simulated_responder(study, plan, clock),
+            noise=SilentNoise(study.masking.noise),
             clock=clock,
             stop=StopSignal(),
         )

@@ -15,6 +15,8 @@ from experiment.conduct import Setting, begin, resume
 from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
 from experiment.journal import Journal, JournalError, read_journal
+from experiment.noise_player import NoiseError, NoiseFacts, NoiseHealth
+from experiment.operator import Requests
 from experiment.replay import replay
 from experiment.responder import ESCAPE, Press
 from experiment.rig import mock_device
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from device.driver import Delivery
     from device.mock import MockDevice
     from experiment.conduct import Ending
+    from experiment.operator import Status
     from experiment.record import TrialRow
     from experiment.responder import Part, Progress, Question
     from experiment.study import Study
@@ -51,6 +54,8 @@ class Scripted:
         number = self.calls.get(call, 0) + 1
         self.calls[call] = number
         act = self._script.get(call, {}).get(number)
+        if callable(act):
+            act = act()
         if isinstance(act, BaseException):
             raise act
         return act
@@ -91,6 +96,56 @@ class Scripted:
         self._next("end")
 
 
+class FakeNoise:
+    """Noise that plays, or does not, as a test says; ``ok`` is ``None`` where none is to play."""
+
+    def __init__(self, *, ok: bool | None = True) -> None:
+        self.ok = ok
+        self.can_start = True
+        self.calls: list[str] = []
+        played = ok is not None
+        self.facts = NoiseFacts(
+            noise="pink" if played else "none",
+            played=played,
+            sha256="ab12" if played else None,
+            measured_level_dba=62.5 if played else None,
+        )
+
+    def start(self) -> None:
+        self.calls.append("start")
+        if not self.can_start:
+            raise NoiseError("the sound card is gone: plug it in")
+        self.ok = None if self.ok is None else True
+
+    def health(self) -> NoiseHealth:
+        return NoiseHealth(
+            ok=self.ok, words={True: "plays", False: "silent", None: "none"}[self.ok]
+        )
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+
+    def lose(self) -> None:
+        self.ok = False
+
+    def lose_for_good(self) -> None:
+        self.ok = self.can_start = False
+
+
+class Watching:
+    """Keeps what the operator was shown."""
+
+    def __init__(self) -> None:
+        self.seen: list[Status] = []
+
+    def show(self, status: Status) -> None:
+        self.seen.append(status)
+
+    @property
+    def messages(self) -> set[str]:
+        return {status.message for status in self.seen} - {""}
+
+
 class Lab:
     """A study, a folder and a device that outlives the sessions on it."""
 
@@ -101,13 +156,22 @@ class Lab:
         self.folder = SessionFolder(root, "01", "01", durable=False)
         self.plan = draw_plan(study, participant="01", session="01", seed=3)
         self.responder = Scripted(self.clock)
+        self.noise = FakeNoise(ok=None)
+        self.requests = Requests()
+        self.monitor = Watching()
         self.stop = StopSignal()
 
     def setting(self, **script: dict[int, object]) -> Setting:
         self.responder = Scripted(self.clock, **script)
         self.stop = StopSignal()
         return Setting(
-            device=self.device, responder=self.responder, clock=self.clock, stop=self.stop
+            device=self.device,
+            responder=self.responder,
+            noise=self.noise,
+            clock=self.clock,
+            stop=self.stop,
+            requests=self.requests,
+            monitor=self.monitor,
         )
 
     def begin(self, **script: dict[int, object]) -> Ending:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,6 +18,7 @@ from experiment.engine import (
     upcoming,
 )
 from experiment.plan import Trial
+from experiment.responder import Part
 from experiment.steps import (
     Arm,
     Armed,
@@ -29,19 +31,26 @@ from experiment.steps import (
     Elapsed,
     EndTrial,
     Event,
+    Farewell,
     Feedback,
     Fire,
     Fired,
     FiredPerhaps,
+    Greet,
+    Introduce,
     Key,
     Listen,
+    NoiseLost,
     NotFired,
     NothingLeft,
     OpenBlock,
+    PartDue,
     PauseAsked,
     Phase,
     PracticeOver,
     Rest,
+    SittingDue,
+    StartNoise,
     State,
     StopAsked,
     Task,
@@ -69,11 +78,12 @@ def trial(number: int, block: int = 1, kind: str = "single", side: str = "left")
     )
 
 
-def ready(*trials: Trial, keep_anticipated: bool = False) -> State:
+def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) -> State:
     return State(
         pending=tuple(Task(t, 1) for t in trials),
         keep_anticipated=keep_anticipated,
         response_window_s=3.0,
+        greeted=greeted,
     )
 
 
@@ -124,6 +134,8 @@ def test_a_practice_answer_is_told_right_or_wrong() -> None:
         ([*FELT, Key("left", EARLIEST_ANSWER_S - 1e-6)], "voided"),
         ([*FELT, Key("left", -0.2)], "voided"),
         ([*FELT, PauseAsked()], "voided"),
+        ([TrialDue(), Elapsed(), NoiseLost()], "aborted"),
+        ([*FELT, NoiseLost()], "voided"),
         ([*FELT, StopAsked()], "voided"),
         ([TrialDue(), StopAsked()], "aborted"),
         ([TrialDue(), Elapsed(), DeviceFailed()], "device_error"),
@@ -204,9 +216,9 @@ def test_the_outputs_are_put_to_zero_before_a_session_is_closed() -> None:
     ):
         state, effects = follow(ready(trial(1)), events)
         assert state.phase in {Phase.FINISHED, Phase.STOPPED}
-        assert isinstance(effects[-1], CloseSession)
+        finished = state.phase is Phase.FINISHED
+        assert effects[-2:] == [CloseSession(finished), Farewell(finished)]
         assert ZeroOutputs in [type(effect) for effect in effects]
-        assert effects[-1].finished == (state.phase is Phase.FINISHED)
 
 
 @pytest.mark.parametrize(
@@ -230,7 +242,96 @@ def test_a_stimulus_that_went_out_forgives_earlier_failures() -> None:
     assert state.failures == 0
 
 
+CONTINUED = {
+    Phase.WELCOME: Continued(),
+    Phase.INTRODUCTION: Continued(),
+    Phase.FOREPERIOD: Elapsed(),
+    Phase.ARMING: Armed(),
+    Phase.FIRING: Fired(),
+    Phase.ANSWER: Key("left", 0.5),
+    Phase.BREAK: Continued(),
+    Phase.PAUSED: Continued(),
+}
+
+
+def go_on_to_the_end(state: State) -> list[Effect]:
+    effects: list[Effect] = []
+    while state.phase is not Phase.FINISHED:
+        event = upcoming(state) if state.phase is Phase.READY else CONTINUED[state.phase]
+        state, new = step(state, event)
+        effects += new
+    return effects
+
+
+def test_a_sitting_begins_with_a_welcome_and_every_part_with_its_introduction() -> None:
+    state = ready(
+        trial(1, block=-1, kind="control"),
+        trial(2, block=0, kind="practice"),
+        trial(3),
+        trial(4),
+        trial(5, block=2),
+        trial(6, block=3, kind="control"),
+        greeted=False,
+    )
+    effects = go_on_to_the_end(state)
+    assert [e for e in effects if isinstance(e, Greet | Introduce | Rest | Farewell)] == [
+        Greet(),
+        Introduce(Part.AUDIBILITY),
+        Introduce(Part.PRACTICE),
+        Introduce(Part.MAIN),
+        Rest(paused=False),
+        Rest(paused=False),
+        Introduce(Part.CONTROL),
+        Farewell(finished=True),
+    ]
+
+
+def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
+    warm_up = Task(trial(9, block=0, kind="practice"), 1, warm_up=True)
+    state = ready(trial(1, block=0, kind="practice"), trial(2))
+    state = replace(state, pending=(warm_up, *state.pending), greeted=False)
+    state, _ = follow(state, [SittingDue(), Continued(), PartDue(), Continued()])
+    assert state.part is Part.WARM_UP
+    state, _ = follow(state, [*FELT, Key("left", 0.05)])
+    assert [task.trial.number for task in state.pending] == [9, 1, 2]
+    assert state.pending[0] == replace(warm_up, attempt=2)
+    assert upcoming(state) == TrialDue()
+    state, _ = follow(state, [*FELT, Key("left", 0.5)])
+    assert upcoming(state) == PartDue()
+
+
+def test_nobody_is_welcomed_where_nothing_is_left() -> None:
+    effects = go_on_to_the_end(ready(greeted=False))
+    assert not any(isinstance(effect, Greet | Introduce) for effect in effects)
+
+
+@pytest.mark.parametrize("before", [[SittingDue()], [SittingDue(), Continued(), PartDue()]])
+def test_a_session_may_be_stopped_before_its_first_trial(before: list[Event]) -> None:
+    state, effects = follow(ready(trial(1), greeted=False), [*before, StopAsked()])
+    assert state.phase is Phase.STOPPED
+    assert effects[-2:] == [CloseSession(finished=False), Farewell(finished=False)]
+
+
+@pytest.mark.parametrize(
+    "events",
+    [[TrialDue(), Elapsed(), NoiseLost()], [*FELT, NoiseLost()], [NoiseLost()]],
+    ids=["before arming", "in the answer", "between trials"],
+)
+def test_lost_noise_pauses_until_it_was_started_again(events: list[Event]) -> None:
+    state, effects = follow(ready(trial(1)), events)
+    assert (state.phase, effects[-1]) == (Phase.PAUSED, Rest(paused=True))
+    state, effects = follow(state, [Continued()])
+    assert (state.phase, effects) == (Phase.READY, [StartNoise()])
+    state, effects = follow(state, [NoiseLost()])
+    assert (state.phase, effects) == (Phase.PAUSED, [Rest(paused=True)])
+    state, _ = follow(state, [Continued()])
+    state, effects = follow(state, [PauseAsked(), Continued()])
+    assert effects == [Rest(paused=True)]
+
+
 EVENTS = [
+    SittingDue(),
+    PartDue(),
     TrialDue(),
     PracticeOver(),
     BreakDue(),
@@ -243,6 +344,7 @@ EVENTS = [
     NotFired(),
     FiredPerhaps(),
     DeviceFailed(),
+    NoiseLost(),
     PauseAsked(),
     Continued(),
     StopAsked(),
@@ -277,14 +379,15 @@ def test_an_event_outside_the_table_is_refused_and_changes_nothing(
 @settings(max_examples=200, deadline=None)
 @given(st.data())
 def test_whatever_happens_every_trial_ends_and_ok_comes_once_for_each(data: st.DataObject) -> None:
-    state = ready(*(trial(n, block=1 + n // 4) for n in range(1, 9)))
+    state = ready(*(trial(n, block=1 + n // 4) for n in range(1, 9)), greeted=False)
     ends: list[EndTrial] = []
     cued = 0
     for _ in range(400):
         if state.phase in {Phase.FINISHED, Phase.STOPPED}:
             break
         if state.phase is Phase.READY:
-            event = upcoming(state)
+            asked = data.draw(st.sampled_from([None, None, None, PauseAsked(), NoiseLost()]))
+            event = asked or upcoming(state)
         else:
             known = {kind for at, kind in TRANSITIONS if at is state.phase}
             event = data.draw(st.sampled_from([e for e in EVENTS if type(e) in known]))

@@ -22,6 +22,7 @@ from experiment.interrupts import StopSignal
 from experiment.journal import read_journal
 from experiment.replay import replay
 from experiment.rig import mock_device
+from experiment.silence import SilentNoise
 from experiment.simulate import simulated_responder
 from tactstrip import main
 
@@ -557,7 +558,13 @@ def test_a_session_of_the_first_version_is_resumed_and_exported(
     assert json.loads(plan.to_json())["schema"] == 1
     clock, stop = VirtualClock(), StopSignal()
     responder = simulated_responder(study, plan, clock)
-    setting = Setting(device=mock_device(study, clock), responder=responder, clock=clock, stop=stop)
+    setting = Setting(
+        device=mock_device(study, clock),
+        responder=responder,
+        noise=SilentNoise("pink"),
+        clock=clock,
+        stop=stop,
+    )
     stop.asked = True
     assert not begin(folder, plan, setting).finished
     assert run(study_path, "--resume").exit_code == 0
