@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import platform
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -14,24 +17,27 @@ from experiment.archive import ArchiveError, SessionFolder
 from experiment.conduct import Setting, begin, resume
 from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
-from experiment.journal import Journal, JournalError, read_journal
+from experiment.journal import Entry, Journal, JournalError, read_journal
 from experiment.noise_player import NoiseError, NoiseFacts, NoiseHealth
 from experiment.operator import Requests
+from experiment.plan import seal
 from experiment.replay import replay
-from experiment.responder import ESCAPE, Press
+from experiment.responder import ESCAPE, Part, Press
 from experiment.rig import mock_device
+from experiment.simulate import simulated_responder
 from experiment.stimulus import SuitabilityError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from device.driver import Delivery
     from device.mock import MockDevice
     from experiment.conduct import Ending
     from experiment.operator import Status
+    from experiment.plan import Plan
     from experiment.record import TrialRow
-    from experiment.responder import Part, Progress, Question
+    from experiment.responder import Progress, Question
     from experiment.study import Study
 
 
@@ -44,7 +50,7 @@ class Scripted:
 
     simulated = True
 
-    def __init__(self, clock: VirtualClock, **script: dict[int, object]) -> None:
+    def __init__(self, clock: VirtualClock, **script: Mapping[int, object]) -> None:
         self._clock = clock
         self._script = script
         self.calls: dict[str, int] = {}
@@ -161,7 +167,7 @@ class Lab:
         self.monitor = Watching()
         self.stop = StopSignal()
 
-    def setting(self, **script: dict[int, object]) -> Setting:
+    def setting(self, **script: Mapping[int, object]) -> Setting:
         self.responder = Scripted(self.clock, **script)
         self.stop = StopSignal()
         return Setting(
@@ -174,15 +180,35 @@ class Lab:
             monitor=self.monitor,
         )
 
-    def begin(self, **script: dict[int, object]) -> Ending:
+    def begin(self, **script: Mapping[int, object]) -> Ending:
         return begin(self.folder, self.plan, self.setting(**script))
 
-    def resume(self, **script: dict[int, object]) -> Ending:
+    def resume(self, **script: Mapping[int, object]) -> Ending:
         return resume(self.folder, self.setting(**script))
 
     @property
     def rows(self) -> tuple[TrialRow, ...]:
         return replay(self.plan, read_journal(self.folder.journal_path).entries).rows
+
+    def entries(self, event: str | None = None) -> list[Entry]:
+        entries = read_journal(self.folder.journal_path).entries
+        return [entry for entry in entries if event in {None, entry.event}]
+
+    @contextlib.contextmanager
+    def killed_after(self, event: str | None = None, *, lines: int = 0) -> Iterator[None]:
+        """Crash after so many journal lines, or after the first of an event."""
+        append, written = Journal.append, 0
+
+        def append_and_crash(journal: Journal, name: str, *args: Any, sync: bool = False) -> None:
+            nonlocal written
+            append(journal, name, *args, sync=sync)
+            written += 1
+            if written == lines or name == event:
+                raise Crash
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Journal, "append", append_and_crash)
+            yield
 
     def statuses(self) -> list[tuple[int, int, str]]:
         return [(row.trial, row.attempt, row.status) for row in self.rows]
@@ -582,3 +608,413 @@ def test_practice_after_a_resume_is_felt_in_its_own_condition(
         for row, emission in zip(felt, lab.device.emitted, strict=True):
             assert len(emission.left_v) == {"one": 97, "two": 193}[row.condition]
     assert first == {"one", "two"}
+
+
+# --- masking noise --------------------------------------------------------------------------------
+
+
+def test_noise_that_plays_is_ok_in_every_row_and_stopped_at_the_end(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    assert lab.begin().finished
+    assert {row.noise_ok for row in lab.rows} == {True}
+    assert lab.noise.calls[0] == "start"
+    assert set(lab.noise.calls[1:]) == {"stop"}
+    assert [e.facts["ok"] for e in lab.entries("noise_status")] == [True]
+
+
+def test_where_no_noise_is_to_play_the_rows_say_neither_way(lab: Lab) -> None:
+    assert lab.begin().finished
+    assert {row.noise_ok for row in lab.rows} == {None}
+    assert not lab.entries("noise_status")
+
+
+def test_noise_lost_before_the_stimulus_aborts_the_trial_unfelt(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    assert lab.begin(wait={2: lab.noise.lose}).finished
+    assert lab.statuses()[1] == (2, 1, "aborted")
+    assert [row.noise_ok for row in lab.rows] == [True, False, True, True, True, True]
+    assert len(lab.device.emitted) == 5
+    assert lab.responder.calls["pause"] == 1 + 1  # and the break
+    assert lab.noise.calls.count("start") == 2
+
+
+def test_noise_lost_at_the_onset_voids_the_trial(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    lab.noise = FakeNoise()
+    fire = lab.device.fire
+
+    def fire_and_fall_silent(token: int) -> Delivery:
+        if len(lab.device.emitted) == 1:
+            lab.noise.lose()
+        return fire(token)
+
+    monkeypatch.setattr(lab.device, "fire", fire_and_fall_silent)
+    # it comes back by itself before the answer: what was felt at the onset may have been heard
+    assert lab.begin(ask={2: lab.noise.start}).finished
+    lost = lab.rows[1]
+    assert (lost.status, lost.noise_ok, lost.response) == ("voided", False, None)
+    assert (lost.trial, 2, "ok") in lab.statuses()
+    assert len(lab.device.emitted) == 6
+
+
+@pytest.mark.parametrize("answer", [("left", 0.5), (ESCAPE, 0.3), ("left", 0.05), (None, 3.0)])
+def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
+    lab: Lab, answer: tuple[str | None, float]
+) -> None:
+    lab.noise = FakeNoise()
+
+    def lose_and_answer() -> tuple[str | None, float]:
+        lab.noise.lose()
+        return answer
+
+    assert lab.begin(ask={3: lose_and_answer}).finished
+    lost = lab.rows[2]
+    assert (lost.status, lost.noise_ok, lost.response) == ("voided", False, None)
+    assert lost.onset_s is not None
+    assert lab.noise.calls.count("start") == 2
+    assert [e.facts["ok"] for e in lab.entries("noise_status")] == [True, False, True]
+    assert lab.monitor.messages == {"masking noise: silent; put it right, then go on"}
+    assert lab.monitor.seen[-1].message == ""
+
+
+def test_noise_that_never_plays_again_pauses_until_the_session_is_stopped(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    assert not lab.begin(ask={2: lab.noise.lose_for_good}, pause={4: False}).finished
+    assert lab.responder.calls["pause"] == 4
+    assert lab.responder.calls["cue"] == 2
+    assert "the sound card is gone: plug it in" in lab.monitor.messages
+    told = [e.facts["words"] for e in lab.entries("noise_status")]
+    assert told == ["plays", "silent", *["the sound card is gone: plug it in"] * 3]
+    lab.noise.can_start = True
+    assert lab.resume().finished
+    assert sum(status == "ok" for _, _, status in lab.statuses()) == 5
+
+
+def test_noise_that_cannot_be_played_at_all_leaves_no_session(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    lab.noise.can_start = False
+    with pytest.raises(NoiseError, match="plug it in"):
+        lab.begin()
+    assert not lab.folder.plan_path.exists()
+    assert lab.noise.calls == ["start", "stop"]
+    lab.noise.can_start = True
+    assert lab.begin().finished
+    lab.noise.can_start = False
+    assert lab.resume().finished  # nothing is left to hear
+
+
+def test_the_header_says_what_noise_was_played(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    lab.begin(ask={2: (ESCAPE, 0.3)}, pause={1: False})
+    header = json.loads((lab.folder.path / "header.json").read_text("utf-8"))
+    assert (header["masking_noise"], header["masking_noise_played"]) == ("pink", True)
+    assert (header["noise_sha256"], header["noise_level_dba"]) == ("ab12", 62.5)
+    assert header["noise_sound_card"] == "n/a"
+    assert lab.resume().finished
+    assert lab.entries("session_resume")[0].facts["noise_sha256"] == "ab12"
+
+
+def test_an_answer_on_record_keeps_what_was_known_of_its_noise(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    with lab.killed_after("response"), pytest.raises(Crash):
+        lab.begin()
+    assert lab.resume().finished
+    assert (lab.rows[0].status, lab.rows[0].noise_ok) == ("ok", True)
+
+
+def test_a_journal_that_says_nothing_of_noise_is_still_replayed(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    lab.begin()
+    entries = [
+        Entry(e.event, e.t_s, e.wall_s, {k: v for k, v in e.facts.items() if k != "noise_ok"})
+        for e in read_journal(lab.folder.journal_path).entries
+        if e.event != "noise_status"
+    ]
+    rows = replay(lab.plan, entries).rows
+    assert rows == tuple(replace(row, noise_ok=None) for row in lab.rows)
+
+
+# --- the operator ---------------------------------------------------------------------------------
+
+
+def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab: Lab) -> None:
+    assert lab.begin(ask={2: lab.requests.pause}).finished
+    events = [e.event for e in lab.entries()]
+    assert events[events.index("pause") - 1] == "trial_end"
+    assert events.count("pause") == 1
+    assert {status for _, _, status in lab.statuses()} == {"ok"}
+    assert not lab.requests.paused
+
+
+def test_a_pause_may_be_asked_for_before_the_first_trial(lab: Lab) -> None:
+    lab.requests.pause()
+    assert lab.begin().finished
+    assert [e.event for e in lab.entries()][:2] == ["session_open", "pause"]
+
+
+def test_a_pause_that_was_taken_back_is_none(lab: Lab) -> None:
+    def ask_and_take_back() -> None:
+        lab.requests.pause()
+        lab.requests.go_on()
+
+    asked = []
+    script = {1: lambda: asked.append(lab.requests.take_go_on())}
+    assert lab.begin(ask={2: ask_and_take_back}, pause=script).finished
+    assert not lab.entries("pause")
+    assert asked == [False]  # the break: what was asked for before it does not end it
+
+
+def test_going_on_asked_for_in_a_pause_reaches_the_participants_screen(lab: Lab) -> None:
+    asked = []
+
+    def show(status: Status) -> None:
+        if status.phase == "paused":
+            lab.requests.go_on()
+
+    lab.monitor.show = show  # type: ignore[method-assign] # of this test's operator alone
+    script = {1: lambda: asked.append(lab.requests.take_go_on())}
+    assert lab.begin(ask={2: lab.requests.pause}, pause=script).finished
+    assert asked == [True]
+
+
+def test_notes_are_journaled_between_trials_and_at_the_end(lab: Lab) -> None:
+    def note() -> None:
+        lab.requests.note("chair moved")
+        lab.requests.note("door")
+
+    lab.begin(ask={2: note}, pause={1: lambda: lab.requests.note("in the break")})
+    assert [e.facts["text"] for e in lab.entries("note")] == ["chair moved", "door", "in the break"]
+    lab = Lab(lab.study, lab.folder.root / "stopped")
+
+    def note_and_stop() -> bool:
+        lab.requests.note("tired")
+        return False
+
+    lab.begin(pause={1: note_and_stop})
+    assert [e.event for e in lab.entries()][-2:] == ["note", "session_close"]
+
+
+def test_the_operator_may_stop_the_session_from_beside_it(lab: Lab) -> None:
+    def ask_to_stop() -> None:
+        lab.stop.ask()
+
+    assert not lab.begin(pause={1: ask_to_stop}).finished
+    assert "end" not in lab.responder.calls
+    assert lab.resume().finished
+    assert lab.responder.calls["end"] == 1
+
+
+def test_the_operator_sees_how_the_session_stands(lab: Lab) -> None:
+    lab.noise = FakeNoise()
+    lab.begin(ask={1: ("right", 0.5)})
+    phases = [status.phase for status in lab.monitor.seen]
+    expected = ["ready", "welcome", "ready", "introduction", "ready"]
+    assert phases[: len(expected)] == expected
+    assert phases[-1] == "finished"
+    assert {"foreperiod", "break"} < set(phases)
+    assert not {"arming", "firing", "answer"} & set(phases)
+    last = lab.monitor.seen[-1]
+    assert (last.done, last.planned, last.block, last.blocks) == (5, 5, 2, 2)
+    assert (last.noise, last.device, last.left_s) == ("plays", "ok", 0.0)
+    for side in ("left", "right"):
+        rows = [row for row in lab.rows if (row.kind, row.side) == ("single", side)]
+        assert last.tallies[side].presented == len(rows) == 2
+        assert last.tallies[side].correct == sum(row.correct is True for row in rows)
+        assert last.tallies[side].last == tuple(row.response for row in rows)
+
+
+def test_the_time_left_is_that_of_the_trials_at_their_mean_pace(lab: Lab) -> None:
+    lab.begin()
+    left = {s.done: s.left_s for s in lab.monitor.seen if s.phase == "ready"}
+    trial_s = 0.5 + 0.015
+    assert left[4] == pytest.approx(trial_s, abs=0.02)
+    assert left[2] == pytest.approx(3 * trial_s + lab.study.design.minimum_break_s, abs=0.1)
+    assert sorted(left.values(), reverse=True) == [left[done] for done in sorted(left)]
+
+
+def test_a_resumed_session_shows_the_answers_of_before(lab: Lab) -> None:
+    with pytest.raises(Crash):
+        lab.begin(ask={4: Crash()})
+    before = sum(row.kind == "single" and row.status == "ok" for row in lab.rows)
+    lab.monitor.seen.clear()
+    lab.resume()
+    first = lab.monitor.seen[0]
+    assert sum(tally.presented for tally in first.tallies.values()) == before > 0
+    assert first.done == 3
+
+
+def test_the_operator_is_told_what_the_device_failed_with(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise LinkError("no answer")
+
+    monkeypatch.setattr(lab.device, "arm", fail)
+    lab.begin()
+    assert (lab.monitor.seen[-1].device, lab.monitor.seen[-1].message) == ("failed", "no answer")
+
+
+def test_whatever_happens_nothing_is_written_or_shown_between_the_onset_and_the_key(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log: list[str] = []
+    append, fire, ask, show = Journal.append, lab.device.fire, Scripted.ask, Watching.show
+    lab.noise = FakeNoise()
+
+    def logged_append(self: Journal, event: str, *args: object, sync: bool = False) -> None:
+        log.append("written")
+        append(self, event, *args, sync=sync)  # type: ignore[arg-type] # handed on as it came
+
+    def logged_fire(token: int) -> Delivery:
+        log.append("onset")
+        return fire(token)
+
+    def logged_show(self: Watching, status: Status) -> None:
+        log.append("shown")
+        show(self, status)
+
+    def logged_ask(self: Scripted, question: Question) -> Press | None:
+        lab.requests.note("while an answer is awaited")
+        lab.requests.pause()
+        if len(lab.device.emitted) % 2:
+            lab.noise.lose()
+        press = ask(self, question)
+        log.append("key")
+        return press
+
+    monkeypatch.setattr(Journal, "append", logged_append)
+    monkeypatch.setattr(lab.device, "fire", logged_fire)
+    monkeypatch.setattr(Scripted, "ask", logged_ask)
+    monkeypatch.setattr(Watching, "show", logged_show)
+    assert lab.begin().finished
+    onsets = [place for place, what in enumerate(log) if what == "onset"]
+    assert len(onsets) == 10
+    assert all(log[place + 1] == "key" for place in onsets)
+
+
+# --- the parts of a session -----------------------------------------------------------------------
+
+
+def with_control(plan: Plan) -> Plan:
+    """Return the plan with an audibility check before it and a control block after it."""
+    first = replace(plan.trials[0], kind="control", side="left", level_vpp=160.0)
+    check = (replace(first, block=-1), replace(first, block=-1, side="right"))
+    control = (replace(first, block=9), replace(first, block=9, side="right"))
+    trials = enumerate((*check, *plan.trials, *control), start=1)
+    numbered = tuple(replace(trial, number=number) for number, trial in trials)
+    warm_up = tuple(replace(t, number=t.number + 4) for t in plan.warm_up)
+    return seal(replace(plan, trials=numbered, warm_up=warm_up))
+
+
+def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Scripted, "simulated", False)
+    lab.plan = with_control(lab.plan)
+    with pytest.raises(Crash):
+        lab.begin(ask={4: Crash()})
+    assert [what for what in lab.responder.told if isinstance(what, Part)] == [
+        Part.AUDIBILITY,
+        Part.MAIN,
+    ]
+    assert lab.resume().finished
+    told = [what for what in lab.responder.told if isinstance(what, Part)]
+    assert told == [Part.WARM_UP, Part.MAIN, Part.CONTROL]
+    assert (lab.responder.calls["begin"], lab.responder.calls["end"]) == (1, 1)
+
+
+def test_warm_up_comes_only_before_a_trial_on_the_plate(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Scripted, "simulated", False)
+    lab.plan = with_control(lab.plan)
+    parts = []
+    for sitting, last in enumerate((1, 9, 4, None)):
+        go_on = lab.resume if sitting else lab.begin
+        if last is None:
+            assert go_on().finished
+        else:
+            with pytest.raises(Crash):
+                go_on(ask={last: Crash()})
+        parts.append([what for what in lab.responder.told if isinstance(what, Part)])
+    assert parts == [
+        [Part.AUDIBILITY],
+        [Part.AUDIBILITY, Part.WARM_UP, Part.MAIN],
+        [Part.WARM_UP, Part.MAIN, Part.CONTROL],
+        [Part.CONTROL],
+    ]
+
+
+def test_none_is_an_answer_with_the_fingers_off_the_plate_and_no_displacement_is_told(
+    lab: Lab,
+) -> None:
+    lab.plan = with_control(lab.plan)
+    assert lab.begin(ask=dict.fromkeys(range(1, 10), ("none", 0.5))).finished
+    for row in lab.rows:
+        control = row.kind == "control"
+        assert row.response == ("none" if control else "invalid")
+        if control:
+            assert (row.peak_left_um, row.displacement_basis) == (None, None)
+            assert 160.0 in {row.level_left_vpp, row.level_right_vpp}
+            assert row.correct is False
+
+
+def test_a_simulated_participant_feels_nothing_with_the_fingers_off_the_plate(
+    tmp_path: Path, make_study: Callable[[str], Study], short_study_text: str
+) -> None:
+    people = "[simulation]\nthreshold_vpp = 30\ncrosstalk_db = -30\n"
+    lab = Lab(make_study(short_study_text + people), tmp_path)
+    lab.plan = with_control(lab.plan)
+    setting = replace(lab.setting(), responder=simulated_responder(lab.study, lab.plan, lab.clock))
+    assert begin(lab.folder, lab.plan, setting).finished
+    answers = [row.response for row in lab.rows if row.kind == "control"]
+    assert len(answers) == 4
+    assert answers.count("none") >= 2
+
+
+@pytest.mark.parametrize("call", ["begin", "introduce"])
+def test_a_participant_may_stop_at_the_welcome_and_before_a_part(lab: Lab, call: str) -> None:
+    script: dict[str, Mapping[int, object]] = {call: {1: False}}
+    assert not lab.begin(**script).finished
+    assert lab.rows == ()
+    assert lab.responder.calls["end"] == 1
+    assert lab.resume().finished
+
+
+# --- killed at every line -------------------------------------------------------------------------
+
+
+def test_killed_after_any_line_of_a_lively_session_it_is_resumed_and_loses_nothing(
+    make_study: Callable[[str], Study], short_study_text: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(Scripted, "simulated", False)
+    study = make_study(short_study_text)
+    kills = 0
+    while True:
+        lab = Lab(study, tmp_path / str(kills))
+        lab.plan = with_control(lab.plan)
+        lab.noise = FakeNoise()
+        kills += 1
+        lively: dict[str, Mapping[int, object]] = {
+            "begin": {1: partial(lab.requests.note, "late")},
+            "ask": {2: lab.noise.lose, 4: lab.requests.pause},
+            "wait": {3: lab.noise.lose, 5: "left"},
+        }
+        try:
+            with lab.killed_after(lines=kills):
+                assert lab.begin(**lively).finished
+        except Crash:
+            before = lab.rows
+            assert lab.resume().finished
+            assert lab.rows[: len(before)] == before
+        else:
+            break
+        numbers = range(1, len(lab.plan.trials) + 1)
+        for number in numbers:
+            attempts = [row for row in lab.rows if row.trial == number]
+            assert [row.attempt for row in attempts] == list(range(1, len(attempts) + 1))
+            assert [row.status for row in attempts].count("ok") == 1
+            assert attempts[-1].status == "ok"
+            assert attempts[-1].noise_ok is True
+        assert {row.status for row in lab.rows if row.noise_ok is False} <= {"voided", "aborted"}
+    assert kills > 5 * len(lab.plan.trials)
