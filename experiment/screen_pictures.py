@@ -1,0 +1,177 @@
+"""Pictures for a participant: the plate and the fingers on or off it, keys, how far it has come."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from experiment.screen_window import BACKGROUND, DIM, FOREGROUND
+
+if TYPE_CHECKING:
+    from experiment.presentation import Keys
+    from experiment.responder import Progress
+    from experiment.screen_window import Stage
+
+PLATE = "#6f8fa8"
+DISC = "#c9a227"
+SKIN = "#d9b99b"
+FELT = "#ff8c42"
+_TURN_OF = {"right": 0.0, "down": 90.0, "left": 180.0, "up": 270.0}
+_ARROW = ((-0.5, 0.12), (0.1, 0.12), (0.1, 0.35), (0.5, 0.0),
+          (0.1, -0.35), (0.1, -0.12), (-0.5, -0.12))  # fmt: skip
+_FELT_AT = {"left": (-1,), "right": (1,), "both": (-1, 1), "none": ()}
+_NAMES = {"return": "Enter", "escape": "Esc"}
+WIDEST_PANEL = 0.36
+"""Width of one answer's picture where there is room."""
+
+
+class Artist:
+    """Draws on a stage.
+
+    Parameters
+    ----------
+    stage : Stage
+        Where.
+    keys : Keys
+        Which keys mean which answer.
+    """
+
+    def __init__(self, stage: Stage, keys: Keys) -> None:
+        self._stage = stage
+        self._keys = keys
+
+    def placement(
+        self, answers: tuple[str, ...], *, middle: float, hands_off: bool = False
+    ) -> list[Any]:
+        """Draw, for each answer in a row, the fingers, what is felt, and the key beside it.
+
+        Parameters
+        ----------
+        answers : tuple of str
+            Of ``left``, ``right``, ``both``, ``none``.
+        middle : float
+            Height of the row's middle.
+        hands_off : bool
+            Whether the fingers are lifted off the plate.
+        """
+        width = min(WIDEST_PANEL, 1.9 * self._stage.half_width / len(answers))
+        drawings = []
+        for i, answer in enumerate(answers):
+            x = width * (i - (len(answers) - 1) / 2)
+            drawings += self._plate(answer, (x, middle), 0.8 * width, hands_off=hands_off)
+            drawings += self._caps(answer, (x, middle - 0.62 * width), width)
+        return drawings
+
+    def bar(self, progress: Progress, *, middle: float) -> list[Any]:
+        """Draw how far the session has come."""
+        width, height = 1.2 * self._stage.half_width, 0.03
+        filled = width * progress.done / max(1, progress.planned)
+        frame = self._box((0.0, middle), (width, height), line=DIM)
+        if not filled:
+            return [frame]
+        inner = self._box(((filled - width) / 2, middle), (filled, height), fill=PLATE)
+        return [inner, frame]
+
+    def _plate(
+        self, answer: str, at: tuple[float, float], width: float, *, hands_off: bool
+    ) -> list[Any]:
+        x, y = at
+        drawings = [self._box((x, y), (width, 0.22 * width), fill=PLATE)]
+        for side in (-1, 1):
+            disc = (x + side * 0.27 * width, y)
+            felt = side in _FELT_AT[answer]
+            drawings.append(self._disc(disc, 0.08 * width, fill=DISC))
+            if felt:
+                drawings += [self._disc(disc, radius * width, line=FELT) for radius in (0.15, 0.19)]
+            tip = y - 0.27 * width if hands_off else y
+            drawings += self._finger((disc[0], tip), width, fill=FELT if felt and not hands_off else SKIN)
+        return drawings
+
+    def _finger(self, tip: tuple[float, float], width: float, *, fill: str) -> list[Any]:
+        x, y = tip
+        return [
+            self._box((x, y - 0.12 * width), (0.1 * width, 0.24 * width), fill=fill),
+            self._disc((x, y), 0.05 * width, fill=fill),
+        ]
+
+    def _caps(self, answer: str, at: tuple[float, float], width: float) -> list[Any]:
+        """Draw the keys of an answer beside one another."""
+        keys: tuple[str, ...] = getattr(self._keys, answer)
+        side = min(0.2 * width, 0.9 * width / len(keys))
+        drawings = []
+        for i, key in enumerate(keys):
+            x = at[0] + 1.15 * side * (i - (len(keys) - 1) / 2)
+            drawings += self._cap(key, (x, at[1]), side, alone=len(keys) == 1)
+        return drawings
+
+    def _cap(self, key: str, at: tuple[float, float], side: float, *, alone: bool) -> list[Any]:
+        width = 3 * side if key == "space" and alone else side
+        frame = self._box(at, (width, side), line=FOREGROUND)
+        if key in _TURN_OF:
+            return [frame, self._arrow(at, 0.7 * side, _TURN_OF[key])]
+        if key == "space":
+            bar = self._box(
+                (at[0], at[1] - 0.2 * side), (0.6 * width, 0.08 * side), fill=FOREGROUND
+            )
+            return [frame, bar]
+        label = _NAMES.get(key, key.upper() if len(key) == 1 else key)
+        height = min(0.6 * side, 1.4 * side / len(label))
+        return [
+            frame,
+            *self._stage.lines((label,), top=at[1] + 0.75 * height, height=height, x=at[0]),
+        ]
+
+    def _box(
+        self,
+        at: tuple[float, float],
+        size: tuple[float, float],
+        *,
+        fill: str | None = None,
+        line: str | None = None,
+    ) -> Any:
+        from psychopy.visual import Rect
+
+        return Rect(
+            self._stage.window,
+            width=size[0],
+            height=size[1],
+            pos=at,
+            fillColor=fill,
+            lineColor=line,
+            lineWidth=2,
+            autoLog=False,
+        )
+
+    def _disc(
+        self,
+        at: tuple[float, float],
+        radius: float,
+        *,
+        fill: str | None = None,
+        line: str | None = None,
+    ) -> Any:
+        from psychopy.visual import Circle
+
+        return Circle(
+            self._stage.window,
+            radius=radius,
+            edges=48,
+            pos=at,
+            fillColor=fill,
+            lineColor=line,
+            lineWidth=2,
+            autoLog=False,
+        )
+
+    def _arrow(self, at: tuple[float, float], size: float, turn_deg: float) -> Any:
+        from psychopy.visual import ShapeStim
+
+        return ShapeStim(
+            self._stage.window,
+            vertices=_ARROW,
+            size=size,
+            ori=turn_deg,
+            pos=at,
+            fillColor=FOREGROUND,
+            lineColor=BACKGROUND,
+            autoLog=False,
+        )

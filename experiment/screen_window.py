@@ -1,0 +1,250 @@
+"""The participant's window: opened, or refused in one line; what is drawn on it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING, Any
+
+from experiment.screen_text import as_drawn, wrapped
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from experiment.presentation import Screen
+
+BACKGROUND = "#202020"
+FOREGROUND = "#e8e8e8"
+DIM = "#909090"
+PITCH = 1.5
+"""Distance of two lines, in heights of a line."""
+
+
+class NoScreenError(ValueError):
+    """A participant cannot be shown anything here."""
+
+
+def require_python(version: tuple[int, int]) -> None:
+    """Refuse a Python for which there is no PsychoPy.
+
+    Examples
+    --------
+    >>> require_python((3, 13))
+    Traceback (most recent call last):
+    experiment.screen_window.NoScreenError: --responder screen needs Python 3.11 or 3.12 ...
+    """
+    if version >= (3, 13):
+        raise NoScreenError(
+            "--responder screen needs Python 3.11 or 3.12, for which PsychoPy exists; got "
+            f"Python {version[0]}.{version[1]}; --responder terminal runs on this one"
+        )
+
+
+def require_display(system: str, display: str | None) -> None:
+    """Refuse a Linux process that no X server was named to.
+
+    Examples
+    --------
+    >>> require_display("linux", ":0")
+    >>> require_display("linux", None)
+    Traceback (most recent call last):
+    experiment.screen_window.NoScreenError: --responder screen needs a display; DISPLAY is ...
+    """
+    if system == "linux" and not display:
+        raise NoScreenError(
+            "--responder screen needs a display; DISPLAY is not set: start it from a graphical "
+            "session, or use --responder terminal"
+        )
+
+
+def open_window(screen: Screen) -> Any:
+    """Open a PsychoPy window.
+
+    Raises
+    ------
+    NoScreenError
+        Without PsychoPy, a display, or that screen; nothing is opened then.
+    """
+    require_python(sys.version_info[:2])
+    require_display(sys.platform, os.environ.get("DISPLAY"))
+    visual = _visual()
+    _require_screen(screen.index)
+    return visual.Window(
+        size=(screen.width_px, screen.height_px),
+        fullscr=screen.full_screen,
+        screen=screen.index,
+        allowGUI=not screen.full_screen,
+        units="height",
+        color=BACKGROUND,
+        checkTiming=False,
+        winType="pyglet",
+    )
+
+
+def _visual() -> Any:
+    """Import what draws; PsychoPy asks for the display on import."""
+    try:
+        import psychtoolbox  # noqa: F401 - without it PsychoPy reads keys another way
+        from psychopy import logging
+
+        logging.console.setLevel(logging.ERROR)
+        from psychopy import visual
+    except ImportError as error:
+        raise NoScreenError(
+            f'--responder screen needs PsychoPy: pip install "tactstrip[screen]"; got {error}'
+        ) from error
+    except Exception as error:
+        if type(error).__name__ != "NoSuchDisplayException":  # pyglet's, not importable without
+            raise
+        raise NoScreenError(
+            f"--responder screen needs a display; {os.environ['DISPLAY']} does not answer: check "
+            "DISPLAY, or use --responder terminal"
+        ) from error
+    return visual
+
+
+def _require_screen(index: int) -> None:
+    """Refuse a screen that is not there: PsychoPy would take the first one without a word."""
+    import pyglet
+
+    found = len(pyglet.canvas.get_display().get_screens())
+    if index >= found:
+        raise NoScreenError(
+            f"screen.index must be below {found}, the number of screens; got {index}"
+        )
+
+
+class Stage:
+    """A window to draw on: heights are in units of the window's, the middle is (0, 0).
+
+    Parameters
+    ----------
+    screen : Screen
+        Which window, and how large its texts are.
+
+    Attributes
+    ----------
+    window : psychopy.visual.Window
+        The window.
+    half_width : float
+        Half its width.
+    closed : bool
+        Whether somebody closed it.
+    focused : bool
+        Whether keys are meant for it, as far as the system tells.
+    """
+
+    def __init__(self, screen: Screen) -> None:
+        self.window: Any = open_window(screen)
+        self._screen = screen
+        width_px, height_px = self.window.size
+        self.half_width = float(width_px) / float(height_px) / 2
+        self._height_px = float(height_px)
+        self.closed = False
+        self.focused = True
+        self._shown: tuple[Any, ...] = ()
+        self._exposed = False
+        handle = self.window.winHandle
+        handle.set_caption("tactstrip")
+        handle.on_close = self._note_close
+        handle.on_activate = self._note_focus
+        handle.on_deactivate = self._note_no_focus
+        handle.on_expose = self._note_exposed
+        self.take_focus()
+
+    def _note_close(self) -> None:
+        self.closed = True
+
+    def _note_focus(self) -> None:
+        self.focused = True
+
+    def _note_no_focus(self) -> None:
+        self.focused = False
+
+    def _note_exposed(self) -> None:
+        self._exposed = True
+
+    @property
+    def has_font(self) -> bool:
+        """Whether the font of the texts is installed."""
+        import pyglet
+
+        return bool(pyglet.font.have_font(self._screen.font))
+
+    def take_focus(self) -> None:
+        """Ask the system for the keyboard."""
+        self.window.winHandle.activate()
+
+    def poll(self) -> None:
+        """Let the system tell what happened to the window; draw anew what was covered."""
+        if self.closed:
+            return
+        self.window.winHandle.dispatch_events()
+        if self._exposed:
+            self.show(self._shown)
+
+    def show(self, drawings: Iterable[Any]) -> None:
+        """Draw and flip."""
+        if self.closed:
+            return
+        self._shown = tuple(drawings)
+        for drawing in self._shown:
+            drawing.draw()
+        self.window.flip()
+        self._exposed = False
+
+    def close(self) -> None:
+        """Close the window."""
+        self.window.close()
+
+    def broken(self, text: str, *, width: float, height: float | None = None) -> tuple[str, ...]:
+        """Break a text into lines of at most `width`, in reading order."""
+        return wrapped(text, self._fits(width, height or self._screen.text_height))
+
+    def _fits(self, width: float, height: float) -> Callable[[str], bool]:
+        import pyglet
+
+        # the size that TextStim takes for this height
+        size_pt = int(height * self._height_px * 0.75)
+        font = pyglet.font.load(self._screen.font, size_pt, dpi=96)
+        widest_px = width * self._height_px
+
+        def fits(line: str) -> bool:
+            drawn = as_drawn(line, right_to_left=self._screen.right_to_left)
+            return bool(sum(glyph.advance for glyph in font.get_glyphs(drawn)) <= widest_px)
+
+        return fits
+
+    def lines(
+        self,
+        lines: Iterable[str],
+        *,
+        top: float,
+        color: str = FOREGROUND,
+        height: float | None = None,
+        x: float = 0.0,
+    ) -> list[Any]:
+        """Return drawings of lines below one another, each centred at `x`, the first at `top`."""
+        from psychopy import visual
+
+        height = height or self._screen.text_height
+        return [
+            visual.TextStim(
+                self.window,
+                text=as_drawn(line, right_to_left=self._screen.right_to_left),
+                font=self._screen.font,
+                height=height,
+                pos=(x, top - PITCH * height * (i + 0.5)),
+                color=color,
+                wrapWidth=10 * self.half_width,
+                autoLog=False,
+            )
+            for i, line in enumerate(lines)
+            if line
+        ]
+
+    def centred(self, text: str, *, middle: float, color: str = FOREGROUND) -> list[Any]:
+        """Return drawings of a text around a height."""
+        lines = self.broken(text, width=1.8 * self.half_width)
+        top = middle + PITCH * self._screen.text_height * len(lines) / 2
+        return self.lines(lines, top=top, color=color)
