@@ -44,7 +44,7 @@ reaction_time_spread = 0
 
 
 @contextlib.contextmanager
-def _emulator(*options: str) -> Iterator[str]:
+def emulator(*options: str) -> Iterator[str]:
     """Run an emulator and give its port."""
     command = [*COMMAND, "emulate", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -112,13 +112,13 @@ def _trial_s(folder: Path, port: str) -> tuple[float, float]:
 
 def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
-    with _emulator("--pty") as port:
+    with emulator("--pty") as port:
         pty = _times(port)
-    with _emulator("--tcp", "0") as port:
+    with emulator("--tcp", "0") as port:
         tcp = _times(port)
-    with _emulator("--pty", "--baud", str(BAUD)) as port:
+    with emulator("--pty", "--baud", str(BAUD)) as port:
         wire = _times(port)
-    with tempfile.TemporaryDirectory() as name, _emulator("--pty") as port:
+    with tempfile.TemporaryDirectory() as name, emulator("--pty") as port:
         trial_s, waits_s = _trial_s(Path(name), port)
     rows = [
         f"| {label} | {times.ping_s * 1e3:.2f} ms | {times.fire_s * 1e3:.2f} ms | "

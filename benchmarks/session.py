@@ -1,13 +1,26 @@
-"""What a trial costs beside the participant's time: engine alone, and a whole simulated session."""
+"""What a session costs beside the participant's time: trial, way to the wire, waiting, view."""
 
 from __future__ import annotations
 
+import contextlib
+import json
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from benchmarks.link import COMMAND, STUDY, emulator
+from benchmarks.timing import duration
 from experiment.draw import draw_plan
 from experiment.engine import step, upcoming
 from experiment.felt_gains import study_gains
@@ -16,9 +29,16 @@ from experiment.steps import Armed, Continued, Elapsed, Fired, Key, Phase, State
 from experiment.study import paper_study
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from experiment.gains import ConditionGains
     from experiment.plan import Plan
 
+ROOT = Path(__file__).parent.parent
+SILENT = '[masking]\nnoise = "none"\n'
+PATIENT_DESIGN = "response_window_s = 60\n"
+WAIT_S = 10.0
+PATIENCE_S = 30.0
 REPEATS = 20
 
 
@@ -54,6 +74,165 @@ def _session_s(trials: int, gains: tuple[ConditionGains, ...]) -> float:
         return (time.perf_counter() - start) / trials
 
 
+def _study(folder: Path, more_design: str = "") -> Path:
+    """Write a short study without noise."""
+    path = folder / "study.toml"
+    text = STUDY.replace("[design]\n", "[design]\n" + more_design)
+    path.write_text(SILENT + text, encoding="utf-8")
+    return path
+
+
+def _path_facts() -> dict[str, Any]:
+    """Return what `session_path` finds in a session over an emulator behind a pty."""
+    with tempfile.TemporaryDirectory() as name, emulator("--pty") as port:
+        folder = Path(name)
+        result = folder / "result.json"
+        options = ["--participant", "01", "--responder", "simulated", "--seed", "7"]
+        link = ["--out", str(folder / "out"), "--driver", "serial", "--port", port]
+        module = [sys.executable, "-m", "benchmarks.session_path", str(result)]
+        subprocess.run(
+            [*module, str(_study(folder)), *options, *link],
+            check=True,
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+        )
+        found: dict[str, Any] = json.loads(result.read_text("utf-8"))
+        return found
+
+
+@contextlib.contextmanager
+def _terminal() -> Iterator[tuple[int, int]]:
+    """Give the two ends of a terminal: the person's, the program's."""
+    far, near = pty.openpty()
+    try:
+        yield far, near
+    finally:
+        os.close(far)
+        os.close(near)
+
+
+def _read_all(far: int, over: threading.Event) -> None:
+    while not over.is_set():
+        if select.select([far], [], [], 0.1)[0]:
+            os.read(far, 65536)
+
+
+def _view_facts() -> dict[str, Any]:
+    """Return what `session_view` finds on a terminal of its own."""
+    over = threading.Event()
+    with tempfile.TemporaryDirectory() as name, _terminal() as (far, near):
+        result = Path(name) / "result.json"
+        reader = threading.Thread(target=_read_all, args=(far, over))
+        reader.start()
+        try:
+            subprocess.run(
+                [sys.executable, "-m", "benchmarks.session_view", str(result)],
+                check=True,
+                cwd=ROOT,
+                stdin=near,
+                stdout=near,
+                env=os.environ | {"TERM": "xterm"},
+            )
+        finally:
+            over.set()
+            reader.join()
+        found: dict[str, Any] = json.loads(result.read_text("utf-8"))
+        return found
+
+
+def _until_asked(far: int) -> None:
+    """Read a terminal until the session awaits an answer there."""
+    seen, until_s = b"", time.monotonic() + PATIENCE_S
+    while b" ?" not in seen:
+        if not select.select([far], [], [], max(0.0, until_s - time.monotonic()))[0]:
+            raise TimeoutError(f"no answer was asked for; got {seen!r}")
+        seen += os.read(far, 4096)
+
+
+def _processor_s(pid: int) -> float:
+    """Return the processor time of a process so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _waiting() -> str:
+    """Return the share of a processor that a session takes while it awaits an answer."""
+    if not Path("/proc/self/stat").exists():
+        return "not measured"
+    with (
+        tempfile.TemporaryDirectory() as name,
+        emulator("--pty") as port,
+        _terminal() as (far, near),
+    ):
+        study, out = _study(Path(name), PATIENT_DESIGN), str(Path(name) / "out")
+        link = ["--responder", "terminal", "--driver", "serial", "--port", port, "--out", out]
+        command = [*COMMAND, "run", str(study), "--participant", "01", *link]
+        with subprocess.Popen(
+            command, cwd=ROOT, stdin=near, stdout=near, stderr=near, start_new_session=True
+        ) as process:
+            try:
+                _until_asked(far)
+                before_s = _processor_s(process.pid)
+                time.sleep(WAIT_S)
+                share = (_processor_s(process.pid) - before_s) / WAIT_S
+            finally:
+                process.send_signal(signal.SIGTERM)
+    return f"{share:.1%}"
+
+
+def _spread(times_s: Sequence[float]) -> str:
+    """Return median, 99th percentile and greatest of some times, as cells of a table."""
+    figures = np.percentile(times_s, [50, 99, 100])
+    return " | ".join(duration(float(figure)) for figure in figures)
+
+
+def _storage_words(path: dict[str, Any]) -> str:
+    calls = (
+        f"From the first byte of FIRE to the answer, over {path['awaited']} trials: "
+        f"{path['opened']} files opened, {path['written_awaited']} calls of write or fsync to a "
+        f"file ({path['written_all']} in the whole session)"
+    )
+    if path["bytes_all"] is None:
+        return f"{calls}."
+    others = path["bytes_all"] - path["bytes_awaited"]
+    return (
+        f"{calls}, {path['bytes_awaited']} bytes to or from storage by any thread as the system "
+        f"counts them ({others} in the rest of the same trials)."
+    )
+
+
+def _session_lines() -> list[str]:
+    path, view, waiting = _path_facts(), _view_facts(), _waiting()
+    return [
+        "## Session",
+        "",
+        (
+            "`run` over a pty with the emulator in a process of its own. Screen flips are not "
+            "measured here."
+        ),
+        "",
+        "| what | median | 99 % | greatest |",
+        "|---|---|---|---|",
+        f"| decision to fire, to first byte on the line | {_spread(path['fire_to_byte_s'])} |",
+        (
+            "| end of the foreperiod, to the same byte: journal with fsync, level, arm | "
+            f"{_spread(path['arm_to_byte_s'])} |"
+        ),
+        f"| `OperatorView.show` | {_spread(view['show_s'])} |",
+        f"| a sleep of 1 ms is late by, without a view | {_spread(view['late_bare_s'])} |",
+        f"| ... beside a view that is drawn all the time | {_spread(view['late_beside_s'])} |",
+        f"| ... beside a view while an answer is awaited | {_spread(view['late_answer_s'])} |",
+        "",
+        _storage_words(path),
+        "",
+        (
+            f"Share of one processor, over {WAIT_S:g} s: a session that awaits an answer at the "
+            f"terminal {waiting}, the operator's view beside one {view['idle']:.1%} more."
+        ),
+        "",
+    ]
+
+
 def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
     plan = draw_plan(paper_study(), participant="01", session="01", seed=1)
@@ -78,5 +257,6 @@ def section() -> str:
                 f"trials.csv | {session_s * 1e6:.0f} us |"
             ),
             "",
+            *_session_lines(),
         ]
     )
