@@ -33,6 +33,7 @@ class NoiseWatch:
         self._noise = noise
         self._journal = journal
         self._noted: tuple[bool | None, int] = (None, 0)
+        self._loss: NoiseHealth | None = None
         self.ok: bool | None = None
         self.trouble = ""
 
@@ -55,13 +56,19 @@ class NoiseWatch:
         return self._noise.health().words
 
     def note(self) -> None:
-        """Journal its health where it changed; never between an onset and its answer."""
-        health = self._noise.health()
-        if (health.ok, health.underruns) == self._noted:
-            return
-        self._noted = (health.ok, health.underruns)
-        facts = {"words": health.words, "frames": health.frames, "underruns": health.underruns}
-        self._journal.append("noise_status", {"ok": health.ok, **facts})
+        """Journal its health where it changed; never between an onset and its answer.
+
+        A loss is journaled even if it is over: a gap shows only in the first health after it.
+        """
+        losses = () if self._loss is None else (self._loss,)
+        self._loss = None
+        for health in (*losses, self._noise.health()):
+            if (health.ok, health.underruns) != self._noted:
+                self._noted = (health.ok, health.underruns)
+                facts = {"frames": health.frames, "underruns": health.underruns}
+                self._journal.append(
+                    "noise_status", {"ok": health.ok, "words": health.words, **facts}
+                )
 
     def start_again(self) -> bool:
         """Start it after it was lost; tell whether that could be done, and journal why not."""
@@ -81,5 +88,6 @@ class NoiseWatch:
     def _asked(self) -> NoiseHealth:
         health = self._noise.health()
         if health.ok is False:
+            self._loss = health
             self.trouble = f"masking noise: {health.words}; put it right, then go on"
         return health

@@ -676,6 +676,29 @@ def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
     assert lab.monitor.seen[-1].message == ""
 
 
+def test_a_gap_that_is_over_voids_its_trial_and_stays_on_record(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.noise = FakeNoise()
+    health, gaps = lab.noise.health, 0
+
+    def health_since_last_asked() -> NoiseHealth:
+        found = replace(health(), underruns=gaps)
+        lab.noise.ok = True
+        return found
+
+    def gap() -> None:
+        nonlocal gaps
+        lab.noise.ok, gaps = False, gaps + 1
+
+    monkeypatch.setattr(lab.noise, "health", health_since_last_asked)
+    assert lab.begin(ask={2: gap}, cue={4: gap}).finished
+    # one in an answer window, one in a foreperiod
+    assert [s for _, _, s in lab.statuses()] == ["ok", "voided", "ok", "aborted", *["ok"] * 3]
+    told = [(e.facts["ok"], e.facts["underruns"]) for e in lab.entries("noise_status")]
+    assert told == [(True, 0), (False, 1), (True, 1), (False, 2), (True, 2)]
+
+
 def test_noise_that_never_plays_again_pauses_until_the_session_is_stopped(lab: Lab) -> None:
     lab.noise = FakeNoise()
     assert not lab.begin(ask={2: lab.noise.lose_for_good}, pause={4: False}).finished
