@@ -24,7 +24,8 @@ LOOK_EVERY_S: Final = 0.1
 _TIMED: Final = (Phase.ARMING, Phase.FIRING, Phase.ANSWER)
 """Nothing is drawn here unless the operator types: a reaction time is being measured."""
 
-_RESTING: Final = (Phase.PAUSED, Phase.BREAK)
+_RUNNING: Final = (Phase.READY, Phase.FOREPERIOD, *_TIMED)
+"""Here nothing waits for somebody to say that it goes on."""
 
 
 class OperatorView:
@@ -155,10 +156,10 @@ class OperatorView:
             signal.signal(signal.SIGTSTP, mine)
 
     def _go_on(self) -> bool:
-        """End a pause or break, and tell whether there is one: a wish is not kept for the next."""
+        """End what waits for it, and tell whether anything does: a wish is not kept for later."""
         status = self._status
-        resting = status is not None and status.phase in _RESTING
-        if resting or self._requests.paused:
+        waits = status is not None and status.phase not in _RUNNING
+        if waits or self._requests.paused:
             self._requests.go_on()
             return True
         return False
