@@ -71,7 +71,9 @@ class Probe:
         counts = dict(line.split(": ") for line in text.splitlines())
         return int(counts["read_bytes"]) + int(counts["write_bytes"])
 
-    def step(self, state: steps.State, event: steps.Event) -> engine.Change:
+    def step(
+        self, state: steps.State, event: steps.Event
+    ) -> tuple[steps.State, tuple[steps.Effect, ...]]:
         """Ask the engine; note when it has decided to arm or to fire."""
         after, effects = engine.step(state, event)
         now_s = time.perf_counter()
