@@ -110,7 +110,7 @@ finally:
 """A program with nothing but the view beside it; what became of it goes into a file."""
 
 SESSION = """
-import json, sys, time
+import sys
 from pathlib import Path
 from device.clock import MonotonicClock
 from device.mock import DEVICE_LIMITS, MockDevice
@@ -118,9 +118,10 @@ from experiment.archive import SessionFolder
 from experiment.conduct import Setting, begin
 from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
-from experiment.operator import Requests, Status
+from experiment.operator import Requests
 from experiment.operator_view import OperatorView
-from experiment.responder import ESCAPE, Press
+from experiment.responder import Press
+from experiment.silence import SilentNoise
 from experiment.study import read_study
 from experiment.study_check import check_study
 
@@ -130,35 +131,27 @@ class Scripted:
     simulated = True
     def begin(self, progress): return True
     def introduce(self, part, progress): return True
-    def cue(self, progress): self.show("foreperiod", progress)
+    def cue(self, progress): pass
     def wait(self, until_s): clock.wait(max(0.0, until_s - clock.now_s()))
     def feedback(self, *, correct): pass
     def end(self, progress, *, finished): pass
-    def show(self, phase, progress):
-        self.view.show(Status(phase=phase, done=progress.done, planned=progress.planned, block=1,
-            blocks=2, left_s=30.0, noise="plays", device="ready", message="", tallies={}))
     def ask(self, question):
-        until_s = clock.now_s() + 0.3
-        while clock.now_s() < until_s:
-            clock.wait(0.02)
-        if requests.paused:
-            return Press(ESCAPE, clock.now_s())
+        clock.wait(0.4)
         return Press("left", clock.now_s())
     def pause(self, progress, *, paused, minimum_s):
-        self.show("paused" if paused else "break", progress)
         while not requests.take_go_on():
             clock.wait(0.02)
         return True
 
-responder = Scripted()
 study = read_study(Path(sys.argv[1]))
 plan = draw_plan(study, participant="01", session="01", seed=1, gains=check_study(study).gains)
 folder = SessionFolder(Path(sys.argv[2]), "01", "01")
 device = MockDevice(clock, limits=DEVICE_LIMITS)
-with stop.on_signals(), OperatorView(requests, stop) as responder.view:
-    setting = Setting(device=device, responder=responder, clock=clock, stop=stop)
+with stop.on_signals(), OperatorView(requests, stop) as view:
+    setting = Setting(device=device, responder=Scripted(), noise=SilentNoise("none"), clock=clock,
+                      stop=stop, requests=requests, monitor=view)
     ending = begin(folder, plan, setting)
-print("finished" if ending.finished else "stopped early", requests.notes())
+print("finished" if ending.finished else "stopped early")
 """
 """A whole session over the mock device; nobody answers, but the operator's keys are real."""
 
@@ -488,18 +481,20 @@ def test_a_whole_session_heeds_the_operators_keys(tmp_path: Path, quick_study_te
     with Terminal(SESSION, str(study_path), str(tmp_path / "results")) as terminal:
         terminal.expect("0 of 5 trials done")
         terminal.type("p")
-        terminal.expect("0 of 5 trials done   block 1 of 2   paused")
+        terminal.expect("1 of 5 trials done   block 1 of 2   paused")
+        assert terminal.screen.has("no noise is played")
         terminal.type("ncup moved\rr")
-        terminal.expect("3 of 5 trials done   block 1 of 2   break")
+        terminal.expect("3 of 5 trials done   block 2 of 2   break")
         terminal.type("r")
         terminal.expect("4 of 5 trials done")
         terminal.type("sy")
-        terminal.ended()
-        assert "stopped early ('cup moved',)" in terminal.seen
+        terminal.until(lambda: "stopped early" in terminal.seen)
         assert termios.tcgetattr(terminal.near) == terminal.settings
-    table = (tmp_path / "results" / "sub-01" / "ses-01" / "trials.csv").read_text("utf-8")
-    assert table.count(",ok,") == 4
-    assert table.count(",voided,") == 2
+    folder = tmp_path / "results" / "sub-01" / "ses-01"
+    assert (folder / "trials.csv").read_text("utf-8").count(",ok,") == 4
+    journal = (folder / "journal.jsonl").read_text("utf-8")
+    assert '"event":"note"' in journal
+    assert "cup moved" in journal
 
 
 def nothing() -> None:
