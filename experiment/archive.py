@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
-import re
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock, Timeout
@@ -20,71 +16,27 @@ from experiment.journal import (
     read_journal,
     sync_folder,
 )
+from experiment.keeping import TEMPORARY, ArchiveError, check_identifier, write_atomically
+from experiment.participants import NO_FACTS, Fact, check_facts, enter_person, read_people
 from experiment.plan import Plan, PlanError, plan_from_json
-from experiment.record import NOT_AVAILABLE, trials_csv
+from experiment.record import trials_csv
 from experiment.replay import replay
+from experiment.study import study_from_canonical
+from experiment.tombstone import refuse_withdrawn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from experiment.replay import History
 
-_TEMPORARY = ".tmp"
-_TOTALS = "all"
-"""What the analysis calls its rows of totals: nobody's name."""
-_IDENTIFIER = re.compile(r"[A-Za-z0-9]{1,32}")
-
-
-class ArchiveError(ValueError):
-    """A session's folder that is there and must not be, or the other way round."""
-
-
-def check_identifier(name: str, value: str) -> str:
-    """Return a participant's or session's identifier.
-
-    Raises
-    ------
-    ArchiveError
-        Unless it consists of 1 to 32 letters a-z, A-Z and digits, and is not ``all``.
-    """
-    if not _IDENTIFIER.fullmatch(value) or value == _TOTALS:
-        raise ArchiveError(
-            f"{name} must be 1 to 32 letters (a-z, A-Z) or digits, and not {_TOTALS!r}; "
-            f"got {value!r}"
-        )
-    return value
-
-
-def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
-    """Write a file so that it is either there as a whole or as it was before.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written; the former file, if any, is unchanged then.
-    """
-    try:
-        _write_and_replace(path, text, durable=durable)
-    except OSError as error:
-        error.filename = str(path)
-        raise
-    if durable:
-        sync_folder(path.parent)
-
-
-def _write_and_replace(path: Path, text: str, *, durable: bool) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_TEMPORARY, dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+__all__ = [
+    "ArchiveError",
+    "SessionFolder",
+    "check_identifier",
+    "session_folders",
+    "write_atomically",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,12 +51,15 @@ class SessionFolder:
         Identifiers, 1 to 32 letters or digits.
     durable : bool
         Whether files are on the disk when a method returns; a simulation has nothing to lose.
+    facts : tuple of Fact
+        What is known of the participant, for participants.tsv.
     """
 
     root: Path
     participant: str
     session: str
     durable: bool = True
+    facts: tuple[Fact, ...] = NO_FACTS
 
     def __post_init__(self) -> None:
         check_identifier("participant", self.participant)
@@ -146,7 +101,7 @@ class SessionFolder:
         except Timeout as error:
             raise ArchiveError(f"{self.path}: another process is running this session") from error
         try:
-            for left_over in self.path.glob(f".*{_TEMPORARY}"):
+            for left_over in self.path.glob(f".*{TEMPORARY}"):
                 left_over.unlink()
             yield
         finally:
@@ -158,8 +113,9 @@ class SessionFolder:
         Raises
         ------
         ArchiveError
-            If there is a plan or a journal.
+            If there is a plan or a journal, or the person withdrew.
         """
+        refuse_withdrawn(self.root, self.participant)
         if self.plan_path.exists() or self.journal_path.exists():
             raise ArchiveError(
                 f"{self.path}: this session exists already; nothing was changed. Go on with it by "
@@ -174,13 +130,17 @@ class SessionFolder:
         Raises
         ------
         ArchiveError
-            If the session exists already.
+            If the session exists already, or a fact of the participant is not one that the study
+            declares or differs from what is known.
         """
         self.refuse_existing()
-        _read_participants(self.root)
+        columns = study_from_canonical(plan.study).participant_columns
+        check_facts(columns, self.facts)
+        names = [column.name for column in columns]
+        read_people(self.root).with_person(self.participant, names, self.facts)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
         write_atomically(self.path / "header.json", header_text, durable=self.durable)
-        _enter_participant(self.root, self.participant, durable=self.durable)
+        enter_person(self.root, self.participant, columns, self.facts, durable=self.durable)
         write_atomically(self.plan_path, plan.to_json(), durable=self.durable)
         if self.durable:
             sync_folder(self.path.parent)
@@ -259,31 +219,6 @@ def _read_plan(path: Path) -> Plan:
         return plan_from_json(path.read_text(encoding="utf-8"))
     except (PlanError, UnicodeDecodeError) as error:
         raise PlanError(f"{path}: {error}") from error
-
-
-def _read_participants(root: Path) -> list[list[str]]:
-    """Return the cells of participants.tsv, at least its heading."""
-    path = root / "participants.tsv"
-    if not path.exists():
-        return [["participant_id"]]
-    try:
-        table = [line.split("\t") for line in path.read_text(encoding="utf-8").splitlines()]
-    except UnicodeDecodeError as error:
-        raise ArchiveError(f"{path}: must be UTF-8; got {error}") from error
-    if not table or table[0][0] != "participant_id":
-        raise ArchiveError(f"{path}:1: the first column must be participant_id")
-    return table
-
-
-def _enter_participant(root: Path, participant: str, *, durable: bool) -> None:
-    with FileLock(root / ".participants.lock"):
-        table = _read_participants(root)
-        name = f"sub-{participant}"
-        if name in (row[0] for row in table):
-            return
-        table.append([name, *[NOT_AVAILABLE] * (len(table[0]) - 1)])
-        text = "".join("\t".join(row) + "\n" for row in table)
-        write_atomically(root / "participants.tsv", text, durable=durable)
 
 
 def session_folders(root: Path) -> list[SessionFolder]:
