@@ -23,6 +23,7 @@ COMMANDS = {
     "devices": ("device.commands", "devices", "List what answers on ports and sound cards."),
     "emulate": ("device.commands", "emulate", "Emulate a device on a port, for tests."),
     "export": ("experiment.commands_data", "export", "Build trials.csv anew from the journals."),
+    "withdraw": ("experiment.commands_data", "withdraw", "Remove a person's data."),
 }
 """Command: the module and the name where it is defined, and what the help says of it."""
 

@@ -71,6 +71,7 @@ def test_every_command_is_listed_with_its_help() -> None:
         ["dry-run", "--participants", "0"],
         ["analyze", "nowhere"],
         ["export", "nowhere"],
+        ["withdraw", "nowhere", "--participant", "01"],
     ],
 )
 def test_bad_input_is_one_line_on_stderr_and_exit_2(

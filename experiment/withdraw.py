@@ -1,0 +1,222 @@
+"""A person's withdrawal: their folders and their row go, a tombstone stays.
+
+The order is such that an interruption at any point leaves either everything, or a tombstone that
+says that the removal has begun, and the removal can be run again:
+
+1. the tombstone is written, ``removed`` being false; from here on the identifier is refused,
+2. the person's folder is moved, in one step, to where nothing reads it,
+3. the row in participants.tsv goes,
+4. the moved folder is deleted,
+5. the tombstone says ``removed``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from filelock import FileLock, Timeout
+
+from experiment.journal import sync_folder
+from experiment.keeping import ArchiveError, check_identifier
+from experiment.participants import FILE_NAME, read_people, remove_person
+from experiment.tombstone import (
+    FOLDER,
+    Tombstone,
+    read_tombstone,
+    tombstone_path,
+    write_tombstone,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Person:
+    """What a study's folder holds of a person.
+
+    Attributes
+    ----------
+    root : Path
+        The study's folder.
+    participant : str
+        The identifier.
+    sessions : tuple of str
+        Names of the folders in the person's folder.
+    files : int
+        How many files there are in it.
+    in_table : bool
+        Whether participants.tsv has a row for the person.
+    tombstone : Tombstone or None
+        The mark of an earlier withdrawal.
+    """
+
+    root: Path
+    participant: str
+    sessions: tuple[str, ...]
+    files: int
+    in_table: bool
+    tombstone: Tombstone | None
+
+    @property
+    def folder(self) -> Path:
+        """The person's folder."""
+        return self.root / f"sub-{self.participant}"
+
+    @property
+    def grave(self) -> Path:
+        """Where the folder is moved before it is deleted."""
+        return self.root / FOLDER / f"sub-{self.participant}.removing"
+
+    @property
+    def gone(self) -> bool:
+        """Whether the person was removed, and nothing came back."""
+        done = self.tombstone is not None and self.tombstone.removed
+        there = self.in_table or self.folder.exists() or self.grave.exists()
+        return done and not there
+
+    @property
+    def known(self) -> tuple[Path, ...]:
+        """What needs no search: what is removed, and what is written about it."""
+        tombstone = tombstone_path(self.root, self.participant)
+        return (self.folder, self.grave, tombstone, self.root / FILE_NAME)
+
+
+def look_up(root: Path, participant: str) -> Person:
+    """Tell what there is of a person.
+
+    Raises
+    ------
+    ArchiveError
+        If nothing is there, if one of the places is a symbolic link, or the person's folder holds
+        one: what it points to would stay.
+    """
+    check_identifier("participant", participant)
+    if not root.is_dir():
+        raise ArchiveError(f"{root}: there is no such folder")
+    for path in (root / FILE_NAME, root / FOLDER, tombstone_path(root, participant)):
+        _refuse_link(path)
+    folder = root / f"sub-{participant}"
+    there = folder.name in _names(root)
+    person = Person(
+        root=root,
+        participant=participant,
+        sessions=_names(folder) if there and _real_folder(folder) else (),
+        files=_count_files(folder) if there else 0,
+        in_table=read_people(root).row_of(participant) is not None,
+        tombstone=read_tombstone(root, participant),
+    )
+    if person.grave.exists():
+        _real_folder(person.grave)
+    if not there and not person.in_table and person.tombstone is None:
+        raise ArchiveError(f"{root}: there is no participant {participant} here")
+    return person
+
+
+def _names(folder: Path) -> tuple[str, ...]:
+    """List what is in a folder: on some systems, asking for ``sub-a`` finds ``sub-A``."""
+    return tuple(sorted(path.name for path in folder.iterdir()))
+
+
+def _real_folder(folder: Path) -> bool:
+    _refuse_link(folder)
+    if not folder.is_dir():
+        raise ArchiveError(f"{folder}: must be a folder; nothing was changed")
+    return True
+
+
+def _refuse_link(path: Path) -> None:
+    if path.is_symlink():
+        raise ArchiveError(
+            f"{path}: must not be a symbolic link, whose target would stay; nothing was changed"
+        )
+
+
+def _count_files(folder: Path) -> int:
+    """Count the files of a folder and refuse links among them."""
+    count = 0
+    for place, folders, files in os.walk(folder, onerror=_raise):
+        for name in (*folders, *files):
+            _refuse_link(folder / place / name)
+        count += len(files)
+    return count
+
+
+def _raise(error: OSError) -> None:
+    raise error
+
+
+@contextlib.contextmanager
+def held(person: Person) -> Iterator[contextlib.ExitStack]:
+    """Hold all sessions of a person, so that none runs; yields what holds them.
+
+    Raises
+    ------
+    ArchiveError
+        If a session is being run.
+    """
+    with contextlib.ExitStack() as locks:
+        for name in person.sessions:
+            if not (person.folder / name).is_dir():
+                continue
+            try:
+                locks.enter_context(FileLock(person.folder / name / ".lock", timeout=0))
+            except Timeout as error:
+                raise ArchiveError(
+                    f"{person.folder / name}: another process is running this session; "
+                    "nothing was changed"
+                ) from error
+        yield locks
+
+
+def remove(person: Person, locks: contextlib.ExitStack, *, today: str) -> Tombstone:
+    """Remove a person whose sessions are held.
+
+    Parameters
+    ----------
+    person : Person
+        What `look_up` found.
+    locks : ExitStack
+        What `held` yielded.
+    today : str
+        The day, as YYYY-MM-DD in UTC.
+
+    Returns
+    -------
+    Tombstone
+        What stays. A withdrawal that was interrupted keeps its first day.
+
+    Raises
+    ------
+    ArchiveError
+        If something changed since `look_up`; nothing is changed then.
+    """
+    again = look_up(person.root, person.participant)
+    if again.sessions != person.sessions:
+        raise ArchiveError(f"{person.folder}: it changed meanwhile; nothing was changed")
+    day = person.tombstone.withdrawn if person.tombstone else today
+    begun = Tombstone(participant=person.participant, withdrawn=day, removed=False)
+    write_tombstone(person.root, begun)
+    _delete(person.grave)
+    if person.folder.exists():
+        if os.name == "nt":  # which moves no folder with an open file in it
+            locks.close()
+        person.folder.rename(person.grave)
+        sync_folder(person.grave.parent)
+        sync_folder(person.root)
+    remove_person(person.root, person.participant)
+    _delete(person.grave)
+    done = Tombstone(participant=person.participant, withdrawn=day, removed=True)
+    write_tombstone(person.root, done)
+    return done
+
+
+def _delete(folder: Path) -> None:
+    if folder.exists():
+        shutil.rmtree(folder)
+        sync_folder(folder.parent)
