@@ -22,7 +22,7 @@ COMMANDS = {
     "field": ("experiment.commands_field", "field", "Draw the displacement of a study's plate."),
     "devices": ("device.commands", "devices", "List what answers on ports and sound cards."),
     "emulate": ("device.commands", "emulate", "Emulate a device on a port, for tests."),
-    "export": ("experiment.commands_data", "export", "Build trials.csv anew from the journals."),
+    "export": ("experiment.commands_data", "export", "Build trials.csv anew, or a BIDS data set."),
     "withdraw": ("experiment.commands_data", "withdraw", "Remove a person's data."),
 }
 """Command: the module and the name where it is defined, and what the help says of it."""

@@ -81,6 +81,57 @@ foreperiod_s = [0.01, 0.02]
 """
 
 
+HALT_AT = """
+import os, sys, time
+from pathlib import Path
+steps, calls = int(sys.argv[1]), 0
+def counted(function):
+    def call(*args, **kwargs):
+        global calls
+        calls += 1
+        if calls == steps:
+            print("halted", flush=True)
+            time.sleep(600)
+        return function(*args, **kwargs)
+    return call
+from tactstrip import main
+for name in ("unlink", "rmdir", "fsync", "mkdir"):
+    setattr(os, name, counted(getattr(os, name)))
+for name in ("replace", "rename"):
+    setattr(Path, name, counted(getattr(Path, name)))
+try:
+    main(sys.argv[2:])
+finally:
+    print("calls", calls, flush=True)
+"""
+"""A command that halts before its n-th change of the disk."""
+
+
+@pytest.fixture
+def kill_at() -> Callable[..., int | None]:
+    """Run a command, killed before its n-th change of the disk; returns how many, if it ended."""
+
+    def run(step: int, *arguments: str, typed: str = "") -> int | None:
+        with subprocess.Popen(
+            [sys.executable, "-c", HALT_AT, str(step), *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        ) as process:
+            _pipe(process.stdin).write(typed)
+            _pipe(process.stdin).flush()
+            for line in _pipe(process.stdout):
+                if line == "halted\n":
+                    process.kill()
+                    return None
+                if line.startswith("calls "):
+                    return int(line.split()[1])
+        raise AssertionError(arguments)
+
+    return run
+
+
 @pytest.fixture
 def short_study_text() -> str:
     """A study file of five trials in two blocks."""
