@@ -17,7 +17,14 @@ from experiment.journal import (
     sync_folder,
 )
 from experiment.keeping import TEMPORARY, ArchiveError, check_identifier, write_atomically
-from experiment.participants import NO_FACTS, Fact, check_facts, enter_person, read_people
+from experiment.participants import (
+    NO_FACTS,
+    Fact,
+    check_facts,
+    enter_person,
+    participant_facts,
+    read_people,
+)
 from experiment.plan import Plan, PlanError, plan_from_json
 from experiment.record import trials_csv
 from experiment.replay import replay
@@ -34,6 +41,7 @@ __all__ = [
     "ArchiveError",
     "SessionFolder",
     "check_identifier",
+    "participant_facts",
     "session_folders",
     "write_atomically",
 ]

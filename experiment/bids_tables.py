@@ -169,7 +169,11 @@ def _duration_s(row: TrialRow, durations_s: Mapping[str, float]) -> float | None
 
 
 def tsv(lines: Iterable[Sequence[str]]) -> str:
-    """Write cells with tabs between them, one line a row."""
+    r"""Write cells with tabs between them, one line a row.
+
+    >>> tsv([("name", "size"), ("plate", '1" thick')])
+    'name\tsize\nplate\t1" thick\n'
+    """
     text = io.StringIO()
     csv.writer(
         text, "excel-tab", lineterminator="\n", quoting=csv.QUOTE_NONE, quotechar=None
@@ -178,7 +182,11 @@ def tsv(lines: Iterable[Sequence[str]]) -> str:
 
 
 def json_text(contents: Mapping[str, object]) -> str:
-    """Write a sidecar."""
+    r"""Write a sidecar, any script as it is.
+
+    >>> json_text({"TaskName": "días"})
+    '{\n  "TaskName": "días"\n}\n'
+    """
     return json.dumps(contents, ensure_ascii=False, indent=2) + "\n"
 
 
@@ -195,6 +203,13 @@ def events_sidecar(
         Which version of this program ran it, where that is known.
     simulated : bool
         Whether the participant is a simulation, which nobody instructed.
+
+    Examples
+    --------
+    >>> from experiment.study import paper_study
+    >>> sidecar = events_sidecar(paper_study(), software_version=None, simulated=True)
+    >>> sidecar["condition"]["Levels"]
+    {'main': 'frequency_hz 500, cycles 1, window none'}
     """
     facts = {
         "TaskName": study.name,
@@ -236,6 +251,12 @@ def dataset_description(name: str, dataset: Dataset, *, version: str) -> dict[st
         What the study says of it.
     version : str
         Version of this program.
+
+    Examples
+    --------
+    >>> from experiment.dataset import Dataset
+    >>> list(dataset_description("A title", Dataset(license="CC0"), version="1"))
+    ['Name', 'BIDSVersion', 'DatasetType', 'Authors', 'License', 'GeneratedBy']
     """
     facts = {
         "License": dataset.license,
@@ -260,7 +281,11 @@ BIDS_VERSION: Final = "1.10.0"
 
 
 def participants_sidecar(columns: Iterable[ParticipantColumn]) -> dict[str, Any]:
-    """List what participants.json says of each column."""
+    """List what participants.json says of each column.
+
+    >>> list(participants_sidecar([]))
+    ['participant_id']
+    """
     described: dict[str, Any] = {ID_COLUMN: {"Description": "Participant's identifier"}}
     for column in columns:
         described[column.name] = {"Description": column.description}

@@ -37,6 +37,12 @@ class Tombstone:
     ------
     ArchiveError
         If a value is no identifier or no day.
+
+    Examples
+    --------
+    >>> Tombstone(participant="07", withdrawn="yesterday", removed=True)
+    Traceback (most recent call last):
+    experiment.keeping.ArchiveError: withdrawn must be a day YYYY-MM-DD; got 'yesterday'
     """
 
     participant: str
@@ -52,7 +58,12 @@ class Tombstone:
 
 
 def tombstone_path(root: Path, participant: str) -> Path:
-    """Return where a person's tombstone stands."""
+    """Return where a person's tombstone stands.
+
+    >>> from pathlib import Path
+    >>> tombstone_path(Path("results"), "07").as_posix()
+    'results/withdrawn/sub-07.json'
+    """
     return root / FOLDER / f"sub-{participant}.json"
 
 

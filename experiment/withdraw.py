@@ -95,6 +95,13 @@ def look_up(root: Path, participant: str) -> Person:
     ArchiveError
         If nothing is there, if one of the places is a symbolic link, or the person's folder holds
         one: what it points to would stay.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> look_up(Path("."), "../07")
+    Traceback (most recent call last):
+    experiment.keeping.ArchiveError: participant must be 1 to 32 letters (a-z, A-Z) or digits, ...
     """
     check_identifier("participant", participant)
     if not root.is_dir():
