@@ -83,7 +83,9 @@ class Artist:
             if felt:
                 drawings += [self._disc(disc, radius * width, line=FELT) for radius in (0.15, 0.19)]
             tip = y - 0.27 * width if hands_off else y
-            drawings += self._finger((disc[0], tip), width, fill=FELT if felt and not hands_off else SKIN)
+            drawings += self._finger(
+                (disc[0], tip), width, fill=FELT if felt and not hands_off else SKIN
+            )
         return drawings
 
     def _finger(self, tip: tuple[float, float], width: float, *, fill: str) -> list[Any]:

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import pytest
 
-from device.audio import AudioDevice, Callback
+from device.audio import AudioDevice
 from device.clock import Clock, MonotonicClock, VirtualClock
 from device.core import DeviceCore
 from device.counts import to_codes, to_microseconds, to_millivolts
@@ -44,6 +44,7 @@ from device.messages import Arm, Levels, Load
 from device.mock import MockDevice
 from device.output import Emission, OutputStage
 from device.serial_link import open_channel
+from device.sound import Callback
 from device.states import State
 from device.tokens import Exchange, Record, delivery
 
