@@ -18,6 +18,7 @@ from experiment.exits import (
     require_fit,
 )
 from experiment.hardware_options import confirmed, hardware_options
+from experiment.sitting import RESPONDERS, Sitting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,10 +27,13 @@ if TYPE_CHECKING:
     from experiment.archive import SessionFolder
     from experiment.conduct import Ending
     from experiment.interrupts import StopSignal
+    from experiment.noise_player import NoisePlayer
+    from experiment.operator import Monitor, Requests
     from experiment.plan import Plan
     from experiment.responder import Responder
     from experiment.rig import Rig
     from experiment.safety import Confirmation
+    from experiment.sitting import ResponderName
     from experiment.study import Study
 
 
@@ -47,11 +51,12 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--responder",
-    type=click.Choice(["terminal", "simulated"]),
+    type=click.Choice(RESPONDERS),
     default="terminal",
     show_default=True,
-    help="Who answers.",
+    help="Who answers: a person in front of a window, one at this terminal, or nobody.",
 )
+@click.option("--operator", metavar="NAME", help="Who runs the session, for its header.")
 @hardware_options
 @click.option(
     "--levels",
@@ -74,7 +79,8 @@ def run(
     participant: str,
     session: str,
     out: Path,
-    responder: str,
+    responder: ResponderName,
+    operator: str | None,
     driver: str | None,
     port: str | None,
     confirm_hardware: bool,
@@ -91,11 +97,12 @@ def run(
     from experiment.archive import SessionFolder
     from experiment.conduct import Setting, begin, resume
     from experiment.interrupts import StopSignal
+    from experiment.operator import Requests
     from experiment.rig import assemble
-    from experiment.silence import SilentNoise
     from experiment.study import read_levels, study_from_canonical
 
-    stop = StopSignal()
+    stop, requests = StopSignal(), Requests()
+    sitting = Sitting(responder=responder, operator=operator)
     with stop.on_signals():
         folder = SessionFolder(out, participant, session)
         levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
@@ -105,19 +112,27 @@ def run(
         else:
             plan = _new_plan(folder, study_file, seed, levels_vpp, driver)
         study = study_from_canonical(plan.study)
-        rig = assemble(study, driver=driver, port=port, simulated=responder == "simulated")
+        simulated = responder == "simulated"
+        rig = assemble(study, driver=driver, port=port, simulated=simulated)
         with device_failures():
             confirmation = _confirmed(rig, stop, given=confirm_hardware)
-        with _responder(responder, study, plan, rig.clock) as someone, _failures():
+        with (
+            _failures(),
+            _responder(responder, study, plan, rig.clock, requests=requests, stop=stop) as someone,
+            _monitor(responder, requests, stop) as monitor,
+        ):
             setting = Setting(
                 device=rig.device,
                 responder=someone,
-                noise=SilentNoise(study.masking.noise),
+                noise=_noise(study, rig.clock, simulated=simulated),
                 clock=rig.clock,
                 stop=stop,
                 resume_anyway=resume_anyway,
                 confirmation=confirmation,
                 tell=click.echo,
+                requests=requests,
+                monitor=monitor,
+                sitting=sitting,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)
@@ -187,12 +202,15 @@ def _plan_to_resume(
 
 @contextlib.contextmanager
 def _failures() -> Iterator[None]:
-    """Give failures of device and disk their exit codes."""
+    """Give failures of device, noise and disk their exit codes."""
     from experiment.journal import JournalWriteError
+    from experiment.noise_player import NoiseError
 
     try:
         with device_failures():
             yield
+    except NoiseError as error:
+        raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
     except JournalWriteError as error:
         raise CommandError(
             f"{error}; what is recorded is safe: make room, then go on with --resume",
@@ -200,19 +218,58 @@ def _failures() -> Iterator[None]:
         ) from error
 
 
+def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
+    from experiment.masking import noise_player
+
+    return noise_player(study.masking, clock, simulated=simulated)
+
+
 @contextlib.contextmanager
-def _responder(name: str, study: Study, plan: Plan, clock: Clock) -> Iterator[Responder]:
+def _responder(
+    name: ResponderName,
+    study: Study,
+    plan: Plan,
+    clock: Clock,
+    *,
+    requests: Requests,
+    stop: StopSignal,
+) -> Iterator[Responder]:
     if name == "simulated":
         from experiment.simulate import simulated_responder
 
         yield simulated_responder(study, plan, clock)
+    elif name == "screen":
+        from experiment.screen import ScreenResponder
+
+        with ScreenResponder(
+            clock,
+            responses=plan.responses,
+            screen=study.screen,
+            keys=study.keys,
+            texts=study.texts,
+            requests=requests,
+            stop=stop,
+        ) as person:
+            yield person
     else:
         from experiment.terminal import TerminalResponder
 
-        if study.masking.noise != "none":
-            click.echo(f"Note: {study.masking.noise} noise is not played by this program yet.")
-        with TerminalResponder(clock, responses=plan.responses) as responder:
-            yield responder
+        with TerminalResponder(clock, responses=plan.responses) as person_here:
+            yield person_here
+
+
+@contextlib.contextmanager
+def _monitor(name: ResponderName, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
+    """Show the operator how it goes, unless the terminal is the participant's."""
+    if name == "terminal":
+        from experiment.conduct import NobodyLooks
+
+        yield NobodyLooks()
+    else:
+        from experiment.operator_view import OperatorView
+
+        with OperatorView(requests, stop) as view:
+            yield view
 
 
 def _report(ending: Ending, plan: Plan) -> None:

@@ -12,6 +12,7 @@ from experiment.operator import Requests
 from experiment.resumption import refuse_another_place, settle
 from experiment.safety import require_confirmed
 from experiment.session import Session
+from experiment.sitting import Sitting
 from experiment.stimulus import require_suitable
 from experiment.study import study_from_canonical
 
@@ -71,6 +72,8 @@ class Setting:
         What the operator asks for while it runs.
     monitor : Monitor
         Is shown how it stands.
+    sitting : Sitting
+        Who answers and who operates, for the record.
     """
 
     device: BurstDevice
@@ -83,6 +86,7 @@ class Setting:
     tell: Callable[[str], object] = _tell_nobody
     requests: Requests = field(default_factory=Requests)
     monitor: Monitor = field(default_factory=NobodyLooks)
+    sitting: Sitting = field(default_factory=Sitting)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +240,7 @@ def _enter(
     if not history.opening:
         journal.append("session_open", opening(plan, identity, setting), sync=True)
         return
-    journal.append("session_resume", resuming(identity, setting), sync=True)
+    journal.append("session_resume", resuming(study, plan, identity, setting), sync=True)
     if history.open_trial is not None:
         same_boot = history.open_trial.boot_id == identity.boot_id
         settle(history.open_trial, study, journal, setting.device, same_boot=same_boot)

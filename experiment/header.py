@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from experiment.plan import Plan
     from experiment.study import Study
 
-_UNKNOWN_YET = ("calibration", "consent_version", "operator", "screen")
-
 
 def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
     """List what is worth knowing of a session and is not part of the plan."""
@@ -30,6 +28,7 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "schema": 1,
         "begun": datetime.now(UTC).isoformat(timespec="seconds"),
         **opening(plan, identity, setting),
+        **setting.sitting.header(study, plan),
         "device_identity": asdict(identity),
         "device_cannot": list(setting.device.cannot),
         "hardware_confirmed": _confirmed(setting, identity),
@@ -41,7 +40,7 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "platform": platform.platform(),
         "python": platform.python_version(),
         "versions": {name: version(name) for name in ("tactstrip", "numpy")},
-        **dict.fromkeys(_UNKNOWN_YET, NOT_AVAILABLE),
+        "calibration": NOT_AVAILABLE,
     }
 
 
@@ -56,10 +55,14 @@ def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
     }
 
 
-def resuming(identity: Identity, setting: Setting) -> dict[str, Any]:
+def resuming(study: Study, plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
     """List what the first journal line of a later sitting says."""
-    confirmed = {"hardware_confirmed": _confirmed(setting, identity)}
-    return place(identity) | confirmed | noise_facts(setting.noise.facts)
+    return {
+        **place(identity),
+        **setting.sitting.facts(study, plan),
+        "hardware_confirmed": _confirmed(setting, identity),
+        **noise_facts(setting.noise.facts),
+    }
 
 
 def place(identity: Identity) -> dict[str, Any]:

@@ -31,7 +31,7 @@ _ANSWER_OF = {
     b"n": "none",
     _ESCAPE_KEY: ESCAPE,
 }
-_KEY_NAMES = {
+KEY_NAMES = {
     "left": "left arrow or l",
     "right": "right arrow or r",
     "both": "down arrow or b",
@@ -83,7 +83,7 @@ class TerminalResponder:
 
         self._settings = termios.tcgetattr(self._input)
         tty.setcbreak(self._input)
-        lines = [f"  {response:<6} {_KEY_NAMES[response]}" for response in self._responses]
+        lines = [f"  {response:<6} {KEY_NAMES[response]}" for response in self._responses]
         self._say(
             "Lay one finger on each actuator. Answer where you felt the stimulus:",
             *lines,
