@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import secrets
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,6 +58,13 @@ if TYPE_CHECKING:
     help="Who answers: a person in front of a window, one at this terminal, or nobody.",
 )
 @click.option("--operator", metavar="NAME", help="Who runs the session, for its header.")
+@click.option(
+    "--fact",
+    "facts",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Of the participant, for a column that the study declares; may be given several times.",
+)
 @hardware_options
 @click.option(
     "--levels",
@@ -81,6 +89,7 @@ def run(
     out: Path,
     responder: ResponderName,
     operator: str | None,
+    facts: tuple[str, ...],
     driver: str | None,
     port: str | None,
     confirm_hardware: bool,
@@ -94,7 +103,7 @@ def run(
     Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
     in any way goes on with --resume.
     """
-    from experiment.archive import SessionFolder
+    from experiment.archive import SessionFolder, participant_facts
     from experiment.conduct import Setting, begin, resume
     from experiment.interrupts import StopSignal
     from experiment.operator import Requests
@@ -104,14 +113,21 @@ def run(
     stop, requests = StopSignal(), Requests()
     sitting = Sitting(responder=responder, operator=operator)
     with stop.on_signals():
+        if responder == "screen":
+            from experiment.screen_window import require_window
+
+            require_window()
         folder = SessionFolder(out, participant, session)
         levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
         resuming = resuming or resume_anyway
         if resuming:
-            plan = _plan_to_resume(folder, study_file, seed, levels_vpp)
+            plan = _plan_to_resume(folder, study_file, seed, levels_vpp, facts)
         else:
             plan = _new_plan(folder, study_file, seed, levels_vpp, driver)
         study = study_from_canonical(plan.study)
+        if facts:
+            columns = study.participant_columns
+            folder = replace(folder, facts=participant_facts(columns, facts))
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
         with device_failures():
@@ -179,12 +195,18 @@ def _plan_to_resume(
     study_file: Path,
     seed: int | None,
     levels_vpp: tuple[float, ...] | None,
+    facts: tuple[str, ...],
 ) -> Plan:
     """Return the session's plan; refuse options that say otherwise than it does."""
     from experiment.study import study_from_canonical
     from experiment.study_recorded import is_recorded
 
     plan = folder.read_plan()
+    if facts:
+        raise CommandError(
+            f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
+            "correct participants.tsv while no session runs"
+        )
     if not is_recorded(study_file, plan):
         raise CommandError(
             f"STUDY is not the study that this session was begun with; got {study_file}, of "

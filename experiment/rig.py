@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from device.driver import BurstDevice
-    from experiment.equipment import DriverName
+    from experiment.equipment import DriverName, Masking
     from experiment.study_values import DeviceSettings, Study
 
 MOCK: Final = "mock"
@@ -118,6 +118,8 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
     """
     settings = chosen_settings(study.device, driver=driver, port=port)
     require_complete(settings)
+    if not simulated:
+        _require_another_card(settings, study.masking)
     real = settings.driver != MOCK or not simulated
     clock = MonotonicClock() if real else VirtualClock()
     return Rig(device=_device(study, settings, clock), clock=clock, settings=settings)
@@ -145,6 +147,17 @@ def require_complete(settings: DeviceSettings) -> None:
             raise StudyError(
                 f"device.{key} is missing: the driver {settings.driver} needs it{hint}"
             )
+
+
+def _require_another_card(settings: DeviceSettings, masking: Masking) -> None:
+    """Refuse masking noise on the sound card that drives the actuators."""
+    if settings.driver != "audio" or masking.noise == "none":
+        return
+    if masking.sound_card in {"", settings.port}:
+        raise StudyError(
+            "masking.sound_card must be named and another one than the actuators', "
+            f"{settings.port!r}; got {masking.sound_card!r}"
+        )
 
 
 def _device(study: Study, settings: DeviceSettings, clock: Clock) -> BurstDevice:

@@ -57,6 +57,19 @@ def require_display(system: str, display: str | None) -> None:
         )
 
 
+def require_window() -> None:
+    """Refuse a machine on which no window can be opened; nothing is opened.
+
+    Raises
+    ------
+    NoScreenError
+        Without PsychoPy, the Python that it needs, or a display.
+    """
+    require_python(sys.version_info[:2])
+    require_display(sys.platform, os.environ.get("DISPLAY"))
+    _visual()
+
+
 def open_window(screen: Screen) -> Any:
     """Open a PsychoPy window.
 
@@ -65,8 +78,7 @@ def open_window(screen: Screen) -> Any:
     NoScreenError
         Without PsychoPy, a display, or that screen; nothing is opened then.
     """
-    require_python(sys.version_info[:2])
-    require_display(sys.platform, os.environ.get("DISPLAY"))
+    require_window()
     visual = _visual()
     _require_screen(screen.index)
     return visual.Window(

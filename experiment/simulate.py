@@ -12,10 +12,10 @@ from experiment.conduct import Setting, begin
 from experiment.draw import draw_plan
 from experiment.felt_gains import study_gains
 from experiment.interrupts import StopSignal
+from experiment.masking import SilentNoise
 from experiment.observer import draw_observer
 from experiment.responder import Press
 from experiment.rig import mock_device
-from experiment.silence import SilentNoise
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -190,7 +190,7 @@ def simulate_study(
         setting = Setting(
             device=mock_device(study, clock),
             responder=simulated_responder(study, plan, clock),
-            noise=SilentNoise(study.masking.noise),
+            noise=SilentNoise(study.masking),
             clock=clock,
             stop=StopSignal(),
         )

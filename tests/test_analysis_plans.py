@@ -21,9 +21,9 @@ from experiment.archive import SessionFolder
 from experiment.conduct import Setting, begin
 from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
+from experiment.masking import SilentNoise
 from experiment.record import format_value
 from experiment.rig import mock_device
-from experiment.silence import SilentNoise
 from experiment.simulate import simulate_study, simulated_responder
 from experiment.study import study_from_canonical
 
@@ -151,7 +151,7 @@ def test_placed_levels_make_no_other_study(results: Path, tmp_path: Path) -> Non
     setting = Setting(
         device=mock_device(study, clock),
         responder=simulated_responder(study, plan, clock),
-        noise=SilentNoise(study.masking.noise),
+        noise=SilentNoise(study.masking),
         clock=clock,
         stop=StopSignal(),
     )

@@ -38,8 +38,8 @@ from experiment.conduct import Setting, begin
 from experiment.draw import draw_plan
 from experiment.felt_gains import study_gains
 from experiment.interrupts import StopSignal
+from experiment.masking import SilentNoise
 from experiment.rig import mock_device
-from experiment.silence import SilentNoise
 from experiment.simulate import simulated_responder
 from experiment.stimulus import host_limits
 from experiment.study import paper_study
@@ -684,7 +684,7 @@ def test_a_paper_session_gives_the_same_answers_as_the_mock(tmp_path: Path) -> N
         setting = Setting(
             device=device,
             responder=simulated_responder(study, plan, clock),
-            noise=SilentNoise(study.masking.noise),
+            noise=SilentNoise(study.masking),
             clock=clock,
             stop=StopSignal(),
         )

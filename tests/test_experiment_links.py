@@ -548,3 +548,12 @@ def test_options_of_a_device_need_the_device(tmp_path: Path) -> None:
     result = invoke("check", study_file(tmp_path, QUICK), "--port", "p")
     assert result.exit_code == 2
     assert "need --device" in result.stderr
+
+
+def test_noise_on_the_actuators_sound_card_is_refused() -> None:
+    text = 'masking = { noise = "pink", sound_card = "pulse" }\n'
+    device = '[device]\ndriver = "audio"\nport = "pulse"\nvolts_full_scale = 125\n'
+    study = make_study(text + device)
+    with pytest.raises(StudyError, match="masking.sound_card must be named and another one"):
+        assemble(study, driver=None, port=None, simulated=False)
+    assert assemble(study, driver=None, port=None, simulated=True).settings.driver == "audio"

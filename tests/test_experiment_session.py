@@ -20,9 +20,9 @@ from experiment.conduct import Setting, begin
 from experiment.draw import draw_plan
 from experiment.interrupts import StopSignal
 from experiment.journal import read_journal
+from experiment.masking import SilentNoise
 from experiment.replay import replay
 from experiment.rig import mock_device
-from experiment.silence import SilentNoise
 from experiment.simulate import simulated_responder
 from tactstrip import main
 
@@ -561,7 +561,7 @@ def test_a_session_of_the_first_version_is_resumed_and_exported(
     setting = Setting(
         device=mock_device(study, clock),
         responder=responder,
-        noise=SilentNoise("pink"),
+        noise=SilentNoise(study.masking),
         clock=clock,
         stop=stop,
     )
