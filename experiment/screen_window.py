@@ -31,7 +31,7 @@ def require_python(version: tuple[int, int]) -> None:
     --------
     >>> require_python((3, 13))
     Traceback (most recent call last):
-    experiment.screen_window.NoScreenError: --responder screen needs Python 3.11 or 3.12 ...
+    experiment.screen_window.NoScreenError: --responder screen needs Python 3.11 or 3.12, ...
     """
     if version >= (3, 13):
         raise NoScreenError(
