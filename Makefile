@@ -12,7 +12,7 @@ setup:  ## make .venv with everything that development needs
 check:  ## format, lint, types, import directions, tests with doctests
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
-	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery
+	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens
 	.venv/bin/lint-imports
 	$(PYTHON) -m pytest -q
 

@@ -106,21 +106,18 @@ class Artist:
         return drawings
 
     def _cap(self, key: str, at: tuple[float, float], side: float, *, alone: bool) -> list[Any]:
-        width = 3 * side if key == "space" and alone else side
+        label = _NAMES.get(key, key.upper() if len(key) == 1 else key.removeprefix("num_"))
+        wide = alone and key not in _TURN_OF and len(label) > 1
+        width = 3 * side if wide else side
         frame = self._box(at, (width, side), line=FOREGROUND)
         if key in _TURN_OF:
             return [frame, self._arrow(at, 0.7 * side, _TURN_OF[key])]
         if key == "space":
-            bar = self._box(
-                (at[0], at[1] - 0.2 * side), (0.6 * width, 0.08 * side), fill=FOREGROUND
-            )
-            return [frame, bar]
-        label = _NAMES.get(key, key.upper() if len(key) == 1 else key)
-        height = min(0.6 * side, 1.4 * side / len(label))
-        return [
-            frame,
-            *self._stage.lines((label,), top=at[1] + 0.75 * height, height=height, x=at[0]),
-        ]
+            place = (at[0], at[1] - 0.2 * side)
+            return [frame, self._box(place, (0.6 * width, 0.08 * side), fill=FOREGROUND)]
+        height = min(0.6 * side, 1.4 * width / len(label))
+        top = at[1] + 0.75 * height
+        return [frame, *self._stage.lines((label,), top=top, height=height, x=at[0])]
 
     def _box(
         self,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from benchmarks import field, hard_cases, skipping, stability, timing
+from benchmarks import field, hard_cases, screen, skipping, stability, timing
 from benchmarks.exact import exact
 from benchmarks.plate_fem import direct, modal, model
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
@@ -91,3 +91,8 @@ def test_a_timed_run_is_told_its_number() -> None:
     seen: list[int] = []
     timing.median_s(seen.append, 3)
     assert seen == [0, 1, 2, 3]
+
+
+def test_a_window_section_says_why_it_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.version_info", (3, 13, 0))
+    assert "Not measured: --responder screen needs Python 3.11 or 3.12" in screen.section()

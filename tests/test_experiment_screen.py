@@ -12,6 +12,7 @@ import statistics
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,10 +21,22 @@ from experiment.archive import SessionFolder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
 
 REQUIRED = os.environ.get("TACTSTRIP_SCREEN") == "required"
 LONGEST_S = 40.0
+SHORT = """
+[design]
+levels_vpp = [80, 160]
+trials_per_side = 1
+both_trials = 1
+foreperiod_s = [0.3, 0.4]
+
+[masking]
+noise = "none"
+
+[burst]
+window = "hann"
+"""
 STUDY = """
 [design]
 levels_vpp = [80, 160]
@@ -42,6 +55,7 @@ noise = "none"
 [burst]
 window = "hann"
 """
+TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()")
 WINDOW = """
 [screen]
 full_screen = false
@@ -63,12 +77,27 @@ def display(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]
         pytest.skip(reason)
     home = tmp_path_factory.mktemp("home")
     read, write = os.pipe()
-    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x720x24", "-nolisten", "tcp"]
+    command = [
+        "Xvfb",
+        "-displayfd",
+        str(write),
+        "-screen",
+        "0",
+        "1280x720x24",
+        "-nolisten",
+        "tcp",
+        "-noreset",
+    ]
     with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
         os.close(write)
         with os.fdopen(read) as told:
             number = told.readline().strip()
-        yield os.environ | {"DISPLAY": f":{number}", "HOME": str(home), "OPENBLAS_NUM_THREADS": "1"}
+        yield os.environ | {
+            "DISPLAY": f":{number}",
+            "HOME": str(home),
+            "OPENBLAS_NUM_THREADS": "1",
+            "PYTHONFAULTHANDLER": "1",
+        }
         server.terminate()
 
 
@@ -82,7 +111,7 @@ class Sitting:
         self.seen: list[dict[str, object]] = []
         self._process: subprocess.Popen[str] | None = None
         self.study = root / "study.toml"
-        self.study.write_text(STUDY, encoding="utf-8")
+        self.study.write_text(STUDY + WINDOW, encoding="utf-8")
 
     @property
     def folder(self) -> SessionFolder:
@@ -96,9 +125,8 @@ class Sitting:
     def start(self, *more: str) -> None:
         self.seen = self.journal()
         self._process = subprocess.Popen(
-            [sys.executable, "-c", "from tactstrip import main; main()", "run", str(self.study), "--participant", "01",
-             "--responder", "screen", "--driver", "mock", "--out", str(self.root / "results"),
-             *more],
+            [*TACTSTRIP, "run", str(self.study), "--participant", "01", "--responder", "screen",
+             "--driver", "mock", "--out", str(self.root / "results"), *more],
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -110,6 +138,18 @@ class Sitting:
         now_s = time.time()
         subprocess.run(["xdotool", *words], env=self.environment, check=True)
         return now_s
+
+    def focus(self, name: str) -> None:
+        """Give the keyboard to a window."""
+        from Xlib import X, display
+
+        server = display.Display(self.environment["DISPLAY"])
+        root = server.screen().root
+        found = [window for window in root.query_tree().children if window.get_wm_name() == name]
+        (found[0] if found else root).set_input_focus(X.RevertToParent, X.CurrentTime)
+        server.sync()
+        server.close()
+        time.sleep(0.05)
 
     def journal(self) -> list[dict[str, object]]:
         path = self.folder.journal_path
@@ -144,13 +184,14 @@ class Sitting:
             self.presses_wall_s.append(self.press(*words))
         self.wait_for("trial_end")
 
-    def end(self) -> tuple[int, str, str]:
-        """Press Enter until the process ends."""
-        until_s = time.monotonic() + LONGEST_S
+    def end(self, *, pressing: bool = True) -> tuple[int, str, str]:
+        """Wait for the process to end, pressing Enter meanwhile; where it hangs, tell where."""
+        until_s = time.monotonic() + (LONGEST_S if pressing else 10.0)
         while self.process.poll() is None and time.monotonic() < until_s:
-            self.press("key", "Return")
+            if pressing:
+                self.press("key", "Return")
             time.sleep(0.25)
-        self.process.kill()
+        self.process.send_signal(signal.SIGABRT)  # with a traceback, see PYTHONFAULTHANDLER
         out, err = self.process.communicate()
         return self.process.returncode, out, err
 
@@ -188,7 +229,12 @@ def test_a_session_records_what_was_pressed_from_welcome_to_end(
     sitting: Sitting, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sitting.start("--seed", "5")
-    sitting.answer("key", "Left")  # practice
+    sitting.wait_for("stimulus_commanded", going_on=True)  # practice
+    sitting.focus("root")
+    sitting.press("key", "Right")  # in the operator's window: no answer
+    sitting.focus("tactstrip")
+    sitting.presses_wall_s.append(sitting.press("key", "Left"))
+    sitting.wait_for("trial_end")
     sitting.answer("key", "Right")
     sitting.answer("key", "Left")
     sitting.answer("keydown", "Right")
@@ -218,6 +264,8 @@ def test_a_session_records_what_was_pressed_from_welcome_to_end(
         ("left", "ok"), ("right", "ok"), ("n/a", "voided"), ("both", "ok"), ("n/a", "voided"),
         ("timeout", "ok"), ("right", "ok"), ("none", "ok"), ("both", "ok"),
     ]  # fmt: skip
+    notes = [str(entry["text"]) for entry in sitting.journal() if entry["event"] == "note"]
+    assert notes == ["screen: a key (right) was not heard: the window had lost the keyboard"]
     assert [row["anticipated"] for row in rows].count("true") == 1
     assert early["status"] == "voided"
     practice = [row["response"] for row in sitting.rows() if row["kind"] == "practice"]
@@ -240,12 +288,14 @@ def timing(sitting: Sitting) -> str:
             pressed_s = next(presses) - onset_wall_s
             beside_ms.append(1e3 * (float(str(entry["rt_s"])) - pressed_s))
     return (
-        f"reaction time after the start of xdotool: {min(beside_ms):.1f} to {max(beside_ms):.1f} ms, "
-        f"median {statistics.median(beside_ms):.1f} ms, {len(beside_ms)} presses"
+        f"Xvfb, {len(beside_ms)} presses: keys were timed {min(beside_ms):.1f} to "
+        f"{max(beside_ms):.1f} ms, median {statistics.median(beside_ms):.1f} ms, after "
+        "the start of xdotool"
     )
 
 
 def test_escape_twice_stops_and_resume_completes(sitting: Sitting) -> None:
+    sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
     sitting.start()
     sitting.answer("key", "Left")
     sitting.wait_for("stimulus_commanded", going_on=True)
@@ -284,11 +334,11 @@ def close_window(sitting: Sitting) -> None:
 
     server = display.Display(sitting.environment["DISPLAY"])
     protocols = server.intern_atom("WM_PROTOCOLS")
-    for window in server.screen().root.query_tree().children:
-        if window.get_wm_name() == "tactstrip":
-            data = (32, [server.intern_atom("WM_DELETE_WINDOW"), X.CurrentTime, 0, 0, 0])
-            message = ClientMessage(window=window, client_type=protocols, data=data)
-            window.send_event(message)
+    windows = server.screen().root.query_tree().children
+    (window,) = [window for window in windows if window.get_wm_name() == "tactstrip"]
+    data = (32, [server.intern_atom("WM_DELETE_WINDOW"), X.CurrentTime, 0, 0, 0])
+    window.send_event(ClientMessage(window=window, client_type=protocols, data=data))
+    server.sync()
     server.close()
 
 
@@ -313,14 +363,15 @@ def test_a_stop_from_outside_is_heeded_in_every_wait(
         sitting.wait_for("pause")
         time.sleep(0.1)
     stop(sitting)
-    sitting.process.wait(timeout=10)
-    assert_stopped_at_zero(sitting, sitting.end())
+    assert_stopped_at_zero(sitting, sitting.end(pressing=False))
 
 
 def test_a_session_killed_ten_times_is_complete_in_the_end(sitting: Sitting) -> None:
     places = ["session_open", "block_start", "trial_armed", "stimulus_commanded",
               "stimulus_confirmed", "response", "trial_end", "block_end", "break",
               "stimulus_commanded"]  # fmt: skip
+    quick = (STUDY + WINDOW).replace("[0.6, 0.7]", "[0.1, 0.15]")
+    sitting.study.write_text(quick, encoding="utf-8")
     for place in places:
         sitting.start(*(["--resume"] if sitting.seen else []))
         while True:
@@ -342,3 +393,51 @@ def test_a_session_killed_ten_times_is_complete_in_the_end(sitting: Sitting) -> 
     complete_after_resume(sitting)
     rows = sitting.rows()
     assert {row["status"] for row in rows} <= {"ok", "voided", "aborted", "indeterminate"}
+
+
+def refusal(study: str, root: Path, environment: dict[str, str]) -> str:
+    """Ask for a session that is refused; return the line that says why."""
+    path = root / "study.toml"
+    path.write_text(study, encoding="utf-8")
+    ended = subprocess.run(
+        [*TACTSTRIP, "run", str(path), "--participant", "01", "--responder", "screen",
+         "--driver", "mock", "--out", str(root / "results")],
+        env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 2, ended
+    assert not (root / "results" / "sub-01").exists()
+    (line,) = ended.stderr.splitlines()
+    return line
+
+
+def test_a_machine_without_a_display_says_so_in_one_line(tmp_path: Path) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    line = refusal(SHORT, tmp_path, environment)
+    if sys.platform == "linux" and sys.version_info < (3, 13):
+        assert "DISPLAY is not set" in line
+
+
+def test_a_display_that_does_not_answer_is_named(display: dict[str, str], tmp_path: Path) -> None:
+    line = refusal(SHORT, tmp_path, display | {"DISPLAY": ":987"})
+    assert ":987 does not answer" in line
+
+
+def test_a_screen_that_is_not_there_is_refused(display: dict[str, str], tmp_path: Path) -> None:
+    line = refusal(SHORT + "[screen]\nindex = 3\n", tmp_path, display)
+    assert "screen.index must be below 1, the number of screens; got 3" in line
+
+
+def test_every_page_is_drawn_within_its_window(display: dict[str, str], tmp_path: Path) -> None:
+    import numpy as np
+    from matplotlib.image import imread
+
+    script = Path(__file__).parent.parent / "docs" / "screens" / "draw.py"
+    subprocess.run([sys.executable, script, tmp_path], env=display, check=True)
+    drawn = {path.name: imread(path) for path in tmp_path.glob("*.png")}
+    assert set(drawn) == {path.name for path in script.parent.glob("*.png")}
+    for name, picture in drawn.items():
+        inside = picture[8:-8, 8:-8, :3]
+        around = np.abs(picture[..., :3] - picture[4, 4, :3]).sum(axis=2)
+        around[8:-8, 8:-8] = 0.0
+        assert around[:-1].max() < 0.05, f"{name}: something is cut off"
+        assert np.ptp(inside) > 0.3, f"{name}: empty"

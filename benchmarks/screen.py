@@ -1,0 +1,80 @@
+"""How evenly a window flips, and what it costs to wait in front of it."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import numpy as np
+
+from device.clock import MonotonicClock
+from experiment.interrupts import StopSignal
+from experiment.operator import Requests
+from experiment.presentation import Keys, Screen, Texts
+from experiment.responder import Progress
+from experiment.screen import ScreenResponder
+from experiment.screen_window import NoScreenError, Stage
+
+FLIPS = 300
+WAIT_S = 5.0
+
+
+def _flips(stage: Stage) -> tuple[str, ...]:
+    times_s = np.empty(FLIPS)
+    for i in range(FLIPS):
+        stage.show(())
+        times_s[i] = time.perf_counter()
+    steps_ms = 1e3 * np.diff(times_s)
+    low, middle, high = np.percentile(steps_ms, (1, 50, 99))
+    renderer = stage.window.winHandle.context.get_info().get_renderer()
+    return (
+        f"| drawn by | {renderer} |",
+        f"| from flip to flip, median | {middle:.2f} ms |",
+        f"| 1st to 99th percentile | {low:.2f} to {high:.2f} ms |",
+        f"| longest of {FLIPS} | {steps_ms.max():.2f} ms |",
+    )
+
+
+def _waiting(responder: ScreenResponder, clock: MonotonicClock) -> tuple[str, ...]:
+    responder.cue(Progress(done=0, planned=1, practice=False))
+    until_s, before_s = clock.now_s() + WAIT_S, time.process_time()
+    responder.wait(until_s)
+    share = (time.process_time() - before_s) / WAIT_S
+    return (
+        f"| CPU of a waiting window | {100 * share:.1f} % of a core |",
+        f"| a foreperiod ends late by | {1e3 * (clock.now_s() - until_s):.2f} ms |",
+    )
+
+
+def _rows() -> tuple[str, ...]:
+    clock, screen = MonotonicClock(), Screen(full_screen=False)
+    responder = ScreenResponder(
+        clock,
+        responses=("left", "right", "both"),
+        screen=screen,
+        keys=Keys(),
+        texts=Texts(),
+        requests=Requests(),
+        stop=StopSignal(),
+    )
+    with responder:
+        waiting = _waiting(responder, clock)
+    stage = Stage(screen)
+    try:
+        return (*_flips(stage), *waiting)
+    finally:
+        stage.close()
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    head = ["## Window", ""]
+    try:
+        rows = _rows()
+    except NoScreenError as error:
+        return "\n".join([*head, f"Not measured: {error}.", ""])
+    told = (
+        f"On display {os.environ.get('DISPLAY', 'of the system')}. Xvfb has no refresh: its flips "
+        "return when they are drawn."
+    )
+    return "\n".join([*head, told, "", "| what | value |", "|---|---|", *rows, ""])
