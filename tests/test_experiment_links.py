@@ -21,11 +21,15 @@ import device.generator_emulator
 from device.generator_emulator import GeneratorEmulator
 from device.lines import TcpLine
 from experiment.journal import read_journal
+from experiment.rig import assemble
+from experiment.study_values import StudyError
 from tactstrip import main
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
+
+    from experiment.study_values import Study
 
     Start: TypeAlias = Callable[..., tuple[subprocess.Popen[str], str]]
 
@@ -550,10 +554,12 @@ def test_options_of_a_device_need_the_device(tmp_path: Path) -> None:
     assert "need --device" in result.stderr
 
 
-def test_noise_on_the_actuators_sound_card_is_refused() -> None:
+def test_noise_on_the_actuators_sound_card_is_refused(
+    make_study: Callable[[str], Study],
+) -> None:
     text = 'masking = { noise = "pink", sound_card = "pulse" }\n'
     device = '[device]\ndriver = "audio"\nport = "pulse"\nvolts_full_scale = 125\n'
     study = make_study(text + device)
-    with pytest.raises(StudyError, match="masking.sound_card must be named and another one"):
+    with pytest.raises(StudyError, match="must be named and another one"):
         assemble(study, driver=None, port=None, simulated=False)
     assert assemble(study, driver=None, port=None, simulated=True).settings.driver == "audio"
