@@ -361,24 +361,34 @@ def bursts_in(recorded: Frames) -> list[tuple[float, float]]:
 def test_a_session_of_run_comes_out_of_a_null_sink(null_sink: NullSink, tmp_path: Path) -> None:
     study, out = tmp_path / "study.toml", tmp_path / "out"
     study.write_text(STUDY, encoding="utf-8")
-    words = ["run", str(study), "--participant", "01", "--responder", "simulated"]
-    result = CliRunner().invoke(main, [*words, "--out", str(out), "--seed", "7", CONFIRM])
-    assert result.exit_code == 0, result.output
-    assert "this device cannot bring its outputs to zero" in result.stdout
-    with (out / "sub-01" / "ses-01" / "trials.csv").open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert sum(row["status"] == "ok" for row in rows) == 7
-    header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text(encoding="utf-8"))
-    assert header["hardware_confirmed"]["how"] == CONFIRM
-    assert not header["device_identity"]["emulated"]
-    if any(row["status"] != "ok" for row in rows):
-        return  # the sound system lost frames here, and the session said so
-    expected = [(float(r["level_left_vpp"]), float(r["level_right_vpp"])) for r in rows]
-    assert null_sink.until(lambda: len(bursts_in(null_sink.recorded())) >= len(expected))
-    heard = bursts_in(null_sink.recorded())
-    assert np.allclose(heard, expected, atol=0.02)
-    assert all(
-        volts <= level
-        for pair in zip(heard, expected, strict=True)
-        for volts, level in zip(*pair, strict=True)
-    )
+    exact = []
+    for participant in ("01", "02", "03", "04"):  # a busy machine may lose or split what it plays
+        before = len(null_sink.recorded())
+        words = ["run", str(study), "--participant", participant, "--responder", "simulated"]
+        result = CliRunner().invoke(main, [*words, "--out", str(out), "--seed", "7", CONFIRM])
+        assert result.exit_code == 0, result.output
+        assert "this device cannot bring its outputs to zero" in result.stdout
+        folder = out / f"sub-{participant}" / "ses-01"
+        header = json.loads((folder / "header.json").read_text(encoding="utf-8"))
+        assert header["hardware_confirmed"]["how"] == CONFIRM
+        assert not header["device_identity"]["emulated"]
+        with (folder / "trials.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert sum(row["status"] == "ok" for row in rows) == 7
+        expected = [(float(r["level_left_vpp"]), float(r["level_right_vpp"])) for r in rows]
+        exact.append(_comes_out(null_sink, before, expected))
+        if exact[-1]:
+            break
+    assert any(exact)
+
+
+def _comes_out(null_sink: NullSink, before: int, expected: list[tuple[float, float]]) -> bool:
+    """Tell whether these bursts were recorded after `before` frames, none above its level."""
+
+    def heard() -> list[tuple[float, float]]:
+        return bursts_in(null_sink.recorded()[before:])
+
+    if not null_sink.until(lambda: len(heard()) >= len(expected)) or len(heard()) > len(expected):
+        return False
+    short_v = np.array(expected) - np.array(heard())
+    return bool((short_v >= 0).all() and (short_v < 0.02).all())

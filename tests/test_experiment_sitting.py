@@ -142,6 +142,7 @@ def screen(monkeypatch: pytest.MonkeyPatch) -> type[FakeScreen]:
     vars(module)["ScreenResponder"] = FakeScreen
     monkeypatch.setitem(sys.modules, "experiment.screen", module)
     monkeypatch.setattr(FakeScreen, "refusal", "")
+    monkeypatch.setattr("experiment.screen_window.require_window", lambda: None)
     return FakeScreen
 
 
@@ -262,6 +263,17 @@ def test_an_unknown_responder_is_refused() -> None:
 
 
 # --- refusals and noise ---------------------------------------------------------------------------
+
+
+def test_a_machine_without_a_window_is_told_before_anything_else(
+    study_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    result = run(study_path, "--responder", "screen")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr.count("\n") == 1
+    assert not (study_path.parent / "results").exists()
 
 
 def test_no_window_ends_it_in_one_line_and_nothing_is_begun(
