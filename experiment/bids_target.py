@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from experiment.journal import sync_folder
@@ -19,7 +20,6 @@ from experiment.tombstone import FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 MANIFEST: Final = ".tactstrip-export.json"
 SCHEMA: Final = 1
@@ -48,7 +48,7 @@ class NewFolder:
         listed = dict(sorted(self._sha256.items()))
         self.write(MANIFEST, json.dumps({"schema": SCHEMA, "files": listed}, indent=1) + "\n")
         for place, _, _ in os.walk(self._path):
-            sync_folder(self._path / place)
+            sync_folder(Path(place))
 
 
 @contextlib.contextmanager
@@ -74,6 +74,7 @@ def replaced(out: Path, source: Path) -> Iterator[NewFolder]:
     under a name of its own; the next export to `out` removes it.
     """
     refuse_target(out, source)
+    out = out.resolve()  # "." has no name of its own
     new = out.with_name(f".{out.name}.tactstrip-new")
     out.parent.mkdir(parents=True, exist_ok=True)
     _delete(new)

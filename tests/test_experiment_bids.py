@@ -432,6 +432,23 @@ def test_an_unchanged_export_and_an_empty_folder_are_replaced(results: Path) -> 
     assert sorted(path.name for path in results.parent.iterdir()) == ["bids", "results"]
 
 
+@pytest.mark.parametrize("place", ["bids", "new/bids", "./bids/../bids", "."])
+def test_a_data_set_is_named_from_the_folder_in_which_one_stands(
+    results: Path, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work = results.parent / "work"
+    work.mkdir()
+    (work / "bids").mkdir()
+    if place == ".":
+        (work / "bids").rmdir()
+    monkeypatch.chdir(work)
+    done = CliRunner().invoke(main, ["export", "../results", "--bids", place])
+    assert done.exit_code == 0, done.stderr
+    monkeypatch.undo()
+    monkeypatch.chdir(results.parent)
+    assert (work / place / "dataset_description.json").is_file()
+
+
 # --- kills ----------------------------------------------------------------------------------------
 
 
