@@ -276,7 +276,7 @@ def _responder(
     else:
         from experiment.terminal import TerminalResponder
 
-        with TerminalResponder(clock, responses=plan.responses) as person_here:
+        with TerminalResponder(clock, responses=plan.responses, texts=study.texts) as person_here:
             yield person_here
 
 

@@ -7,14 +7,15 @@ import os
 import re
 import select
 import sys
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from experiment.interrupts import StopRequested
-from experiment.responder import ESCAPE, Press
+from experiment.presentation import Texts
+from experiment.responder import ESCAPE, Part, Press
 
 if TYPE_CHECKING:
     from device.clock import Clock
-    from experiment.responder import Part, Progress, Question
+    from experiment.responder import Progress, Question
 
 _ESCAPE_KEY = b"\x1b"
 _ANSWER_OF = {
@@ -40,6 +41,8 @@ KEY_NAMES = {
 _KEY = re.compile(rb"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|.", re.DOTALL)
 """A key: a control sequence as a whole, or one byte."""
 _GO_ON = (b"\r", b"\n", b" ")
+_TEXTS: Final = Texts()
+_HANDS_OFF = (Part.AUDIBILITY, Part.CONTROL)
 
 
 class NoTerminalError(ValueError):
@@ -55,6 +58,8 @@ class TerminalResponder:
         The monotonic clock by which keys are timed.
     responses : tuple of str
         The answers offered.
+    texts : Texts
+        What is read before a part without the fingers on the plate, and after it.
 
     Raises
     ------
@@ -64,7 +69,7 @@ class TerminalResponder:
 
     simulated = False
 
-    def __init__(self, clock: Clock, *, responses: tuple[str, ...]) -> None:
+    def __init__(self, clock: Clock, *, responses: tuple[str, ...], texts: Texts = _TEXTS) -> None:
         if os.name != "posix" or not sys.stdin.isatty():
             raise NoTerminalError(
                 "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
@@ -72,6 +77,8 @@ class TerminalResponder:
             )
         self._clock = clock
         self._responses = responses
+        self._texts = texts
+        self._hands_off = False
         self._input = sys.stdin.fileno()
         self._settings: list[Any] = []
         self._typed = b""
@@ -83,10 +90,9 @@ class TerminalResponder:
 
         self._settings = termios.tcgetattr(self._input)
         tty.setcbreak(self._input)
-        lines = [f"  {response:<6} {KEY_NAMES[response]}" for response in self._responses]
         self._say(
             "Lay one finger on each actuator. Answer where you felt the stimulus:",
-            *lines,
+            *_key_lines(self._responses),
             "  Esc    pause; Esc again stops the session",
             "",
         )
@@ -104,16 +110,24 @@ class TerminalResponder:
         return True
 
     def introduce(self, part: Part, progress: Progress) -> bool:
-        """Go on: the terminal is for trying out."""
-        return True
+        """Say when the fingers leave the plate and when they come back; else go on."""
+        off = part in _HANDS_OFF
+        if not off and not self._hands_off:
+            return True
+        self._hands_off = off
+        text: str = getattr(self._texts, part.value)
+        if off:
+            answers = self._responses if "none" in self._responses else (*self._responses, "none")
+            lines = (text, *_key_lines(answers))
+        else:
+            lines = ("Lay one finger on each actuator.", text)
+        self._forget_typed()
+        self._say("", "", *lines, "")
+        return self._goes_on()
 
     def cue(self, progress: Progress) -> None:
         """Show the trial's number; keys typed before it are dropped."""
-        import termios
-
-        with contextlib.suppress(termios.error):
-            termios.tcflush(self._input, termios.TCIFLUSH)
-        self._typed = b""
+        self._forget_typed()
         place = f"trial {progress.done + 1} of {progress.planned}"
         self._say("", f"{'practice' if progress.practice else place}  ...")
 
@@ -150,14 +164,25 @@ class TerminalResponder:
             while (key := self._read(rested_s)) is not None:
                 if key == _ESCAPE_KEY:
                     return False
+        return self._goes_on()
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        """Say nothing: the command reports how it ended."""
+
+    def _goes_on(self) -> bool:
+        """Wait for a person to go on; ``False`` means stop."""
         self._say("Enter goes on, Esc stops the session.", "")
         while (key := self._read(None)) not in _GO_ON:
             if key == _ESCAPE_KEY:
                 return False
         return True
 
-    def end(self, progress: Progress, *, finished: bool) -> None:
-        """Say nothing: the command reports how it ended."""
+    def _forget_typed(self) -> None:
+        import termios
+
+        with contextlib.suppress(termios.error):
+            termios.tcflush(self._input, termios.TCIFLUSH)
+        self._typed = b""
 
     def _say(self, *lines: str) -> None:
         """Write lines; the last stays open. A terminal that is gone ends the next wait."""
@@ -206,3 +231,7 @@ class TerminalResponder:
             self._lose_terminal()
             raise StopRequested
         return typed
+
+
+def _key_lines(responses: tuple[str, ...]) -> list[str]:
+    return [f"  {response:<6} {KEY_NAMES[response]}" for response in responses]

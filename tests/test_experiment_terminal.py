@@ -114,6 +114,36 @@ def test_what_is_pressed_is_what_is_recorded(study_path: Path) -> None:
     assert b"160" not in terminal.shown.replace(folder, b"")
 
 
+def test_fingers_leave_the_plate_and_come_back_when_it_is_said(study_path: Path) -> None:
+    off_plate = 'audibility_trials = 2\ncontrol_trials = 2\n[texts]\ncontrol = "Hände weg"\n'
+    study_path.write_text(study_path.read_text(encoding="utf-8") + off_plate, encoding="utf-8")
+    with Terminal(study_path, "--seed", "1") as terminal:
+        terminal.expect(b"take both hands off the plate")
+        terminal.expect(b"none   space or n")
+        terminal.press(ENTER)
+        terminal.answer(b" ", b"n")
+        terminal.expect(b"Lay one finger on each actuator.")
+        terminal.press(ENTER)
+        terminal.answer(LEFT, LEFT, LEFT)
+        terminal.expect(b"Break")
+        terminal.press(ENTER)
+        terminal.answer(LEFT, LEFT)
+        terminal.expect(b"Break")
+        terminal.press(ENTER)
+        terminal.expect("Hände weg".encode())
+        terminal.press(ESCAPE)
+        assert terminal.ended() == 4, terminal.shown
+    with Terminal(study_path, "--resume") as terminal:
+        terminal.expect("Hände weg".encode())
+        terminal.press(ENTER)
+        terminal.answer(b" ", LEFT)
+        assert terminal.ended() == 0, terminal.shown
+    recorded = rows(study_path)
+    control = [row["response"] for row in recorded if row["kind"] == "control"]
+    assert control == ["none", "none", "none", "left"]
+    assert all(row["status"] == "ok" for row in recorded)
+
+
 def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
     study_path: Path,
 ) -> None:
