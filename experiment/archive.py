@@ -160,10 +160,11 @@ class SessionFolder:
         Raises
         ------
         ArchiveError
-            If there is none, or it belongs to another session.
+            If there is none, it belongs to another session, or the person withdrew.
         PlanError
             If it was changed after it was sealed.
         """
+        refuse_withdrawn(self.root, self.participant)
         if not self.plan_path.exists():
             raise ArchiveError(f"{self.path}: there is no session to resume here")
         plan = _read_plan(self.plan_path)

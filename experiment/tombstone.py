@@ -111,5 +111,6 @@ def refuse_withdrawn(root: Path, participant: str) -> None:
     if tombstone is not None:
         raise ArchiveError(
             f"participant {participant} withdrew on {tombstone.withdrawn}; "
-            "give another --participant: this one is not given again"
-        )
+            + ("give another --participant: this one is not given again" if tombstone.removed
+               else "the removal was interrupted: run tactstrip withdraw again")
+        )  # fmt: skip

@@ -103,6 +103,23 @@ def test_a_withdrawn_id_is_not_given_again(results: Path, tmp_path: Path) -> Non
     assert contents(results) == before
 
 
+def test_a_session_of_an_interrupted_withdrawal_is_neither_resumed_nor_exported(
+    results: Path,
+) -> None:
+    begun = Tombstone(participant="01", withdrawn="2026-01-02", removed=False)
+    (results / "withdrawn").mkdir()
+    write_tombstone(results, begun)
+    study = results.parent / "study.toml"
+    study.write_text("", encoding="utf-8")
+    before = contents(results)
+    resumed = ["run", str(study), "--participant", "01", "--out", str(results), "--resume"]
+    for command in (resumed, ["export", str(results)]):
+        done = CliRunner().invoke(main, command)
+        assert done.exit_code == 2
+        assert "participant 01 withdrew on 2026-01-02; the removal was interrupted" in done.stderr
+    assert contents(results) == before
+
+
 @pytest.mark.parametrize("typed", ["", "\x04", "1\n", "sub-01\n", "02\n", "yes\n"])
 def test_without_the_typed_id_nothing_is_changed(results: Path, typed: str) -> None:
     before = contents(results)
