@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -11,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def filled(text: str, progress: Progress, *, seconds: int = 0) -> str:
-    """Fill in how far the session has come; other braces stay as they are.
+    """Fill in how far the session has come; braces that are doubled stand for one.
 
     Parameters
     ----------
     text : str
-        May hold ``{done}``, ``{planned}`` and ``{seconds}``.
+        May hold ``{done}``, ``{planned}`` and ``{seconds}``; other braces stay as they are.
     progress : Progress
         How far the session has come.
     seconds : int
@@ -25,13 +26,15 @@ def filled(text: str, progress: Progress, *, seconds: int = 0) -> str:
     Examples
     --------
     >>> from experiment.responder import Progress
-    >>> filled("{done} of {planned} {!}", Progress(done=2, planned=5, practice=False))
-    '2 of 5 {!}'
+    >>> filled("{done} of {planned} {{done}}", Progress(done=2, planned=5, practice=False))
+    '2 of 5 {done}'
     """
     facts = {"done": progress.done, "planned": progress.planned, "seconds": seconds}
-    for name, value in facts.items():
-        text = text.replace(f"{{{name}}}", str(value))
-    return text
+    signs = {"{{": "{", "}}": "}"} | {f"{{{name}}}": str(value) for name, value in facts.items()}
+    return _FILLED.sub(lambda found: signs[found[0]], text)
+
+
+_FILLED: Final = re.compile(r"\{\{|\}\}|\{(?:done|planned|seconds)\}")
 
 
 def wrapped(text: str, fits: Callable[[str], bool]) -> tuple[str, ...]:
