@@ -58,7 +58,10 @@ def open_stream(
     try:
         import sounddevice
     except (ImportError, OSError) as error:
-        raise LinkError(f"sound needs the extra 'audio' and PortAudio: {error}") from error
+        raise LinkError(
+            'sound needs sounddevice and PortAudio: pip install "tactstrip[audio]", on Debian '
+            f"also the package libportaudio2; got {error}"
+        ) from error
     try:
         stream = sounddevice.OutputStream(
             samplerate=sample_rate_hz,

@@ -232,7 +232,10 @@ def _failures() -> Iterator[None]:
         with device_failures():
             yield
     except NoiseError as error:
-        raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
+        raise CommandError(
+            f'{error}; a study with noise = "none" in [masking] plays none',
+            exit_code=DEVICE_FAILED,
+        ) from error
     except JournalWriteError as error:
         raise CommandError(
             f"{error}; what is recorded is safe: make room, then go on with --resume",

@@ -100,7 +100,10 @@ class DeviceTable(Table):
 
 
 class MaskingTable(Table):
-    """The noise in the headphones that hides the sound of the actuators."""
+    """The noise in the headphones that hides the sound of the actuators.
+
+    To play it to a person, `run` needs sounddevice: pip install "tactstrip[audio]".
+    """
 
     later: ClassVar[tuple[str, ...]] = (
         "measured_level_dba",

@@ -304,7 +304,9 @@ def test_noise_that_cannot_be_played_is_a_failed_device_and_nothing_is_begun(
     play(monkeypatch, FakeNoise([], "no sound card: plug one in"))
     result = run(study_path, "--responder", "screen")
     assert result.exit_code == 3
-    assert result.stderr == "error: no sound card: plug one in\n"
+    assert result.stderr == (
+        'error: no sound card: plug one in; a study with noise = "none" in [masking] plays none\n'
+    )
     assert not folder_of(study_path).plan_path.exists()
 
 
