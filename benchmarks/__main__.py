@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
-NAMES = ("startup", "session", "journal", "stability", "field", "skipping", "link")
+NAMES = ("startup", "session", "screen", "journal", "stability", "field", "skipping", "link")
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 
