@@ -6,6 +6,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from experiment.screen_loss import abandon, watch_window
 from experiment.screen_text import as_drawn, wrapped
 
 if TYPE_CHECKING:
@@ -97,8 +98,10 @@ def _visual() -> Any:
     """Import what draws; PsychoPy asks for the display on import."""
     try:
         import psychtoolbox  # noqa: F401 - without it PsychoPy reads keys another way
+        import pyglet
         from psychopy import logging
 
+        pyglet.options["shadow_window"] = False  # it would bear the program's name, unseen
         logging.console.setLevel(logging.ERROR)
         from psychopy import visual
     except ImportError as error:
@@ -156,16 +159,21 @@ class Stage:
         self.focused = True
         self._shown: tuple[Any, ...] = ()
         self._exposed = False
+        self._cut_off = False
         handle = self.window.winHandle
         handle.set_caption("tactstrip")
         handle.on_close = self._note_close
         handle.on_activate = self._note_focus
         handle.on_deactivate = self._note_no_focus
         handle.on_expose = self._note_exposed
+        watch_window(handle, destroyed=self._note_close, cut_off=self._note_cut_off)
         self.take_focus()
 
     def _note_close(self) -> None:
         self.closed = True
+
+    def _note_cut_off(self) -> None:
+        self.closed = self._cut_off = True
 
     def _note_focus(self) -> None:
         self.focused = True
@@ -185,6 +193,8 @@ class Stage:
 
     def take_focus(self) -> None:
         """Ask the system for the keyboard."""
+        if self.closed:
+            return
         self.window.winHandle.activate()
 
     def poll(self) -> None:
@@ -200,14 +210,26 @@ class Stage:
         if self.closed:
             return
         self._shown = tuple(drawings)
-        for drawing in self._shown:
-            drawing.draw()
-        self.window.flip()
+        try:
+            for drawing in self._shown:
+                drawing.draw()
+            self.window.flip()
+        except Exception:  # what OpenGL says of a window that has just gone away
+            if not self._gone():
+                raise
         self._exposed = False
+
+    def _gone(self) -> bool:
+        if not self.closed:
+            self.window.winHandle.dispatch_events()
+        return self.closed
 
     def close(self) -> None:
         """Close the window."""
-        self.window.close()
+        if self._cut_off:
+            abandon(self.window)
+        else:
+            self.window.close()
 
     def broken(self, text: str, *, width: float, height: float | None = None) -> tuple[str, ...]:
         """Break a text into lines of at most `width`, in reading order."""

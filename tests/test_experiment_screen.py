@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import importlib.util
 import json
@@ -69,36 +70,31 @@ def missing() -> str | None:
     return f"not installed: {', '.join(tools + packages)}" if tools or packages else None
 
 
+@contextlib.contextmanager
+def x_server(home: Path) -> Iterator[tuple[subprocess.Popen[bytes], dict[str, str]]]:
+    """A screen of its own, and the environment of who uses it."""
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x720x24"]
+    command += ["-nolisten", "tcp", "-noreset"]
+    with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
+        os.close(write)
+        with os.fdopen(read) as told:
+            number = told.readline().strip()
+        environment = os.environ | {"DISPLAY": f":{number}", "HOME": str(home)}
+        try:
+            yield server, environment | {"OPENBLAS_NUM_THREADS": "1", "PYTHONFAULTHANDLER": "1"}
+        finally:
+            server.terminate()
+
+
 @pytest.fixture(scope="module")
 def display(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     """An environment with a screen of its own and an empty home."""
     if reason := missing():
         assert not REQUIRED, reason
         pytest.skip(reason)
-    home = tmp_path_factory.mktemp("home")
-    read, write = os.pipe()
-    command = [
-        "Xvfb",
-        "-displayfd",
-        str(write),
-        "-screen",
-        "0",
-        "1280x720x24",
-        "-nolisten",
-        "tcp",
-        "-noreset",
-    ]
-    with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
-        os.close(write)
-        with os.fdopen(read) as told:
-            number = told.readline().strip()
-        yield os.environ | {
-            "DISPLAY": f":{number}",
-            "HOME": str(home),
-            "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONFAULTHANDLER": "1",
-        }
-        server.terminate()
+    with x_server(tmp_path_factory.mktemp("home")) as (_, environment):
+        yield environment
 
 
 class Sitting:
@@ -364,6 +360,49 @@ def test_a_stop_from_outside_is_heeded_in_every_wait(
         time.sleep(0.1)
     stop(sitting)
     assert_stopped_at_zero(sitting, sitting.end(pressing=False))
+
+
+@pytest.mark.parametrize("how", ["windowclose", "windowkill"])
+@pytest.mark.parametrize("when", ["welcome", "answer"])
+def test_a_window_that_is_taken_away_stops_the_session(
+    sitting: Sitting, how: str, when: str
+) -> None:
+    sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
+    sitting.start()
+    if when == "welcome":
+        sitting.wait_for("session_open")
+        time.sleep(1.0)
+    else:
+        sitting.wait_for("stimulus_commanded", going_on=True)
+        time.sleep(0.1)
+    found = subprocess.run(
+        ["xdotool", "search", "--name", "tactstrip"],
+        env=sitting.environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    (window,) = found.stdout.split()
+    sitting.press(how, window)
+    assert_stopped_at_zero(sitting, sitting.end(pressing=False))
+    if when == "answer":
+        complete_after_resume(sitting)
+
+
+def test_a_session_whose_x_server_dies_can_be_resumed(
+    display: dict[str, str], tmp_path: Path
+) -> None:
+    with x_server(tmp_path) as (dying, environment):
+        sitting = Sitting(tmp_path, environment)
+        sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
+        sitting.start()
+        sitting.wait_for("stimulus_commanded", going_on=True)
+        dying.terminate()
+    code, out, err = sitting.end(pressing=False)
+    assert code == 4, (out, err)
+    assert err == "error: the X server has gone away; go on with --resume\n"
+    sitting.environment = display
+    complete_after_resume(sitting)
 
 
 def test_a_session_killed_ten_times_is_complete_in_the_end(sitting: Sitting) -> None:
