@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import threading
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import TYPE_CHECKING, Final, Literal, Protocol, TypeAlias, TypeVar
 
 from device.driver import LinkError
 from device.player import Frames
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from device.player import Status, Timing
 
 CHANNELS: Final = 2
+
+_STDERR: Final = 2
 
 Callback: TypeAlias = Callable[[Frames, int, "Timing", "Status"], None]
 _Result = TypeVar("_Result")
@@ -94,15 +101,39 @@ def sound_cards() -> tuple[str, ...]:
 
 
 def in_a_thread(act: Callable[[], _Result]) -> Future[_Result]:
-    """Begin what may never return: a sound system that hangs must not stop its caller.
+    """Begin what may never return, in a thread for which neither caller nor program's end waits.
 
     Examples
     --------
     >>> in_a_thread(lambda: 6 * 7).result(timeout=1.0)
     42
     """
-    pool = ThreadPoolExecutor(max_workers=1)
+    future: Future[_Result] = Future()
+
+    def run() -> None:
+        try:
+            future.set_result(act())
+        except BaseException as error:  # noqa: BLE001 - it is raised where the result is taken
+            future.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return future
+
+
+@contextlib.contextmanager
+def stderr_kept() -> Iterator[None]:
+    """Have standard error as before in the end.
+
+    sounddevice turns it away while PortAudio looks for sound cards; if that hangs, nobody would
+    read why the program ends.
+    """
     try:
-        return pool.submit(act)
+        kept = os.dup(_STDERR)
+    except OSError:  # there is none
+        yield
+        return
+    try:
+        yield
     finally:
-        pool.shutdown(wait=False)
+        os.dup2(kept, _STDERR)
+        os.close(kept)

@@ -16,7 +16,7 @@ import numpy as np
 
 from device.driver import LinkError
 from device.loop_player import LoopPlayer
-from device.sound import in_a_thread, open_stream
+from device.sound import in_a_thread, open_stream, stderr_kept
 from experiment.noise_player import NoiseError, NoiseFacts, NoiseHealth
 from stimuli.noise import pink_loop
 
@@ -247,7 +247,11 @@ class SoundCardNoise:
         return done()
 
     def _open(self, player: LoopPlayer) -> Stream:
-        opening = in_a_thread(lambda: self._connect(player))
+        with stderr_kept():
+            return self._opened(in_a_thread(lambda: self._connect(player)), player)
+
+    @staticmethod
+    def _opened(opening: Future[Stream], player: LoopPlayer) -> Stream:
         try:
             return opening.result(timeout=_PATIENCE_S)
         except TooLate as error:
