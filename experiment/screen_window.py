@@ -95,13 +95,14 @@ def open_window(screen: Screen) -> Any:
 
 
 def _visual() -> Any:
-    """Import what draws; PsychoPy asks for the display on import."""
+    """Import what draws, if the display answers."""
     try:
         import psychtoolbox  # noqa: F401 - without it PsychoPy reads keys another way
         import pyglet
         from psychopy import logging
 
         pyglet.options["shadow_window"] = False  # it would bear the program's name, unseen
+        pyglet.canvas.get_display()
         logging.console.setLevel(logging.ERROR)
         from psychopy import visual
     except ImportError as error:
