@@ -60,7 +60,7 @@ def proportion_ci(
     """
     if method not in METHODS:
         raise ValueError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    k, n = _counts(detected, presented)
+    k, n = checked_counts(detected, presented)
     if method == "wilson":
         from scipy.special import ndtri
 
@@ -103,7 +103,7 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
     """
     from scipy.special import stdtrit
 
-    k, n = _counts(detected, presented)
+    k, n = checked_counts(detected, presented)
     if k.ndim != 1 or k.size == 0 or not np.all(n > 0):
         raise ValueError(f"presented must be a row of counts above 0, got {presented!r}")
     if k.size == 1:
@@ -148,7 +148,7 @@ def _beta_limits(
     return lower, upper
 
 
-def _counts(
+def checked_counts(
     detected: ArrayLike, presented: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     k, n = _whole("detected", detected), _whole("presented", presented)

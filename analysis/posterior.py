@@ -1,0 +1,264 @@
+"""The posterior of a psychometric function on a grid that finds the place where it matters.
+
+Prior on the scaled levels (docs/statistics.md, section 8): mu uniform on [-1, 1.5], log sigma
+uniform on [log 0.02, 0], lambda Beta(1, 10) on [0, 0.1], gamma given or Beta.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr, roots_jacobi, roots_legendre
+
+from analysis.likelihood import LOWER, UPPER, Tables, fit_lapsing
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from analysis.guessing import GuessRate
+
+    Floats = NDArray[np.float64]
+
+QUANTILES: Final = (0.025, 0.5, 0.975)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nodes:
+    """How fine a grid is.
+
+    Attributes
+    ----------
+    mu, log_sigma, lapse, guess : int
+        Points of each parameter; the first two odd.
+    """
+
+    mu: int = 41
+    log_sigma: int = 25
+    lapse: int = 7
+    guess: int = 5
+
+
+STANDARD: Final = Nodes()
+"""Limits within about 1e-3 of the levels' range; docs/benchmarks.md has error against time."""
+
+_COARSE: Final = Nodes(mu=33, log_sigma=17, lapse=5, guess=1)
+_REACH: Final = 20.0
+_SURER: Final = 3
+"""So many times more points of lambda where the data narrow it down."""
+_ZOOMS: Final = 30
+_STILL_SHRINKING: Final = 0.6
+_WHOLE: Final = 0.9
+_DENSE: Final = 32
+_CHUNK_CELLS: Final = 400_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Posterior:
+    """What is known of many psychometric functions, on their scaled levels.
+
+    Attributes
+    ----------
+    mu, log_sigma : ndarray of float64, shape (fits, 3)
+        The points of `QUANTILES`.
+    lapse_rate : ndarray of float64, shape (fits,)
+        Mean.
+    below, above : ndarray of float64, shape (fits,)
+        Probability that mu lies below the lowest level, and above the highest.
+    best : ndarray of float64, shape (fits, 3)
+        Likeliest mu, log sigma and lambda.
+    """
+
+    mu: Floats
+    log_sigma: Floats
+    lapse_rate: Floats
+    below: Floats
+    above: Floats
+    best: Floats
+
+
+def posterior(tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes = STANDARD) -> Posterior:
+    """Return the posterior of every table.
+
+    Parameters
+    ----------
+    tables : Tables
+        Levels that differ, at least one stimulus in each table.
+    guesses : sequence of GuessRate
+        One for each table.
+    nodes : Nodes
+        Fineness of the last grid.
+
+    Returns
+    -------
+    Posterior
+    """
+    levels = max(1, tables.u.shape[1])
+    cells = nodes.mu * nodes.log_sigma * levels
+    chunk = max(1, _CHUNK_CELLS // cells)
+    pieces = [
+        _chunk(tables[slice(i, i + chunk)], guesses[i : i + chunk], nodes)
+        for i in range(0, len(tables), chunk)
+    ]
+    names = ("mu", "log_sigma", "lapse_rate", "below", "above", "best")
+    joined = {name: np.concatenate([getattr(one, name) for one in pieces]) for name in names}
+    return Posterior(**joined)
+
+
+def _chunk(tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes) -> Posterior:
+    box, start = _zoom(tables)
+    best = fit_lapsing(tables, start)
+    box = _with_best(box, best)
+    axes = [_axis(box[:, i], n) for i, n in enumerate((nodes.mu, nodes.log_sigma))]
+    spots = list(_nuisance(box[:, 2], guesses, nodes))
+    shape = _shape(tables, *axes)
+    values = [_cells(tables, shape, spot.lapse, spot.guess) for spot in spots]
+    top = np.max([one.max(axis=(1, 2)) for one in values], axis=0)[:, None, None]
+    density = np.zeros((len(tables), nodes.mu, nodes.log_sigma))
+    with_lapse = np.zeros_like(density)
+    for one, spot in zip(values, spots, strict=True):
+        part = np.exp(one - top) * spot.weight
+        density += part
+        with_lapse += part * spot.lapse
+    in_mu, in_sigma = _simpson(nodes.mu), _simpson(nodes.log_sigma)
+    mu, below, above = _points(density @ in_sigma, box[:, 0])
+    return Posterior(
+        mu=mu,
+        log_sigma=_points(in_mu @ density, box[:, 1])[0],
+        lapse_rate=(with_lapse @ in_sigma) @ in_mu / ((density @ in_sigma) @ in_mu),
+        below=below,
+        above=above,
+        best=best,
+    )
+
+
+def _zoom(tables: Tables) -> tuple[Floats, Floats]:
+    """Return the box, shape (fits, 3, 2), outside which nothing matters, and a point near the top.
+
+    A coarse grid is laid over the prior, then over the part of it that matters with a cell around,
+    and so on until that part fills the grid.
+    """
+    fits = len(tables)
+    prior = np.stack([LOWER, UPPER], axis=1)
+    box, start = np.broadcast_to(prior, (fits, 3, 2)).copy(), np.zeros((fits, 3))
+    active = np.arange(fits)
+    points = (_COARSE.mu, _COARSE.log_sigma, _COARSE.lapse)
+    for _ in range(_ZOOMS):
+        part = tables[active]
+        axes = [_axis(box[active, i], n) for i, n in enumerate(points)]
+        shape = _shape(part, axes[0], axes[1])
+        guess = part.guess_rate[:, None, None]
+        lapses = axes[2].T[:, :, None, None]
+        value = np.stack([_cells(part, shape, lapse, guess) for lapse in lapses], axis=3)
+        start[active] = _top(value, axes)
+        near = value > value.max(axis=(1, 2, 3), keepdims=True) - _REACH
+        others = ((2, 3), (1, 3), (1, 2))
+        new = [_span(near.any(axis=o), axis) for o, axis in zip(others, axes, strict=True)]
+        shrunk = np.ptp(new, axis=2).T / np.ptp(box[active], axis=2)
+        box[active] = np.stack(new, axis=1)
+        active = active[shrunk.min(axis=1) < _STILL_SHRINKING]
+        if not len(active):
+            break
+    return box, start
+
+
+def _top(values: Floats, axes: Sequence[Floats]) -> Floats:
+    """Return mu, log sigma and lambda of each grid's best node."""
+    fits = np.arange(len(values))
+    places = np.unravel_index(values.reshape(len(values), -1).argmax(axis=1), values.shape[1:])
+    return np.stack([axis[fits, i] for axis, i in zip(axes, places, strict=True)], axis=1)
+
+
+def _span(near: NDArray[np.bool_], axis: Floats) -> Floats:
+    """Return the ends of what is near on an axis, with a cell on either side, shape (fits, 2)."""
+    fits, last = np.arange(len(near)), near.shape[1] - 1
+    first = np.maximum(near.argmax(axis=1) - 1, 0)
+    end = np.minimum(last - near[:, ::-1].argmax(axis=1) + 1, last)
+    return np.stack([axis[fits, first], axis[fits, end]], axis=1)
+
+
+def _with_best(box: Floats, best: Floats) -> Floats:
+    """Let a box hold the likeliest point with room around it."""
+    room = 0.1 * np.ptp(box, axis=2)
+    low = np.maximum(np.minimum(box[:, :, 0], best - room), np.array(LOWER))
+    high = np.minimum(np.maximum(box[:, :, 1], best + room), np.array(UPPER))
+    return np.stack([low, high], axis=2)
+
+
+def _axis(ends: Floats, points: int) -> Floats:
+    return np.asarray(ends[:, :1] + np.linspace(0.0, 1.0, points) * np.ptp(ends, axis=1)[:, None])
+
+
+def _shape(tables: Tables, mu: Floats, log_sigma: Floats) -> tuple[Floats, Floats]:
+    """Return Phi(z) and Phi(-z) over levels and grid, shape (levels, fits, mu, log sigma)."""
+    u = tables.u.T[:, :, None, None]
+    z = (u - mu[None, :, :, None]) * np.exp(-log_sigma)[None, :, None, :]
+    return ndtr(z), ndtr(-z)
+
+
+def _cells(tables: Tables, shape: tuple[Floats, Floats], lapse: Floats, guess: Floats) -> Floats:
+    """Return the log likelihood over the grid; lambda and gamma have the shape (fits, 1, 1)."""
+    missed = tables.presented - tables.detected
+    rest = 1 - guess - lapse
+    tiny = np.finfo(np.float64).tiny
+    total = np.zeros(shape[0].shape[1:])
+    for level, (felt, unfelt) in enumerate(zip(*shape, strict=True)):
+        k, m = tables.detected[:, level, None, None], missed[:, level, None, None]
+        if k.any():
+            total += k * np.log(np.maximum(guess + rest * felt, tiny))
+        if m.any():
+            total += m * np.log(np.maximum(lapse + rest * unfelt, tiny))
+    return total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Spot:
+    """A pair of lambda and gamma with its weight, each of shape (fits, 1, 1)."""
+
+    lapse: Floats
+    guess: Floats
+    weight: Floats
+
+
+def _nuisance(lapse_ends: Floats, guesses: Sequence[GuessRate], nodes: Nodes) -> Iterator[_Spot]:
+    """Return what lambda and gamma are integrated over: by Gauss and Legendre, Gauss and Jacobi."""
+    whole = np.ptp(lapse_ends, axis=1).min() > _WHOLE * UPPER[2]
+    at, weight = roots_legendre(nodes.lapse if whole else _SURER * nodes.lapse)
+    points = nodes.guess if any(not one.known for one in guesses) else 1
+    table = [one.nodes(points) for one in guesses]
+    gamma, share = (np.array([one[i] for one in table]) for i in (0, 1))
+    for place, part in zip((at + 1) / 2, weight, strict=True):
+        lapse = lapse_ends[:, 0] + place * np.ptp(lapse_ends, axis=1)
+        for i in range(points):
+            mass = part * (1 - lapse) ** 9 * share[:, i]
+            columns = [one[:, None, None] for one in (lapse, gamma[:, i], mass)]
+            yield _Spot(lapse=columns[0], guess=columns[1], weight=columns[2])
+
+
+@cache
+def _simpson(points: int) -> Floats:
+    weights = np.full(points, 2.0)
+    weights[1::2] = 4.0
+    weights[0] = weights[-1] = 1.0
+    return weights / (3 * (points - 1))
+
+
+def _points(density: Floats, ends: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the points of `QUANTILES`, and the probability below 0 and above 1."""
+    from scipy.interpolate import CubicSpline
+
+    points = density.shape[1]
+    whole = CubicSpline(np.linspace(0.0, 1.0, points), density, axis=1).antiderivative()
+    dense = np.linspace(0.0, 1.0, _DENSE * (points - 1) + 1)
+    share = np.maximum.accumulate(whole(dense), axis=1)
+    share /= share[:, -1:]
+    width = np.ptp(ends, axis=1)
+    at = np.array([np.interp(QUANTILES, one, dense) for one in share])
+    rows = list(zip(share, ends[:, 0], width, strict=True))
+    below = np.array([np.interp(-low / w, dense, one) for one, low, w in rows])
+    upto = np.array([np.interp((1 - low) / w, dense, one) for one, low, w in rows])
+    return ends[:, :1] + at * width[:, None], below, 1 - upto
