@@ -151,6 +151,18 @@ def _beta_limits(
 def checked_counts(
     detected: ArrayLike, presented: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return both counts as arrays of one shape, or refuse them.
+
+    Raises
+    ------
+    ValueError
+        For counts that are not whole and finite, k > n, and shapes that do not fit.
+
+    Examples
+    --------
+    >>> checked_counts(3, [4, 5])[0].tolist()
+    [3.0, 3.0]
+    """
     k, n = _whole("detected", detected), _whole("presented", presented)
     try:
         k, n = np.broadcast_arrays(k, n)

@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.special import ndtr, roots_jacobi, roots_legendre
+from scipy.special import ndtr, roots_legendre
 
 from analysis.likelihood import LOWER, UPPER, Tables, fit_lapsing
 

@@ -1,4 +1,4 @@
-"""Two-parameter probit fits, many at once: does one exist, and where is it?
+"""Two-parameter probit fits, many at once: whether one exists, and where it is.
 
 Every function takes tables of counts as arrays (fits, levels); an unused place of a table has
 ``presented`` 0. Equations: docs/statistics.md, section 8.
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _MOST_STEPS = 200
 _ENOUGH = 1e-14
 _STEEPEST = 1e3
+_MOST_HALVINGS = 30
+_ROUNDING = 1e-12
 _LOG_2PI = float(np.log(2 * np.pi))
 
 
@@ -85,7 +87,8 @@ def fit_lines(x: Floats, detected: Floats, presented: Floats) -> Lines:
     --------
     Two levels are met exactly:
 
-    >>> lines = fit_lines(np.array([[0.0, 1.0]]), np.array([[16.0, 84.0]]), np.array([[100.0, 100.0]]))
+    >>> x, n = np.array([[0.0, 1.0]]), np.array([[100.0, 100.0]])
+    >>> lines = fit_lines(x, np.array([[16.0, 84.0]]), n)
     >>> ndtr([lines.intercept[0], lines.intercept[0] + lines.slope[0]]).round(12).tolist()
     [0.16, 0.84]
     """
@@ -142,10 +145,11 @@ def _scored(x: Floats, detected: Floats, presented: Floats) -> Floats:
     value = _log_likelihood(line, x, detected, presented)
     active = np.arange(len(x))
     for _ in range(_MOST_STEPS):
-        step = _step(line[active], x[active], detected[active], presented[active])
-        new, better = _halved(step, line, value, active, x, detected, presented)
-        moved = np.abs(new - line[active]).max(axis=1) > _ENOUGH * (1 + np.abs(new).max(axis=1))
-        line[active], value[active] = new, better
+        data = (x[active], detected[active], presented[active])
+        old = line[active]
+        new, reached = _halved(_step(old, *data), old, value[active], data)
+        moved = np.abs(new - old).max(axis=1) > _ENOUGH * (1 + np.abs(new).max(axis=1))
+        line[active], value[active] = new, reached
         active = active[moved]
         if not len(active):
             break
@@ -168,21 +172,13 @@ def _step(line: Floats, x: Floats, detected: Floats, presented: Floats) -> Float
 
 
 def _halved(
-    step: Floats,
-    line: Floats,
-    value: Floats,
-    active: NDArray[np.intp],
-    x: Floats,
-    detected: Floats,
-    presented: Floats,
+    step: Floats, old: Floats, best: Floats, data: tuple[Floats, Floats, Floats]
 ) -> tuple[Floats, Floats]:
     """Go a step, or so small a part of it that the likelihood does not fall."""
-    data = (x[active], detected[active], presented[active])
-    old, best = line[active], value[active]
     new = old + step
     reached = _log_likelihood(new, *data)
-    for _ in range(30):
-        worse = reached < best - 1e-12 * np.abs(best)
+    for _ in range(_MOST_HALVINGS):
+        worse = reached < best - _ROUNDING * np.abs(best)
         if not worse.any():
             break
         step = np.where(worse[:, None], step / 2, step)

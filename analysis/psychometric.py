@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
@@ -163,7 +163,7 @@ def fit_psychometric(
     detected, presented : array_like, shape (levels,)
         Counts. Levels without a stimulus count for nothing; equal levels are pooled.
     guess_rate : float or GuessRate
-        gamma: 0 where a person who feels nothing says so, 1/2 where left or right has to be guessed.
+        gamma: 0 where a person who feels nothing says so, 1/2 where a side has to be guessed.
     x_scale : str
         ``log10`` or ``linear``.
 
@@ -178,9 +178,10 @@ def fit_psychometric(
 
     Examples
     --------
-    >>> fit = fit_psychometric([50, 71, 100, 141, 200], [1, 7, 26, 48, 50], [50] * 5, guess_rate=0.0)
-    >>> fit.status, round(fit.threshold), fit.threshold_limits[0] < 100 < fit.threshold_limits[1]
-    ('ok', 99, True)
+    >>> levels_vpp, presented = [50, 71, 100, 141, 200], [50] * 5
+    >>> fit = fit_psychometric(levels_vpp, [1, 7, 26, 48, 50], presented, guess_rate=0.0)
+    >>> fit.status, fit.threshold_limits[0] < 100 < fit.threshold_limits[1]
+    ('ok', True)
     >>> fit_psychometric([60, 200], [30, 30], [30, 30], guess_rate=0.5).status
     'threshold_below_levels'
     """
@@ -199,8 +200,6 @@ def fit_psychometric(
 
 
 def _in_volts(fit: PsychometricFit) -> PsychometricFit:
-    from dataclasses import replace
-
     low, high = fit.threshold_limits
     return replace(
         fit,
@@ -228,40 +227,36 @@ def fit_many(
     tuple of PsychometricFit
         Thresholds on the axis of x.
     """
-    k, n = np.asarray(detected, dtype=np.float64), np.asarray(presented, dtype=np.float64)
-    used = n > 0
-    x = np.where(used, x, np.nanmin(np.where(used, x, np.nan), axis=1)[:, None])
-    scaled, low, width = _scaled(x)
-    statuses = np.full(len(x), "one_level", dtype=object)
-    many = np.flatnonzero(width > 0)
-    fits = [PsychometricFit(status="one_level")] * len(x)
-    if not len(many):
+    shown = np.asarray(presented, dtype=np.float64)
+    lowest = np.where(shown > 0, x, np.inf).min(axis=1, keepdims=True)
+    scaled, low, width = _scaled(np.where(shown > 0, x, lowest))
+    many = [int(place) for place in np.flatnonzero(width > 0)]
+    fits = [PsychometricFit(status="one_level")] * len(shown)
+    if not many:
         return tuple(fits)
     tables = Tables(
         u=scaled[many],
-        detected=k[many],
-        presented=n[many],
-        guess_rate=np.array([guesses[i].mean for i in many]),
+        detected=np.asarray(detected, dtype=np.float64)[many],
+        presented=shown[many],
+        guess_rate=np.array([guesses[place].mean for place in many]),
     )
-    known = posterior(tables, [guesses[i] for i in many])
+    known = posterior(tables, [guesses[place] for place in many])
     statuses = _statuses(tables, known)
     p, q = probabilities(tables, known.best)
     misfit = deviance(tables.detected, tables.presented, p, q)
     for row, place in enumerate(many):
-        fits[place] = _fit(
-            statuses[row], known, row, float(misfit[row]), float(low[place]), float(width[place])
-        )
+        if statuses[row] in WITH_THRESHOLD:
+            fit = _fit(known, row, low=float(low[place]), width=float(width[place]))
+            fits[place] = replace(fit, status=statuses[row], deviance=float(misfit[row]))
+        else:
+            fits[place] = PsychometricFit(status=statuses[row])
     return tuple(fits)
 
 
-def _fit(
-    status: Status, known: Posterior, row: int, misfit: float, low: float, width: float
-) -> PsychometricFit:
-    if status not in WITH_THRESHOLD:
-        return PsychometricFit(status=status)
+def _fit(known: Posterior, row: int, *, low: float, width: float) -> PsychometricFit:
     at, best = low + width * known.mu[row], known.best[row]
     return PsychometricFit(
-        status=status,
+        status="ok",
         threshold=float(at[1]),
         threshold_limits=(float(at[0]), float(at[2])),
         sigma=float(width * np.exp(known.log_sigma[row, 1])),
@@ -269,7 +264,6 @@ def _fit(
         mle_threshold=float(low + width * best[0]),
         mle_sigma=float(width * np.exp(best[1])),
         mle_lapse_rate=float(best[2]),
-        deviance=misfit,
     )
 
 
