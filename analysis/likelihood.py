@@ -23,6 +23,7 @@ UPPER: Final = (1.5, 0.0, 0.1)
 """Bounds of mu, log sigma and lambda on the scaled levels."""
 
 _MOST_STEPS: Final = 200
+_ENOUGH: Final = 1e-12
 _SQRT_2PI: Final = float(np.sqrt(2 * np.pi))
 _AT_BOUND: Final = 1e-9
 _ROUNDING: Final = 1e-15
@@ -98,7 +99,7 @@ def log_likelihood(tables: Tables, parameters: Floats) -> Floats:
     return np.asarray((xlogy(tables.detected, p) + xlogy(missed, q)).sum(axis=1))
 
 
-def fit_lapsing(tables: Tables, start: Floats, *, within: float = 1e-12) -> Floats:
+def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Floats:
     """Return the likeliest mu, log sigma and lambda within their bounds.
 
     Fisher's scoring; a parameter at a bound that the likelihood wants to leave stays there.
@@ -108,8 +109,8 @@ def fit_lapsing(tables: Tables, start: Floats, *, within: float = 1e-12) -> Floa
     tables : Tables
     start : ndarray of float64, shape (fits, 3)
         Where to begin: near the greatest value, where there may be several maxima.
-    within : float
-        A parameter that moves by less has arrived.
+    least_gain : float
+        Of log likelihood; a step that gains no more is the last one.
 
     Returns
     -------
@@ -123,7 +124,8 @@ def fit_lapsing(tables: Tables, start: Floats, *, within: float = 1e-12) -> Floa
         part = tables[active]
         step = _free_step(part, at[active])
         new, reached = _uphill(part, at[active], value[active], step)
-        going = (np.abs(new - at[active]) > within).any(axis=1)
+        moving = (np.abs(new - at[active]) > _ENOUGH).any(axis=1)
+        going = moving & ((reached - value[active] > least_gain) | (least_gain == 0.0))
         at[active], value[active] = new, reached
         active = active[going]
         if not len(active):
