@@ -8,9 +8,15 @@ import numpy as np
 
 from analysis.likelihood import Tables, fit_lapsing, probabilities
 from analysis.probit import deviance
+from analysis.psychometric import WITH_THRESHOLD, scale
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
+
+    from analysis.guessing import GuessRate
+    from analysis.psychometric import PsychometricFit
 
     Floats = NDArray[np.float64]
 
@@ -19,6 +25,50 @@ REPLICATES = 499
 
 _GAIN = 1e-6
 """A step of the fit that gains less log likelihood moves no deviance that can be told apart."""
+
+
+def deviance_p(
+    x: Floats,
+    detected: Floats,
+    presented: Floats,
+    *,
+    fits: Sequence[PsychometricFit],
+    guesses: Sequence[GuessRate],
+    seed: int,
+) -> Floats:
+    """Return `bootstrap_p` of the fits that have a threshold, NaN for the others.
+
+    Parameters
+    ----------
+    x, detected, presented : ndarray of float64, shape (fits, levels)
+        As `psychometric.fit_many` took them.
+    fits : sequence of PsychometricFit
+        What it returned.
+    guesses : sequence of GuessRate
+        With which; a distributed rate counts as its mean.
+    seed : int
+        Of all draws.
+
+    Returns
+    -------
+    ndarray of float64, shape (fits,)
+    """
+    found = np.full(len(fits), np.nan)
+    some = [i for i, fit in enumerate(fits) if fit.status in WITH_THRESHOLD]
+    if not some:
+        return found
+    scaled = scale(x[some], presented[some])
+    tables = Tables(
+        u=scaled.u,
+        detected=detected[some],
+        presented=presented[some],
+        guess_rate=np.array([guesses[i].mean for i in some]),
+    )
+    likeliest = [(fits[i].mle_threshold, fits[i].mle_sigma, fits[i].mle_lapse_rate) for i in some]
+    mu, sigma, lapse = np.array(likeliest).T
+    best = np.stack([(mu - scaled.low) / scaled.width, np.log(sigma / scaled.width), lapse], axis=1)
+    found[some] = bootstrap_p(tables, best, seed=seed)
+    return found
 
 
 def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = REPLICATES) -> Floats:

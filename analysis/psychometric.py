@@ -127,21 +127,21 @@ def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> Probi
     """
     levels, k, n = _table(x, detected, presented)
     counts = " ".join(f"{a:g}/{b:g}" for a, b in zip(k, n, strict=True))
-    scaled, low, width = _scaled(levels[None, :])
-    if width[0] == 0:
+    scaled = scale(levels[None, :], n[None])
+    if scaled.width[0] == 0:
         raise ValueError(f"x must hold at least two levels with stimuli; got {levels.tolist()}")
-    if not increasing_exists(scaled, k[None], n[None])[0]:
+    if not increasing_exists(scaled.u, k[None], n[None])[0]:
         raise ValueError(
             "detected must overlap (something felt below a level at which something was missed) "
             f"for a likeliest probit function to exist; got {counts}"
         )
-    lines = fit_lines(scaled, k[None], n[None])
+    lines = fit_lines(scaled.u, k[None], n[None])
     slope = float(lines.slope[0])
     if not slope > 0:
         raise ValueError(f"detected must rise with x; got {counts}")
     return ProbitFit(
-        mu=float(low[0] - width[0] * lines.intercept[0] / slope),
-        sigma=float(width[0] / slope),
+        mu=float(scaled.low[0] - scaled.width[0] * lines.intercept[0] / slope),
+        sigma=float(scaled.width[0] / slope),
         deviance=float(lines.deviance[0]),
     )
 
@@ -228,14 +228,13 @@ def fit_many(
         Thresholds on the axis of x.
     """
     shown = np.asarray(presented, dtype=np.float64)
-    lowest = np.where(shown > 0, x, np.inf).min(axis=1, keepdims=True)
-    scaled, low, width = _scaled(np.where(shown > 0, x, lowest))
-    many = [int(place) for place in np.flatnonzero(width > 0)]
+    scaled = scale(x, shown)
+    many = [int(place) for place in np.flatnonzero(scaled.width > 0)]
     fits = [PsychometricFit(status="one_level")] * len(shown)
     if not many:
         return tuple(fits)
     tables = Tables(
-        u=scaled[many],
+        u=scaled.u[many],
         detected=np.asarray(detected, dtype=np.float64)[many],
         presented=shown[many],
         guess_rate=np.array([guesses[place].mean for place in many]),
@@ -246,7 +245,7 @@ def fit_many(
     misfit = deviance(tables.detected, tables.presented, p, q)
     for row, place in enumerate(many):
         if statuses[row] in WITH_THRESHOLD:
-            fit = _fit(known, row, low=float(low[place]), width=float(width[place]))
+            fit = _fit(known, row, low=float(scaled.low[place]), width=float(scaled.width[place]))
             fits[place] = replace(fit, status=statuses[row], deviance=float(misfit[row]))
         else:
             fits[place] = PsychometricFit(status=statuses[row])
@@ -301,10 +300,36 @@ def _slope_p(lines: Lines) -> tuple[Floats, Floats]:
     return np.asarray(ndtr(-root)), np.asarray(ndtr(root))
 
 
-def _scaled(x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Scale levels to run from 0 to 1; return them, the lowest and the range of each table."""
-    low, width = x.min(axis=1), np.ptp(x, axis=1)
-    return (x - low[:, None]) / np.where(width > 0, width, 1.0)[:, None], low, width
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scaled:
+    """Levels of many tables, scaled.
+
+    Attributes
+    ----------
+    u : ndarray of float64, shape (fits, levels)
+        From 0 to 1; where nothing was presented, 0.
+    low, width : ndarray of float64, shape (fits,)
+        The lowest level and the range of each table.
+    """
+
+    u: Floats
+    low: Floats
+    width: Floats
+
+
+def scale(x: Floats, presented: Floats) -> Scaled:
+    """Scale the levels at which something was presented to run from 0 to 1.
+
+    Examples
+    --------
+    >>> scale(np.array([[5.0, 7.0, 9.0]]), np.array([[1.0, 1.0, 0.0]])).u.tolist()
+    [[0.0, 1.0, 0.0]]
+    """
+    lowest = np.where(presented > 0, x, np.inf).min(axis=1)
+    at = np.where(presented > 0, x, lowest[:, None])
+    width = np.ptp(at, axis=1)
+    u = (at - lowest[:, None]) / np.where(width > 0, width, 1.0)[:, None]
+    return Scaled(u=u, low=lowest, width=width)
 
 
 def _table(

@@ -1,0 +1,347 @@
+"""Thresholds of participants and of their group, from checked trials."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pandas as pd
+
+from analysis.counting import counted
+from analysis.goodness import deviance_p
+from analysis.guessing import GuessRate
+from analysis.psychometric import WITH_THRESHOLD, PsychometricFit, fit_many
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from analysis.psychometric import Status, XScale
+
+    Floats = NDArray[np.float64]
+
+THRESHOLD_COLUMNS: Final = (
+    "participant", "condition", "status", "threshold_vpp", "threshold_low_vpp",
+    "threshold_high_vpp", "threshold_db", "threshold_low_db", "threshold_high_db", "printed",
+    "sigma", "lapse_rate", "mle_threshold_vpp", "mle_sigma", "mle_lapse_rate", "deviance",
+    "deviance_p", "guess_rate", "guess_basis", "threshold_guess_0_vpp",
+    "threshold_guess_third_vpp", "levels", "trials",
+)  # fmt: skip
+GROUP_COLUMNS: Final = (
+    "condition", "participants", "status", "median_vpp", "mean_vpp", "mean_low_vpp",
+    "mean_high_vpp", "printed", "below", "above", "without",
+)  # fmt: skip
+
+BLANKS_NEEDED: Final = 20
+"""Fewer blank trials tell next to nothing of a guess rate."""
+
+WORDS: Final[Mapping[Status, str]] = MappingProxyType(
+    {
+        "ok": "threshold found",
+        "lapse_at_bound": "threshold found; misses at high levels are more than lapses allow",
+        "one_level": "no threshold: one level only",
+        "threshold_below_levels": "below the lowest level",
+        "threshold_above_levels": "above the highest level",
+        "decreasing": "no threshold: detection falls with level",
+        "flat": "no threshold: detection does not rise with level",
+        "separated": "no threshold: none is detected up to a level, all above it",
+    }
+)
+"""What a status means to a reader."""
+
+_FORCED: Final = 1 / 2
+_THIRD: Final = 1 / 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guessing:
+    """The guess rate of a participant, and where it comes from.
+
+    Attributes
+    ----------
+    rate : GuessRate
+    basis : str
+        ``forced choice``, ``blanks`` or ``none offered``.
+    """
+
+    rate: GuessRate
+    basis: str
+
+
+def guessing(*, none_offered: bool, sided_answers: int, blanks: int) -> Guessing:
+    """Return the guess rate that a participant's answers allow.
+
+    Who feels nothing and cannot say so guesses left or right: 1/2. Who can say so is right by
+    chance as often as a blank trial is answered with a given side, where there are `BLANKS_NEEDED`
+    of them; without, never.
+
+    Parameters
+    ----------
+    none_offered : bool
+        Whether "none" could be answered.
+    sided_answers : int
+        Blank trials answered left or right; half of them count for either side.
+    blanks : int
+        Blank trials that count.
+
+    Examples
+    --------
+    >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
+    0.5
+    >>> guessing(none_offered=True, sided_answers=6, blanks=60).basis
+    'blanks'
+    """
+    if not none_offered:
+        return Guessing(rate=GuessRate(mean=_FORCED), basis="forced choice")
+    if blanks >= BLANKS_NEEDED:
+        rate = GuessRate.after_blanks(answered=sided_answers / 2, blanks=blanks)
+        return Guessing(rate=rate, basis="blanks")
+    return Guessing(rate=GuessRate(mean=0.0), basis="none offered")
+
+
+def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10") -> pd.DataFrame:
+    """Return the threshold of every participant in every condition.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+    seed : int
+        Of the bootstrap behind ``deviance_p``.
+    x_scale : str
+        Axis of the psychometric function: ``log10`` of the level, or ``linear``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `THRESHOLD_COLUMNS`, defined in docs/statistics.md, section 8. dB are re 1 Vpp.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": np.repeat([60.0, 90.0, 120.0], 30), "status": "ok",
+    ...     "response": ["left"] * 4 + ["none"] * 40 + ["left"] * 46, "anticipated": False,
+    ...     "noise_ok": True, "none_offered": True})
+    >>> threshold_table(trials, seed=1)[["participant", "status", "printed"]].to_numpy().tolist()
+    [['1', 'ok', '81.1 V (74.0 to 88.2)']]
+    """
+    single = counted(trials, "single")
+    if single.empty:
+        return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))
+    hit = single["response"].astype(object).eq(single["side"].astype(object))
+    cells = single[["condition", "participant", "level_vpp"]].assign(hit=hit.astype(np.int64))
+    key = ["condition", "participant", "level_vpp"]
+    counts = cells.groupby(key)["hit"].agg(["sum", "size"]).reset_index()
+    people = list(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
+    table = _side_by_side(counts, people)
+    x = np.log10(table.level) if x_scale == "log10" else table.level
+    guesses = _guesses(trials, people)
+    rates = [one.rate for one in guesses]
+    fits = fit_many(x, table.detected, table.presented, guesses=rates)
+    others = [
+        fit_many(x, table.detected, table.presented, guesses=[GuessRate(mean=rate)] * len(people))
+        for rate in (0.0, _THIRD)
+    ]
+    misfits = deviance_p(x, table.detected, table.presented, fits=fits, guesses=rates, seed=seed)
+    rows = [
+        {
+            "participant": participant,
+            "condition": condition,
+            **_numbers(fits[i], x_scale),
+            "printed": printed(fits[i], table.level[i][table.presented[i] > 0], x_scale),
+            "deviance_p": misfits[i],
+            "guess_rate": guesses[i].rate.mean,
+            "guess_basis": guesses[i].basis,
+            "threshold_guess_0_vpp": _on_level(others[0][i].threshold, x_scale),
+            "threshold_guess_third_vpp": _on_level(others[1][i].threshold, x_scale),
+            "levels": int((table.presented[i] > 0).sum()),
+            "trials": int(table.presented[i].sum()),
+        }
+        for i, (condition, participant) in enumerate(people)
+    ]
+    return pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Counts:
+    """Counts of every participant in every condition, shape (people, levels)."""
+
+    level: Floats
+    detected: Floats
+    presented: Floats
+
+
+def _side_by_side(counts: pd.DataFrame, people: Sequence[tuple[str, str]]) -> _Counts:
+    """Lay the levels that anybody had out as columns; what somebody did not have is 0 of 0."""
+    levels, column = np.unique(counts["level_vpp"].to_numpy(float), return_inverse=True)
+    place = {person: i for i, person in enumerate(people)}
+    row = [place[one] for one in zip(counts["condition"], counts["participant"], strict=True)]
+    detected, presented = np.zeros((2, len(people), len(levels)))
+    detected[row, column] = counts["sum"]
+    presented[row, column] = counts["size"]
+    level = np.broadcast_to(levels, presented.shape)
+    return _Counts(level=level, detected=detected, presented=presented)
+
+
+def _guesses(trials: pd.DataFrame, people: Sequence[tuple[str, str]]) -> list[Guessing]:
+    key = ["condition", "participant"]
+    blank = counted(trials, "blank")
+    sided = blank["response"].astype(object).isin(["left", "right"]).astype(np.int64)
+    blanks = blank[key].assign(sided=sided).groupby(key)["sided"]
+    answers, numbers = blanks.sum().to_dict(), blanks.size().to_dict()
+    single = counted(trials, "single")
+    offered = single["none_offered"].astype("boolean").fillna(value=False).astype(bool)
+    always = single[key].assign(offered=offered).groupby(key)["offered"].all().to_dict()
+    return [
+        guessing(
+            none_offered=bool(always[person]),
+            sided_answers=int(answers.get(person, 0)),
+            blanks=int(numbers.get(person, 0)),
+        )
+        for person in people
+    ]
+
+
+def _numbers(fit: PsychometricFit, x_scale: XScale) -> dict[str, object]:
+    low, high = fit.threshold_limits
+    at = [_on_level(value, x_scale) for value in (fit.threshold, low, high)]
+    decibel = [
+        20 * value if x_scale == "log10" else math.nan for value in (fit.threshold, low, high)
+    ]
+    return {
+        "status": fit.status,
+        **dict(zip(("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"), at, strict=True)),
+        **dict(
+            zip(("threshold_db", "threshold_low_db", "threshold_high_db"), decibel, strict=True)
+        ),
+        "sigma": fit.sigma,
+        "lapse_rate": fit.lapse_rate,
+        "mle_threshold_vpp": _on_level(fit.mle_threshold, x_scale),
+        "mle_sigma": fit.mle_sigma,
+        "mle_lapse_rate": fit.mle_lapse_rate,
+        "deviance": fit.deviance,
+    }
+
+
+def _on_level(x: float, x_scale: XScale) -> float:
+    return float(10.0**x) if x_scale == "log10" else x
+
+
+def printed(fit: PsychometricFit, levels_vpp: Floats, x_scale: XScale) -> str:
+    """Return a threshold as a reader is told it, or why there is none.
+
+    Parameters
+    ----------
+    fit : PsychometricFit
+        On the axis.
+    levels_vpp : ndarray of float64
+        The levels that were presented.
+    x_scale : str
+        The axis.
+
+    Examples
+    --------
+    >>> printed(PsychometricFit(status="threshold_below_levels"), np.array([60.0, 200.0]), "log10")
+    '< 60 V'
+    """
+    if fit.status == "threshold_below_levels":
+        return f"< {levels_vpp.min():g} V"
+    if fit.status == "threshold_above_levels":
+        return f"> {levels_vpp.max():g} V"
+    if fit.status not in WITH_THRESHOLD:
+        return WORDS[fit.status]
+    at, low, high = (_on_level(x, x_scale) for x in (fit.threshold, *fit.threshold_limits))
+    return f"{at:.1f} V ({low:.1f} to {high:.1f})"
+
+
+def group_table(thresholds: pd.DataFrame, x_scale: XScale = "log10") -> pd.DataFrame:
+    """Return the threshold of the group of each condition: its median and, if all have one, mean.
+
+    Thresholds below and above the levels are censored, not missing: they take part in the median.
+    Leaving them out would bias a mean; so mean and Student's t interval, on the axis of the
+    function, are given only where everybody has a threshold.
+
+    Parameters
+    ----------
+    thresholds : pandas.DataFrame
+        From `threshold_table`.
+    x_scale : str
+        Its axis.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `GROUP_COLUMNS`; ``without`` lists who has none for another reason.
+
+    Examples
+    --------
+    >>> person = {"condition": "main", "participant": "1", "status": "ok", "threshold_vpp": 100.0,
+    ...           "printed": ""}
+    >>> censored = person | {"participant": "2", "status": "threshold_below_levels",
+    ...                      "threshold_vpp": math.nan, "printed": "< 60 V"}
+    >>> third = censored | {"participant": "3"}
+    >>> group_table(pd.DataFrame([person, censored, third]))["printed"].tolist()
+    ['median < 60 V']
+    """
+    rows = [
+        [condition, *_group(people, x_scale)]
+        for condition, people in thresholds.groupby("condition", sort=True)
+    ]
+    return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
+
+
+def _group(people: pd.DataFrame, x_scale: XScale) -> list[object]:
+    """Return the values of a group, from ``participants`` on, of `GROUP_COLUMNS`."""
+    statuses = people["status"].astype(object)
+    volts = np.sort(people.loc[statuses.isin(WITH_THRESHOLD), "threshold_vpp"].to_numpy(float))
+    below = people[statuses.eq("threshold_below_levels")]
+    above = people[statuses.eq("threshold_above_levels")]
+    without = sorted(people.loc[~statuses.isin([*WITH_THRESHOLD, *_CENSORED]), "participant"])
+    x = np.log10(volts) if x_scale == "log10" else volts
+    ranked = np.concatenate([np.full(len(below), -np.inf), x, np.full(len(above), np.inf)])
+    median, status = math.nan, "none"
+    words = "no threshold"
+    if len(ranked):
+        middle = _median(ranked)
+        status = {-np.inf: _CENSORED[0], np.inf: _CENSORED[1]}.get(middle, "ok")
+        if status == "ok":
+            median = _on_level(middle, x_scale)
+            words = f"median {median:.1f} V"
+        else:
+            extreme = below if status == _CENSORED[0] else above
+            words = f"median {_outermost(extreme['printed'])}"
+    mean = [math.nan] * 3
+    if len(volts) == len(people) and len(volts) > 1:
+        mean = [_on_level(value, x_scale) for value in _t_interval(x)]
+        words += "; mean {:.1f} V ({:.1f} to {:.1f})".format(*mean)
+    if without:
+        words += f"; without one: {', '.join(without)}"
+    return [len(people), status, median, *mean, words, len(below), len(above), ", ".join(without)]
+
+
+_CENSORED: Final = ("threshold_below_levels", "threshold_above_levels")
+
+
+def _outermost(words: pd.Series) -> str:
+    """Return the weakest of statements like "< 60 V": it holds for all."""
+    ranked = sorted(words, key=lambda word: float(word.split()[1]))
+    return str(ranked[-1] if ranked[0].startswith("<") else ranked[0])
+
+
+def _median(ranked: Floats) -> float:
+    """Return the middle, or the mean of the two in the middle; between censored ones, theirs."""
+    low, high = float(ranked[(len(ranked) - 1) // 2]), float(ranked[len(ranked) // 2])
+    return low if low == high else (low + high) / 2
+
+
+def _t_interval(x: Floats) -> tuple[float, float, float]:
+    """Return mean and 95 % limits by Student's t."""
+    from scipy.special import stdtrit
+
+    mean = math.fsum(x) / len(x)
+    half = float(stdtrit(len(x) - 1, 0.975)) * float(x.std(ddof=1)) / math.sqrt(len(x))
+    return mean, mean - half, mean + half
