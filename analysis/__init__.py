@@ -1,4 +1,4 @@
-"""What came out: checked trials, detection probabilities, figures."""
+"""What came out: checked trials, detection probabilities, thresholds, figures."""
 
 from __future__ import annotations
 
@@ -11,20 +11,29 @@ if TYPE_CHECKING:
     from analysis.console import print_analysis
     from analysis.detection import level_table
     from analysis.errors import ResultFileError
+    from analysis.guessing import GuessRate
     from analysis.intervals import group_interval, proportion_ci
     from analysis.load import read_trials
+    from analysis.psychometric import PsychometricFit, fit_psychometric, probit_mle
     from analysis.tables import Analysis
+    from analysis.thresholds import group_table, threshold_table
 
 __all__ = [
     "Analysis",
     "ColumnMap",
+    "GuessRate",
+    "PsychometricFit",
     "ResultFileError",
+    "fit_psychometric",
     "group_interval",
+    "group_table",
     "level_table",
     "load_column_map",
     "print_analysis",
+    "probit_mle",
     "proportion_ci",
     "read_trials",
+    "threshold_table",
     "write_analysis",
 ]
 
@@ -32,13 +41,19 @@ __all__ = [
 _HOMES = {
     "Analysis": "tables",
     "ColumnMap": "columns",
+    "GuessRate": "guessing",
+    "PsychometricFit": "psychometric",
     "ResultFileError": "errors",
+    "fit_psychometric": "psychometric",
     "group_interval": "intervals",
+    "group_table": "thresholds",
     "level_table": "detection",
     "load_column_map": "columns",
     "print_analysis": "console",
+    "probit_mle": "psychometric",
     "proportion_ci": "intervals",
     "read_trials": "load",
+    "threshold_table": "thresholds",
     "write_analysis": "commands",
 }
 

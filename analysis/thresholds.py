@@ -168,7 +168,7 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Counts:
-    """Counts of every participant in every condition, shape (people, levels)."""
+    """Counts of every participant in every condition, shape (people, most levels of one)."""
 
     level: Floats
     detected: Floats
@@ -176,14 +176,15 @@ class _Counts:
 
 
 def _side_by_side(counts: pd.DataFrame, people: Sequence[tuple[str, str]]) -> _Counts:
-    """Lay the levels that anybody had out as columns; what somebody did not have is 0 of 0."""
-    levels, column = np.unique(counts["level_vpp"].to_numpy(float), return_inverse=True)
+    """Lay the levels of each participant out in a row; a place that is left over is 0 of 0 at 1."""
     place = {person: i for i, person in enumerate(people)}
     row = [place[one] for one in zip(counts["condition"], counts["participant"], strict=True)]
-    detected, presented = np.zeros((2, len(people), len(levels)))
+    column = counts.groupby(["condition", "participant"]).cumcount().to_numpy()
+    shape = (len(people), int(column.max()) + 1)
+    level, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
+    level[row, column] = counts["level_vpp"]
     detected[row, column] = counts["sum"]
     presented[row, column] = counts["size"]
-    level = np.broadcast_to(levels, presented.shape)
     return _Counts(level=level, detected=detected, presented=presented)
 
 
