@@ -29,7 +29,8 @@ _ENOUGH = 10
 """After `_LOOK` tables, of which so many deviate as much, p is not small: no more are drawn."""
 _ROWS = 4000
 """So many drawn tables are fitted at a time."""
-_ROUNDING = 1e-9
+_ROUNDING = 1e-5
+"""Deviances that differ by less are alike; so are all of a table that any function meets."""
 
 _GAIN = 1e-6
 """A step of the fit that gains less log likelihood moves no deviance that can be told apart."""
@@ -115,7 +116,7 @@ def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = RE
     fits = len(tables)
     p, q = probabilities(tables, best)
     drawn = np.stack([_drawn(tables, p, row, seed, replicates) for row in range(fits)])
-    reached = deviance(tables.detected, tables.presented, p, q) * (1 - _ROUNDING)
+    reached = deviance(tables.detected, tables.presented, p, q) - _ROUNDING
     as_much, done = np.zeros(fits), np.zeros(fits)
     going = np.arange(fits)
     for first, last in itertools.pairwise(sorted({0, min(_LOOK, replicates), replicates})):

@@ -74,8 +74,19 @@ class GuessRate:
         """
         if self.beta is None:
             return np.full(points, self.mean), np.full(points, 1 / points)
-        from scipy.special import roots_jacobi
+        return _gauss_jacobi(*self.beta, points)
 
-        a, b = self.beta
-        at, weight = roots_jacobi(points, b - 1, a - 1)
-        return (at + 1) / 2, weight / weight.sum()
+
+def _gauss_jacobi(a: float, b: float, points: int) -> tuple[Floats, Floats]:
+    """Return points and weights by which Beta(a, b) is integrated over.
+
+    From the recurrence of the Jacobi polynomials (G. H. Golub and J. H. Welsch, Math. Comp. 23
+    (1969) 221-230), whose weights sum to 1 by themselves: no power of a large number is taken.
+    """
+    k = np.arange(1, points)
+    s = 2.0 * k + a + b - 2
+    middle = np.concatenate([[(a - b) / (a + b)], (a - b) * (a + b - 2) / (s * (s + 2))])
+    first = np.where(k == 1, 1.0, (k + a + b - 2) / (s - 1))
+    beside = np.sqrt(4 * k * (k + a - 1) * (k + b - 1) * first / (s * s * (s + 1)))
+    at, vectors = np.linalg.eigh(np.diag(middle) + np.diag(beside, 1) + np.diag(beside, -1))
+    return (at + 1) / 2, vectors[0] ** 2

@@ -27,6 +27,12 @@ _ENOUGH: Final = 1e-12
 _SQRT_2PI: Final = float(np.sqrt(2 * np.pi))
 _AT_BOUND: Final = 1e-9
 _ROUNDING: Final = 1e-15
+_EASIER: Final = 10.0
+_HARDER: Final = 4.0
+_LEAST_DAMPING: Final = 1e-8
+_SOLVABLE: Final = 1e-12
+_LAPSE: Final = 400.0
+"""A step of 1/20 in lambda counts as much as one of sigma in mu."""
 _LEAST: Final = 1e-100
 """Probabilities below count as this; what is divided by two of them stays finite."""
 
@@ -102,7 +108,8 @@ def log_likelihood(tables: Tables, parameters: Floats) -> Floats:
 def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Floats:
     """Return the likeliest mu, log sigma and lambda within their bounds.
 
-    Fisher's scoring; a parameter at a bound that the likelihood wants to leave stays there.
+    Fisher's scoring, damped where a step would go downhill (Levenberg and Marquardt); a parameter
+    at a bound that the likelihood wants to leave stays there.
 
     Parameters
     ----------
@@ -116,17 +123,19 @@ def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Fl
     -------
     ndarray of float64, shape (fits, 3)
     """
-    lower, upper = np.array(LOWER), np.array(UPPER)
-    at = np.clip(start, lower, upper)
-    value = log_likelihood(tables, at)
+    at = np.clip(start, LOWER, UPPER)
+    value, damping = log_likelihood(tables, at), np.ones(len(tables))
     active = np.arange(len(tables))
     for _ in range(_MOST_STEPS):
-        part = tables[active]
-        step = _free_step(part, at[active])
-        new, reached = _uphill(part, at[active], value[active], step)
-        moving = (np.abs(new - at[active]) > _ENOUGH).any(axis=1)
-        going = moving & ((reached - value[active] > least_gain) | (least_gain == 0.0))
-        at[active], value[active] = new, reached
+        part, here, best = tables[active], at[active], value[active]
+        new = np.clip(here + _free_step(part, here, damping[active]), LOWER, UPPER)
+        reached = log_likelihood(part, new)
+        better = reached >= best - _ROUNDING * np.abs(best)
+        moving = (np.abs(new - here) > _ENOUGH).any(axis=1)
+        going = moving & ~(better & (reached - best <= least_gain) & (least_gain > 0))
+        at[active[better]], value[active[better]] = new[better], reached[better]
+        damping[active] *= np.where(better, 1 / _EASIER, _HARDER)
+        damping[active] = np.maximum(damping[active], _LEAST_DAMPING)
         active = active[going]
         if not len(active):
             break
@@ -138,14 +147,16 @@ def at_upper_lapse(parameters: Floats) -> NDArray[np.bool_]:
     return np.asarray(parameters[:, 2] >= UPPER[2] - _AT_BOUND)
 
 
-def _free_step(tables: Tables, at: Floats) -> Floats:
-    """Return information^-1 times score, over the parameters that are free to move."""
+def _free_step(tables: Tables, at: Floats, damping: Floats) -> Floats:
+    """Return (information + damping)^-1 times score, over the parameters that are free to move."""
     score, information = _score(tables, at)
-    lower, upper = np.array(LOWER), np.array(UPPER)
-    stuck = ((at <= lower) & (score < 0)) | ((at >= upper) & (score > 0))
+    stuck = ((at <= LOWER) & (score < 0)) | ((at >= UPPER) & (score > 0))
+    metric = np.stack([np.exp(-2 * at[:, 1]), np.ones(len(at)), np.full(len(at), _LAPSE)], axis=1)
+    size = np.einsum("fii->fi", information)
+    information += (damping[:, None] * metric + _SOLVABLE * size)[:, :, None] * np.eye(3)
     for _ in range(2):
         step = _solve(score, information, stuck)
-        leaving = ((at <= lower) & (step < 0)) | ((at >= upper) & (step > 0))
+        leaving = ((at <= LOWER) & (step < 0)) | ((at >= UPPER) & (step > 0))
         if not (leaving & ~stuck).any():
             break
         stuck |= leaving
@@ -154,11 +165,7 @@ def _free_step(tables: Tables, at: Floats) -> Floats:
 
 def _solve(score: Floats, information: Floats, stuck: NDArray[np.bool_]) -> Floats:
     free = ~stuck
-    matrix = information * (free[:, :, None] & free[:, None, :])
-    size = np.einsum("fii->fi", matrix)
-    # A little of the diagonal keeps directions that the data do not tell about from running away.
-    ridge = np.where(stuck, 1.0, 1e-10 * size + 1e-10 * size.max(axis=1, keepdims=True) + 1e-300)
-    matrix = matrix + ridge[:, :, None] * np.eye(3)
+    matrix = information * (free[:, :, None] & free[:, None, :]) + stuck[:, :, None] * np.eye(3)
     return np.asarray(np.linalg.solve(matrix, np.where(free, score, 0.0)[:, :, None])[:, :, 0])
 
 
@@ -176,18 +183,3 @@ def _score(tables: Tables, at: Floats) -> tuple[Floats, Floats]:
     score = (slopes * (tables.detected / p - missed / q)[:, None, :]).sum(axis=2)
     weight = tables.presented / (p * q)
     return score, np.einsum("fil,fjl,fl->fij", slopes, slopes, weight)
-
-
-def _uphill(tables: Tables, at: Floats, value: Floats, step: Floats) -> tuple[Floats, Floats]:
-    """Go a step, or the largest part of it, halved again and again, that is uphill."""
-    lower, upper = np.array(LOWER), np.array(UPPER)
-    new = np.clip(at + step, lower, upper)
-    reached = log_likelihood(tables, new)
-    for _ in range(40):
-        worse = ~(reached >= value - _ROUNDING * np.abs(value))
-        if not worse.any():
-            break
-        step = np.where(worse[:, None], step / 2, step)
-        new = np.clip(at + step, lower, upper)
-        reached = log_likelihood(tables, new)
-    return np.where(worse[:, None], at, new), np.where(worse, value, reached)

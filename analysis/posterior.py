@@ -6,7 +6,7 @@ uniform on [log 0.02, 0], lambda Beta(1, 10) on [0, 0.1], gamma given or Beta.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
@@ -34,13 +34,24 @@ class Nodes:
     Attributes
     ----------
     mu, log_sigma, lapse, guess : int
-        Points of each parameter; the first two odd.
+        Points of each parameter; the first two one more than a multiple of four.
     """
 
     mu: int = 41
     log_sigma: int = 25
     lapse: int = 7
     guess: int = 5
+
+    @property
+    def cells(self) -> int:
+        """Nodes of mu and log sigma together."""
+        return self.mu * self.log_sigma
+
+    def finer(self, times: int) -> Nodes:
+        """Return nodes with so many times smaller steps in mu and log sigma."""
+        return replace(
+            self, mu=times * (self.mu - 1) + 1, log_sigma=times * (self.log_sigma - 1) + 1
+        )
 
 
 STANDARD: Final = Nodes()
@@ -55,6 +66,8 @@ _STILL_SHRINKING: Final = 0.6
 _WHOLE: Final = 0.9
 _DENSE: Final = 32
 _CHUNK_CELLS: Final = 400_000
+_CLOSE: Final = 3e-3
+"""Of the levels' range; so far the points of two grids may lie apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,7 +94,9 @@ class Posterior:
     best: Floats
 
 
-def posterior(tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes = STANDARD) -> Posterior:
+def posterior(
+    tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes | None = None
+) -> Posterior:
     """Return the posterior of every table.
 
     Parameters
@@ -90,29 +105,56 @@ def posterior(tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes = STAND
         Levels that differ, at least one stimulus in each table.
     guesses : sequence of GuessRate
         One for each table.
-    nodes : Nodes
-        Fineness of the last grid.
+    nodes : Nodes, optional
+        Fineness of the last grid. By default `STANDARD`, and twice as fine once and again where
+        every second node alone tells something else.
 
     Returns
     -------
     Posterior
     """
-    levels = max(1, tables.u.shape[1])
-    cells = nodes.mu * nodes.log_sigma * levels
-    chunk = max(1, _CHUNK_CELLS // cells)
-    pieces = [
-        _chunk(tables[slice(i, i + chunk)], guesses[i : i + chunk], nodes)
-        for i in range(0, len(tables), chunk)
-    ]
-    names = ("mu", "log_sigma", "lapse_rate", "below", "above", "best")
-    joined = {name: np.concatenate([getattr(one, name) for one in pieces]) for name in names}
-    return Posterior(**joined)
+    fits, levels = len(tables), max(1, tables.u.shape[1])
+    box, best = np.empty((fits, 3, 2)), np.empty((fits, 3))
+    for part in _parts(np.arange(fits), _COARSE.cells * levels * _COARSE.lapse // 2):
+        box[part], best[part] = _zoom(tables[part])
+    found = _Points(mu=np.empty((fits, 3)), log_sigma=np.empty((fits, 3)), rest=np.empty((fits, 4)))
+    going = np.arange(fits)
+    fineness = [nodes] if nodes else [STANDARD.finer(times) for times in (1, 2, 4)]
+    for grid in fineness:
+        for part in _parts(going, grid.cells * levels):
+            own = [guesses[i] for i in part]
+            found[part] = _integrated(tables[part], own, _with_best(box[part], best[part]), grid)
+        going = going[found.rest[going, 3] > _CLOSE]
+    return Posterior(
+        mu=found.mu,
+        log_sigma=found.log_sigma,
+        lapse_rate=found.rest[:, 0],
+        below=found.rest[:, 1],
+        above=found.rest[:, 2],
+        best=best,
+    )
 
 
-def _chunk(tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes) -> Posterior:
-    box, start = _zoom(tables)
-    best = fit_lapsing(tables, start)
-    box = _with_best(box, best)
+def _parts(rows: NDArray[np.intp], cells: int) -> list[NDArray[np.intp]]:
+    """Split rows, each of so many cells, into pieces that fit the cache."""
+    pieces = -(-len(rows) * cells // _CHUNK_CELLS)
+    return list(np.array_split(rows, min(pieces, len(rows)))) if len(rows) else []
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Points:
+    """The points of `QUANTILES`; then mean lambda, what lies below and above, and the doubt."""
+
+    mu: Floats
+    log_sigma: Floats
+    rest: Floats
+
+    def __setitem__(self, rows: NDArray[np.intp], values: _Points) -> None:
+        self.mu[rows], self.log_sigma[rows] = values.mu, values.log_sigma
+        self.rest[rows] = values.rest
+
+
+def _integrated(tables: Tables, guesses: Sequence[GuessRate], box: Floats, nodes: Nodes) -> _Points:
     axes = [_axis(box[:, i], n) for i, n in enumerate((nodes.mu, nodes.log_sigma))]
     spots = list(_nuisance(box[:, 2], guesses, nodes))
     shape = _shape(tables, *axes)
@@ -126,18 +168,18 @@ def _chunk(tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes) -> Poster
         with_lapse += part * spot.lapse
     in_mu, in_sigma = _simpson(nodes.mu), _simpson(nodes.log_sigma)
     mu, below, above = _points(density @ in_sigma, box[:, 0])
-    return Posterior(
+    half = density[:, ::2, ::2] @ _simpson(nodes.log_sigma // 2 + 1)
+    doubt = np.abs(_points(half, box[:, 0])[0] - mu).max(axis=1)
+    lapse_rate = (with_lapse @ in_sigma) @ in_mu / ((density @ in_sigma) @ in_mu)
+    return _Points(
         mu=mu,
         log_sigma=_points(in_mu @ density, box[:, 1])[0],
-        lapse_rate=(with_lapse @ in_sigma) @ in_mu / ((density @ in_sigma) @ in_mu),
-        below=below,
-        above=above,
-        best=best,
+        rest=np.stack([lapse_rate, below, above, doubt], axis=1),
     )
 
 
 def _zoom(tables: Tables) -> tuple[Floats, Floats]:
-    """Return the box, shape (fits, 3, 2), outside which nothing matters, and a point near the top.
+    """Return the box, shape (fits, 3, 2), outside which nothing matters, and the likeliest point.
 
     A coarse grid is laid over the prior, then over the part of it that matters with a cell around,
     and so on until that part fills the grid.
@@ -163,7 +205,7 @@ def _zoom(tables: Tables) -> tuple[Floats, Floats]:
         active = active[shrunk.min(axis=1) < _STILL_SHRINKING]
         if not len(active):
             break
-    return box, start
+    return box, fit_lapsing(tables, start)
 
 
 def _top(values: Floats, axes: Sequence[Floats]) -> Floats:
