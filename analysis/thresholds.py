@@ -299,22 +299,15 @@ def _group(people: pd.DataFrame, x_scale: XScale) -> list[object]:
     """Return the values of a group, from ``participants`` on, of `GROUP_COLUMNS`."""
     statuses = people["status"].astype(object)
     volts = np.sort(people.loc[statuses.isin(WITH_THRESHOLD), "threshold_vpp"].to_numpy(float))
-    below = people[statuses.eq("threshold_below_levels")]
-    above = people[statuses.eq("threshold_above_levels")]
+    below = _bounds(people.loc[statuses.eq("threshold_below_levels"), "printed"])
+    above = _bounds(people.loc[statuses.eq("threshold_above_levels"), "printed"])
     without = sorted(people.loc[~statuses.isin([*WITH_THRESHOLD, *_CENSORED]), "participant"])
-    x = np.log10(volts) if x_scale == "log10" else volts
-    ranked = np.concatenate([np.full(len(below), -np.inf), x, np.full(len(above), np.inf)])
-    median, status = math.nan, "none"
-    words = "no threshold"
-    if len(ranked):
-        middle = _median(ranked)
-        status = {-np.inf: _CENSORED[0], np.inf: _CENSORED[1]}.get(middle, "ok")
-        if status == "ok":
-            median = _on_level(middle, x_scale)
-            words = f"median {median:.1f} V"
-        else:
-            extreme = below if status == _CENSORED[0] else above
-            words = f"median {_outermost(extreme['printed'])}"
+    x, least, most = (_on_axis(values, x_scale) for values in (volts, above, below))
+    status, median, words = _median(
+        np.concatenate([np.full(len(below), -np.inf), x, least]),
+        np.concatenate([most, x, np.full(len(above), np.inf)]),
+        x_scale,
+    )
     mean = [math.nan] * 3
     if len(volts) == len(people) and len(volts) > 1:
         mean = [_on_level(value, x_scale) for value in _t_interval(x)]
@@ -327,16 +320,43 @@ def _group(people: pd.DataFrame, x_scale: XScale) -> list[object]:
 _CENSORED: Final = ("threshold_below_levels", "threshold_above_levels")
 
 
-def _outermost(words: pd.Series) -> str:
-    """Return the weakest of statements like "< 60 V": it holds for all."""
-    ranked = sorted(words, key=lambda word: float(word.split()[1]))
-    return str(ranked[-1] if ranked[0].startswith("<") else ranked[0])
+def _bounds(words: pd.Series[str]) -> Floats:
+    """Return the levels in statements like "< 60 V"."""
+    return np.array([float(word.split()[1]) for word in words], dtype=np.float64)
 
 
-def _median(ranked: Floats) -> float:
-    """Return the middle, or the mean of the two in the middle; between censored ones, theirs."""
+def _on_axis(volts: Floats, x_scale: XScale) -> Floats:
+    return np.log10(volts) if x_scale == "log10" else volts
+
+
+def _median(lower: Floats, upper: Floats, x_scale: XScale) -> tuple[str, float, str]:
+    """Return status, value and words of the median of thresholds between bounds on the axis.
+
+    A median grows with each of its values, so it lies between those of the bounds.
+    """
+    if not len(lower):
+        return "none", math.nan, "no threshold"
+    ends = [_middle(np.sort(bound)) for bound in (lower, upper)]
+    low, high = (_on_level(end, x_scale) for end in ends)
+    if low == high:
+        return "ok", low, f"median {low:.1f} V"
+    known = (math.isfinite(ends[0]), math.isfinite(ends[1]))
+    if known == (False, True):
+        return _CENSORED[0], math.nan, f"median < {_short(high)} V"
+    if known == (True, False):
+        return _CENSORED[1], math.nan, f"median > {_short(low)} V"
+    between = f"median between {low:.1f} and {high:.1f} V"
+    return "none", math.nan, between if all(known) else "no median: it may lie anywhere"
+
+
+def _middle(ranked: Floats) -> float:
+    """Return the middle, or the mean of the two in the middle, without adding infinities."""
     low, high = float(ranked[(len(ranked) - 1) // 2]), float(ranked[len(ranked) // 2])
     return low if low == high else (low + high) / 2
+
+
+def _short(level_vpp: float) -> str:
+    return f"{round(level_vpp, 1):g}"
 
 
 def _t_interval(x: Floats) -> tuple[float, float, float]:
