@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pandas as pd
 
-from analysis.counting import counted
 from analysis.goodness import deviance_p
 from analysis.guessing import GuessRate
+from analysis.people import people_of
 from analysis.psychometric import WITH_THRESHOLD, PsychometricFit, fit_many
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
@@ -36,9 +35,6 @@ GROUP_COLUMNS: Final = (
     "mean_high_vpp", "printed", "below", "above", "without",
 )  # fmt: skip
 
-BLANKS_NEEDED: Final = 20
-"""Fewer blank trials tell next to nothing of a guess rate."""
-
 WORDS: Final[Mapping[Status, str]] = MappingProxyType(
     {
         "ok": "threshold found",
@@ -53,54 +49,7 @@ WORDS: Final[Mapping[Status, str]] = MappingProxyType(
 )
 """What a status means to a reader."""
 
-_FORCED: Final = 1 / 2
 _THIRD: Final = 1 / 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Guessing:
-    """The guess rate of a participant, and where it comes from.
-
-    Attributes
-    ----------
-    rate : GuessRate
-    basis : str
-        ``forced choice``, ``blanks`` or ``none offered``.
-    """
-
-    rate: GuessRate
-    basis: str
-
-
-def guessing(*, none_offered: bool, sided_answers: int, blanks: int) -> Guessing:
-    """Return the guess rate that a participant's answers allow.
-
-    Who feels nothing and cannot say so guesses left or right: 1/2. Who can say so is right by
-    chance as often as a blank trial is answered with a given side, where there are `BLANKS_NEEDED`
-    of them; without, never.
-
-    Parameters
-    ----------
-    none_offered : bool
-        Whether "none" could be answered.
-    sided_answers : int
-        Blank trials answered left or right; half of them count for either side.
-    blanks : int
-        Blank trials that count.
-
-    Examples
-    --------
-    >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
-    0.5
-    >>> guessing(none_offered=True, sided_answers=6, blanks=60).basis
-    'blanks'
-    """
-    if not none_offered:
-        return Guessing(rate=GuessRate(mean=_FORCED), basis="forced choice")
-    if blanks >= BLANKS_NEEDED:
-        rate = GuessRate.after_blanks(answered=sided_answers / 2, blanks=blanks)
-        return Guessing(rate=rate, basis="blanks")
-    return Guessing(rate=GuessRate(mean=0.0), basis="none offered")
 
 
 def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10") -> pd.DataFrame:
@@ -129,82 +78,34 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10
     >>> threshold_table(trials, seed=1)[["participant", "status", "printed"]].to_numpy().tolist()
     [['1', 'ok', '81.1 V (74.0 to 88.2)']]
     """
-    single = counted(trials, "single")
-    if single.empty:
+    people = people_of(trials)
+    if not people.names:
         return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))
-    hit = single["response"].astype(object).eq(single["side"].astype(object))
-    cells = single[["condition", "participant", "level_vpp"]].assign(hit=hit.astype(np.int64))
-    key = ["condition", "participant", "level_vpp"]
-    counts = cells.groupby(key)["hit"].agg(["sum", "size"]).reset_index()
-    people = list(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
-    table = _side_by_side(counts, people)
-    x = np.log10(table.level) if x_scale == "log10" else table.level
-    guesses = _guesses(trials, people)
-    rates = [one.rate for one in guesses]
-    fits = fit_many(x, table.detected, table.presented, guesses=rates)
+    x = np.log10(people.level_vpp) if x_scale == "log10" else people.level_vpp
+    counts = (people.detected, people.presented)
+    rates = [one.rate for one in people.guesses]
+    fits = fit_many(x, *counts, guesses=rates)
     others = [
-        fit_many(x, table.detected, table.presented, guesses=[GuessRate(mean=rate)] * len(people))
-        for rate in (0.0, _THIRD)
+        fit_many(x, *counts, guesses=[GuessRate(mean=rate)] * len(rates)) for rate in (0.0, _THIRD)
     ]
-    misfits = deviance_p(x, table.detected, table.presented, fits=fits, guesses=rates, seed=seed)
+    misfits = deviance_p(x, *counts, fits=fits, guesses=rates, seed=seed)
     rows = [
         {
             "participant": participant,
             "condition": condition,
             **_numbers(fits[i], x_scale),
-            "printed": printed(fits[i], table.level[i][table.presented[i] > 0], x_scale),
+            "printed": printed(fits[i], people.level_vpp[i, people.presented[i] > 0], x_scale),
             "deviance_p": misfits[i],
-            "guess_rate": guesses[i].rate.mean,
-            "guess_basis": guesses[i].basis,
+            "guess_rate": people.guesses[i].rate.mean,
+            "guess_basis": people.guesses[i].basis,
             "threshold_guess_0_vpp": _on_level(others[0][i].threshold, x_scale),
             "threshold_guess_third_vpp": _on_level(others[1][i].threshold, x_scale),
-            "levels": int((table.presented[i] > 0).sum()),
-            "trials": int(table.presented[i].sum()),
+            "levels": int((people.presented[i] > 0).sum()),
+            "trials": int(people.presented[i].sum()),
         }
-        for i, (condition, participant) in enumerate(people)
+        for i, (condition, participant) in enumerate(people.names)
     ]
     return pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Counts:
-    """Counts of every participant in every condition, shape (people, most levels of one)."""
-
-    level: Floats
-    detected: Floats
-    presented: Floats
-
-
-def _side_by_side(counts: pd.DataFrame, people: Sequence[tuple[str, str]]) -> _Counts:
-    """Lay the levels of each participant out in a row; a place that is left over is 0 of 0 at 1."""
-    place = {person: i for i, person in enumerate(people)}
-    row = [place[one] for one in zip(counts["condition"], counts["participant"], strict=True)]
-    column = counts.groupby(["condition", "participant"]).cumcount().to_numpy()
-    shape = (len(people), int(column.max()) + 1)
-    level, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
-    level[row, column] = counts["level_vpp"]
-    detected[row, column] = counts["sum"]
-    presented[row, column] = counts["size"]
-    return _Counts(level=level, detected=detected, presented=presented)
-
-
-def _guesses(trials: pd.DataFrame, people: Sequence[tuple[str, str]]) -> list[Guessing]:
-    key = ["condition", "participant"]
-    blank = counted(trials, "blank")
-    sided = blank["response"].astype(object).isin(["left", "right"]).astype(np.int64)
-    blanks = blank[key].assign(sided=sided).groupby(key)["sided"]
-    answers, numbers = blanks.sum().to_dict(), blanks.size().to_dict()
-    single = counted(trials, "single")
-    offered = single["none_offered"].astype("boolean").fillna(value=False).astype(bool)
-    always = single[key].assign(offered=offered).groupby(key)["offered"].all().to_dict()
-    return [
-        guessing(
-            none_offered=bool(always[person]),
-            sided_answers=int(answers.get(person, 0)),
-            blanks=int(numbers.get(person, 0)),
-        )
-        for person in people
-    ]
 
 
 def _numbers(fit: PsychometricFit, x_scale: XScale) -> dict[str, object]:

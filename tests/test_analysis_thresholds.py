@@ -11,14 +11,8 @@ import pytest
 from scipy import stats
 
 from analysis import fit_psychometric, group_table, threshold_table
-from analysis.thresholds import (
-    BLANKS_NEEDED,
-    GROUP_COLUMNS,
-    THRESHOLD_COLUMNS,
-    WORDS,
-    guessing,
-    printed,
-)
+from analysis.people import BLANKS_NEEDED, guessing
+from analysis.thresholds import GROUP_COLUMNS, THRESHOLD_COLUMNS, WORDS, printed
 
 PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
 ONE = {

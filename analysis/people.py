@@ -1,0 +1,150 @@
+"""Counts and guess rate of every participant in every condition."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from analysis.counting import counted
+from analysis.guessing import GuessRate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+BLANKS_NEEDED: Final = 20
+"""Fewer blank trials tell next to nothing of a guess rate."""
+
+_FORCED: Final = 1 / 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guessing:
+    """The guess rate of a participant, and where it comes from.
+
+    Attributes
+    ----------
+    rate : GuessRate
+    basis : str
+        ``forced choice``, ``blanks`` or ``none offered``.
+    """
+
+    rate: GuessRate
+    basis: str
+
+
+def guessing(*, none_offered: bool, sided_answers: int, blanks: int) -> Guessing:
+    """Return the guess rate that a participant's answers allow.
+
+    Who feels nothing and cannot say so guesses left or right: 1/2. Who can say so is right by
+    chance as often as a blank trial is answered with a given side, where there are `BLANKS_NEEDED`
+    of them; without, never.
+
+    Parameters
+    ----------
+    none_offered : bool
+        Whether "none" could be answered.
+    sided_answers : int
+        Blank trials answered left or right; half of them count for either side.
+    blanks : int
+        Blank trials that count.
+
+    Examples
+    --------
+    >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
+    0.5
+    >>> guessing(none_offered=True, sided_answers=6, blanks=60).basis
+    'blanks'
+    """
+    if not none_offered:
+        return Guessing(rate=GuessRate(mean=_FORCED), basis="forced choice")
+    if blanks >= BLANKS_NEEDED:
+        rate = GuessRate.after_blanks(answered=sided_answers / 2, blanks=blanks)
+        return Guessing(rate=rate, basis="blanks")
+    return Guessing(rate=GuessRate(mean=0.0), basis="none offered")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class People:
+    """What was presented to participants, and what they detected.
+
+    Attributes
+    ----------
+    names : tuple of tuple of str
+        Condition and participant; sorted.
+    level_vpp, detected, presented : ndarray of float64, shape (people, most levels of one)
+        The levels of each, and counts; a place that is left over is 0 of 0 at 1.
+    guesses : tuple of Guessing
+    """
+
+    names: tuple[tuple[str, str], ...]
+    level_vpp: Floats
+    detected: Floats
+    presented: Floats
+    guesses: tuple[Guessing, ...]
+
+
+def people_of(trials: pd.DataFrame) -> People:
+    """Count the single stimuli and their detections, and find what guesses are worth.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "status": "ok", "anticipated": False,
+    ...     "response": ["left", "both", "left"], "noise_ok": True, "none_offered": True})
+    >>> people = people_of(trials)
+    >>> people.names, people.detected.tolist(), people.presented.tolist()
+    ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
+    """
+    single = counted(trials, "single")
+    hit = single["response"].astype(object).eq(single["side"].astype(object))
+    cells = single[["condition", "participant", "level_vpp"]].assign(hit=hit.astype(np.int64))
+    key = ["condition", "participant", "level_vpp"]
+    counts = cells.groupby(key)["hit"].agg(["sum", "size"]).reset_index()
+    names = tuple(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
+    place = {name: i for i, name in enumerate(names)}
+    row = [place[name] for name in zip(counts["condition"], counts["participant"], strict=True)]
+    column = counts.groupby(["condition", "participant"]).cumcount().to_numpy()
+    shape = (len(names), int(column.max(initial=0)) + 1)
+    level_vpp, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
+    level_vpp[row, column] = counts["level_vpp"]
+    detected[row, column] = counts["sum"]
+    presented[row, column] = counts["size"]
+    return People(
+        names=names,
+        level_vpp=level_vpp,
+        detected=detected,
+        presented=presented,
+        guesses=tuple(_guesses(trials, names)),
+    )
+
+
+def _guesses(trials: pd.DataFrame, people: Sequence[tuple[str, str]]) -> list[Guessing]:
+    key = ["condition", "participant"]
+    blank = counted(trials, "blank")
+    sided = blank["response"].astype(object).isin(["left", "right"]).astype(np.int64)
+    blanks = blank[key].assign(sided=sided).groupby(key)["sided"]
+    answers, numbers = blanks.sum().to_dict(), blanks.size().to_dict()
+    single = counted(trials, "single")
+    offered = single["none_offered"].astype("boolean").fillna(value=False).astype(bool)
+    always = single[key].assign(offered=offered).groupby(key)["offered"].all().to_dict()
+    return [
+        guessing(
+            none_offered=bool(always[person]),
+            sided_answers=int(answers.get(person, 0)),
+            blanks=int(numbers.get(person, 0)),
+        )
+        for person in people
+    ]
