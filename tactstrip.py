@@ -19,6 +19,11 @@ COMMANDS = {
     "dry-run": ("analysis.dry_run", "dry_run", "Simulate participants and analyze them."),
     "run": ("experiment.commands", "run", "Run one session with a participant."),
     "analyze": ("analysis.commands", "analyze", "Turn result CSVs into tables and figures."),
+    "audit": (
+        "analysis.commands_audit",
+        "audit",
+        "Tell if a printed table of proportions can be true.",
+    ),
     "field": ("experiment.commands_field", "field", "Draw the displacement of a study's plate."),
     "devices": ("device.commands", "devices", "List what answers on ports and sound cards."),
     "emulate": ("device.commands", "emulate", "Emulate a device on a port, for tests."),
