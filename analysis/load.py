@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from analysis.plans import PLAN, check_plan, progress, read_plan
 from analysis.rows import UNNUMBERED, mapped_rows, own_rows, with_responses
 from analysis.sources import TABLE, find_sources, unreadable
 from analysis.textfile import text_chunks
+from analysis.unchanged import HashedFile
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -173,17 +174,16 @@ def _check_copies(sources: Sequence[Source], read: Sequence[_Read]) -> None:
 def _read_rows(
     path: Path, columns: ColumnMap | None, *, empty_allowed: bool
 ) -> tuple[pd.DataFrame, str]:
-    """Read the rows of one file and the checksum of its bytes, these after the rows are sound."""
+    """Read the rows of one file and the checksum of its bytes."""
     file = str(path)
-    with path.open("rb") as stream:
+    with HashedFile(path) as raw, io.BufferedReader(raw) as stream:
         chunks = [
             own_rows(text, file) if columns is None else mapped_rows(text, file, columns)
             for text in text_chunks(
                 stream, file, bom_allowed=columns is not None, empty_allowed=empty_allowed
             )
         ]
-        stream.seek(0)
-        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        sha256 = raw.unchanged_sha256()
     return with_responses(pd.concat(chunks, ignore_index=True), file), sha256
 
 
