@@ -1,4 +1,4 @@
-"""The command ``analyze``: result files to tables, summary and figures."""
+"""The command ``analyze``: result files to tables, summary, figures and a report."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def write_analysis(
     columns: ColumnMap | None = None,
     ci: str = "wilson",
     allow_simulated: bool = False,
-    seed: int | None = None,
+    seed: int = 0,
     figures: bool = True,
 ) -> Analysis:
-    r"""Read result files, analyse them and write levels, participants, both, blank and summary.
+    r"""Read result files, analyse them and write tables, summary, figures and a report.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def write_analysis(
         Method of the cells' intervals.
     allow_simulated : bool
         Whether simulated and real sessions may be mixed.
-    seed : int, optional
-        Kept in the summary.
+    seed : int
+        Of the bootstrap and the permutations; kept in the summary.
     figures : bool
-        Whether to draw detection.png and detection.svg.
+        Whether to draw.
 
     Returns
     -------
@@ -71,7 +71,8 @@ def write_analysis(
     ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
     ...     analysis = write_analysis([table], folder, columns=ColumnMap(), figures=False)
     ...     sorted(path.name for path in Path(folder).iterdir())
-    ['levels.csv', 'participants.csv', 'summary.json', 'table.csv']
+    ['confusion.csv', 'levels.csv', 'participants.csv', 'report.html', 'summary.json', 'table.csv',
+    'thresholds.csv', 'trials_clean.csv']
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
@@ -106,22 +107,28 @@ def write_analysis(
     help="Interval of each participant's proportion.",
 )
 @click.option("--allow-simulated", is_flag=True, help="Accept simulated sessions beside real ones.")
-@click.option("--seed", type=click.IntRange(min=0), help="Kept in summary.json.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of the bootstrap and the permutations; kept in summary.json.",
+)
 @click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
-@click.option("--no-figures", is_flag=True, help="Write tables only.")
+@click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")
 @refusals
 def analyze(
     paths: tuple[Path, ...],
     out: Path | None,
     columns: Path | None,
     ci: str,
-    seed: int | None,
+    seed: int,
     *,
     allow_simulated: bool,
     strict: bool,
     no_figures: bool,
 ) -> None:
-    """Turn result CSVs or folders into detection probabilities and figures.
+    """Turn result CSVs or folders into tables, figures and a report.
 
     Of a folder, all sub-*/ses-*/trials.csv are read.
     """

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from analysis.tables import Analysis
 
 _WIDTH = 80
+_FEW = 10
 _HEADER = (
     "V p-p",
     "k/n",
@@ -77,8 +78,12 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
         if forced:
             _say(file, _FORCED)
-    control = _control_lines(analysis.control)
-    for line in (*_total_lines(analysis), *control, *_excluded_lines(analysis.excluded)):
+    for line in (
+        *_total_lines(analysis),
+        *_control_lines(analysis.control),
+        *_threshold_lines(analysis),
+        *_excluded_lines(analysis.excluded),
+    ):
         _say(file, line)
     for warning in analysis.warnings:
         _say(file, f"warning: {warning}")
@@ -164,6 +169,17 @@ def _control_lines(table: pd.DataFrame) -> Iterator[str]:
 
 
 _PARTS = {AUDIBILITY: "audibility check", CONTROL: "control"}
+
+
+def _threshold_lines(analysis: Analysis) -> Iterator[str]:
+    for _, group in analysis.groups.iterrows():
+        people = analysis.thresholds[analysis.thresholds["condition"].eq(group["condition"])]
+        each = ""
+        if len(people) <= _FEW:
+            told = zip(people["participant"], people["printed"], strict=True)
+            each = "; " + ", ".join(f"{name} {printed}" for name, printed in told)
+        where = f" in condition {group['condition']}" if analysis.counts.conditions > 1 else ""
+        yield f"Threshold{where}: {group['printed']}{each}."
 
 
 def _total(row: pd.Series[Any], ci: str) -> str:

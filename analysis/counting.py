@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from experiment.record import COLUMNS, NOT_AVAILABLE
+
 COUNTED_KINDS = ("single", "both", "blank")
 REASONS = (
     "practice", "control", "device_error", "indeterminate", "aborted", "voided", "anticipated",
@@ -95,6 +97,27 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
         message = f"internal error: {told} of {len(trials)} trials, some are neither or both"
         raise RuntimeError(message)
     return table
+
+
+def clean_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return every trial with whether it counts and, if not, why.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns of `experiment.record.COLUMNS`, then ``counted`` and ``reason`` (``n/a`` where
+        the trial counts), ordered by participant, session, trial and attempt.
+    """
+    why = reasons(trials)
+    table = trials[[column.name for column in COLUMNS]].assign(
+        counted=why.eq(""), reason=why.mask(why.eq(""), NOT_AVAILABLE)
+    )
+    return table.sort_values(["participant", "session", "trial", "attempt"], ignore_index=True)
 
 
 def counted(trials: pd.DataFrame, kind: str) -> pd.DataFrame:

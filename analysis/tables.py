@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analysis import control, counting, detection
+from analysis.choice import choices, confusion_table
 from analysis.errors import ResultFileError
 from analysis.methods import METHODS
+from analysis.reaction import reaction_table
+from analysis.thresholds import group_table, threshold_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
 
+    from analysis.choice import Choices
     from analysis.load import InputFile, Loaded
 
 # Left out as planned, or presented again: nothing to warn of.
@@ -58,6 +62,16 @@ class Analysis:
     ----------
     levels, participants, both, blank, excluded : pandas.DataFrame
         As the functions of `analysis.detection` and `analysis.counting` return them.
+    thresholds, groups : pandas.DataFrame
+        As `analysis.thresholds` returns them.
+    confusion : pandas.DataFrame
+        As `analysis.choice.confusion_table` returns it.
+    choice : tuple of Choices
+        As `analysis.choice.choices` returns it.
+    reaction_times : pandas.DataFrame
+        As `analysis.reaction.reaction_table` returns it.
+    trials : pandas.DataFrame
+        All trials as read.
     detected_any : pandas.DataFrame or None
         As `analysis.detection.detected_any`; ``None`` where "none" could not be answered.
     control : pandas.DataFrame
@@ -70,8 +84,8 @@ class Analysis:
         One sentence each; empty where nothing is amiss.
     ci : str
         Method of the cells' intervals.
-    seed : int or None
-        As given.
+    seed : int
+        Of everything that is drawn at random: bootstrap and permutations.
     """
 
     levels: pd.DataFrame
@@ -79,19 +93,23 @@ class Analysis:
     both: pd.DataFrame
     blank: pd.DataFrame
     excluded: pd.DataFrame
+    thresholds: pd.DataFrame
+    groups: pd.DataFrame
+    confusion: pd.DataFrame
+    choice: tuple[Choices, ...]
+    reaction_times: pd.DataFrame
+    trials: pd.DataFrame
     detected_any: pd.DataFrame | None
     control: pd.DataFrame
     counts: Counts
     inputs: tuple[InputFile, ...]
     warnings: tuple[str, ...]
     ci: str
-    seed: int | None
+    seed: int
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
             raise ValueError(f"ci must be one of {', '.join(METHODS)}, got {self.ci!r}")
-        if self.seed is not None and (isinstance(self.seed, bool) or self.seed < 0):
-            raise ValueError(f"seed must be a whole number of at least 0, got {self.seed!r}")
 
     @property
     def simulated(self) -> str:
@@ -102,7 +120,7 @@ class Analysis:
 
 
 def analyse(
-    loaded: Loaded, *, ci: str = "wilson", seed: int | None = None, allow_simulated: bool = False
+    loaded: Loaded, *, ci: str = "wilson", seed: int = 0, allow_simulated: bool = False
 ) -> Analysis:
     """Count, tabulate and look for what a reader has to be told.
 
@@ -112,8 +130,8 @@ def analyse(
         From `analysis.load.read_inputs`.
     ci : str
         Method of the cells' intervals, see `analysis.proportion_ci`.
-    seed : int, optional
-        Kept with the results; nothing here is drawn at random.
+    seed : int
+        Of bootstrap and permutations.
     allow_simulated : bool
         Whether simulated and real sessions may be mixed.
 
@@ -124,22 +142,31 @@ def analyse(
     Raises
     ------
     ValueError
-        For an unknown method.
+        For an unknown method, and a seed that is no whole number of at least 0.
     ResultFileError
         For simulated trials beside real ones.
     """
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise ValueError(f"seed must be a whole number of at least 0, got {seed!r}")
     trials = loaded.trials
     if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
         one = trials[trials["simulated"]].iloc[0]
         message = "a simulated trial, and others are real; --allow-simulated accepts both"
         raise ResultFileError(one["file"], int(one["line"]), message)
     excluded = counting.excluded_table(trials)
+    thresholds = threshold_table(trials, seed=seed)
     return Analysis(
         levels=detection.level_table(trials),
         participants=detection.participant_table(trials, ci),
         both=detection.both_table(trials, ci),
         blank=detection.blank_table(trials, ci),
         excluded=excluded,
+        thresholds=thresholds,
+        groups=group_table(thresholds),
+        confusion=confusion_table(trials),
+        choice=choices(trials, seed),
+        reaction_times=reaction_table(trials),
+        trials=trials,
         detected_any=detection.detected_any(trials) if counting.offers_none(trials) else None,
         control=control.control_table(trials),
         counts=_counts(trials),

@@ -1,4 +1,4 @@
-"""The detection figure: what it shows, that it names its axes, and the same bytes on every run."""
+"""The figures: what they show, that they name their axes, and the same bytes on every run."""
 
 from __future__ import annotations
 
@@ -10,8 +10,18 @@ import pandas as pd
 import pytest
 
 from analysis import level_table
+from analysis.choice import confusion_table
 from analysis.detection import participant_table
-from analysis.figures import DetectionData, render
+from analysis.drawing import written
+from analysis.figure_confusion import ConfusionData
+from analysis.figure_confusion import draw as draw_confusion
+from analysis.figure_detection import DetectionData, draw
+from analysis.figure_reaction import ReactionData
+from analysis.figure_reaction import draw as draw_reaction
+from analysis.figure_thresholds import ThresholdData
+from analysis.figure_thresholds import draw as draw_thresholds
+from analysis.reaction import REACTION_COLUMNS
+from analysis.thresholds import group_table
 
 LEVELS_VPP = (60.0, 95.0, 130.0, 165.0, 200.0)
 
@@ -45,6 +55,10 @@ def data(
     )
 
 
+def render(shown: DetectionData) -> tuple[bytes, bytes]:
+    return written(lambda: draw(shown))
+
+
 def texts(shown: DetectionData) -> str:
     """Return the SVG; matplotlib writes each text beside its glyphs as a comment."""
     return render(shown)[1].decode()
@@ -57,7 +71,8 @@ def test_the_same_data_give_the_same_bytes() -> None:
 def test_both_axes_are_named_with_their_units() -> None:
     svg = texts(data())
     assert "Level, logarithmic (V peak-to-peak)" in svg
-    assert "Detection probability (detected / presented)" in svg
+    assert "Detection probability" in svg
+    assert "(detected / presented)" in svg
 
 
 def test_the_ticks_are_the_levels() -> None:
@@ -134,5 +149,90 @@ def test_settings_of_the_user_neither_show_nor_change() -> None:
 
 
 def test_importing_the_module_does_not_import_matplotlib() -> None:
-    code = "import sys, analysis.figures; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, analysis.figures, analysis.drawing; sys.exit('matplotlib' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def people(*rows: tuple[str, float, float, float], condition: str = "main") -> pd.DataFrame:
+    """Return thresholds: status, threshold and limits of each participant."""
+    volts = {"threshold_below_levels": "< 60 V", "threshold_above_levels": "> 200 V"}
+    columns = ["status", "threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"]
+    return pd.DataFrame(rows, columns=columns).assign(
+        participant=[f"S{number:02d}" for number in range(len(rows))],
+        condition=condition,
+        printed=[volts.get(row[0], "") for row in rows],
+    )
+
+
+def threshold_texts(thresholds: pd.DataFrame) -> str:
+    shown = ThresholdData(
+        thresholds=thresholds,
+        groups=group_table(thresholds),
+        participants=pd.DataFrame({"level_vpp": LEVELS_VPP}),
+    )
+    pictures = [written(lambda: draw_thresholds(shown)) for _ in range(2)]
+    assert pictures[0] == pictures[1]
+    return pictures[0][1].decode()
+
+
+NAN = float("nan")
+FOUND = ("ok", 90.0, 80.0, 101.0)
+BELOW = ("threshold_below_levels", NAN, NAN, NAN)
+
+
+def test_a_threshold_has_its_interval_and_its_unit() -> None:
+    svg = threshold_texts(people(FOUND, ("ok", 100.0, 20.0, 900.0)))
+    assert "Threshold (V peak-to-peak, log.)" in svg
+    assert "threshold, 95 % interval" in svg
+    assert "mean of 2" in svg
+
+
+def test_a_censored_threshold_is_an_arrow_and_forbids_a_mean() -> None:
+    svg = threshold_texts(people(FOUND, BELOW, BELOW, ("threshold_above_levels", NAN, NAN, NAN)))
+    assert "below the lowest tested level" in svg
+    assert "above the highest tested level" in svg
+    assert "median of 4" in svg
+    assert "mean of" not in svg
+
+
+def test_who_has_no_threshold_is_named_with_the_reason() -> None:
+    svg = threshold_texts(people(FOUND, ("flat", NAN, NAN, NAN)))
+    assert "<!-- S01 -->" in svg
+    assert "none: flat" in svg
+
+
+def test_a_crowd_is_ordered_and_not_named() -> None:
+    svg = threshold_texts(people(*[FOUND] * 61))
+    assert "<!-- S01 -->" not in svg
+    assert "61 participants" in svg
+
+
+def test_a_figure_of_censored_thresholds_alone_is_drawn() -> None:
+    assert "median of 2" in threshold_texts(people(BELOW, BELOW))
+
+
+def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
+    trials = pd.DataFrame({
+        "condition": "main", "kind": "single", "side": "left", "status": "ok",
+        "response": ["left"] * 15 + ["both"] * 5, "anticipated": False, "noise_ok": True,
+    })  # fmt: skip
+    shown = ConfusionData(confusion=confusion_table(trials), ci="wilson")
+    pictures = [written(lambda: draw_confusion(shown)) for _ in range(2)]
+    assert pictures[0] == pictures[1]
+    svg = pictures[0][1].decode()
+    for text in ("75 %", "53–89 %", "25 %", "n = 20", "Answer (% of the stimulus's trials)"):
+        assert f"<!-- {text} -->" in svg
+    assert "ignores that participants differ" in svg
+
+
+def test_reaction_times_are_of_each_side_in_seconds() -> None:
+    rows = [("main", v, side, 9, 0.5, 0.4, 0.8) for v in LEVELS_VPP for side in ("left", "right")]
+    rows.append(("main", 220.0, "left", 0, NAN, NAN, NAN))
+    shown = ReactionData(reaction=pd.DataFrame(rows, columns=list(REACTION_COLUMNS)))
+    pictures = [written(lambda: draw_reaction(shown)) for _ in range(2)]
+    assert pictures[0] == pictures[1]
+    svg = pictures[0][1].decode()
+    assert "Reaction time of correct answers (s)" in svg
+    assert "left finger: median, 10–90 % of answers" in svg
+    assert "right finger" in svg
+    assert "<!-- 220 -->" not in svg

@@ -1,0 +1,56 @@
+"""What every number of an analysis means, in the words of summary.json and the report."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "presented": "trials of the kind with status ok, not anticipated, noise_ok not false",
+        "detected": "single stimuli answered with their own side and nothing else",
+        "p": "detected (noticed, felt) / presented; time-outs and invalid keys stay in presented",
+        "low, high": "95 % interval of one participant's p, by the method under ci; in a last row "
+        "'all' it ignores that participants differ",
+        "p_min, p_mean, p_max": "least, unweighted mean and largest p of the participants",
+        "p_pooled": "detected / presented over all participants",
+        "group_low, group_high": "95 % interval of the group: Wilson at p_pooled with "
+        "presented / deff trials and Student's t with participants - 1 degrees of freedom; none "
+        "for one participant",
+        "over_report": "single stimuli answered both",
+        "mislocalised": "single stimuli answered with the other side",
+        "timeouts": "single stimuli (in control.csv: control trials) without an answer in time",
+        "p_answered": "detected / (presented without time-outs and invalid keys)",
+        "detected_any": "single stimuli answered left, right or both; null where the answer "
+        "none was not offered",
+        "noticed": "both-finger trials answered both",
+        "left_only, right_only": "both-finger trials answered with one side",
+        "left, right, both": "blank trials with this answer, each a false alarm; in confusion.csv "
+        "trials with this answer",
+        "none, timeout, invalid": "trials with this answer, without one in time, with another key",
+        "kind, side": "single, both or blank; where the stimulus was",
+        "counted, reason": "whether a trial is counted; if not, the first reason that holds",
+        "threshold_vpp, threshold_low_vpp, threshold_high_vpp": "level felt half of the time: "
+        "posterior median and 95 % equal-tailed limits, volts peak-to-peak; in a row 'all' the "
+        "median over participants",
+        "threshold_db, threshold_low_db, threshold_high_db": "the same in dB re 1 V peak-to-peak",
+        "status": "ok, or why there is no threshold or how it is limited",
+        "printed": "the threshold as a reader is told it",
+        "sigma": "width of the psychometric function, posterior median: log10 units, or volts on a "
+        "linear axis",
+        "lapse_rate": "share of felt stimuli that are missed, posterior mean",
+        "mle_threshold_vpp, mle_sigma, mle_lapse_rate": "the likeliest values",
+        "deviance, deviance_p": "misfit at the likeliest values, and the share of tables drawn "
+        "from them (seeded) that fit no better",
+        "guess_rate, guess_basis": "chance of a correct answer without feeling anything, and how "
+        "it is known",
+        "threshold_guess_0_vpp, threshold_guess_third_vpp": "the threshold if the guess rate were "
+        "0 or 1/3",
+        "levels, trials": "how many the fit is of",
+        "n, median, p10, p90": "correct answers to single stimuli with a time; median, 10 % and "
+        "90 % points of the reaction time, seconds",
+    }
+)
