@@ -26,6 +26,7 @@ def write_analysis(
     ci: str = "wilson",
     allow_simulated: bool = False,
     seed: int = 0,
+    population: bool = False,
     figures: bool = True,
 ) -> Analysis:
     r"""Read result files, analyse them and write tables, summary, figures and a report.
@@ -44,6 +45,8 @@ def write_analysis(
         Whether simulated and real sessions may be mixed.
     seed : int
         Of the bootstrap and the permutations; kept in the summary.
+    population : bool
+        Whether to fit the participants of each condition as one population.
     figures : bool
         Whether to draw.
 
@@ -81,7 +84,9 @@ def write_analysis(
     from analysis.tables import analyse
 
     loaded = read_inputs(paths, columns)
-    analysis = analyse(loaded, ci=ci, seed=seed, allow_simulated=allow_simulated)
+    analysis = analyse(
+        loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
+    )
     read = [Path(file) for file in loaded.trials["file"].unique()]
     save(analysis, Path(out_dir), with_figures=figures, read=read)
     return analysis
@@ -114,6 +119,11 @@ def write_analysis(
     show_default=True,
     help="Of the bootstrap and the permutations; kept in summary.json.",
 )
+@click.option(
+    "--population",
+    is_flag=True,
+    help="Fit all participants of a condition as one population, too.",
+)
 @click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
 @click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")
 @refusals
@@ -125,6 +135,7 @@ def analyze(
     seed: int,
     *,
     allow_simulated: bool,
+    population: bool,
     strict: bool,
     no_figures: bool,
 ) -> None:
@@ -143,6 +154,7 @@ def analyze(
         ci=ci,
         allow_simulated=allow_simulated,
         seed=seed,
+        population=population,
         figures=not no_figures,
     )
     print_analysis(analysis, sys.stdout)

@@ -82,6 +82,7 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         *_total_lines(analysis),
         *_control_lines(analysis.control),
         *_threshold_lines(analysis),
+        *_population_lines(analysis),
         *_excluded_lines(analysis.excluded),
     ):
         _say(file, line)
@@ -180,6 +181,14 @@ def _threshold_lines(analysis: Analysis) -> Iterator[str]:
             each = "; " + ", ".join(f"{name} {printed}" for name, printed in told)
         where = f" in condition {group['condition']}" if analysis.counts.conditions > 1 else ""
         yield f"Threshold{where}: {group['printed']}{each}."
+
+
+def _population_lines(analysis: Analysis) -> Iterator[str]:
+    for one in analysis.population:
+        where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
+        low, high = one.threshold_limits_vpp
+        told = one.reason or f"{one.threshold_vpp:.1f} V ({low:.1f} to {high:.1f})"
+        yield f"Threshold of the population{where}: {told}."
 
 
 def _total(row: pd.Series[Any], ci: str) -> str:

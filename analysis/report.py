@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from analysis.figures import Picture
     from analysis.markup import Content
+    from analysis.population import PopulationThreshold
     from analysis.tables import Analysis
 
 _TITLE = "Detection of vibrotactile stimuli"
@@ -178,6 +179,11 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
     ]
     header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
     yield table("Thresholds of the group", header, groups, ["Threshold"])
+    if analysis.population:
+        header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
+        fitted = [_population(one) for one in analysis.population]
+        caption = "The participants as one population: logistic, a random intercept each"
+        yield table(caption, header, fitted, ["Remark"])
     yield from _shown(drawn, "thresholds")
     header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
               "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",
@@ -186,6 +192,18 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
         caption = f"Thresholds of participants{_where(analysis, condition)}"
         cells = [_threshold(row) for _, row in rows.iterrows()]
         yield table(caption, header, cells, ["Threshold (95 %)", "Status", "Guess rate from"])
+
+
+def _population(one: PopulationThreshold) -> list[Content]:
+    low, high = one.threshold_limits_vpp
+    limits = "" if math.isnan(low) else f" ({_volts(low)} to {_volts(high)})"
+    return [
+        foreign(one.condition),
+        str(one.participants),
+        _volts(one.threshold_vpp) + limits,
+        _p(one.between_sd),
+        one.reason,
+    ]
 
 
 def _threshold(row: pd.Series[Any]) -> list[Content]:

@@ -14,6 +14,7 @@ from analysis.definitions import DEFINITIONS
 if TYPE_CHECKING:
     import pandas as pd
 
+    from analysis.population import PopulationThreshold
     from analysis.tables import Analysis
 
 SCHEMA = 1
@@ -31,7 +32,7 @@ def summary_text(analysis: Analysis) -> str:
     -------
     str
         A JSON object with the keys ``schema definitions inputs versions seed counts excluded levels
-        both blank control thresholds groups choice reaction_times warnings``.
+        both blank control thresholds groups population choice reaction_times warnings``.
     """
     levels = analysis.levels
     if analysis.detected_any is None:
@@ -52,6 +53,7 @@ def summary_text(analysis: Analysis) -> str:
         "control": _records(analysis.control),
         "thresholds": _records(analysis.thresholds),
         "groups": _records(analysis.groups),
+        "population": [_population(one) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
         "reaction_times": _records(analysis.reaction_times),
         "warnings": list(analysis.warnings),
@@ -69,11 +71,18 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in names}
 
 
+def _population(one: PopulationThreshold) -> dict[str, object]:
+    low, high = one.threshold_limits_vpp
+    told = asdict(one) | {"threshold_limits_vpp": [_known(low), _known(high)]}
+    return {name: _known(value) for name, value in told.items()}
+
+
+def _known(value: object) -> object:
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
 def _records(table: pd.DataFrame) -> list[dict[str, object]]:
     return [
-        {
-            name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in zip(table.columns, row, strict=True)
-        }
+        {name: _known(value) for name, value in zip(table.columns, row, strict=True)}
         for row in table.itertuples(index=False, name=None)
     ]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from analysis.choice import Choices
     from analysis.load import InputFile, Loaded
+    from analysis.population import PopulationThreshold
 
 # Left out as planned, or presented again: nothing to warn of.
 _EXPECTED = ("practice", "control", "voided")
@@ -64,6 +65,8 @@ class Analysis:
         As the functions of `analysis.detection` and `analysis.counting` return them.
     thresholds, groups : pandas.DataFrame
         As `analysis.thresholds` returns them.
+    population : tuple of PopulationThreshold
+        As `analysis.population.population_thresholds` returns it; empty unless asked for.
     confusion : pandas.DataFrame
         As `analysis.choice.confusion_table` returns it.
     choice : tuple of Choices
@@ -95,6 +98,7 @@ class Analysis:
     excluded: pd.DataFrame
     thresholds: pd.DataFrame
     groups: pd.DataFrame
+    population: tuple[PopulationThreshold, ...]
     confusion: pd.DataFrame
     choice: tuple[Choices, ...]
     reaction_times: pd.DataFrame
@@ -120,7 +124,12 @@ class Analysis:
 
 
 def analyse(
-    loaded: Loaded, *, ci: str = "wilson", seed: int = 0, allow_simulated: bool = False
+    loaded: Loaded,
+    *,
+    ci: str = "wilson",
+    seed: int = 0,
+    allow_simulated: bool = False,
+    population: bool = False,
 ) -> Analysis:
     """Count, tabulate and look for what a reader has to be told.
 
@@ -134,6 +143,8 @@ def analyse(
         Of bootstrap and permutations.
     allow_simulated : bool
         Whether simulated and real sessions may be mixed.
+    population : bool
+        Whether to fit the participants of each condition as one population.
 
     Returns
     -------
@@ -163,6 +174,7 @@ def analyse(
         excluded=excluded,
         thresholds=thresholds,
         groups=group_table(thresholds),
+        population=_population(trials) if population else (),
         confusion=confusion_table(trials),
         choice=choices(trials, seed),
         reaction_times=reaction_table(trials),
@@ -175,6 +187,12 @@ def analyse(
         ci=ci,
         seed=seed,
     )
+
+
+def _population(trials: pd.DataFrame) -> tuple[PopulationThreshold, ...]:
+    from analysis.population import population_thresholds  # statsmodels is slow to load
+
+    return population_thresholds(trials)
 
 
 def _counts(trials: pd.DataFrame) -> Counts:

@@ -101,8 +101,8 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     summary = json.loads(text)
     assert list(summary) == [
         *("schema", "definitions", "inputs", "versions", "seed", "counts", "excluded", "levels"),
-        *("both", "blank", "control", "thresholds", "groups", "choice", "reaction_times"),
-        "warnings",
+        *("both", "blank", "control", "thresholds", "groups", "population", "choice"),
+        *("reaction_times", "warnings"),
     ]
     assert summary["inputs"] == [
         {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
@@ -488,6 +488,29 @@ def test_the_help_imports_no_numpy_pandas_rich_or_matplotlib() -> None:
         "sys.exit(bool({'numpy', 'pandas', 'rich', 'matplotlib'} & set(sys.modules)))"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+def test_a_population_is_fitted_only_on_request(tmp_path: Path) -> None:
+    options = (TABLE, "--columns", MAP, "--no-figures", "--out", tmp_path)
+    assert "of the population" not in run(*options).stdout
+    assert json.loads((tmp_path / "summary.json").read_text())["population"] == []
+    assert "Threshold of the population: " in run(*options, "--population").stdout
+    [one] = json.loads((tmp_path / "summary.json").read_text())["population"]
+    low, high = one["threshold_limits_vpp"]
+    assert low < one["threshold_vpp"] < high
+    report = (tmp_path / "report.html").read_text()
+    assert f"{one['threshold_vpp']:.1f} V ({low:.1f} V to {high:.1f} V)" in report
+
+
+def test_a_population_that_cannot_be_fitted_has_a_reason(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("participant,side,level_vpp,response\n1,left,60,left\n1,left,90,left\n")
+    out = tmp_path / "out"
+    analysis = write_analysis([path], out, columns=ColumnMap(), figures=False, population=True)
+    [one] = analysis.population
+    assert one.reason
+    assert json.loads((out / "summary.json").read_text())["population"][0]["threshold_vpp"] is None
+    assert one.reason in (out / "report.html").read_text()
 
 
 def test_an_unknown_name_of_the_package_is_refused() -> None:

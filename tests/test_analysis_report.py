@@ -168,7 +168,7 @@ def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("simulated", "marks"), [(True, 1), (False, 0)])
-def test_simulated_participants_are_marked(tmp_path: Path, simulated: bool, marks: int) -> None:  # noqa: FBT001
+def test_simulated_participants_are_marked(tmp_path: Path, *, simulated: bool, marks: int) -> None:
     text = report(tmp_path, simulated=simulated)
     assert text.count('<p class="mark">Simulated participants.</p>') == marks
 
