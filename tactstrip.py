@@ -24,6 +24,7 @@ COMMANDS = {
         "audit",
         "Tell if a printed table of proportions can be true.",
     ),
+    "levels": ("analysis.levels_command", "levels", "Place levels on a participant's function."),
     "field": ("experiment.commands_field", "field", "Draw the displacement of a study's plate."),
     "devices": ("device.commands", "devices", "List what answers on ports and sound cards."),
     "emulate": ("device.commands", "emulate", "Emulate a device on a port, for tests."),
