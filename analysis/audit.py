@@ -151,7 +151,7 @@ def audit(rows: Sequence[Row]) -> Audit:
     the mean at most the largest; with P participants, one at the least and one at the largest value
     and all others between; with the numbers of stimuli, values that are k / n. With a single n the
     counts of all participants have to add up to the mean as well; with a range of n only the least
-    and largest values are held to it. Formulas: docs/statistics.md, section 8.
+    and largest values are held to it. Formulas: docs/statistics.md, section 10.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def detection_sensitivity(hits: Share, false_alarms: Share, reason: str = "") ->
     """Return d' = z(H) - z(F) and the criterion -(z(H) + z(F)) / 2 of a yes-no task.
 
     H = (h + 1/2) / (N1 + 1) and F = (f + 1/2) / (N0 + 1), the log-linear correction (M. J. Hautus,
-    Behav. Res. Methods 27 (1995) 46-51). Formulas: docs/statistics.md, section 9.
+    Behav. Res. Methods 27 (1995) 46-51). Formulas: docs/statistics.md, section 11.
 
     Parameters
     ----------
