@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
-from analysis.cells import CellFault, first_fault
 from analysis.detection import TOTAL
 from analysis.errors import ResultFileError, one_line
 from analysis.rows import expected_correct
@@ -31,23 +31,21 @@ class _Rule:
     broken: pd.Series[bool]
 
 
-def check_rows(rows: pd.DataFrame, file: str, *, planned: bool = False) -> None:
-    """Refuse the rows of one file where they contradict themselves.
+def check_rows(rows: pd.DataFrame, *, planned: frozenset[str] = frozenset()) -> None:
+    """Refuse rows that contradict themselves.
 
     Parameters
     ----------
     rows : pandas.DataFrame
-        Typed rows of one file, with ``line``.
-    file : str
-        The name for messages.
-    planned : bool
-        Whether a plan tells how long an answer was waited for; without one, slow answers are
-        taken for milliseconds.
+        Typed rows of one or several files, with ``file`` and ``line``.
+    planned : frozenset of str
+        The files beside which a plan tells how long an answer was waited for; in another one, slow
+        answers are taken for milliseconds.
 
     Raises
     ------
     ResultFileError
-        Naming the first line that breaks a rule.
+        Naming the first line of the first file in which a rule is broken.
 
     Examples
     --------
@@ -55,15 +53,17 @@ def check_rows(rows: pd.DataFrame, file: str, *, planned: bool = False) -> None:
     >>> from analysis.rows import mapped_rows
     >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
     ...     "response": "left"}, index=[2, 3])
-    >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()), "t.csv")
+    >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()))
     Traceback (most recent call last):
     analysis.errors.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number from
     1e-06 to 1e+06 where there is a stimulus
     """
     rules = [_participant_rule(rows), *_stimulus_rules(rows), *_answer_rules(rows)]
-    first_fault(file, [_fault(rows, rule) for rule in rules if rule.broken.any()])
-    if not planned:
-        _check_median(rows, file)
+    broken = [(int(np.argmax(rule.broken.to_numpy())), rule) for rule in rules if rule.broken.any()]
+    if broken:
+        row, rule = min(broken, key=itemgetter(0))
+        raise ResultFileError(rows["file"].iloc[row], *_fault(rows, row, rule))
+    _check_median(rows[~rows["file"].isin(planned)])
 
 
 def _participant_rule(rows: pd.DataFrame) -> _Rule:
@@ -120,14 +120,12 @@ def _answer_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
     )
 
 
-def _fault(rows: pd.DataFrame, rule: _Rule) -> CellFault:
-    row = int(np.argmax(rule.broken.to_numpy()))
+def _fault(rows: pd.DataFrame, row: int, rule: _Rule) -> tuple[int, str]:
+    """Return the line of a row that breaks a rule, and the message."""
     value = rows[rule.column].iloc[row]
     shown = NOT_AVAILABLE if pd.isna(value) else format_value(_plain(value))
-    return CellFault(
-        line=int(rows["line"].iloc[row]),
-        message=f"column '{rule.column}' is {shown}; it must be {rule.must}",
-    )
+    message = f"column '{rule.column}' is {shown}; it must be {rule.must}"
+    return int(rows["line"].iloc[row]), message
 
 
 def _plain(value: Any) -> object:
@@ -135,13 +133,15 @@ def _plain(value: Any) -> object:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _check_median(rows: pd.DataFrame, file: str) -> None:
-    times_s = rows["rt_s"].dropna()
-    if times_s.empty or times_s.median() <= MAX_MEDIAN_RT_S:
+def _check_median(rows: pd.DataFrame) -> None:
+    medians_s = rows.groupby("file", sort=False)["rt_s"].median()
+    slow = medians_s[medians_s.gt(MAX_MEDIAN_RT_S)]
+    if slow.empty:
         return
-    line = int(rows.loc[rows["rt_s"].gt(MAX_MEDIAN_RT_S), "line"].iloc[0])
+    file, median_s = slow.index[0], slow.iloc[0]
+    line = int(rows.loc[rows["file"].eq(file) & rows["rt_s"].gt(MAX_MEDIAN_RT_S), "line"].iloc[0])
     message = (
-        f"column 'rt_s' has a median of {times_s.median():g} s in this file, allowed at most "
+        f"column 'rt_s' has a median of {median_s:g} s in this file, allowed at most "
         f'{MAX_MEDIAN_RT_S:g} s; if these are milliseconds, a map says [units] rt_s = "ms"'
     )
     raise ResultFileError(file, line, message)

@@ -14,7 +14,7 @@ from experiment.plan import plan_from_json
 from experiment.record import ANSWERS, RESPONSES, format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from experiment.plan import Plan, Trial
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PLAN = "plan.json"
 _MAX_PLAN_BYTES = 50_000_000
 _OF_TRIAL = ("condition", "block", "kind", "side", "level_vpp")
-_OF_ROW = ["participant", "session", "trial", *_OF_TRIAL, "response", "rt_s", "line"]
+_OF_ROW = ["participant", "session", "trial", *_OF_TRIAL, "response", "rt_s", "status", "line"]
 _NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
 
 
@@ -96,13 +96,22 @@ def _check_folder(plan: Plan, path: Path) -> None:
             raise ResultFileError(path, None, message)
 
 
-def check_plan(rows: pd.DataFrame, file: str, plan: Plan) -> None:
+def told_rows(rows: pd.DataFrame) -> list[Any]:
+    """Return typed rows as tuples with what `check_plan` and `progress` look at.
+
+    >>> told_rows(pd.DataFrame([dict.fromkeys(_OF_ROW, "01")]))[0].session
+    '01'
+    """
+    return list(rows[_OF_ROW].itertuples(index=False))
+
+
+def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
     """Refuse the rows of one session where they contradict its plan.
 
     Parameters
     ----------
-    rows : pandas.DataFrame
-        Typed rows of one file, with ``line``; the level of a blank trial is NaN.
+    told : sequence of tuple
+        The rows of one file, from `told_rows`; the level of a blank trial is NaN.
     file : str
         The name for messages.
     plan : Plan
@@ -120,14 +129,13 @@ def check_plan(rows: pd.DataFrame, file: str, plan: Plan) -> None:
     >>> plan = SimpleNamespace(participant="01", session="01", trials=(), warm_up=(),
     ...     responses=("left",), response_window_s=2.0)
     >>> row = dict.fromkeys(_OF_ROW, "02") | {"line": 2}
-    >>> check_plan(pd.DataFrame([row]), "trials.csv", plan)
+    >>> check_plan(told_rows(pd.DataFrame([row])), "trials.csv", plan)
     Traceback (most recent call last):
     analysis.errors.ResultFileError: trials.csv:2: column 'participant' is 02; it must be 01 by the
     plan beside the table
     """
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
-    row: Any
-    for row in rows[_OF_ROW].itertuples(index=False):
+    for row in told:
         for column, must in _breaches(row, trials.get(row.trial), plan):
             value = format_value(_known(getattr(row, column)))
             message = (
@@ -158,28 +166,33 @@ def _known(value: Any) -> Any:
     return None if pd.isna(value) else value
 
 
-def progress(rows: pd.DataFrame, plan: Plan, table: Path) -> Progress:
+def progress(told: Sequence[Any], plan: Plan, table: Path) -> Progress:
     """Count the planned trials that have a valid attempt.
 
     >>> from pathlib import Path
     >>> from types import SimpleNamespace
     >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
     >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f")
-    >>> rows = pd.DataFrame({"trial": [1, 2, 3], "status": ["ok", "voided", "ok"]})
-    >>> progress(rows, plan, Path("trials.csv"))
+    >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
+    >>> progress(told, plan, Path("trials.csv"))
     Progress(participant='01', session='01', valid=1, planned=2, file_sha256='f', unexported=0)
     """
     numbers = {trial.number for trial in plan.trials}
-    valid = rows.loc[rows["status"].eq("ok"), "trial"].isin(numbers)
     return Progress(
         participant=plan.participant,
         session=plan.session,
-        valid=int(valid.sum()),
+        valid=sum(row.status == "ok" and row.trial in numbers for row in told),
         planned=len(numbers),
         file_sha256=plan.file_sha256,
-        unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(rows)),
+        unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(told)),
     )
 
 
 def _ended(journal: Path) -> int:
-    return journal.read_bytes().count(b'"event":"trial_end"') if journal.is_file() else 0
+    if not journal.is_file():
+        return 0
+    try:
+        with journal.open("rb") as stream:
+            return sum(line.count(b'"event":"trial_end"') for line in stream)
+    except OSError as error:
+        raise unreadable(error, journal) from None

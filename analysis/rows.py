@@ -57,7 +57,7 @@ def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The columns of `experiment.record.COLUMNS`, typed, and ``line``.
+        The columns of `experiment.record.COLUMNS`, typed, ``file`` and ``line``.
 
     Raises
     ------
@@ -131,6 +131,8 @@ def _typed(text: pd.DataFrame, readings: list[Reading], file: str) -> pd.DataFra
     read = {reading.column.name: reading.read(text[reading.column.name]) for reading in readings}
     first_fault(file, [column for column in read.values() if isinstance(column, CellFault)])
     rows = pd.DataFrame(read)
+    # As objects: a file's name need not be text that can be encoded.
+    rows["file"] = pd.Series(file, index=rows.index, dtype=object)
     rows["line"] = rows.index
     return rows
 
@@ -140,38 +142,37 @@ def _default(name: str, columns: ColumnMap, lines: pd.Index[Any]) -> Any:
     return columns.reading(name).read(texts)
 
 
-def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
+def with_responses(rows: pd.DataFrame) -> pd.DataFrame:
     """Turn ``detected`` into the response it stands for, and fill in what is correct.
 
     A detected stimulus was answered with its side, a missed one with ``none``. A blank trial has
-    no side: a felt one counts for the only side at which the table has stimuli. Then tell where
+    no side: a felt one counts for the only side at which its file has stimuli. Then tell where
     "none" was an answer.
 
     Parameters
     ----------
     rows : pandas.DataFrame
-        All rows of one file, from `own_rows` or `mapped_rows`.
-    file : str
-        The name for messages.
+        All rows of one or several files, from `own_rows` or `mapped_rows`.
 
     Returns
     -------
     pandas.DataFrame
-        The columns of `experiment.record.COLUMNS` in their order, ``line``, and ``none_offered``:
-        true where ``detected`` says yes or no, or where "none" was answered in the same condition,
-        else missing. Control trials tell nothing of it: "none" is always an answer there.
+        The columns of `experiment.record.COLUMNS` in their order, ``file``, ``line``, and
+        ``none_offered``: true where ``detected`` says yes or no, or where "none" was answered in
+        the same file and condition, else missing. Control trials tell nothing of it: "none" is
+        always an answer there.
 
     Raises
     ------
     ResultFileError
-        For a felt blank trial in a table with stimuli at more than one side.
+        For a felt blank trial in a file with stimuli at more than one side.
 
     Examples
     --------
     >>> from analysis.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "1", "side": ["left", "left", "none"],
     ...     "level_vpp": ["60", "60", "0"], "detected": ["1", "0", "1"]}, index=[2, 3, 4])
-    >>> rows = with_responses(mapped_rows(text, "t.csv", ColumnMap()), "t.csv")
+    >>> rows = with_responses(mapped_rows(text, "t.csv", ColumnMap()))
     >>> rows[["response", "correct"]].to_numpy().tolist()
     [['left', True], ['none', False], ['left', False]]
     """
@@ -179,27 +180,32 @@ def with_responses(rows: pd.DataFrame, file: str) -> pd.DataFrame:
     if yes_or_no:
         answers = rows["detected"].astype(object).replace({"0": "none"})
         felt = answers.eq("1")
-        answers = answers.mask(felt, _felt_side(rows, felt, file))
+        answers = answers.mask(felt, _felt_side(rows, felt))
         rows["response"] = pd.Categorical(answers, categories=list(RESPONSES))
     stated = rows["correct"].astype("boolean")
     rows["correct"] = stated.fillna(expected_correct(rows))
     none = rows["response"].eq("none") & rows["kind"].ne("control") | yes_or_no
-    said = rows["condition"].isin(set(rows.loc[none, "condition"]))
+    said = none.groupby([rows["file"], rows["condition"]]).transform("any").astype(bool)
     rows["none_offered"] = said.astype("boolean").mask(~said)
-    return rows[[*_NAMES, "line", "none_offered"]]
+    return rows[[*_NAMES, "file", "line", "none_offered"]]
 
 
-def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool], file: str) -> pd.Series[Any]:
+def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool]) -> pd.Series[Any]:
     sides = rows["side"].astype(object)
     felt_blank = felt & sides.eq("none")
-    stimulated = sorted({*sides} - {"none"})
-    if felt_blank.any() and len(stimulated) != 1:
-        message = (
-            "column 'detected' holds '1' in a blank trial, and the table has stimuli at "
-            f"{', '.join(stimulated) or 'no side'}: which side was answered? Map response instead"
-        )
-        raise ResultFileError(file, int(rows.loc[felt_blank, "line"].iloc[0]), message)
-    return sides.mask(felt_blank, stimulated[0] if stimulated else None)
+    blanks = rows.loc[felt_blank, ["file", "line"]].drop_duplicates("file")
+    answered: dict[str, str] = {}
+    for file, line in blanks.itertuples(index=False):
+        stimulated = sorted({*sides[rows["file"].eq(file)]} - {"none"})
+        if len(stimulated) != 1:
+            message = (
+                "column 'detected' holds '1' in a blank trial, and the table has stimuli at "
+                f"{', '.join(stimulated) or 'no side'}: which side was answered? Map response "
+                "instead"
+            )
+            raise ResultFileError(file, int(line), message)
+        answered[file] = stimulated[0]
+    return sides.mask(felt_blank, rows["file"].map(answered))
 
 
 def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:

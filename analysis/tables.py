@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from analysis.batch import InputFile
     from analysis.choice import Choices
-    from analysis.load import InputFile, Loaded
+    from analysis.load import Loaded
     from analysis.population import PopulationThreshold
 
 # Left out as planned, or presented again: nothing to warn of.

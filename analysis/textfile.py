@@ -7,8 +7,6 @@ import csv
 from itertools import islice
 from typing import TYPE_CHECKING, BinaryIO
 
-import pandas as pd
-
 from analysis.errors import ResultFileError, shown
 
 if TYPE_CHECKING:
@@ -25,10 +23,13 @@ _OTHER_MARKS = {
 _OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
 
 
+Chunk = tuple[list[int], list[list[str]]]
+
+
 def text_chunks(
     stream: BinaryIO, file: str, *, bom_allowed: bool = False, empty_allowed: bool = False
-) -> Iterator[pd.DataFrame]:
-    r"""Read a comma-separated file as frames of at most `CHUNK_ROWS` rows of text.
+) -> tuple[list[str], Iterator[Chunk]]:
+    r"""Read a comma-separated file as its header and chunks of at most `CHUNK_ROWS` rows of text.
 
     Parameters
     ----------
@@ -39,40 +40,48 @@ def text_chunks(
     bom_allowed : bool
         Whether the file may begin with a byte order mark.
     empty_allowed : bool
-        Whether a header alone will do: one frame without rows.
+        Whether a header alone will do: one chunk without rows.
 
-    Yields
-    ------
-    pandas.DataFrame
-        Columns: the header's names; cells: text; index: the line on which the row begins.
+    Returns
+    -------
+    header : list of str
+        The columns' names.
+    chunks : iterator of tuple
+        For some rows the lines on which they begin, and their cells.
 
     Raises
     ------
     ResultFileError
         For an empty file, a header alone, a doubled column, another delimiter, a row with too few
-        or too many fields, text that is not UTF-8, a NUL byte or a line over `MAX_LINE_BYTES`.
+        or too many fields, text that is not UTF-8, a NUL byte or a line over `MAX_LINE_BYTES`;
+        for what is wrong below the header, when its chunk is asked for.
 
     Examples
     --------
     >>> import io
-    >>> [frame] = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
-    >>> frame.loc[2].tolist()
-    ['left', '0.5']
+    >>> header, chunks = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
+    >>> header, next(chunks)
+    (['side', 'rt_s'], ([2], [['left', '0.5']]))
     """
     records = _records(stream, file, bom_allowed=bom_allowed)
     _, header = next(records, (0, []))
     _check_header(header, file)
+    return header, _chunks(records, len(header), file, empty_allowed=empty_allowed)
+
+
+def _chunks(
+    records: Iterator[tuple[int, list[str]]], width: int, file: str, *, empty_allowed: bool
+) -> Iterator[Chunk]:
     chunk = list(islice(records, CHUNK_ROWS))
     if not chunk:
         if not empty_allowed:
             raise ResultFileError(file, 1, "a header and no trials below it")
-        yield pd.DataFrame(columns=header, dtype=object)
+        yield [], []
     while chunk:
         for line, row in chunk:
-            if len(row) != len(header):
-                raise ResultFileError(file, line, _wrong_width(row, len(header)))
-        lines, rows = zip(*chunk, strict=True)
-        yield pd.DataFrame(list(rows), columns=header, index=list(lines), dtype=object)
+            if len(row) != width:
+                raise ResultFileError(file, line, _wrong_width(row, width))
+        yield [line for line, _ in chunk], [row for _, row in chunk]
         chunk = list(islice(records, CHUNK_ROWS))
 
 
