@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,15 @@ from analysis.methods import METHODS
 from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
+    from contextlib import AbstractContextManager
 
     from analysis.columns import ColumnMap
+    from analysis.sources import Source
     from analysis.tables import Analysis
+
+MANY_TABLES = 20
+"""From so many tables on reading takes long enough for a progress bar."""
 
 
 def write_analysis(
@@ -28,6 +34,7 @@ def write_analysis(
     seed: int = 0,
     population: bool = False,
     figures: bool = True,
+    bar: bool = False,
 ) -> Analysis:
     r"""Read result files, analyse them and write tables, summary, figures and a report.
 
@@ -49,6 +56,8 @@ def write_analysis(
         Whether to fit the participants of each condition as one population.
     figures : bool
         Whether to draw.
+    bar : bool
+        Whether to show on a terminal how far reading came, if there is much to read.
 
     Returns
     -------
@@ -83,13 +92,18 @@ def write_analysis(
     from analysis.load import read_inputs
     from analysis.tables import analyse
 
-    loaded = read_inputs(paths, columns)
+    loaded = read_inputs(paths, columns, watched=_bar if bar else nullcontext)
     analysis = analyse(
         loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
     )
     read = [Path(file) for file in loaded.trials["file"].unique()]
     save(analysis, Path(out_dir), with_figures=figures, read=read)
     return analysis
+
+
+def _bar(sources: Sequence[Source]) -> AbstractContextManager[Iterable[Source]]:
+    hidden = len(sources) < MANY_TABLES or not sys.stderr.isatty()
+    return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
 
 
 @click.command()
@@ -156,6 +170,7 @@ def analyze(
         seed=seed,
         population=population,
         figures=not no_figures,
+        bar=True,
     )
     print_analysis(analysis, sys.stdout)
     click.echo(f"Written to {target}")

@@ -57,7 +57,7 @@ def dry_run(
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
     _simulate(check, folder, participants, seed)
-    print_analysis(write_analysis([folder], folder / "analysis", seed=seed), sys.stdout)
+    print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
     click.echo(f"Written to {folder / 'analysis'}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,15 +12,18 @@ import pandas as pd
 from analysis.batch import InputFile, batches, read_batch
 from analysis.checks import check_together
 from analysis.errors import ResultFileError, one_line
+from analysis.plans import PLAN
 from analysis.rows import UNNUMBERED
-from analysis.sources import find_sources
+from analysis.sources import find_sources, unchanged
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable, Sequence
+    from contextlib import AbstractContextManager
 
     from analysis.batch import Table
     from analysis.columns import ColumnMap
     from analysis.plans import Progress
+    from analysis.sources import Source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,16 +83,31 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
     return read_inputs(paths, columns).trials
 
 
-def read_inputs(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> Loaded:
+def read_inputs(
+    paths: Sequence[str | Path],
+    columns: ColumnMap | None = None,
+    *,
+    watched: Callable[[Sequence[Source]], AbstractContextManager[Iterable[Source]]] = nullcontext,
+) -> Loaded:
     """Read result files as `read_trials` does, and tell which files these were.
+
+    Parameters
+    ----------
+    paths, columns
+        As `read_trials`.
+    watched : callable
+        Takes the tables that are to be read, and is asked for one after the other, for a progress
+        bar.
 
     Raises
     ------
     ResultFileError
-        As `read_trials`.
+        As `read_trials`, and for a table or a plan that changes while the others are read.
     """
     sources, without_table = find_sources([Path(path) for path in paths])
-    read = [one for batch in batches(sources) for one in read_batch(batch, columns)]
+    files = [path for one in sources for path in (one.path, one.path.with_name(PLAN))]
+    with unchanged(files), watched(sources) as asked:
+        read = [one for batch in batches(asked) for one in read_batch(batch, columns)]
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
     if not any(table.trials for table in tables):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import stat
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analysis.errors import ResultFileError, one_line
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
 TABLE = "trials.csv"
@@ -160,3 +162,53 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
     if len(raw) > most_bytes:
         raise ValueError(f"it has at most {most_bytes} bytes, got more")
     return raw
+
+
+@contextmanager
+def unchanged(paths: Iterable[Path]) -> Iterator[None]:
+    """Refuse what is read within, where one of the files is another one afterwards.
+
+    A file that is there only before or only after is another one, too; so is one with other
+    permissions. What is found wrong with a file that changes is no fault of that file.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        The files, whether they exist or not.
+
+    Raises
+    ------
+    ResultFileError
+        For the first file with another size, time of change or place on the disk.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder, unchanged([Path(folder) / "t.csv"]):
+    ...     _ = (Path(folder) / "t.csv").write_text("new")
+    Traceback (most recent call last):
+    analysis.errors.ResultFileError: ...t.csv: changed while it was read; ...
+    """
+    before = [(path, _stamp(path)) for path in paths]
+    try:
+        yield
+    except (ResultFileError, OSError):
+        _refuse_changed(before)
+        raise
+    _refuse_changed(before)
+
+
+def _refuse_changed(before: list[tuple[Path, tuple[int, ...] | None]]) -> None:
+    for path, stamp in before:
+        if _stamp(path) != stamp:
+            message = "changed while it was read; analyze it when nothing writes there any more"
+            raise ResultFileError(path, None, message) from None
+
+
+def _stamp(path: Path) -> tuple[int, ...] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)

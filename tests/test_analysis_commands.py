@@ -17,7 +17,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from analysis import ColumnMap, print_analysis, write_analysis
-from analysis.commands import analyze
+from analysis.commands import MANY_TABLES, analyze
 from analysis.files import NAMES
 from analysis.methods import METHODS
 from experiment.record import COLUMNS
@@ -519,3 +519,19 @@ def test_an_unknown_name_of_the_package_is_refused() -> None:
     with pytest.raises(AttributeError, match="no attribute 'wald'"):
         _ = analysis.wald
     assert all(getattr(analysis, name) is not None for name in analysis.__all__)
+
+
+def test_a_bar_is_shown_on_a_terminal_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "participant,side,level_vpp,response\n"
+    for number in range(MANY_TABLES):
+        (tmp_path / f"{number}.csv").write_text(f"{text}p{number},left,60,left\n")
+    for is_terminal in (False, True):
+        stream = io.StringIO()
+        monkeypatch.setattr(stream, "isatty", lambda shown=is_terminal: shown)
+        monkeypatch.setattr(sys, "stderr", stream)
+        write_analysis(
+            sorted(tmp_path.glob("*.csv")), tmp_path / "out", columns=ColumnMap(),
+            figures=False, bar=True,
+        )  # fmt: skip
+        assert ("100%" in stream.getvalue()) == is_terminal
+        assert bool(stream.getvalue()) == is_terminal

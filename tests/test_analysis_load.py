@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,10 @@ from analysis.textfile import CHUNK_ROWS
 from experiment.record import COLUMNS, TrialRow, is_correct, trials_csv
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+    from analysis.sources import Source
 
 BASE = TrialRow(
     schema=1,
@@ -405,3 +408,29 @@ def test_a_participant_with_the_name_of_the_total_is_refused(tmp_path: Path) -> 
 
 def test_a_name_with_a_line_end_stays_on_one_line(tmp_path: Path) -> None:
     assert "a\\nb.csv" in str(refused(tmp_path / "a\nb.csv"))
+
+
+@pytest.mark.parametrize("fault", [False, True])
+@pytest.mark.parametrize("name", ["trials.csv", "plan.json"])
+def test_a_file_that_changes_while_others_are_read_is_refused(
+    tmp_path: Path, name: str, *, fault: bool
+) -> None:
+    for person in ("1", "2"):
+        write(tmp_path / f"sub-{person}" / "ses-01" / "trials.csv", row(1, participant=person))
+    changing = tmp_path / "sub-1" / "ses-01" / name
+    if fault:
+        write_cell(tmp_path / "sub-2" / "ses-01" / "trials.csv", "side", "top")
+
+    @contextmanager
+    def watched(sources: Sequence[Source]) -> Iterator[Iterator[Source]]:
+        def ask() -> Iterator[Source]:
+            yield from sources
+            with changing.open("a", encoding="utf-8") as file:
+                file.write("\n")
+
+        yield ask()
+
+    with pytest.raises(ResultFileError) as caught:
+        read_inputs([tmp_path], watched=watched)
+    words = "changed while it was read; analyze it when nothing writes there any more"
+    assert str(caught.value) == f"{changing}: {words}"
