@@ -9,7 +9,10 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
-NAMES = ("startup", "session", "screen", "journal", "stability", "field", "skipping", "link")
+NAMES = (
+    *("startup", "session", "screen", "journal", "stability", "field", "skipping", "link"),
+    *("analysis",),
+)
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from benchmarks import field, hard_cases, screen, skipping, stability, timing
+from benchmarks import analysis, field, hard_cases, screen, skipping, stability, timing
 from benchmarks.exact import exact
 from benchmarks.plate_fem import direct, modal, model
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
@@ -96,3 +96,12 @@ def test_a_timed_run_is_told_its_number() -> None:
 def test_a_window_section_says_why_it_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.version_info", (3, 13, 0))
     assert "Not measured: --responder screen needs Python 3.11 or 3.12" in screen.section()
+
+
+def test_an_analysis_section_sets_pandas_beside_the_command(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(analysis, "SIZES", (2,))
+    text = analysis.section()
+    assert "155 trials each" in text
+    assert text.count("| 2 |") == 4
