@@ -26,6 +26,14 @@ import sys
 from analysis import read_trials
 read_trials([sys.argv[1]])
 """
+PEAK = """
+import atexit, re, sys
+from pathlib import Path
+# of this program alone: getrusage counts what stood here before it
+status = Path("/proc/self/status")
+peak = re.compile(r"VmHWM:\\s*(\\d+)")
+atexit.register(lambda: print(peak.search(status.read_text())[1], file=sys.stderr))
+"""
 ANALYZE = "import sys; from analysis.commands import analyze; analyze(sys.argv[1:])"
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -44,17 +52,23 @@ def _cost(code: str, *arguments: str) -> _Cost:
     pinned = os.environ | dict.fromkeys(THREADS, "1")
     start = time.perf_counter()
     with subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], env=pinned, stdout=subprocess.DEVNULL
+        [sys.executable, "-c", PEAK + code, *arguments],
+        env=pinned,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
+        assert process.stderr is not None
+        told = process.stderr.read()
         _, status, used = os.wait4(process.pid, 0)
         wall_s = time.perf_counter() - start
         process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
-        raise RuntimeError(f"exit code {process.returncode} of {code} {arguments}")
+        raise RuntimeError(f"exit code {process.returncode} of {code} {arguments}: {told}")
     return _Cost(
         wall_s=wall_s,
         processor_s=used.ru_utime + used.ru_stime,
-        peak_mb=used.ru_maxrss / 1024,
+        peak_mb=int(told.split()[-1]) / 1024,
     )
 
 
