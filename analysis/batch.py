@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from analysis.axis import axis_of
 from analysis.checks import check_rows
 from analysis.errors import ResultFileError
 from analysis.plans import PLAN, check_plan, progress, read_plan, told_rows
@@ -161,7 +162,8 @@ def _read(sources: Sequence[Source], columns: ColumnMap | None) -> Batch:
             counts[part.place] += len(part.rows)
     rows = with_responses(pd.concat(frames, ignore_index=True))
     planned = [str(s.path) for s, plan in zip(sources, sealed, strict=True) if plan]
-    check_rows(rows, planned=frozenset(planned))
+    signed = columns is not None and axis_of(columns.axis).signed
+    check_rows(rows, planned=frozenset(planned), signed=signed)
     rows.loc[rows["side"].eq("none"), "level_vpp"] = float("nan")
     told = told_rows(rows)
     tables = []

@@ -72,14 +72,14 @@ class CellFault:
     message: str
 
 
-def allowed(column: Column) -> str:
-    """Say in words which cells a column may have.
+def allowed(column: Column, *, signed: bool = False) -> str:
+    """Say in words which cells a column may have; a `signed` number has no least value.
 
     >>> from experiment.record import COLUMNS
     >>> [allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
     ['a whole number of at least 1', 'true, false or n/a']
     """
-    least = _LEAST.get(column.name)
+    least = None if signed else _LEAST.get(column.name)
     bound = "" if least is None else f" of at least {least}"
     kinds = {
         "int": [f"a whole number{bound}"],
@@ -87,14 +87,17 @@ def allowed(column: Column) -> str:
         "bool": [*_FLAGS],
         "str": [f"printable text of 1 to {_LONGEST_TEXT} characters"],
     }
-    words = list(_WORDING.get(column.name, column.choices or kinds[column.type]))
+    wording = () if signed else _WORDING.get(column.name, ())
+    words = list(wording or column.choices or kinds[column.type])
     if column.optional:
         words.append(NOT_AVAILABLE)
     return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
-def parse(column: Column, text: str) -> object:
+def parse(column: Column, text: str, *, signed: bool = False) -> object:
     """Read one cell; ``None`` for ``n/a`` where the column may have it.
+
+    A `signed` number may be below the least value that the column has by itself.
 
     Raises
     ------
@@ -116,20 +119,21 @@ def parse(column: Column, text: str) -> object:
         if text in _FLAGS:
             return _FLAGS[text]
     elif column.type != "str":
-        return _number(column, text)
+        return _number(column, text, signed=signed)
     elif 0 < len(text) <= _LONGEST_TEXT and text.isprintable():
         return text
-    raise ValueError(f"{column.name} must be {allowed(column)}, got {text!r}")
+    raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
 
 
-def _number(column: Column, text: str) -> float | int:
+def _number(column: Column, text: str, *, signed: bool) -> float | int:
     whole = column.type == "int"
     if (_WHOLE if whole else _NUMBER).fullmatch(text):
         number = float(text)
         most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else _LARGEST
-        if _LEAST.get(column.name, -_LARGEST) <= number <= most:
+        least = -_LARGEST if signed else _LEAST.get(column.name, -_LARGEST)
+        if least <= number <= most:
             return int(number) if whole else number
-    raise ValueError(f"{column.name} must be {allowed(column)}, got {text!r}")
+    raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,12 +150,15 @@ class Reading:
         Their word to ours; other words stay as they are.
     scale : tuple of float
         Numerator and denominator that bring a number of theirs to our unit.
+    signed : bool
+        Whether a number may have any sign.
     """
 
     column: Column
     label: str
     words: Mapping[str, str] = field(default_factory=dict)
     scale: tuple[float, float] = (1.0, 1.0)
+    signed: bool = False
 
     def read(self, texts: pd.Series[Any]) -> pd.Series[Any] | CellFault:
         """Read a column of text cells, each different text only once.
@@ -179,7 +186,8 @@ class Reading:
                 values.append(self._value(text))
             except ValueError:
                 held = f"holds {shown(text)}" if text else "is empty"
-                message = f"column {shown(self.label)} {held}; allowed: {allowed(self.column)}"
+                words = allowed(self.column, signed=self.signed)
+                message = f"column {shown(self.label)} {held}; allowed: {words}"
                 return CellFault(
                     line=int(texts.index[int(np.argmax(codes == code))]), message=message
                 )
@@ -188,8 +196,8 @@ class Reading:
     def _value(self, text: str) -> object:
         """Read one cell; a word of theirs stands for a value in our unit already."""
         if text in self.words:
-            return parse(self.column, self.words[text])
-        value = parse(self.column, text)
+            return parse(self.column, self.words[text], signed=self.signed)
+        value = parse(self.column, text, signed=self.signed)
         return value * self.scale[0] / self.scale[1] if isinstance(value, float) else value
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from analysis.rows import expected_correct
 from experiment.record import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 MAX_MEDIAN_RT_S = 10.0
 LEAST_LEVEL_VPP, MOST_LEVEL_VPP = 1e-6, 1e6
@@ -23,7 +24,7 @@ KEY = ["participant", "session", "trial", "attempt"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Rule:
+class Rule:
     """A column, what it must be, and the rows that break this."""
 
     column: str
@@ -31,7 +32,9 @@ class _Rule:
     broken: pd.Series[bool]
 
 
-def check_rows(rows: pd.DataFrame, *, planned: frozenset[str] = frozenset()) -> None:
+def check_rows(
+    rows: pd.DataFrame, *, planned: frozenset[str] = frozenset(), signed: bool = False
+) -> None:
     """Refuse rows that contradict themselves.
 
     Parameters
@@ -41,6 +44,8 @@ def check_rows(rows: pd.DataFrame, *, planned: frozenset[str] = frozenset()) -> 
     planned : frozenset of str
         The files beside which a plan tells how long an answer was waited for; in another one, slow
         answers are taken for milliseconds.
+    signed : bool
+        Whether levels may have any sign.
 
     Raises
     ------
@@ -58,26 +63,34 @@ def check_rows(rows: pd.DataFrame, *, planned: frozenset[str] = frozenset()) -> 
     analysis.errors.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number from
     1e-06 to 1e+06 where there is a stimulus
     """
-    rules = [_participant_rule(rows), *_stimulus_rules(rows), *_answer_rules(rows)]
+    rules = [_participant_rule(rows), *_stimulus_rules(rows, signed=signed), *_answer_rules(rows)]
+    refuse_broken(rows, rules)
+    _check_median(rows[~rows["file"].isin(planned)])
+
+
+def refuse_broken(rows: pd.DataFrame, rules: Iterable[Rule]) -> None:
+    """Refuse the first row that breaks a rule, by the first rule that it breaks.
+
+    >>> refuse_broken(pd.DataFrame(), [])
+    """
     broken = [(int(np.argmax(rule.broken.to_numpy())), rule) for rule in rules if rule.broken.any()]
     if broken:
         row, rule = min(broken, key=itemgetter(0))
         raise ResultFileError(rows["file"].iloc[row], *_fault(rows, row, rule))
-    _check_median(rows[~rows["file"].isin(planned)])
 
 
-def _participant_rule(rows: pd.DataFrame) -> _Rule:
-    return _Rule(
+def _participant_rule(rows: pd.DataFrame) -> Rule:
+    return Rule(
         column="participant",
         must="another name, for this is the name of the total's row",
         broken=rows["participant"].eq(TOTAL),
     )
 
 
-def _stimulus_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+def _stimulus_rules(rows: pd.DataFrame, *, signed: bool) -> Iterator[Rule]:
     kind, side, level = rows["kind"], rows["side"], rows["level_vpp"]
     for name, sides in (("single", ("left", "right")), ("both", ("both",)), ("blank", ("none",))):
-        yield _Rule(
+        yield Rule(
             column="side",
             must=f"{' or '.join(sides)} in a {name} trial",
             broken=kind.eq(name) & ~side.isin(sides),
@@ -88,31 +101,42 @@ def _stimulus_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
         broken=kind.ne("control") & rows["block"].lt(0),
     )
     blank = side.eq("none")
-    yield _Rule(
-        column="level_vpp",
-        must=f"a number from {LEAST_LEVEL_VPP:g} to {MOST_LEVEL_VPP:g} where there is a stimulus",
-        broken=~blank & ~level.between(LEAST_LEVEL_VPP, MOST_LEVEL_VPP),
-    )
-    yield _Rule(
+    yield level_rule(level, ~blank, signed=signed)
+    yield Rule(
         column="level_vpp",
         must="0 or n/a where there is no stimulus",
-        broken=blank & level.gt(0),
+        broken=blank & level.notna() & level.ne(0),
     )
 
 
-def _answer_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+def level_rule(level: pd.Series[float], stimulus: pd.Series[bool], *, signed: bool) -> Rule:
+    """Return the rule for levels where there is a stimulus.
+
+    >>> level_rule(pd.Series([-5.0]), pd.Series([True]), signed=True).broken.tolist()
+    [False]
+    """
+    least, most = (-math.inf, math.inf) if signed else (LEAST_LEVEL_VPP, MOST_LEVEL_VPP)
+    bounds = "" if signed else f" from {least:g} to {most:g}"
+    return Rule(
+        column="level_vpp",
+        must=f"a number{bounds} where there is a stimulus",
+        broken=stimulus & ~level.between(least, most),
+    )
+
+
+def _answer_rules(rows: pd.DataFrame) -> Iterator[Rule]:
     response = rows["response"]
-    yield _Rule(
+    yield Rule(
         column="response",
         must="an answer, timeout or invalid where the status is ok",
         broken=rows["status"].eq("ok") & response.isna(),
     )
-    yield _Rule(
+    yield Rule(
         column="rt_s",
         must="n/a where there was no answer",
         broken=rows["rt_s"].notna() & (response.isna() | response.eq("timeout")),
     )
-    yield _Rule(
+    yield Rule(
         column="correct",
         must="what kind, side and response say",
         broken=rows["correct"].notna()
@@ -120,7 +144,7 @@ def _answer_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
     )
 
 
-def _fault(rows: pd.DataFrame, row: int, rule: _Rule) -> tuple[int, str]:
+def _fault(rows: pd.DataFrame, row: int, rule: Rule) -> tuple[int, str]:
     """Return the line of a row that breaks a rule, and the message."""
     value = rows[rule.column].iloc[row]
     shown = NOT_AVAILABLE if pd.isna(value) else format_value(_plain(value))
@@ -171,12 +195,16 @@ def check_together(trials: pd.DataFrame) -> None:
     analysis.errors.ResultFileError: t.csv:9: participant 1, session 01, trial 5: status ok,
     although another attempt of this trial has it at t.csv:6
     """
-    _refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as")
+    refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as")
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne("practice")]
-    _refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
+    refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
 
 
-def _refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
+def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
+    """Refuse the first row that has the key of an earlier one.
+
+    >>> refuse_repeat(pd.DataFrame({"trial": [1, 2]}), ["trial"], "the same trial as")
+    """
     repeated = trials.duplicated(key)
     if not repeated.any():
         return

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from analysis.axis import axis_of
 from analysis.cells import DETECTED, Reading, allowed, parse
 from analysis.errors import ResultFileError, shown
 from analysis.sources import read_regular
@@ -20,8 +21,10 @@ from experiment.record import COLUMNS, NOT_AVAILABLE, Column, format_value
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+LEVEL = "level_vpp"
 REQUIRED = ("participant", "side", "level_vpp", "response")
-SECTIONS = ("columns", "values", "constant", "units")
+_BY_COLUMN = ("columns", "values", "constant", "units")
+SECTIONS = (*_BY_COLUMN, "axis")
 # What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
 UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
@@ -61,6 +64,8 @@ class ColumnMap:
     units : mapping of str to str
         Our column to their unit, see `UNITS`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is an
         amplitude, so that it counts twice.
+    axis : mapping of str to str
+        ``x_scale``, ``log10`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
     name, sha256 : str
         File name and checksum of the map, where it was read from a file.
 
@@ -81,16 +86,18 @@ class ColumnMap:
     values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     constant: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    axis: Mapping[str, str] = field(default_factory=dict)
     name: str = ""
     sha256: str = ""
 
     def __post_init__(self) -> None:
         _check_entries(self)
+        signed = axis_of(self.axis).signed
         for ours, word in self.constant.items():
-            _check_word(f"[constant] {ours}", ours, word)
+            _check_word(f"[constant] {ours}", ours, word, signed=signed)
         for ours, words in self.values.items():
             for theirs, word in words.items():
-                _check_word(f"[values.{ours}] {shown(theirs)}", ours, word)
+                _check_word(f"[values.{ours}] {shown(theirs)}", ours, word, signed=signed)
         for ours, unit in self.units.items():
             if unit not in _units_of(ours):
                 choices = ", ".join(_units_of(ours)) or "no unit but its own"
@@ -109,6 +116,7 @@ class ColumnMap:
             label=ours if ours == theirs else f"{theirs} ({ours})",
             words={"": NOT_AVAILABLE} | dict(self.values.get(ours, {})),
             scale=scale,
+            signed=ours == LEVEL and axis_of(self.axis).signed,
         )
 
     def ours(self, table: pd.DataFrame, file: str) -> pd.DataFrame:
@@ -163,7 +171,8 @@ def load_column_map(path: str | Path) -> ColumnMap:
     Parameters
     ----------
     path : str or Path
-        The file; sections ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``.
+        The file; sections ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``,
+        ``[axis]``.
 
     Returns
     -------
@@ -216,7 +225,7 @@ def _check_type(section: str, ours: str, value: object) -> None:
 
 
 def _check_entries(columns: ColumnMap) -> None:
-    for section in SECTIONS:
+    for section in _BY_COLUMN:
         for ours, value in getattr(columns, section).items():
             if ours not in _OURS:
                 raise ValueError(f"[{section}] {ours}: not a column of trials.csv")
@@ -234,12 +243,13 @@ def _named(columns: ColumnMap) -> dict[str, str]:
     return {ours: theirs for ours, theirs in columns.columns.items() if theirs}
 
 
-def _check_word(place: str, ours: str, word: str) -> None:
-    column = _OURS[ours]
+def _check_word(place: str, ours: str, word: str, *, signed: bool) -> None:
+    column, signed = _OURS[ours], signed and ours == LEVEL
     try:
-        parse(column, word)
+        parse(column, word, signed=signed)
     except ValueError:
-        raise ValueError(f"{place}: allowed {allowed(column)}, got {shown(word)}") from None
+        words = allowed(column, signed=signed)
+        raise ValueError(f"{place}: allowed {words}, got {shown(word)}") from None
 
 
 def _check_required(have: set[str], file: str) -> None:

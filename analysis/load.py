@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from analysis.axis import Axis, axis_of
 from analysis.batch import InputFile, batches, read_batch
 from analysis.checks import check_together
 from analysis.errors import ResultFileError, one_line
@@ -40,12 +41,15 @@ class Loaded:
         Session folders that hold no trials.csv.
     progress : tuple of Progress
         Of each session that has a plan, how far it came.
+    axis : Axis
+        What the levels are.
     """
 
     trials: pd.DataFrame
     inputs: tuple[InputFile, ...]
     without_table: tuple[str, ...]
     progress: tuple[Progress, ...]
+    axis: Axis
 
 
 def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> pd.DataFrame:
@@ -123,6 +127,7 @@ def read_inputs(
         inputs=tuple(sorted(inputs)),
         without_table=without_table,
         progress=tuple(table.progress for table in tables if table.progress is not None),
+        axis=Axis() if columns is None else axis_of(columns.axis),
     )
 
 

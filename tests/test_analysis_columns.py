@@ -281,8 +281,13 @@ def test_a_table_that_does_not_fit_its_map_is_refused(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[table]\ndetected = "k"', "[table] is not a section of a map, allowed [columns]"),
-        ('[axis]\nx_scale = "linear"', "[axis] is not a section"),
+        ('[tabel]\ndetected = "k"', "[tabel] is not a section of a map, allowed [columns]"),
+        ('[axis]\nx_scale = "ln"', "[axis] x_scale: allowed log10, linear, got 'ln'"),
+        ('[axis]\nx = "linear"', "[axis] x: allowed x_scale, unit"),
+        ('[axis]\nunit = ""', "[axis] unit: printable text of 1 to 16, got ''"),
+        ("[axis]\nunit = 5", "[axis] unit: printable text of 1 to 16, got 5"),
+        ("[axis]\nx_scale = []", "[axis] x_scale: allowed log10, linear, got []"),
+        ("[constant]\nlevel_vpp = -5", "[constant] level_vpp: allowed a number above 0"),
         ('columns = "a"', "[columns] is not a section"),
         ('[columns]\ncolour = "c"', "[columns] colour: not a column of trials.csv"),
         ("[columns]\nside = 1", "[columns] side: must be text in quotation marks, got 1"),
@@ -328,3 +333,29 @@ def test_a_map_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
     (tmp_path / "MAP.toml").write_bytes(b"# caf\xe9\n")
     with pytest.raises(ValueError, match=r"MAP\.toml: "):
         load_column_map(tmp_path / "MAP.toml")
+
+
+def test_a_linear_axis_has_levels_of_any_sign(tmp_path: Path) -> None:
+    text = LEAST + "1,left,-60,left\n1,left,0,none\n1,left,1e7,left\n1,none,0,none\n"
+    (tmp_path / "t.csv").write_text(text)
+    columns = ColumnMap(axis={"x_scale": "linear", "unit": "deg"})
+    loaded = read_inputs([tmp_path / "t.csv"], columns)
+    assert loaded.trials["level_vpp"].tolist()[:3] == [-60.0, 0.0, 1e7]
+    assert loaded.trials["level_vpp"].isna().tolist() == [False, False, False, True]
+    assert (loaded.axis.x_scale, loaded.axis.unit) == ("linear", "deg")
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("1,left,-60,left", "column 'level_vpp' holds '-60'"),
+        ("1,left,nan,left", "column 'level_vpp' holds 'nan'; allowed: a finite number or n/a"),
+        ("1,left,,left", "column 'level_vpp' is n/a; it must be a number where there is"),
+        ("1,none,-60,none", "column 'level_vpp' is -60; it must be 0 or n/a where there is no"),
+    ],
+)
+def test_levels_of_the_other_axis_are_refused(tmp_path: Path, row: str, words: str) -> None:
+    axis = {} if words.endswith("'-60'") else {"x_scale": "linear"}
+    error = refused(tmp_path, f"{LEAST}{row}\n", ColumnMap(axis=axis))
+    assert error.line == 2
+    assert words in str(error)

@@ -1,0 +1,69 @@
+"""What the levels of a table are: their axis and their unit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+XScale = Literal["log10", "linear"]
+_MOST_UNIT = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """The axis on which levels lie.
+
+    Attributes
+    ----------
+    x_scale : str
+        ``log10`` for levels above 0; ``linear`` for levels of any sign.
+    unit : str
+        What stands behind a level, ``V`` for volts peak-to-peak.
+
+    Raises
+    ------
+    ValueError
+        For another scale, and a unit that is no printable text of 1 to 16 characters.
+
+    Examples
+    --------
+    >>> Axis(x_scale="linear", unit="cm/s").signed, Axis().signed
+    (True, False)
+    """
+
+    x_scale: XScale = "log10"
+    unit: str = "V"
+
+    def __post_init__(self) -> None:
+        if self.x_scale not in get_args(XScale):
+            raise ValueError(f"[axis] x_scale: allowed log10, linear, got {self.x_scale!r}")
+        unit: object = self.unit
+        if not (isinstance(unit, str) and 0 < len(unit) <= _MOST_UNIT and unit.isprintable()):
+            raise ValueError(f"[axis] unit: printable text of 1 to {_MOST_UNIT}, got {unit!r}")
+
+    @property
+    def signed(self) -> bool:
+        """Whether levels may have any sign."""
+        return self.x_scale == "linear"
+
+
+def axis_of(section: Mapping[str, Any]) -> Axis:
+    """Return the axis that a map's section ``[axis]`` describes.
+
+    Raises
+    ------
+    ValueError
+        For another key, and as `Axis`.
+
+    Examples
+    --------
+    >>> axis_of({"x_scale": "linear"}).x_scale
+    'linear'
+    """
+    for key in section:
+        if key not in ("x_scale", "unit"):
+            raise ValueError(f"[axis] {key}: allowed x_scale, unit")
+    return Axis(**section)
