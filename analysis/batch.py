@@ -177,7 +177,7 @@ def _read(sources: Sequence[Source], columns: ColumnMap | None) -> Batch:
 
 def _table(source: Source, sealed: tuple[Plan, str] | None, told: Sequence[Any]) -> Table:
     """Check the rows of a table against its plan, where there is one."""
-    file = InputFile(name=source.name, sha256=_sha256(source.path))
+    file = InputFile(name=source.name, sha256=sha256_of(source.path))
     if sealed is None:
         return Table(path=source.path, trials=len(told), file=file)
     plan, sha256 = sealed
@@ -244,7 +244,20 @@ def _typed(parts: list[_Part], columns: ColumnMap | None) -> pd.DataFrame:
     return rows
 
 
-def _sha256(path: Path) -> str:
+def sha256_of(path: Path) -> str:
+    """Return the checksum of a file's bytes.
+
+    Raises
+    ------
+    ResultFileError
+        Where it cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> sha256_of(Path("/dev/null"))[:8]
+    'e3b0c442'
+    """
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -32,6 +32,8 @@ _LEAST: Mapping[str, int] = MappingProxyType(
         "block": AUDIBILITY_BLOCK,
         "trial": 1,
         "attempt": 1,
+        "detected": 0,
+        "presented": 0,
         "rt_s": 0,
         "level_vpp": 0,
         "foreperiod_s": 0,

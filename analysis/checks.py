@@ -63,7 +63,7 @@ def check_rows(
     analysis.errors.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number from
     1e-06 to 1e+06 where there is a stimulus
     """
-    rules = [_participant_rule(rows), *_stimulus_rules(rows, signed=signed), *_answer_rules(rows)]
+    rules = [participant_rule(rows), *_stimulus_rules(rows, signed=signed), *_answer_rules(rows)]
     refuse_broken(rows, rules)
     _check_median(rows[~rows["file"].isin(planned)])
 
@@ -79,7 +79,12 @@ def refuse_broken(rows: pd.DataFrame, rules: Iterable[Rule]) -> None:
         raise ResultFileError(rows["file"].iloc[row], *_fault(rows, row, rule))
 
 
-def _participant_rule(rows: pd.DataFrame) -> Rule:
+def participant_rule(rows: pd.DataFrame) -> Rule:
+    """Return the rule for names.
+
+    >>> participant_rule(pd.DataFrame({"participant": ["all", "1"]})).broken.tolist()
+    [True, False]
+    """
     return Rule(
         column="participant",
         must="another name, for this is the name of the total's row",

@@ -14,6 +14,7 @@ import pandas as pd
 
 from analysis.axis import axis_of
 from analysis.cells import DETECTED, Reading, allowed, parse
+from analysis.count_columns import COUNTED_COLUMNS, count_columns
 from analysis.errors import ResultFileError, shown
 from analysis.sources import read_regular
 from experiment.record import COLUMNS, NOT_AVAILABLE, Column, format_value
@@ -22,9 +23,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 LEVEL = "level_vpp"
+COUNTED_REQUIRED = ("participant", "level_vpp")
 REQUIRED = ("participant", "side", "level_vpp", "response")
 _BY_COLUMN = ("columns", "values", "constant", "units")
-SECTIONS = (*_BY_COLUMN, "axis")
+SECTIONS = (*_BY_COLUMN, "axis", "table")
 # What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
 UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
@@ -66,6 +68,9 @@ class ColumnMap:
         amplitude, so that it counts twice.
     axis : mapping of str to str
         ``x_scale``, ``log10`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
+    table : mapping
+        For counts instead of trials: ``detected``, ``presented``, ``group``, ``none_offered``, see
+        `analysis.count_columns.CountColumns`.
     name, sha256 : str
         File name and checksum of the map, where it was read from a file.
 
@@ -87,11 +92,13 @@ class ColumnMap:
     constant: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     axis: Mapping[str, str] = field(default_factory=dict)
+    table: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
     sha256: str = ""
 
     def __post_init__(self) -> None:
         _check_entries(self)
+        _check_counts(self)
         signed = axis_of(self.axis).signed
         for ours, word in self.constant.items():
             _check_word(f"[constant] {ours}", ours, word, signed=signed)
@@ -151,7 +158,8 @@ class ColumnMap:
                 has = ", ".join(header)
                 message = f"no column {shown(theirs)}, named by the map for {ours}; it has {has}"
                 raise ResultFileError(file, 1, message)
-        own = {name: name for name in _OURS if name in header and name not in self.columns}
+        known = self._known()
+        own = {name: name for name in known if name in header and name not in self.columns}
         for ours in self.constant:
             if ours in own:
                 message = f"column {shown(ours)} stands in the table, but the map has a constant"
@@ -161,8 +169,25 @@ class ColumnMap:
             if not named.keys() & {*_ANSWERED}:
                 raise ResultFileError(file, 1, _TWO_ANSWERS)
             sources = {o: t for o, t in sources.items() if o not in _ANSWERED or o in named}
-        _check_required({*sources, *self.constant}, file)
+        required = COUNTED_REQUIRED if self.table else REQUIRED
+        _check_required({*sources, *self.constant}, required, file)
         return list(sources.items())
+
+    def _known(self) -> list[str]:
+        """List our columns that need no entry where the table has them under our name."""
+        counts = count_columns(self.table)
+        if counts is None:
+            return list(_OURS)
+        return [name for name in COUNTED_COLUMNS if name not in self.conditions()]
+
+    def conditions(self) -> list[str]:
+        """List their columns that together are the condition, for a table of counts.
+
+        >>> ColumnMap(table={"detected": "k", "presented": "n", "group": ["speed"]}).conditions()
+        ['speed']
+        """
+        counts = count_columns(self.table)
+        return counts.conditions(_named(self).get("participant", "participant")) if counts else []
 
 
 def load_column_map(path: str | Path) -> ColumnMap:
@@ -172,7 +197,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
     ----------
     path : str or Path
         The file; sections ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``,
-        ``[axis]``.
+        ``[axis]``, ``[table]``.
 
     Returns
     -------
@@ -239,6 +264,19 @@ def _check_entries(columns: ColumnMap) -> None:
         raise ValueError("[columns] detected: allowed only without response, got both")
 
 
+def _check_counts(columns: ColumnMap) -> None:
+    """Refuse what a table of counts cannot have."""
+    if count_columns(columns.table) is None:
+        return
+    for section in _BY_COLUMN:
+        for ours in getattr(columns, section):
+            if ours not in COUNTED_COLUMNS:
+                allowed_here = ", ".join(COUNTED_COLUMNS)
+                raise ValueError(f"[{section}] {ours}: with [table] allowed {allowed_here}")
+    if columns.conditions() and {"condition"} & {*_named(columns), *columns.constant}:
+        raise ValueError("[table] group: it is the condition already, so condition has no other")
+
+
 def _named(columns: ColumnMap) -> dict[str, str]:
     return {ours: theirs for ours, theirs in columns.columns.items() if theirs}
 
@@ -252,8 +290,8 @@ def _check_word(place: str, ours: str, word: str, *, signed: bool) -> None:
         raise ValueError(f"{place}: allowed {words}, got {shown(word)}") from None
 
 
-def _check_required(have: set[str], file: str) -> None:
-    missing = [name for name in REQUIRED if name not in have]
+def _check_required(have: set[str], required: Iterable[str], file: str) -> None:
+    missing = [name for name in required if name not in have]
     if "response" in missing and "detected" in have:
         missing.remove("response")
     if missing:

@@ -96,8 +96,7 @@ def write_analysis(
     analysis = analyse(
         loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
     )
-    read = [Path(file) for file in loaded.trials["file"].unique()]
-    save(analysis, Path(out_dir), with_figures=figures, read=read)
+    save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths)
     return analysis
 
 

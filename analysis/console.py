@@ -119,7 +119,7 @@ def _level_row(row: pd.Series[Any]) -> list[str]:
         str(row["people"]),
         *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
         _interval(row["group_low"], row["group_high"]),
-        *(str(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
+        *(_count(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
         _p(row["p_answered"]),
     ]
     return [*cells, str(row["any"])] if "any" in row.index else cells
@@ -127,6 +127,10 @@ def _level_row(row: pd.Series[Any]) -> list[str]:
 
 def _p(value: float) -> str:
     return "n/a" if math.isnan(value) else f"{value:.3f}"
+
+
+def _count(number: float) -> str:
+    return "n/a" if math.isnan(number) else f"{number:.0f}"
 
 
 def _interval(low: float, high: float) -> str:

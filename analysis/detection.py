@@ -23,8 +23,28 @@ TOTAL = "all"
 _FELT = ("left", "right", "both")
 
 
-def _cells(trials: pd.DataFrame) -> pd.DataFrame:
-    """Count the answers of each participant at each level of each condition."""
+def cells(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count the answers of each participant at each level of each condition.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``condition level_vpp participant detected presented over_report mislocalised
+        timeouts invalid``: the common shape of trials and of tables of counts.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
+    ...     "anticipated": False, "noise_ok": True})
+    >>> cells(trials)[["detected", "presented", "over_report"]].to_numpy().tolist()
+    [[1, 2, 1]]
+    """
     single = counted(trials, "single")
     side, response = single["side"].astype(object), single["response"].astype(object)
     counts = {
@@ -63,9 +83,20 @@ def participant_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     >>> participant_table(trials)[["participant", "p"]].to_numpy().tolist()
     [['1', 1.0], ['2', 0.0]]
     """
-    cells = _cells(trials).sort_values(["participant", "condition", "level_vpp"])
+    return participants_of(cells(trials), ci)
+
+
+def participants_of(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Return `participant_table` of counts, from `cells` or `analysis.counted.read_counted`.
+
+    >>> counts = {"participant": ["1"], "condition": "main", "level_vpp": 60.0, "detected": 10**9,
+    ...     "presented": 2 * 10**9}
+    >>> participants_of(pd.DataFrame(counts))["p"].tolist()
+    [0.5]
+    """
     key = ["participant", "condition", "level_vpp"]
-    return _with_interval(cells[[*key, "detected", "presented"]], "detected", ci)
+    ordered = counts.sort_values(key)
+    return _with_interval(ordered[[*key, "detected", "presented"]], "detected", ci)
 
 
 def _with_interval(table: pd.DataFrame, detected: str, ci: str) -> pd.DataFrame:
@@ -99,21 +130,38 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
     >>> level_table(trials)[["detected", "presented", "over_report", "p_mean"]].to_numpy().tolist()
     [[1.0, 2.0, 1.0, 0.5]]
     """
-    groups = _cells(trials).groupby(["condition", "level_vpp"])
-    rows = [[*key, *_level_row(cells)] for key, cells in groups]
+    return levels_of(cells(trials))
+
+
+def levels_of(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return `level_table` of counts, from `cells` or `analysis.counted.read_counted`.
+
+    ``over_report``, ``mislocalised``, ``timeouts`` and ``p_answered`` are NaN where the counts do
+    not tell them.
+
+    Examples
+    --------
+    >>> counts = {"participant": ["1", "2"], "condition": "main", "level_vpp": 60.0,
+    ...     "detected": [1, 3], "presented": 4, "over_report": 0, "mislocalised": 0,
+    ...     "timeouts": 0, "invalid": 0}
+    >>> levels_of(pd.DataFrame(counts))[["p_min", "p_mean", "p_max"]].to_numpy().tolist()
+    [[0.25, 0.5, 0.75]]
+    """
+    groups = counts.groupby(["condition", "level_vpp"])
+    rows = [[*key, *_level_row(level)] for key, level in groups]
     return pd.DataFrame(rows, columns=list(LEVEL_COLUMNS))
 
 
-def _level_row(cells: pd.DataFrame) -> list[float]:
+def _level_row(level: pd.DataFrame) -> list[float]:
     """Return the values of one level, from ``detected`` on, of `LEVEL_COLUMNS`."""
-    k, n = cells["detected"].to_numpy(), cells["presented"].to_numpy()
+    k, n = level["detected"].to_numpy(), level["presented"].to_numpy()
     each = [Fraction(int(a), int(b)) for a, b in zip(k, n, strict=True)]
     # Exact fractions: neither the order of participants nor rounding can move the mean.
     spread = (float(min(each)), float(sum(each) / len(each)), float(max(each)))
     check_order(*spread)
     detected, presented = int(k.sum()), int(n.sum())
-    answered = presented - int(cells["timeouts"].sum()) - int(cells["invalid"].sum())
-    others = [int(cells[name].sum()) for name in ("over_report", "mislocalised", "timeouts")]
+    answered = presented - level["timeouts"].sum(skipna=False) - level["invalid"].sum(skipna=False)
+    others = [level[name].sum(skipna=False) for name in ("over_report", "mislocalised", "timeouts")]
     p_answered = detected / answered if answered else float("nan")
     pooled = detected / presented
     return [detected, presented, *spread, pooled, *group_interval(k, n), *others, p_answered]

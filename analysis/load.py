@@ -12,9 +12,11 @@ import pandas as pd
 from analysis.axis import Axis, axis_of
 from analysis.batch import InputFile, batches, read_batch
 from analysis.checks import check_together
+from analysis.count_columns import count_columns
+from analysis.counted import read_counted
 from analysis.errors import ResultFileError, one_line
 from analysis.plans import PLAN
-from analysis.rows import UNNUMBERED
+from analysis.rows import UNNUMBERED, no_rows
 from analysis.sources import find_sources, unchanged
 
 if TYPE_CHECKING:
@@ -35,21 +37,28 @@ class Loaded:
     ----------
     trials : pandas.DataFrame
         As `read_trials` returns them.
+    paths : tuple of Path
+        The tables that were read.
     inputs : tuple of InputFile
-        In the order of their names.
+        These, their plans and the map, in the order of their names.
     without_table : tuple of str
         Session folders that hold no trials.csv.
     progress : tuple of Progress
         Of each session that has a plan, how far it came.
     axis : Axis
         What the levels are.
+    cells : pandas.DataFrame or None
+        Of a table of counts, what `analysis.counted.read_counted` returns; there are no trials
+        then.
     """
 
     trials: pd.DataFrame
+    paths: tuple[Path, ...]
     inputs: tuple[InputFile, ...]
     without_table: tuple[str, ...]
     progress: tuple[Progress, ...]
     axis: Axis
+    cells: pd.DataFrame | None = None
 
 
 def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> pd.DataFrame:
@@ -77,6 +86,8 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
     ------
     ResultFileError
         For everything that is not a well-formed table of trials; nothing is returned then.
+    ValueError
+        For a map with a section ``[table]``: counts are no trials.
 
     Examples
     --------
@@ -84,6 +95,8 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
     Traceback (most recent call last):
     analysis.errors.ResultFileError: nowhere.csv: no such file or folder
     """
+    if columns is not None and columns.table:
+        raise ValueError("columns must be a map of trials, got one with [table]")
     return read_inputs(paths, columns).trials
 
 
@@ -110,6 +123,19 @@ def read_inputs(
     """
     sources, without_table = find_sources([Path(path) for path in paths])
     files = [path for one in sources for path in (one.path, one.path.with_name(PLAN))]
+    counts = count_columns(columns.table) if columns else None
+    if columns and counts:
+        with unchanged(files), watched(sources) as asked:
+            cells, inputs = read_counted(asked, columns, counts)
+        return Loaded(
+            trials=no_rows(),
+            paths=tuple(source.path for source in sources),
+            inputs=_inputs(inputs, columns),
+            without_table=without_table,
+            progress=(),
+            axis=axis_of(columns.axis),
+            cells=cells,
+        )
     with unchanged(files), watched(sources) as asked:
         read = [one for batch in batches(asked) for one in read_batch(batch, columns)]
     tables = [table for one in read for table in one.tables]
@@ -120,15 +146,21 @@ def read_inputs(
     trials = _numbered(pd.concat(told, ignore_index=True))
     check_together(trials)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
-    if columns is not None and columns.sha256:
-        inputs.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
     return Loaded(
         trials=trials,
-        inputs=tuple(sorted(inputs)),
+        paths=tuple(source.path for source in sources),
+        inputs=_inputs(inputs, columns),
         without_table=without_table,
         progress=tuple(table.progress for table in tables if table.progress is not None),
         axis=Axis() if columns is None else axis_of(columns.axis),
     )
+
+
+def _inputs(files: Iterable[InputFile], columns: ColumnMap | None) -> tuple[InputFile, ...]:
+    """List what was read, the map included, in the order of names."""
+    if columns is None or not columns.sha256:
+        return tuple(sorted(files))
+    return tuple(sorted([*files, InputFile(name=one_line(columns.name), sha256=columns.sha256)]))
 
 
 def _check_copies(tables: Sequence[Table]) -> None:

@@ -142,6 +142,16 @@ def _default(name: str, columns: ColumnMap, lines: pd.Index[Any]) -> Any:
     return columns.reading(name).read(texts)
 
 
+def no_rows() -> pd.DataFrame:
+    """Return a table of trials without a trial.
+
+    >>> len(no_rows()), no_rows()["level_vpp"].dtype
+    (0, dtype('float64'))
+    """
+    text = pd.DataFrame(columns=list(_NAMES), dtype=object)
+    return with_responses(own_rows(text, ""))
+
+
 def with_responses(rows: pd.DataFrame) -> pd.DataFrame:
     """Turn ``detected`` into the response it stands for, and fill in what is correct.
 

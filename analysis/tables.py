@@ -166,10 +166,11 @@ def analyse(
         message = "a simulated trial, and others are real; --allow-simulated accepts both"
         raise ResultFileError(one["file"], int(one["line"]), message)
     excluded = counting.excluded_table(trials)
+    cells = detection.cells(trials) if loaded.cells is None else loaded.cells
     thresholds = threshold_table(trials, seed=seed)
     return Analysis(
-        levels=detection.level_table(trials),
-        participants=detection.participant_table(trials, ci),
+        levels=detection.levels_of(cells),
+        participants=detection.participants_of(cells, ci),
         both=detection.both_table(trials, ci),
         blank=detection.blank_table(trials, ci),
         excluded=excluded,
@@ -180,9 +181,9 @@ def analyse(
         choice=choices(trials, seed),
         reaction_times=reaction_table(trials),
         trials=trials,
-        detected_any=detection.detected_any(trials) if counting.offers_none(trials) else None,
+        detected_any=_detected_any(loaded),
         control=control.control_table(trials),
-        counts=_counts(trials),
+        counts=_counts(trials) if loaded.cells is None else _counts_of(loaded.cells),
         inputs=loaded.inputs,
         warnings=tuple(_warnings(loaded, excluded)),
         ci=ci,
@@ -194,6 +195,37 @@ def _population(trials: pd.DataFrame) -> tuple[PopulationThreshold, ...]:
     from analysis.population import population_thresholds  # statsmodels is slow to load
 
     return population_thresholds(trials)
+
+
+def _detected_any(loaded: Loaded) -> pd.DataFrame | None:
+    """Count what was felt at all; of a table of counts that is what was detected."""
+    cells = loaded.cells
+    if cells is None:
+        trials = loaded.trials
+        return detection.detected_any(trials) if counting.offers_none(trials) else None
+    if not cells["none_offered"].all():
+        return None
+    key = ["condition", "level_vpp"]
+    felt = cells[[*key, "detected"]].rename(columns={"detected": "detected_any"})
+    return felt.groupby(key, as_index=False).sum()
+
+
+def _counts_of(cells: pd.DataFrame) -> Counts:
+    """Count the stimuli of a table of counts: all are single ones, each participant a session."""
+    presented, people = int(cells["presented"].sum()), cells["participant"].nunique()
+    return Counts(
+        trials=presented,
+        single=presented,
+        both=0,
+        blank=0,
+        left_out=0,
+        timeouts=0,
+        invalid=0,
+        participants=people,
+        sessions=people,
+        conditions=cells["condition"].nunique(),
+        simulated=0,
+    )
 
 
 def _counts(trials: pd.DataFrame) -> Counts:
@@ -225,7 +257,7 @@ def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
     empty = sorted({*trials["participant"]} - {*counted["participant"]})
     if empty:
         yield f"no trial counts of participant {', '.join(empty)}"
-    if not counted["kind"].eq("single").any():
+    if loaded.cells is None and not counted["kind"].eq("single").any():
         yield "no trial with a single stimulus counts, so there is no level to report"
     studies = _studies(loaded)
     if studies > 1:
