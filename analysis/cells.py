@@ -25,6 +25,13 @@ DETECTED = Column(
     choices=("0", "1", *(word for word in RESPONSES if word in {"timeout", "invalid"})),
     description="whether the stimulus was felt, in tables that do not tell the side answered",
 )
+UNANSWERED = Column(
+    name="unanswered",
+    type="bool",
+    optional=False,
+    choices=(),
+    description="whether a time-out is coded in another column than the answer",
+)
 
 _LEAST: Mapping[str, int] = MappingProxyType(
     {

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from analysis.axis import axis_of
-from analysis.cells import DETECTED, Reading, allowed, parse
+from analysis.cells import DETECTED, UNANSWERED, Reading, allowed, parse
 from analysis.count_columns import COUNTED_COLUMNS, count_columns
 from analysis.errors import ResultFileError, shown
 from analysis.sources import read_regular
@@ -40,7 +40,7 @@ _OPTIONAL_ELSEWHERE = {"foreperiod_s", "study_sha256"}
 _OURS: Mapping[str, Column] = MappingProxyType(
     {
         c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
-        for c in (*COLUMNS, DETECTED)
+        for c in (*COLUMNS, DETECTED, UNANSWERED)
     }
 )
 _MAX_MAP_BYTES = 1_000_000
@@ -177,7 +177,7 @@ class ColumnMap:
         """List our columns that need no entry where the table has them under our name."""
         counts = count_columns(self.table)
         if counts is None:
-            return list(_OURS)
+            return [name for name in _OURS if name != UNANSWERED.name]
         return [name for name in COUNTED_COLUMNS if name not in self.conditions()]
 
     def conditions(self) -> list[str]:

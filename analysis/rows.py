@@ -96,7 +96,8 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     -------
     pandas.DataFrame
         As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
-        `UNNUMBERED` where the table does not number its trials.
+        `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
+        answer is ``timeout``.
 
     Raises
     ------
@@ -122,8 +123,10 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
         rows[name] = UNNUMBERED if name == "trial" else _default(name, columns, rows.index)
     if "level_vpp" in columns.constant:
         rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq("none"))
-    answer = rows["response"] if "response" in rows else rows["detected"]
-    rows["rt_s"] = rows["rt_s"].mask(answer.eq("timeout"))
+    answer = "response" if "response" in rows else "detected"
+    if "unanswered" in rows:
+        rows.loc[rows.pop("unanswered"), answer] = "timeout"
+    rows["rt_s"] = rows["rt_s"].mask(rows[answer].eq("timeout"))
     return rows
 
 
