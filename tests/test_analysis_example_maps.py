@@ -48,8 +48,7 @@ def test_quickpsy_has_levels_below_0(tmp_path: Path) -> None:
     [
         (
             "hsp1942",
-            "participant,session,level,p,N,k_exact,k,n\nSH,R1,46.9,0.0,35,0.0,0,35\n"
-            "SH,R1,73.1,9.4,35,3.29,3,35\n",
+            "participant,session,level,p,N,k\nSH,R1,46.9,0.0,35,0\nSH,R1,73.1,9.4,35,3\n",
             [["session=R1", 46.9, "SH", 0, 35], ["session=R1", 73.1, "SH", 3, 35]],
         ),
         (
