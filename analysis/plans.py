@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 PLAN = "plan.json"
 _MAX_PLAN_BYTES = 50_000_000
 _OF_TRIAL = ("condition", "block", "kind", "side", "level_vpp")
-_OF_ROW = ["participant", "session", "trial", *_OF_TRIAL, "response", "rt_s", "status", "line"]
+_OF_ROW = [
+    "participant", "session", "study_sha256", "trial", *_OF_TRIAL, "response", "rt_s", "status",
+    "line",
+]  # fmt: skip
 _NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
 
 
@@ -120,8 +123,8 @@ def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
     Raises
     ------
     ResultFileError
-        Naming the first line that is of another participant or session, presents what was not
-        planned, or has an answer that was not declared or came after the response window.
+        Naming the first line that is of another participant, session or study, presents what was
+        not planned, or has an answer that was not declared or came after the response window.
 
     Examples
     --------
@@ -146,7 +149,7 @@ def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
 
 def _breaches(row: Any, trial: Trial | None, plan: Plan) -> Iterator[tuple[str, str]]:
     """Yield the columns in which a row breaks its plan, and what they must be."""
-    for name in ("participant", "session"):
+    for name in ("participant", "session", "study_sha256"):
         if getattr(row, name) != getattr(plan, name):
             yield name, getattr(plan, name)
     if trial is None:

@@ -70,7 +70,7 @@ def find_sources(paths: list[Path]) -> tuple[list[Source], tuple[str, ...]]:
             tables.append((path.parent, path))
             continue
         sessions = _sessions(path)
-        found = [session for session in sessions if (session / TABLE).exists()]
+        found = [session for session in sessions if _holds(session / TABLE)]
         if not found:
             raise ResultFileError(path, None, _nothing(sessions))
         for session in found:
@@ -80,6 +80,17 @@ def find_sources(paths: list[Path]) -> tuple[list[Source], tuple[str, ...]]:
     names = _names(tables + without)
     sources = [Source(path=path, name=names[path]) for _, path in tables]
     return sources, tuple(names[session] for _, session in without)
+
+
+def _holds(path: Path) -> bool:
+    """Tell whether something is there; unlike `Path.exists`, fail where that cannot be known."""
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise unreadable(error, path) from None
+    return True
 
 
 def _nothing(sessions: list[Path]) -> str:

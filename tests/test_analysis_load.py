@@ -18,6 +18,7 @@ from analysis.textfile import CHUNK_ROWS
 from experiment.record import COLUMNS, TrialRow, is_correct, trials_csv
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
@@ -434,3 +435,28 @@ def test_a_file_that_changes_while_others_are_read_is_refused(
         read_inputs([tmp_path], watched=watched)
     words = "changed while it was read; analyze it when nothing writes there any more"
     assert str(caught.value) == f"{changing}: {words}"
+
+
+def test_a_table_that_is_a_dead_link_is_never_passed_over(tmp_path: Path) -> None:
+    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
+    (tmp_path / "sub-2" / "ses-01").mkdir(parents=True)
+    (tmp_path / "sub-2" / "ses-01" / "trials.csv").symlink_to(tmp_path / "gone.csv")
+    message = f"{tmp_path / 'sub-2' / 'ses-01' / 'trials.csv'}: no such file or folder"
+    assert str(refused(tmp_path)) == message
+
+
+def test_a_session_that_cannot_be_entered_is_never_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
+    locked = tmp_path / "sub-2" / "ses-01"
+    locked.mkdir(parents=True)
+    enter = type(tmp_path).lstat
+
+    def refuse(path: Path) -> os.stat_result:
+        if path.parent == locked:
+            raise PermissionError(13, "Permission denied", str(path))
+        return enter(path)
+
+    monkeypatch.setattr(type(tmp_path), "lstat", refuse)
+    assert str(refused(tmp_path)) == f"{locked / 'trials.csv'}: cannot be read: Permission denied"

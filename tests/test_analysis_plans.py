@@ -322,3 +322,12 @@ def test_a_map_does_not_lift_the_seal(results: Path) -> None:
     change(table, 3, "level_vpp", "81")
     with pytest.raises(ResultFileError, match="by the plan beside the table"):
         read_trials([results], ColumnMap())
+
+
+def test_a_table_torn_in_its_last_cell_is_refused(results: Path) -> None:
+    table = results / FIRST / "trials.csv"
+    lines = table.read_bytes().splitlines(keepends=True)
+    table.write_bytes(b"".join(lines[:5])[:-9])
+    error = refused(results)
+    assert error.line == 5
+    assert "column 'study_sha256' is" in str(error)
