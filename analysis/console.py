@@ -6,6 +6,7 @@ import math
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
+from analysis.axis import Axis
 from analysis.control import AUDIBILITY
 from analysis.detection import TOTAL
 from experiment.plan import CONTROL
@@ -97,7 +98,9 @@ def _say(file: TextIO, text: str) -> None:
 
 
 def _header(analysis: Analysis) -> list[str]:
-    return [*_HEADER] if analysis.detected_any is None else [*_HEADER, "any"]
+    unit = "V p-p" if analysis.axis.unit == Axis().unit else analysis.axis.unit
+    names = [unit, *_HEADER[1:]]
+    return names if analysis.detected_any is None else [*names, "any"]
 
 
 def _level_rows(analysis: Analysis) -> Iterator[tuple[str, list[list[str]]]]:

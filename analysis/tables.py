@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from analysis.axis import Axis
     from analysis.batch import InputFile
     from analysis.choice import Choices
     from analysis.load import Loaded
@@ -90,6 +91,8 @@ class Analysis:
         Method of the cells' intervals.
     seed : int
         Of everything that is drawn at random: bootstrap and permutations.
+    axis : Axis
+        What the levels are.
     """
 
     levels: pd.DataFrame
@@ -111,6 +114,7 @@ class Analysis:
     warnings: tuple[str, ...]
     ci: str
     seed: int
+    axis: Axis
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
@@ -188,6 +192,7 @@ def analyse(
         warnings=tuple(_warnings(loaded, excluded)),
         ci=ci,
         seed=seed,
+        axis=loaded.axis,
     )
 
 
