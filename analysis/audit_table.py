@@ -71,8 +71,10 @@ def read_table(path: Path) -> tuple[Row, ...]:
         raise unreadable(error, path) from None
     except ValueError as error:
         raise ResultFileError(path, None, str(error)) from None
-    chunks = text_chunks(io.BytesIO(raw), name, bom_allowed=True, empty_allowed=True)
-    text = pd.concat(list(chunks))
+    header, chunks = text_chunks(io.BytesIO(raw), name, bom_allowed=True, empty_allowed=True)
+    read = list(chunks)
+    cells = [row for _, rows in read for row in rows]
+    text = pd.DataFrame(cells, columns=header, index=[line for lines, _ in read for line in lines])
     label = _check_columns([str(column) for column in text.columns], name)
     if text.empty:
         raise ResultFileError(path, 1, "a header and no rows below it")

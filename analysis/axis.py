@@ -8,6 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
 XScale = Literal["log10", "linear"]
 _MOST_UNIT = 16
 
@@ -44,6 +49,34 @@ class Axis:
         if not (isinstance(unit, str) and 0 < len(unit) <= _MOST_UNIT and unit.isprintable()):
             raise ValueError(f"[axis] unit: printable text of 1 to {_MOST_UNIT}, got {unit!r}")
 
+    def on_axis(self, levels: Floats) -> Floats:
+        """Return where levels lie on the axis.
+
+        >>> import numpy as np
+        >>> Axis().on_axis(np.array([10.0, 100.0])).tolist()
+        [1.0, 2.0]
+        """
+        import numpy as np
+
+        return np.log10(levels) if self.x_scale == "log10" else levels
+
+    def level(self, x: float) -> float:
+        """Return the level at a place on the axis.
+
+        >>> Axis().level(2.0)
+        100.0
+        """
+        return float(10.0**x) if self.x_scale == "log10" else x
+
+    @property
+    def label(self) -> str:
+        """What stands at the axis of a figure behind the level.
+
+        >>> Axis().label, Axis(x_scale="linear", unit="cm/s").label
+        ('V peak-to-peak', 'cm/s')
+        """
+        return "V peak-to-peak" if self.unit == "V" else self.unit
+
     @property
     def signed(self) -> bool:
         """Whether levels may have any sign."""
@@ -67,3 +100,7 @@ def axis_of(section: Mapping[str, Any]) -> Axis:
         if key not in ("x_scale", "unit"):
             raise ValueError(f"[axis] {key}: allowed x_scale, unit")
     return Axis(**section)
+
+
+VOLTS = Axis()
+"""Drive levels, volts peak-to-peak."""

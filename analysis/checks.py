@@ -100,7 +100,7 @@ def _stimulus_rules(rows: pd.DataFrame, *, signed: bool) -> Iterator[Rule]:
             must=f"{' or '.join(sides)} in a {name} trial",
             broken=kind.eq(name) & ~side.isin(sides),
         )
-    yield _Rule(
+    yield Rule(
         column="block",
         must="0 or more in any but a control trial",
         broken=kind.ne("control") & rows["block"].lt(0),

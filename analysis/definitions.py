@@ -29,9 +29,11 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "noticed": "both-finger trials answered both",
         "left_only, right_only": "both-finger trials answered with one side",
         "left, right, both": "blank trials with this answer, each a false alarm; in confusion.csv "
-        "trials with this answer",
+        "and control.csv trials with this answer",
+        "part": "of control trials, with the fingers off the plate and in no other table: "
+        "audibility, before practice, or control, at the end",
         "none, timeout, invalid": "trials with this answer, without one in time, with another key",
-        "kind, side": "single, both or blank; where the stimulus was",
+        "kind, side": "single, both or blank; where the stimulus was, or which side was driven",
         "counted, reason": "whether a trial is counted; if not, the first reason that holds",
         "threshold_vpp, threshold_low_vpp, threshold_high_vpp": "level felt half of the time: "
         "posterior median and 95 % equal-tailed limits, volts peak-to-peak; in a row 'all' the "

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from analysis.axis import Axis
+
 # Okabe & Ito's colours for all kinds of colour vision; yellow is too light for a thin line.
 COLOURS: Final = ("#E69F00", "#56B4E9", "#009E73", "#D55E00", "#CC79A7", "#999999")
 MARKERS: Final = ("o", "s", "^", "D", "v", "P")
@@ -120,15 +122,16 @@ def short(name: str) -> str:
     return f"{name[:half]}…{name[len(name) - half + 1 :]}"
 
 
-def level_axis(axes: Axes, levels_vpp: Any, *, beyond: float = 0.06) -> None:
+def level_axis(axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06) -> None:
     """Make the x axis one of levels with a tick at each, none over its neighbour.
 
     Parameters
     ----------
     axes : matplotlib Axes
     levels_vpp : array_like of float
-        The levels that were presented, volts peak-to-peak; the axis is logarithmic where all are
-        above 0.
+        The levels that were presented.
+    axis : Axis
+        What they are.
     beyond : float
         How far the axis goes on at either end, in parts of the levels' range.
     """
@@ -136,19 +139,19 @@ def level_axis(axes: Axes, levels_vpp: Any, *, beyond: float = 0.06) -> None:
 
     closest = _CLOSEST_TICKS * (1 + beyond)
     levels = np.unique(np.asarray(levels_vpp, dtype=np.float64))
-    if levels[0] > 0:
+    if not axis.signed:
         axes.set_xscale("log")
         margin = max((levels[-1] / levels[0]) ** beyond, _LEAST_MARGIN)
         axes.set_xlim(levels[0] / margin, levels[-1] * margin)
         width = math.log(levels[-1] / levels[0] * margin**2)
         ticks = _spaced(levels, np.log(levels), closest * width)
-        axes.set_xlabel("Level, logarithmic (V peak-to-peak)")
+        axes.set_xlabel(f"Level, logarithmic ({axis.label})")
     else:
         margin = beyond * float(levels[-1] - levels[0]) or 1.0
         axes.set_xlim(levels[0] - margin, levels[-1] + margin)
         width = float(levels[-1] - levels[0]) + 2 * margin
         ticks = _spaced(levels, levels, closest * width)
-        axes.set_xlabel("Level (V peak-to-peak)")
+        axes.set_xlabel(f"Level ({axis.label})")
     axes.xaxis.set_major_locator(FixedLocator(ticks))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from analysis.axis import Axis
+
 _HEIGHT_IN = 4.4
 
 
@@ -29,6 +31,8 @@ class DetectionData:
         Whether "none" could not be answered, so that who feels nothing guesses a side.
     ci : str
         Name of the cells' interval.
+    axis : Axis
+        What the levels are.
     note : str
         A remark for the title, such as that participants are simulated; may be empty.
     """
@@ -37,6 +41,7 @@ class DetectionData:
     participants: pd.DataFrame
     forced_choice: bool
     ci: str
+    axis: Axis
     note: str = ""
 
 
@@ -83,7 +88,7 @@ def _draw(axes: Axes, data: DetectionData, condition: str) -> None:
             "guessing left or right: 1/2", (1, 0.5), xycoords=("axes fraction", "data"),
             xytext=(-4, -3), textcoords="offset points", ha="right", va="top", fontsize=8,
         )  # fmt: skip
-    level_axis(axes, levels["level_vpp"])
+    level_axis(axes, levels["level_vpp"], data.axis)
     axes.set_ylim(-0.03, 1.03)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
     axes.set_ylabel("Detection probability\n(detected / presented)")

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from analysis.axis import Axis
+
 _HEIGHT_IN = 4.1
 _SIDES = {"left": (GROUP, "o", -4.0), "right": (COLOURS[3], "s", 4.0)}
 _OTHER = ("black", "D", 0.0)
@@ -25,11 +27,14 @@ class ReactionData:
     ----------
     reaction : pandas.DataFrame
         From `analysis.reaction.reaction_table`, at least one row with a time.
+    axis : Axis
+        What the levels are.
     note : str
         A remark for the title; may be empty.
     """
 
     reaction: pd.DataFrame
+    axis: Axis
     note: str = ""
 
 
@@ -50,13 +55,13 @@ def draw(data: ReactionData) -> Figure:
     figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), data.note)
     longest_s = float(timed["p90"].max())
     for panel, (_, rows) in zip(axes, groups, strict=True):
-        _draw(panel, rows)
+        _draw(panel, rows, data.axis)
         panel.set_ylim(0, 1.08 * longest_s or 1.0)
     return figure
 
 
-def _draw(axes: Axes, rows: pd.DataFrame) -> None:
-    level_axis(axes, rows["level_vpp"])
+def _draw(axes: Axes, rows: pd.DataFrame, axis: Axis) -> None:
+    level_axis(axes, rows["level_vpp"], axis)
     for side, one in rows.groupby("side", observed=True):
         colour, marker, shift_pt = _SIDES.get(str(side), _OTHER)
         _draw_side(axes, one, f"{side} finger", (colour, marker, shift_pt))

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from analysis.axis import Axis
+
 BELOW: Final = "threshold_below_levels"
 ABOVE: Final = "threshold_above_levels"
 
@@ -37,6 +39,8 @@ class ThresholdData:
         From `analysis.thresholds.threshold_table` and `group_table`, at least one row.
     participants : pandas.DataFrame
         From `analysis.detection.participant_table`: who was tested at which levels.
+    axis : Axis
+        What the levels are.
     note : str
         A remark for the title; may be empty.
     """
@@ -44,6 +48,7 @@ class ThresholdData:
     thresholds: pd.DataFrame
     groups: pd.DataFrame
     participants: pd.DataFrame
+    axis: Axis
     note: str = ""
 
 
@@ -80,7 +85,8 @@ def draw(data: ThresholdData) -> Figure:
     heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in rows]
     figure, axes = panels(conditions, heights, data.note)
     for panel, each in zip(axes, rows, strict=True):
-        _draw(panel, each, data.participants["level_vpp"].to_numpy(dtype=float))
+        levels_vpp = data.participants["level_vpp"].to_numpy(dtype=float)
+        _draw(panel, each, levels_vpp, data.axis)
         key(panel, columns=1)
     return figure
 
@@ -118,8 +124,8 @@ def _row(name: str, one: pd.Series[Any]) -> _Row:
                 words=f"none: {str(one['status']).replace('_', ' ')}", colour=_PERSON)  # fmt: skip
 
 
-def _draw(axes: Axes, rows: list[_Row], levels_vpp: Any) -> None:
-    level_axis(axes, levels_vpp, beyond=_BEYOND)
+def _draw(axes: Axes, rows: list[_Row], levels_vpp: Any, axis: Axis) -> None:
+    level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
     first, last = _just_outside(axes, levels_vpp)
     named = len(rows) <= _NAMED + 2
     for place, row in enumerate(rows):
@@ -139,8 +145,8 @@ def _draw(axes: Axes, rows: list[_Row], levels_vpp: Any) -> None:
     axes.set_yticks([*shown], [short(rows[i].name) for i in shown], fontsize=7)
     axes.set_ylabel("Participant" if named else f"{len(rows) - len([*shown])} participants")
     axes.grid(visible=False, axis="y")
-    log = ", log." if axes.get_xscale() == "log" else ""
-    axes.set_xlabel(f"Threshold (V peak-to-peak{log})")
+    log = "" if axis.signed else ", log."
+    axes.set_xlabel(f"Threshold ({axis.label}{log})")
     _explain(axes, rows)
 
 

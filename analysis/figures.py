@@ -70,11 +70,12 @@ def _detection(analysis: Analysis) -> tuple[Callable[[], Figure], str] | None:
         participants=analysis.participants,
         forced_choice=analysis.detected_any is None,
         ci=analysis.ci,
+        axis=analysis.axis,
         note=analysis.simulated,
     )
     people = analysis.participants["participant"].nunique()
     alt = (
-        f"Detection probability from 0 to 1 against level in volts peak-to-peak, {_of(people)}"
+        f"Detection probability from 0 to 1 against level in {analysis.axis.label}, {_of(people)}"
         f"{_each(analysis)}; the numbers are in the table of detection by level."
     )
     return (lambda: draw(data)), alt
@@ -89,11 +90,12 @@ def _thresholds(analysis: Analysis) -> tuple[Callable[[], Figure], str] | None:
         thresholds=analysis.thresholds,
         groups=analysis.groups,
         participants=analysis.participants,
+        axis=analysis.axis,
         note=analysis.simulated,
     )
     people = analysis.thresholds["participant"].nunique()
     alt = (
-        f"Thresholds in volts peak-to-peak with 95 % intervals, {_of(people)}"
+        f"Thresholds in {analysis.axis.label} with 95 % intervals, {_of(people)}"
         f"{_each(analysis)}; the numbers are in the tables of thresholds."
     )
     return (lambda: draw(data)), alt
@@ -117,7 +119,9 @@ def _reaction_times(analysis: Analysis) -> tuple[Callable[[], Figure], str] | No
 
     if not analysis.reaction_times["n"].gt(0).any():
         return None
-    data = ReactionData(reaction=analysis.reaction_times, note=analysis.simulated)
+    data = ReactionData(
+        reaction=analysis.reaction_times, axis=analysis.axis, note=analysis.simulated
+    )
     alt = (
         "Median reaction time in seconds of correct answers against level, with 10 % and 90 % "
         f"points, for each side{_each(analysis)}; the numbers are in the table of reaction times."

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr, ndtri
 
+from analysis.axis import VOLTS
 from analysis.guessing import GuessRate
 from analysis.likelihood import Tables
 from analysis.people import people_of
@@ -127,7 +128,7 @@ def place_levels(
     x = np.log10(people.level_vpp)
     fit = fit_many(x, people.detected, people.presented, guesses=[guess])[0]
     if fit.status != "ok":
-        words = printed(fit, people.level_vpp[0], "log10")
+        words = printed(fit, people.level_vpp[0], VOLTS)
         raise LevelsError(
             f"the pilot of participant {participant} cannot place levels: {fit.status} ({words}); "
             "run another one over a wider range or with more trials"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.counting import counted
+from analysis.detection import cells
 from analysis.guessing import GuessRate
 
 if TYPE_CHECKING:
@@ -108,20 +109,7 @@ def people_of(trials: pd.DataFrame) -> People:
     >>> people.names, people.detected.tolist(), people.presented.tolist()
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
     """
-    single = counted(trials, "single")
-    hit = single["response"].astype(object).eq(single["side"].astype(object))
-    cells = single[["condition", "participant", "level_vpp"]].assign(hit=hit.astype(np.int64))
-    key = ["condition", "participant", "level_vpp"]
-    counts = cells.groupby(key)["hit"].agg(["sum", "size"]).reset_index()
-    names = tuple(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
-    place = {name: i for i, name in enumerate(names)}
-    row = [place[name] for name in zip(counts["condition"], counts["participant"], strict=True)]
-    column = counts.groupby(["condition", "participant"]).cumcount().to_numpy()
-    shape = (len(names), int(column.max(initial=0)) + 1)
-    level_vpp, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
-    level_vpp[row, column] = counts["level_vpp"]
-    detected[row, column] = counts["sum"]
-    presented[row, column] = counts["size"]
+    names, level_vpp, detected, presented = _side_by_side(cells(trials))
     return People(
         names=names,
         level_vpp=level_vpp,
@@ -131,15 +119,64 @@ def people_of(trials: pd.DataFrame) -> People:
     )
 
 
+def people_of_counts(table: pd.DataFrame) -> People:
+    """Lay a table of counts out by participant.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        From `analysis.counted.read_counted`.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"participant": "1", "condition": "main", "level_vpp": [2.0, 1.0],
+    ...     "detected": [9, 1], "presented": 10, "none_offered": True})
+    >>> people_of_counts(table).detected.tolist()
+    [[1.0, 9.0]]
+    """
+    names, level_vpp, detected, presented = _side_by_side(table)
+    always = table.groupby(_KEY)["none_offered"].all().to_dict()
+    guesses = [
+        guessing(none_offered=bool(always[name]), sided_answers=0, blanks=0) for name in names
+    ]
+    return People(
+        names=names,
+        level_vpp=level_vpp,
+        detected=detected,
+        presented=presented,
+        guesses=tuple(guesses),
+    )
+
+
+_KEY = ["condition", "participant"]
+
+
+def _side_by_side(
+    table: pd.DataFrame,
+) -> tuple[tuple[tuple[str, str], ...], Floats, Floats, Floats]:
+    """Return names, and levels, detected and presented of each in a row of its own."""
+    counts = table.sort_values([*_KEY, "level_vpp"])
+    names = tuple(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
+    place = {name: i for i, name in enumerate(names)}
+    row = [place[name] for name in zip(counts["condition"], counts["participant"], strict=True)]
+    column = counts.groupby(_KEY).cumcount().to_numpy()
+    shape = (len(names), int(column.max(initial=0)) + 1)
+    level_vpp, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
+    level_vpp[row, column] = counts["level_vpp"]
+    detected[row, column] = counts["detected"]
+    presented[row, column] = counts["presented"]
+    return names, level_vpp, detected, presented
+
+
 def _guesses(trials: pd.DataFrame, people: Sequence[tuple[str, str]]) -> list[Guessing]:
-    key = ["condition", "participant"]
     blank = counted(trials, "blank")
     sided = blank["response"].astype(object).isin(["left", "right"]).astype(np.int64)
-    blanks = blank[key].assign(sided=sided).groupby(key)["sided"]
+    blanks = blank[_KEY].assign(sided=sided).groupby(_KEY)["sided"]
     answers, numbers = blanks.sum().to_dict(), blanks.size().to_dict()
     single = counted(trials, "single")
     offered = single["none_offered"].astype("boolean").fillna(value=False).astype(bool)
-    always = single[key].assign(offered=offered).groupby(key)["offered"].all().to_dict()
+    always = single[_KEY].assign(offered=offered).groupby(_KEY)["offered"].all().to_dict()
     return [
         guessing(
             none_offered=bool(always[person]),

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.people import people_of
+from analysis.axis import VOLTS
 from analysis.probit import increasing_exists
 
 if TYPE_CHECKING:
-    import pandas as pd
     from numpy.typing import NDArray
 
+    from analysis.axis import Axis
     from analysis.people import People
-    from analysis.psychometric import XScale
 
     Floats = NDArray[np.float64]
 
@@ -56,9 +55,7 @@ class PopulationThreshold:
     reason: str = ""
 
 
-def population_thresholds(
-    trials: pd.DataFrame, *, x_scale: XScale = "log10"
-) -> tuple[PopulationThreshold, ...]:
+def population_thresholds(people: People, *, axis: Axis = VOLTS) -> tuple[PopulationThreshold, ...]:
     """Fit the population of each condition, if one can be fitted.
 
     logit p = a + b x + u, with u normal for each participant (docs/statistics.md, section 8). It
@@ -66,10 +63,10 @@ def population_thresholds(
 
     Parameters
     ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-    x_scale : str
-        ``log10`` of the level, or ``linear``.
+    people : People
+        From `people_of`, or `people_of_counts`.
+    axis : Axis
+        Of the levels.
 
     Returns
     -------
@@ -79,22 +76,22 @@ def population_thresholds(
     Examples
     --------
     >>> import pandas as pd
+    >>> from analysis.people import people_of
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
     ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "status": "ok", "anticipated": False,
     ...     "response": ["left", "both", "left"], "noise_ok": True, "none_offered": True})
-    >>> population_thresholds(trials)[0].reason
+    >>> population_thresholds(people_of(trials))[0].reason
     'one participant tells nothing of others'
     """
-    people = people_of(trials)
     conditions = sorted({condition for condition, _ in people.names})
-    return tuple(_population(people, condition, x_scale) for condition in conditions)
+    return tuple(_population(people, condition, axis) for condition in conditions)
 
 
-def _population(people: People, condition: str, x_scale: XScale) -> PopulationThreshold:
+def _population(people: People, condition: str, axis: Axis) -> PopulationThreshold:
     rows = [i for i, (name, _) in enumerate(people.names) if name == condition]
     person, column = np.nonzero(people.presented[rows] > 0)
     cells = (np.array(rows)[person], column)
-    x = np.log10(people.level_vpp[cells]) if x_scale == "log10" else people.level_vpp[cells]
+    x = axis.on_axis(people.level_vpp[cells])
     detected, presented = people.detected[cells], people.presented[cells]
     reason = _reason(x, detected, presented, [people.guesses[i].rate.mean for i in rows])
     fitted = None if reason else _fit(x, detected, presented, person)
@@ -108,10 +105,7 @@ def _population(people: People, condition: str, x_scale: XScale) -> PopulationTh
     from scipy.special import stdtrit
 
     half = float(stdtrit(len(rows) - 1, 0.975)) * error
-    low, at, high = (
-        10.0**value if x_scale == "log10" else value
-        for value in (middle - half, middle, middle + half)
-    )
+    low, at, high = (axis.level(x) for x in (middle - half, middle, middle + half))
     return PopulationThreshold(
         condition=condition,
         participants=len(rows),

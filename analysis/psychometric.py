@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 import numpy as np
 from scipy.special import ndtr
 
+from analysis.axis import XScale
 from analysis.guessing import GuessRate
 from analysis.likelihood import Tables, at_upper_lapse, probabilities
 from analysis.posterior import posterior
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-XScale = Literal["log10", "linear"]
 Status = Literal[
     "ok",
     "one_level",

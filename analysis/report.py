@@ -60,6 +60,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         *_answers(analysis, drawn),
         *_reaction_times(analysis, drawn),
         *_both_and_blank(analysis),
+        *_control(analysis),
         *_definitions(analysis),
         *_sources(analysis),
     ]
@@ -137,8 +138,9 @@ def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Elemen
     if analysis.detected_any is None:
         yield element("p", _FORCED)
     yield from _shown(drawn, "detection")
-    header = ["Level (p-p)", "Detected / presented", "Participants", "Least", "Mean", "Largest",
-              "Group, 95 %", "Both", "Other side", "Time-outs", "Of answered"]  # fmt: skip
+    header = [_level_head(analysis), "Detected / presented", "Participants",
+              "Least", "Mean", "Largest", "Group, 95 %", "Both", "Other side", "Time-outs",
+              "Of answered"]  # fmt: skip
     people = analysis.participants.groupby(["condition", "level_vpp"]).size()
     levels = analysis.levels.assign(people=people.to_numpy())
     if analysis.detected_any is not None:
@@ -146,17 +148,19 @@ def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Elemen
         levels = levels.assign(any=analysis.detected_any["detected_any"])
     for condition, rows in levels.groupby("condition"):
         caption = f"Detection by level{_where(analysis, condition)}"
-        yield table(caption, header, [_level(row) for _, row in rows.iterrows()])
+        yield table(
+            caption, header, [_level(row, analysis.axis.unit) for _, row in rows.iterrows()]
+        )
 
 
-def _level(row: pd.Series[Any]) -> list[Content]:
+def _level(row: pd.Series[Any], unit: str) -> list[Content]:
     return [
-        f"{row['level_vpp']:g} V",
+        f"{row['level_vpp']:g} {unit}",
         f"{row['detected']} / {row['presented']}",
         str(row["people"]),
         *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
         _limits(row["group_low"], row["group_high"]),
-        *(str(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
+        *(_count(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
         _p(row["p_answered"]),
         *([str(row["any"])] if "any" in row.index else []),
     ]
@@ -181,7 +185,7 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
     yield table("Thresholds of the group", header, groups, ["Threshold"])
     if analysis.population:
         header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
-        fitted = [_population(one) for one in analysis.population]
+        fitted = [_population(one, analysis.axis.unit) for one in analysis.population]
         caption = "The participants as one population: logistic, a random intercept each"
         yield table(caption, header, fitted, ["Remark"])
     yield from _shown(drawn, "thresholds")
@@ -190,30 +194,30 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
               "Levels", "Trials"]  # fmt: skip
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
-        cells = [_threshold(row) for _, row in rows.iterrows()]
+        cells = [_threshold(row, analysis.axis.unit) for _, row in rows.iterrows()]
         yield table(caption, header, cells, ["Threshold (95 %)", "Status", "Guess rate from"])
 
 
-def _population(one: PopulationThreshold) -> list[Content]:
+def _population(one: PopulationThreshold, unit: str) -> list[Content]:
     low, high = one.threshold_limits_vpp
-    limits = "" if math.isnan(low) else f" ({_volts(low)} to {_volts(high)})"
+    limits = "" if math.isnan(low) else f" ({_level_text(low, unit)} to {_level_text(high, unit)})"
     return [
         foreign(one.condition),
         str(one.participants),
-        _volts(one.threshold_vpp) + limits,
+        _level_text(one.threshold_vpp, unit) + limits,
         _p(one.between_sd),
         one.reason,
     ]
 
 
-def _threshold(row: pd.Series[Any]) -> list[Content]:
+def _threshold(row: pd.Series[Any], unit: str) -> list[Content]:
     return [
         foreign(row["participant"]),
         row["printed"],
         row["status"].replace("_", " "),
         *(_p(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
         row["guess_basis"],
-        *(_volts(row[f"threshold_guess_{name}_vpp"]) for name in ("0", "third")),
+        *(_level_text(row[f"threshold_guess_{name}_vpp"], unit) for name in ("0", "third")),
         str(row["levels"]),
         str(row["trials"]),
     ]
@@ -246,10 +250,10 @@ def _reaction_times(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[E
     yield element("h2", "Reaction times")
     yield element("p", "Of correct answers to single stimuli; time-outs have none.")
     yield from _shown(drawn, "reaction_times")
-    header = ["Level (p-p), finger", "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
+    header = [f"{_level_head(analysis)}, finger", "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
     for condition, rows in analysis.reaction_times.groupby("condition"):
         cells = [
-            [f"{row['level_vpp']:g} V, {row['side']}", str(row["n"]),
+            [f"{row['level_vpp']:g} {analysis.axis.unit}, {row['side']}", str(row["n"]),
              *(_p(row[name]) for name in ("median", "p10", "p90"))]
             for _, row in rows.iterrows()
         ]  # fmt: skip
@@ -277,6 +281,25 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Element]:
             for _, row in analysis.blank.iterrows()
         ]  # fmt: skip
         yield table(f"Blank trials; {_TOTALS}", header, rows)
+
+
+def _control(analysis: Analysis) -> Iterator[Element]:
+    if analysis.control.empty:
+        return
+    yield element("h2", "Fingers off the plate")
+    yield element(
+        "p",
+        "Audibility and control trials, with the noise on and no finger on the plate; they are in "
+        "no other number here. More answers with the driven side than with the other say that "
+        "the plate is heard or seen.",
+    )
+    answers = ("left", "right", "both", "none", "timeouts", "invalid", "presented")
+    header = ["Participant", "Part", "Driven side", *(name.capitalize() for name in answers)]
+    rows = [
+        [*_who(row), row["part"], row["side"], *(str(row[name]) for name in answers)]
+        for _, row in analysis.control.iterrows()
+    ]
+    yield table("Answers with the fingers off the plate", header, rows)
 
 
 _TOTALS = "the interval of a row 'all' ignores that participants differ"
@@ -326,8 +349,16 @@ def _p(value: float) -> str:
     return "n/a" if math.isnan(value) else f"{value:.3f}"
 
 
-def _volts(value: float) -> str:
-    return "n/a" if math.isnan(value) else f"{value:.1f} V"
+def _level_head(analysis: Analysis) -> str:
+    return "Level (p-p)" if analysis.axis.unit == "V" else "Level"
+
+
+def _count(value: float) -> str:
+    return "n/a" if math.isnan(value) else str(int(value))
+
+
+def _level_text(value: float, unit: str) -> str:
+    return "n/a" if math.isnan(value) else f"{value:.1f} {unit}"
 
 
 def _limits(low: float, high: float) -> str:

@@ -9,8 +9,9 @@ from analysis import control, counting, detection
 from analysis.choice import choices, confusion_table
 from analysis.errors import ResultFileError
 from analysis.methods import METHODS
+from analysis.people import people_of, people_of_counts
 from analysis.reaction import reaction_table
-from analysis.thresholds import group_table, threshold_table
+from analysis.thresholds import group_table, thresholds_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from analysis.batch import InputFile
     from analysis.choice import Choices
     from analysis.load import Loaded
+    from analysis.people import People
     from analysis.population import PopulationThreshold
 
 # Left out as planned, or presented again: nothing to warn of.
@@ -171,7 +173,8 @@ def analyse(
         raise ResultFileError(one["file"], int(one["line"]), message)
     excluded = counting.excluded_table(trials)
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
-    thresholds = threshold_table(trials, seed=seed)
+    people = people_of(trials) if loaded.cells is None else people_of_counts(loaded.cells)
+    thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
     return Analysis(
         levels=detection.levels_of(cells),
         participants=detection.participants_of(cells, ci),
@@ -179,8 +182,8 @@ def analyse(
         blank=detection.blank_table(trials, ci),
         excluded=excluded,
         thresholds=thresholds,
-        groups=group_table(thresholds),
-        population=_population(trials) if population else (),
+        groups=group_table(thresholds, loaded.axis),
+        population=_population(people, loaded.axis) if population else (),
         confusion=confusion_table(trials),
         choice=choices(trials, seed),
         reaction_times=reaction_table(trials),
@@ -196,10 +199,10 @@ def analyse(
     )
 
 
-def _population(trials: pd.DataFrame) -> tuple[PopulationThreshold, ...]:
+def _population(people: People, axis: Axis) -> tuple[PopulationThreshold, ...]:
     from analysis.population import population_thresholds  # statsmodels is slow to load
 
-    return population_thresholds(trials)
+    return population_thresholds(people, axis=axis)
 
 
 def _detected_any(loaded: Loaded) -> pd.DataFrame | None:

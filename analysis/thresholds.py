@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
+from analysis.axis import VOLTS
 from analysis.goodness import deviance_p
 from analysis.guessing import GuessRate
 from analysis.people import people_of
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from analysis.psychometric import Status, XScale
+    from analysis.axis import Axis
+    from analysis.people import People
+    from analysis.psychometric import Status
 
     Floats = NDArray[np.float64]
 
@@ -52,7 +55,7 @@ WORDS: Final[Mapping[Status, str]] = MappingProxyType(
 _THIRD: Final = 1 / 3
 
 
-def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10") -> pd.DataFrame:
+def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> pd.DataFrame:
     """Return the threshold of every participant in every condition.
 
     Parameters
@@ -61,8 +64,8 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10
         From `analysis.read_trials`.
     seed : int
         Of the bootstrap behind ``deviance_p``.
-    x_scale : str
-        Axis of the psychometric function: ``log10`` of the level, or ``linear``.
+    axis : Axis
+        Of the psychometric function.
 
     Returns
     -------
@@ -78,10 +81,14 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10
     >>> threshold_table(trials, seed=1)[["participant", "status", "printed"]].to_numpy().tolist()
     [['1', 'ok', '81.1 V (74.0 to 88.2)']]
     """
-    people = people_of(trials)
+    return thresholds_of(people_of(trials), seed=seed, axis=axis)
+
+
+def thresholds_of(people: People, *, seed: int, axis: Axis) -> pd.DataFrame:
+    """Return `threshold_table` of participants whose counts are known, from trials or not."""
     if not people.names:
         return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))
-    x = np.log10(people.level_vpp) if x_scale == "log10" else people.level_vpp
+    x = axis.on_axis(people.level_vpp)
     counts = (people.detected, people.presented)
     rates = [one.rate for one in people.guesses]
     fits = fit_many(x, *counts, guesses=rates)
@@ -93,13 +100,13 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10
         {
             "participant": participant,
             "condition": condition,
-            **_numbers(fits[i], x_scale),
-            "printed": printed(fits[i], people.level_vpp[i, people.presented[i] > 0], x_scale),
+            **_numbers(fits[i], axis),
+            "printed": printed(fits[i], people.level_vpp[i, people.presented[i] > 0], axis),
             "deviance_p": misfits[i],
             "guess_rate": people.guesses[i].rate.mean,
             "guess_basis": people.guesses[i].basis,
-            "threshold_guess_0_vpp": _on_level(others[0][i].threshold, x_scale),
-            "threshold_guess_third_vpp": _on_level(others[1][i].threshold, x_scale),
+            "threshold_guess_0_vpp": axis.level(others[0][i].threshold),
+            "threshold_guess_third_vpp": axis.level(others[1][i].threshold),
             "levels": int((people.presented[i] > 0).sum()),
             "trials": int(people.presented[i].sum()),
         }
@@ -108,11 +115,11 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, x_scale: XScale = "log10
     return pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
 
 
-def _numbers(fit: PsychometricFit, x_scale: XScale) -> dict[str, object]:
+def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
     low, high = fit.threshold_limits
-    at = [_on_level(value, x_scale) for value in (fit.threshold, low, high)]
+    at = [axis.level(value) for value in (fit.threshold, low, high)]
     decibel = [
-        20 * value if x_scale == "log10" else math.nan for value in (fit.threshold, low, high)
+        20 * value if axis.x_scale == "log10" else math.nan for value in (fit.threshold, low, high)
     ]
     return {
         "status": fit.status,
@@ -122,18 +129,14 @@ def _numbers(fit: PsychometricFit, x_scale: XScale) -> dict[str, object]:
         ),
         "sigma": fit.sigma,
         "lapse_rate": fit.lapse_rate,
-        "mle_threshold_vpp": _on_level(fit.mle_threshold, x_scale),
+        "mle_threshold_vpp": axis.level(fit.mle_threshold),
         "mle_sigma": fit.mle_sigma,
         "mle_lapse_rate": fit.mle_lapse_rate,
         "deviance": fit.deviance,
     }
 
 
-def _on_level(x: float, x_scale: XScale) -> float:
-    return float(10.0**x) if x_scale == "log10" else x
-
-
-def printed(fit: PsychometricFit, levels_vpp: Floats, x_scale: XScale) -> str:
+def printed(fit: PsychometricFit, levels_vpp: Floats, axis: Axis) -> str:
     """Return a threshold as a reader is told it, or why there is none.
 
     Parameters
@@ -142,25 +145,25 @@ def printed(fit: PsychometricFit, levels_vpp: Floats, x_scale: XScale) -> str:
         On the axis.
     levels_vpp : ndarray of float64
         The levels that were presented.
-    x_scale : str
+    axis : Axis
         The axis.
 
     Examples
     --------
-    >>> printed(PsychometricFit(status="threshold_below_levels"), np.array([60.0, 200.0]), "log10")
+    >>> printed(PsychometricFit(status="threshold_below_levels"), np.array([60.0, 200.0]), VOLTS)
     '< 60 V'
     """
     if fit.status == "threshold_below_levels":
-        return f"< {levels_vpp.min():g} V"
+        return f"< {levels_vpp.min():g} {axis.unit}"
     if fit.status == "threshold_above_levels":
-        return f"> {levels_vpp.max():g} V"
+        return f"> {levels_vpp.max():g} {axis.unit}"
     if fit.status not in WITH_THRESHOLD:
         return WORDS[fit.status]
-    at, low, high = (_on_level(x, x_scale) for x in (fit.threshold, *fit.threshold_limits))
-    return f"{at:.1f} V ({low:.1f} to {high:.1f})"
+    at, low, high = (axis.level(x) for x in (fit.threshold, *fit.threshold_limits))
+    return f"{at:.1f} {axis.unit} ({low:.1f} to {high:.1f})"
 
 
-def group_table(thresholds: pd.DataFrame, x_scale: XScale = "log10") -> pd.DataFrame:
+def group_table(thresholds: pd.DataFrame, axis: Axis = VOLTS) -> pd.DataFrame:
     """Return the threshold of the group of each condition: its median and, if all have one, mean.
 
     Thresholds below and above the levels are censored, not missing: they take part in the median.
@@ -171,7 +174,7 @@ def group_table(thresholds: pd.DataFrame, x_scale: XScale = "log10") -> pd.DataF
     ----------
     thresholds : pandas.DataFrame
         From `threshold_table`.
-    x_scale : str
+    axis : Axis
         Its axis.
 
     Returns
@@ -190,29 +193,29 @@ def group_table(thresholds: pd.DataFrame, x_scale: XScale = "log10") -> pd.DataF
     ['median < 60 V']
     """
     rows = [
-        [condition, *_group(people, x_scale)]
+        [condition, *_group(people, axis)]
         for condition, people in thresholds.groupby("condition", sort=True)
     ]
     return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
 
 
-def _group(people: pd.DataFrame, x_scale: XScale) -> list[object]:
+def _group(people: pd.DataFrame, axis: Axis) -> list[object]:
     """Return the values of a group, from ``participants`` on, of `GROUP_COLUMNS`."""
     statuses = people["status"].astype(object)
     volts = np.sort(people.loc[statuses.isin(WITH_THRESHOLD), "threshold_vpp"].to_numpy(float))
     below = _bounds(people.loc[statuses.eq("threshold_below_levels"), "printed"])
     above = _bounds(people.loc[statuses.eq("threshold_above_levels"), "printed"])
     without = sorted(people.loc[~statuses.isin([*WITH_THRESHOLD, *_CENSORED]), "participant"])
-    x, least, most = (_on_axis(values, x_scale) for values in (volts, above, below))
+    x, least, most = (axis.on_axis(values) for values in (volts, above, below))
     status, median, words = _median(
         np.concatenate([np.full(len(below), -np.inf), x, least]),
         np.concatenate([most, x, np.full(len(above), np.inf)]),
-        x_scale,
+        axis,
     )
     mean = [math.nan] * 3
     if len(volts) == len(people) and len(volts) > 1:
-        mean = [_on_level(value, x_scale) for value in _t_interval(x)]
-        words += "; mean {:.1f} V ({:.1f} to {:.1f})".format(*mean)
+        mean = [axis.level(value) for value in _t_interval(x)]
+        words += "; mean {:.1f} {} ({:.1f} to {:.1f})".format(mean[0], axis.unit, *mean[1:])
     if without:
         words += f"; without one: {', '.join(without)}"
     return [len(people), status, median, *mean, words, len(below), len(above), ", ".join(without)]
@@ -226,11 +229,7 @@ def _bounds(words: pd.Series[str]) -> Floats:
     return np.array([float(word.split()[1]) for word in words], dtype=np.float64)
 
 
-def _on_axis(volts: Floats, x_scale: XScale) -> Floats:
-    return np.log10(volts) if x_scale == "log10" else volts
-
-
-def _median(lower: Floats, upper: Floats, x_scale: XScale) -> tuple[str, float, str]:
+def _median(lower: Floats, upper: Floats, axis: Axis) -> tuple[str, float, str]:
     """Return status, value and words of the median of thresholds between bounds on the axis.
 
     A median grows with each of its values, so it lies between those of the bounds.
@@ -238,15 +237,15 @@ def _median(lower: Floats, upper: Floats, x_scale: XScale) -> tuple[str, float, 
     if not len(lower):
         return "none", math.nan, "no threshold"
     ends = [_middle(np.sort(bound)) for bound in (lower, upper)]
-    low, high = (_on_level(end, x_scale) for end in ends)
+    low, high = (axis.level(end) for end in ends)
     if low == high:
-        return "ok", low, f"median {low:.1f} V"
+        return "ok", low, f"median {low:.1f} {axis.unit}"
     known = (math.isfinite(ends[0]), math.isfinite(ends[1]))
     if known == (False, True):
-        return _CENSORED[0], math.nan, f"median < {_short(high)} V"
+        return _CENSORED[0], math.nan, f"median < {_short(high)} {axis.unit}"
     if known == (True, False):
-        return _CENSORED[1], math.nan, f"median > {_short(low)} V"
-    between = f"median between {low:.1f} and {high:.1f} V"
+        return _CENSORED[1], math.nan, f"median > {_short(low)} {axis.unit}"
+    between = f"median between {low:.1f} and {high:.1f} {axis.unit}"
     return "none", math.nan, between if all(known) else "no median: it may lie anywhere"
 
 

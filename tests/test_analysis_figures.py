@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from analysis import level_table
+from analysis.axis import VOLTS
 from analysis.choice import confusion_table
 from analysis.detection import participant_table
 from analysis.drawing import written
@@ -52,6 +53,7 @@ def data(
         participants=participant_table(trials),
         forced_choice=forced_choice,
         ci="wilson",
+        axis=VOLTS,
     )
 
 
@@ -169,6 +171,7 @@ def threshold_texts(thresholds: pd.DataFrame) -> str:
         thresholds=thresholds,
         groups=group_table(thresholds),
         participants=pd.DataFrame({"level_vpp": LEVELS_VPP}),
+        axis=VOLTS,
     )
     pictures = [written(lambda: draw_thresholds(shown)) for _ in range(2)]
     assert pictures[0] == pictures[1]
@@ -228,7 +231,7 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
 def test_reaction_times_are_of_each_side_in_seconds() -> None:
     rows = [("main", v, side, 9, 0.5, 0.4, 0.8) for v in LEVELS_VPP for side in ("left", "right")]
     rows.append(("main", 220.0, "left", 0, NAN, NAN, NAN))
-    shown = ReactionData(reaction=pd.DataFrame(rows, columns=list(REACTION_COLUMNS)))
+    shown = ReactionData(reaction=pd.DataFrame(rows, columns=list(REACTION_COLUMNS)), axis=VOLTS)
     pictures = [written(lambda: draw_reaction(shown)) for _ in range(2)]
     assert pictures[0] == pictures[1]
     svg = pictures[0][1].decode()

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.people import people_of
 from analysis.population import METHOD, PopulationThreshold, population_thresholds
 from experiment.observer import psychometric
 
@@ -48,7 +49,7 @@ def study(
 
 
 def only(trials: pd.DataFrame) -> PopulationThreshold:
-    (found,) = population_thresholds(trials)
+    (found,) = population_thresholds(people_of(trials))
     return found
 
 
@@ -78,9 +79,9 @@ def test_more_people_narrow_the_limits() -> None:
 
 def test_each_condition_has_its_own() -> None:
     two = pd.concat([study(seed=1), study(seed=2, condition="plate B")])
-    assert [one.condition for one in population_thresholds(two)] == ["main", "plate B"]
+    assert [one.condition for one in population_thresholds(people_of(two))] == ["main", "plate B"]
     alone = only(study(seed=1))
-    assert population_thresholds(two)[0] == alone
+    assert population_thresholds(people_of(two))[0] == alone
 
 
 def test_order_and_names_make_no_difference() -> None:

@@ -11,6 +11,7 @@ import pytest
 from scipy import stats
 
 from analysis import fit_psychometric, group_table, threshold_table
+from analysis.axis import Axis
 from analysis.people import BLANKS_NEEDED, guessing
 from analysis.thresholds import GROUP_COLUMNS, THRESHOLD_COLUMNS, WORDS, printed
 
@@ -177,7 +178,9 @@ def test_without_single_trials_there_is_an_empty_table() -> None:
 
 
 def test_a_linear_axis_has_no_decibels_and_keeps_its_unit() -> None:
-    row = threshold_table(person("1", [2, 14, 22, 28, 29]), seed=1, x_scale="linear").iloc[0]
+    row = threshold_table(
+        person("1", [2, 14, 22, 28, 29]), seed=1, axis=Axis(x_scale="linear")
+    ).iloc[0]
     assert math.isnan(row["threshold_db"])
     assert 80 < row["threshold_vpp"] < 120
     assert row["sigma"] > 10
@@ -244,5 +247,5 @@ def test_leaving_the_censored_out_would_bias_the_group() -> None:
 
 def test_a_printed_threshold_keeps_its_limits() -> None:
     fit = fit_psychometric(PAPER, [2, 14, 22, 28, 29], [30] * 5, guess_rate=0.0, x_scale="linear")
-    words = printed(fit, np.array(PAPER), "linear")
+    words = printed(fit, np.array(PAPER), Axis(x_scale="linear"))
     assert words.startswith(f"{fit.threshold:.1f} V (")
