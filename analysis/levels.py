@@ -14,7 +14,7 @@ from analysis.guessing import GuessRate
 from analysis.likelihood import Tables
 from analysis.people import people_of
 from analysis.posterior import STANDARD, posterior
-from analysis.psychometric import fit_many
+from analysis.psychometric import fit_many, scale
 from analysis.thresholds import printed
 from experiment.design import LEAST_LEVEL_VPP
 
@@ -24,11 +24,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from analysis.people import People
     from experiment.study_values import Study
 
 FELT: Final = (0.15, 0.35, 0.55, 0.75, 0.95)
 """How often the placed levels are to be felt: between guesses and lapses."""
 
+_PLACING: Final = ("ok", "lapse_at_bound", "separated")
+"""Statuses of pilots whose posterior tells where the threshold lies."""
 _WIDEST_DB: Final = 10.0
 """Limits of a pilot's threshold that lie farther apart place levels nearly anywhere."""
 _LOWEST_MOST: Final = 0.35
@@ -127,31 +130,26 @@ def place_levels(
     guess = people.guesses[0].rate
     x = np.log10(people.level_vpp)
     fit = fit_many(x, people.detected, people.presented, guesses=[guess])[0]
-    if fit.status != "ok":
+    if fit.status not in _PLACING:
         words = printed(fit, people.level_vpp[0], VOLTS)
         raise LevelsError(
             f"the pilot of participant {participant} cannot place levels: {fit.status} ({words}); "
             "run another one over a wider range or with more trials"
         )
-    low, high = fit.threshold_limits
-    if 20 * (high - low) > _WIDEST_DB:
+    function, limits_vpp = _known(people, guess)
+    width_db = 20 * math.log10(limits_vpp[1] / limits_vpp[0])
+    if width_db > _WIDEST_DB:
         raise LevelsError(
             f"the pilot of participant {participant} knows the threshold only as "
-            f"{10**low:.1f} to {10**high:.1f} V, {20 * (high - low):.1f} dB; at most "
+            f"{limits_vpp[0]:.1f} to {limits_vpp[1]:.1f} V, {width_db:.1f} dB; at most "
             f"{_WIDEST_DB:g} dB place levels: run more trials"
         )
-    function = Function(
-        threshold_vpp=10**fit.threshold,
-        sigma=fit.sigma,
-        lapse_rate=fit.lapse_rate,
-        guess_rate=guess.mean,
-    )
     levels_vpp = placed(function, study.device.ceiling_vpp)
     design = study.design
     return Placement(
         participant=participant,
         function=function,
-        threshold_limits_vpp=(10**low, 10**high),
+        threshold_limits_vpp=limits_vpp,
         levels_vpp=levels_vpp,
         felt=tuple(float(share) for share in _felt(function, levels_vpp)),
         trials=2 * design.trials_per_side,
@@ -161,6 +159,26 @@ def place_levels(
         ),
         fixed_levels_vpp=design.levels_vpp,
     )
+
+
+def _known(people: People, guess: GuessRate) -> tuple[Function, tuple[float, float]]:
+    """Return the function at the posterior medians, and the threshold's limits."""
+    scaled = scale(np.log10(people.level_vpp), people.presented)
+    tables = Tables(
+        u=scaled.u,
+        detected=people.detected,
+        presented=people.presented,
+        guess_rate=np.array([guess.mean]),
+    )
+    known = posterior(tables, [guess])
+    low, middle, high = 10 ** (scaled.low[0] + scaled.width[0] * known.mu[0])
+    function = Function(
+        threshold_vpp=float(middle),
+        sigma=float(scaled.width[0] * np.exp(known.log_sigma[0, 1])),
+        lapse_rate=float(known.lapse_rate[0]),
+        guess_rate=guess.mean,
+    )
+    return function, (float(low), float(high))
 
 
 def placed(function: Function, ceiling_vpp: float) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 NAMES = (
     *("startup", "session", "screen", "journal", "stability", "field", "skipping", "link"),
-    *("analysis",),
+    *("analysis", "calibration"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 

@@ -146,12 +146,18 @@ def test_a_pilot_places_levels_around_its_threshold() -> None:
     assert (found.trials, found.fixed_levels_vpp) == (150, PAPER)
 
 
+def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
+    found = place_levels(pilot([0, 0, 0, 2, 5, 5, 5, 5]), "P7", paper_study())
+    assert found.levels_vpp[0] < 80 < found.levels_vpp[-1]
+    low, high = found.threshold_limits_vpp
+    assert 60 < low < found.function.threshold_vpp < high < 100
+
+
 @pytest.mark.parametrize(
     ("trials", "said"),
     [
         (pilot([5] * 8), "threshold_below_levels .< 20 V."),
         (pilot([0] * 8), "threshold_above_levels .> 200 V."),
-        (pilot([0, 0, 0, 5, 5, 5, 5, 5]), "separated"),
         (pilot([2, 3, 2, 3, 2, 3, 2, 3]), "flat"),
         (pilot([5, 5, 4, 3, 2, 1, 0, 0]), "decreasing"),
         (pilot([1, 3, 2, 4, 3, 4, 5, 4], none_offered=False), "cannot place levels|only as"),

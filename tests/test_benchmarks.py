@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from benchmarks import analysis, field, hard_cases, screen, skipping, stability, timing
+from analysis.posterior import Nodes
+from benchmarks import (
+    analysis,
+    calibration,
+    field,
+    hard_cases,
+    screen,
+    skipping,
+    stability,
+    timing,
+)
 from benchmarks.exact import exact
 from benchmarks.plate_fem import direct, modal, model
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
@@ -105,3 +115,18 @@ def test_an_analysis_section_sets_pandas_beside_the_command(
     text = analysis.section()
     assert "155 trials each" in text
     assert text.count("| 2 |") == 4
+
+
+def test_a_calibration_section_tells_coverage_bias_and_time(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(calibration, "STUDIES", 20)
+    monkeypatch.setattr(calibration, "BESIDE", 0)
+    monkeypatch.setattr(calibration, "GRIDS", (Nodes(mu=17, log_sigma=9, lapse=3),))
+    monkeypatch.setattr(calibration, "FINEST", Nodes(mu=41, log_sigma=25, lapse=5))
+    monkeypatch.setattr(calibration, "FIGURE", tmp_path / "posterior.png")
+    text = calibration.section()
+    assert "| one cell, wilson | 0.5 |" in text
+    assert "| centred | 0.5 | ours | 20 |" in text
+    assert "| 17 x 9 x 3 |" in text
+    assert (tmp_path / "posterior.png").exists()

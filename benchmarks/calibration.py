@@ -1,0 +1,298 @@
+"""Whether intervals hold: simulated studies, thresholds beside psignifit, grids against time."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr
+
+from analysis.guessing import GuessRate
+from analysis.intervals import group_interval, proportion_ci
+from analysis.likelihood import Tables
+from analysis.methods import METHODS
+from analysis.posterior import STANDARD, Nodes, posterior
+from benchmarks.timing import duration, median_s
+from experiment.observer import psychometric
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+STUDIES: Final = 2000
+BESIDE: Final = 200
+"""Studies that psignifit fits too: it takes a third of a second for each."""
+GRIDS: Final = (
+    Nodes(mu=9, log_sigma=5, lapse=3),
+    Nodes(mu=17, log_sigma=9, lapse=4),
+    Nodes(mu=25, log_sigma=17, lapse=5),
+    STANDARD,
+    Nodes(mu=81, log_sigma=49),
+    Nodes(mu=161, log_sigma=97),
+)
+FINEST: Final = Nodes(mu=401, log_sigma=201, lapse=16)
+FIGURE: Final = Path(__file__).parent.parent / "docs" / "posterior.png"
+N: Final = 30
+SIGMA: Final = 0.1
+LAPSE: Final = 0.02
+BETWEEN_DB: Final = 2.0
+PAPER: Final = (60.0, 95.0, 130.0, 165.0, 200.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A simulated observer and the levels it is tested with."""
+
+    name: str
+    threshold_vpp: float
+    guess_rate: float
+    levels_vpp: tuple[float, ...]
+
+    @property
+    def x(self) -> Floats:
+        """Levels on the axis."""
+        return np.log10(self.levels_vpp)
+
+    def counts(self, studies: int) -> Floats:
+        """Draw detections, shape (studies, levels)."""
+        p = psychometric(
+            self.levels_vpp,
+            threshold_vpp=self.threshold_vpp,
+            sigma=SIGMA,
+            guess_rate=self.guess_rate,
+            lapse_rate=LAPSE,
+        )
+        return np.random.default_rng(1).binomial(N, p, (studies, len(p))).astype(float)
+
+
+CENTRED: Final = (49.0, 57.0, 64.0, 73.0, 91.0)
+SETTINGS: Final = (
+    Setting(name="the paper's", threshold_vpp=62, guess_rate=0.5, levels_vpp=PAPER),
+    Setting(name="centred", threshold_vpp=62, guess_rate=0.5, levels_vpp=CENTRED),
+    Setting(name="the paper's", threshold_vpp=62, guess_rate=0.0, levels_vpp=PAPER),
+    Setting(name="centred", threshold_vpp=62, guess_rate=0.0, levels_vpp=CENTRED),
+)
+
+
+def tables(setting: Setting, counts: Floats) -> Tables:
+    """Return counts as the posterior takes them."""
+    u = (setting.x - setting.x[0]) / np.ptp(setting.x)
+    return Tables(
+        u=np.broadcast_to(u, counts.shape),
+        detected=counts,
+        presented=np.full(counts.shape, float(N)),
+        guess_rate=np.full(len(counts), setting.guess_rate),
+    )
+
+
+def ours(setting: Setting, counts: Floats, nodes: Nodes | None = None) -> Floats:
+    """Return limits and median of each threshold on the axis, shape (studies, 3)."""
+    guesses = [GuessRate(mean=setting.guess_rate)] * len(counts)
+    known = posterior(tables(setting, counts), guesses, nodes)
+    return np.asarray(setting.x[0] + np.ptp(setting.x) * known.mu)
+
+
+def theirs(setting: Setting, counts: Floats, steps: int | None = None) -> Floats:
+    """Return psignifit's lower limit, mean and upper limit of the threshold."""
+    from psignifit import psignifit
+
+    fixed = {"gamma": setting.guess_rate, "eta": 1e-8}
+    fine = {"grid_steps": {"threshold": steps, "width": steps, "lambda": 20}} if steps else {}
+    data = np.column_stack([setting.x, counts, np.full(len(counts), N)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of data that do not determine a parameter
+        found = psignifit(
+            data, experiment_type="yes/no", sigmoid="norm", fixed_parameters=fixed, **fine
+        )
+    low, high = found.confidence_intervals["threshold"]["0.95"]
+    return np.array([low, found.get_parameter_estimate("mean")["threshold"], high])
+
+
+def many_theirs(setting: Setting, counts: Floats) -> Floats:
+    """Fit with psignifit on two processes of one thread each."""
+    from joblib import Parallel, delayed
+
+    rows = Parallel(n_jobs=min(2, os.cpu_count() or 1))(delayed(theirs)(setting, k) for k in counts)
+    return np.array(rows)
+
+
+def _errors(found: Floats, setting: Setting) -> str:
+    truth = math.log10(setting.threshold_vpp)
+    db = 20 * (found[:, 1] - truth)
+    covered = np.mean((found[:, 0] <= truth) & (truth <= found[:, 2]))
+    rmse = math.sqrt(float(np.square(db).mean()))
+    spread = float(np.square(db).std()) / (2 * rmse * math.sqrt(len(db)))
+    error = math.sqrt(float(covered * (1 - covered)) / len(db))
+    return (
+        f"{db.mean():+.2f} +- {db.std() / math.sqrt(len(db)):.2f} | {rmse:.2f} +- {spread:.2f} | "
+        f"{covered:.1%} +- {error:.1%}"
+    )
+
+
+def threshold_rows() -> Iterator[str]:
+    """Yield a row of each setting and program."""
+    for setting in SETTINGS:
+        guess = f"{setting.guess_rate:g}"
+        counts = setting.counts(STUDIES)
+        found = ours(setting, counts)
+        head = f"| {setting.name} | {guess} |"
+        yield f"{head} ours | {STUDIES} | {_errors(found, setting)} |"
+        if BESIDE:
+            beside = many_theirs(setting, counts[:BESIDE])
+            yield f"{head} ours | {BESIDE} | {_errors(found[:BESIDE], setting)} |"
+            yield f"{head} psignifit | {BESIDE} | {_errors(beside, setting)} |"
+
+
+def interval_rows() -> Iterator[str]:
+    """Yield the coverage of each interval, of one cell and of a group of five."""
+    rng = np.random.default_rng(2)
+    for truth in (0.5, 0.8, 0.95):
+        k = rng.binomial(N, truth, STUDIES)
+        for method in METHODS:
+            low, high = proportion_ci(k, N, method)
+            yield f"| one cell, {method} | {truth:g} | {_share((low <= truth) & (truth <= high))} |"
+    for level in (60.0, 95.0):
+        offsets = BETWEEN_DB / 20 * rng.standard_normal((STUDIES, 5))
+        p = ndtr((math.log10(level / 70) + offsets) / SIGMA)
+        truth = float(ndtr(math.log10(level / 70) / math.hypot(SIGMA, BETWEEN_DB / 20)))
+        k = rng.binomial(N, p)
+        group = np.array([group_interval(one, [N] * 5) for one in k])
+        pooled = np.stack(proportion_ci(k.sum(axis=1), 5 * N), axis=1)
+        for name, limits in (("n_eff", group), ("pooled binomial, ignores participants", pooled)):
+            inside = (limits[:, 0] <= truth) & (truth <= limits[:, 1])
+            yield f"| group of five, {name} | {truth:.2f} | {_share(inside)} |"
+
+
+def _share(inside: NDArray[np.bool_]) -> str:
+    share = float(inside.mean())
+    return f"{share:.1%} +- {math.sqrt(share * (1 - share) / len(inside)):.1%}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """What a grid costs, and how far its points lie from those of the finest."""
+
+    name: str
+    error: float
+    alone_s: float
+    batch_s: float
+
+
+def grids() -> list[Grid]:
+    """Time the grids on the forced choices of the first setting."""
+    setting, found = SETTINGS[1], []
+    counts = setting.counts(200)
+    true = ours(setting, counts[:40], FINEST)
+    for nodes in (*GRIDS, None):
+        error = np.quantile(np.abs(ours(setting, counts[:40], nodes) - true).max(axis=1), 0.9)
+        alone, batch = _times(setting, counts, nodes)
+        name = f"{nodes.mu} x {nodes.log_sigma} x {nodes.lapse}" if nodes else "adaptive"
+        found.append(Grid(name=name, error=float(error), alone_s=alone, batch_s=batch))
+    return found
+
+
+def _times(setting: Setting, counts: Floats, nodes: Nodes | None) -> tuple[float, float]:
+    alone = median_s(lambda i: ours(setting, counts[i : i + 1], nodes), 100)
+    return alone, median_s(lambda _: ours(setting, counts, nodes), 3) / len(counts)
+
+
+def beside() -> Grid | None:
+    """Time psignifit, and tell how far its limits lie from those on a finer grid of its own."""
+    if not BESIDE:
+        return None
+    setting = SETTINGS[1]
+    counts = setting.counts(4)
+    moved = [np.abs(theirs(setting, k) - theirs(setting, k, 120))[[0, 2]].max() for k in counts]
+    alone = median_s(lambda i: theirs(setting, counts[i % 4]), 4)
+    return Grid(name="psignifit", error=float(np.median(moved)), alone_s=alone, batch_s=alone)
+
+
+def draw(found: list[Grid], other: Grid | None) -> None:
+    """Draw the time against the error."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    axes = figure.subplots()
+    fixed = found[:-1]
+    for label, times, colour in (
+        ("one fit alone", [one.alone_s for one in fixed], "#0072B2"),
+        ("one of 200 in a batch", [one.batch_s for one in fixed], "#D55E00"),
+    ):
+        axes.loglog([one.error for one in fixed], times, "o-", color=colour, label=label)
+    last = found[-1]
+    axes.loglog(
+        [last.error] * 2, [last.alone_s, last.batch_s], "s", color="#009E73", label="adaptive"
+    )
+    if other is not None:
+        axes.loglog([other.error], [other.alone_s], "^", color="#CC79A7", label="psignifit, alone")
+    axes.set_xlabel("error of limits and median, log10 V (90 % of fits are better)")
+    axes.set_ylabel("seconds per fit, one thread")
+    axes.grid(visible=True, which="both", alpha=0.3)
+    axes.legend()
+    figure.savefig(FIGURE, dpi=110)
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    found, other = grids(), beside()
+    draw(found, other)
+    rows = [
+        f"| {one.name} | {one.error:.1e} | {duration(one.alone_s)} | {duration(one.batch_s)} |"
+        for one in found
+    ]
+    if other is not None:
+        rows.append(f"| psignifit | {other.error:.1e} | {duration(other.alone_s)} | |")
+    return "\n".join(
+        [
+            "## Calibration",
+            "",
+            _INTERVALS,
+            "",
+            "| interval | true probability | covers |",
+            "|---|---|---|",
+            *interval_rows(),
+            "",
+            _THRESHOLDS,
+            "",
+            "| levels | gamma | program | studies | bias, dB | RMSE, dB | limits cover |",
+            "|---|---|---|---|---|---|---|",
+            *threshold_rows(),
+            "",
+            _TIMES,
+            "",
+            "![Time against error](posterior.png)",
+            "",
+            "| grid (mu, sigma, lambda) | error | alone | in a batch of 200 |",
+            "|---|---|---|---|",
+            *rows,
+            "",
+        ]
+    )
+
+
+_INTERVALS: Final = (
+    f"{STUDIES} seeded studies for each line; the share that covers the truth, with its standard "
+    f"error. {N} stimuli a cell; groups: five people with {BETWEEN_DB:g} dB between their "
+    "thresholds, 70 V in the middle, at 60 and 95 V."
+)
+_THRESHOLDS: Final = (
+    f"Thresholds of one observer: 62 V, sigma {SIGMA}, lapses {LAPSE}, five levels of {N} stimuli; "
+    f"the paper's levels or {', '.join(f'{v:g}' for v in CENTRED)} V. Ours is the posterior "
+    "median, psignifit's the posterior mean (three free parameters, its default grid), both "
+    "whatever the status of the table. psignifit fits the first of the same studies; fewer, as it "
+    "takes a third of a second for each. With every figure its standard error."
+)
+_TIMES: Final = (
+    "Time of one posterior against the error of its three points (log10 V, 90 % quantile of 40 "
+    f"tables beside a grid of {FINEST.mu} x {FINEST.log_sigma} x {FINEST.lapse}); forced choice, "
+    "centred levels, one thread. psignifit's error is that of its limits beside a finer grid of "
+    "its own, median of four tables."
+)
