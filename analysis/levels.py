@@ -32,7 +32,7 @@ FELT: Final = (0.15, 0.35, 0.55, 0.75, 0.95)
 
 _PLACING: Final = ("ok", "lapse_at_bound", "separated")
 """Statuses of pilots whose posterior tells where the threshold lies."""
-_WIDEST_DB: Final = 10.0
+_WIDEST_DB: Final = 14.0
 """Limits of a pilot's threshold that lie farther apart place levels nearly anywhere."""
 _LOWEST_MOST: Final = 0.35
 _HIGHEST_LEAST: Final = 0.75

@@ -127,6 +127,6 @@ def test_a_calibration_section_tells_coverage_bias_and_time(
     monkeypatch.setattr(calibration, "FIGURE", tmp_path / "posterior.png")
     text = calibration.section()
     assert "| one cell, wilson | 0.5 |" in text
-    assert "| centred | 0.5 | ours | 20 |" in text
+    assert "| centred | 0.5 | all | ours | 20 |" in text
     assert "| 17 x 9 x 3 |" in text
     assert (tmp_path / "posterior.png").exists()
