@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.posterior import Posterior
+    from analysis.posterior import Nodes, Posterior
 
     Floats = NDArray[np.float64]
 
@@ -210,7 +210,12 @@ def _in_volts(fit: PsychometricFit) -> PsychometricFit:
 
 
 def fit_many(
-    x: Floats, detected: Floats, presented: Floats, *, guesses: Sequence[GuessRate]
+    x: Floats,
+    detected: Floats,
+    presented: Floats,
+    *,
+    guesses: Sequence[GuessRate],
+    nodes: Nodes | None = None,
 ) -> tuple[PsychometricFit, ...]:
     """Fit many tables as one array job.
 
@@ -221,6 +226,8 @@ def fit_many(
         used, whatever its level.
     guesses : sequence of GuessRate
         One for each table.
+    nodes : Nodes, optional
+        Fineness of the posterior's grid; by default as fine as each table needs.
 
     Returns
     -------
@@ -239,7 +246,7 @@ def fit_many(
         presented=shown[many],
         guess_rate=np.array([guesses[place].mean for place in many]),
     )
-    known = posterior(tables, [guesses[place] for place in many])
+    known = posterior(tables, [guesses[place] for place in many], nodes)
     statuses = _statuses(tables, known)
     p, q = probabilities(tables, known.best)
     misfit = deviance(tables.detected, tables.presented, p, q)

@@ -13,6 +13,7 @@ from analysis.axis import VOLTS
 from analysis.goodness import deviance_p
 from analysis.guessing import GuessRate
 from analysis.people import people_of
+from analysis.posterior import STANDARD
 from analysis.psychometric import WITH_THRESHOLD, PsychometricFit, fit_many
 
 if TYPE_CHECKING:
@@ -93,7 +94,8 @@ def thresholds_of(people: People, *, seed: int, axis: Axis) -> pd.DataFrame:
     rates = [one.rate for one in people.guesses]
     fits = fit_many(x, *counts, guesses=rates)
     others = [
-        fit_many(x, *counts, guesses=[GuessRate(mean=rate)] * len(rates)) for rate in (0.0, _THIRD)
+        fit_many(x, *counts, guesses=[GuessRate(mean=rate)] * len(rates), nodes=STANDARD)
+        for rate in (0.0, _THIRD)
     ]
     misfits = deviance_p(x, *counts, fits=fits, guesses=rates, seed=seed)
     rows = [

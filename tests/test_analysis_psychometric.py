@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.special import ndtr
 
 from analysis import GuessRate, PsychometricFit, fit_psychometric
 from analysis.probit import fit_lines
@@ -76,9 +77,11 @@ def test_a_rise_far_above_the_levels_is_above_them() -> None:
 
 def test_the_papers_typical_table_does_not_rise_and_lies_at_the_ceiling() -> None:
     detected = np.array([[26.0, 26, 29, 27, 29]])
-    lines = fit_lines(np.linspace(0, 1, 5)[None], detected, np.full((1, 5), 30.0))
+    u = scale(np.log10([PAPER]), np.full((1, 5), 30.0)).u
+    lines = fit_lines(u, detected, np.full((1, 5), 30.0))
     assert lines.slope[0] > 0
-    assert math.sqrt(lines.flat_deviance[0] - lines.deviance[0]) < 1.645
+    root = math.sqrt(lines.flat_deviance[0] - lines.deviance[0])
+    assert float(ndtr(-root)) == pytest.approx(0.077, abs=5e-4)
     assert status([26, 26, 29, 27, 29]) == "threshold_below_levels"
 
 
