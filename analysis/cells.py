@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+from unicodedata import category
 
 import numpy as np
 import pandas as pd
@@ -108,6 +109,8 @@ def parse(column: Column, text: str, *, signed: bool = False) -> object:
 
     A `signed` number may be below the least value that the column has by itself.
 
+    Of texts, marks of direction and other signs without a form are spelled out.
+
     Raises
     ------
     ValueError
@@ -129,9 +132,16 @@ def parse(column: Column, text: str, *, signed: bool = False) -> object:
             return _FLAGS[text]
     elif column.type != "str":
         return _number(column, text, signed=signed)
-    elif 0 < len(text) <= _LONGEST_TEXT and text.isprintable():
-        return text
+    elif 0 < len(told := _told(text)) <= _LONGEST_TEXT and told.isprintable():
+        return told
     raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
+
+
+def _told(text: str) -> str:
+    """Spell out signs without a form, as marks of direction: unseen, they would mix up names."""
+    if text.isprintable():
+        return text
+    return "".join(f"<U+{ord(c):04X}>" if category(c) == "Cf" else c for c in text)
 
 
 def _number(column: Column, text: str, *, signed: bool) -> float | int:

@@ -235,6 +235,11 @@ def test_a_row_that_contradicts_itself_is_refused(
     assert "it must be" in str(error)
 
 
+def test_marks_of_direction_in_a_name_are_spelled_out(tmp_path: Path) -> None:
+    path = write_cell(tmp_path / "trials.csv", "participant", "\u202eab\u200f")
+    assert "<U+202E>ab<U+200F>" in read_trials([path])["participant"].tolist()
+
+
 def test_the_first_line_that_is_wrong_is_the_one_named(tmp_path: Path) -> None:
     rows = [row(1), row(2, correct=False), row(3, level_vpp=None), row(4, kind="both")]
     assert refused(write(tmp_path / "trials.csv", *rows)).line == 3
