@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
+import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from filelock import FileLock, Timeout
 
 from analysis import figures
 from analysis.counting import clean_table
@@ -31,6 +35,7 @@ NAMES = (
     *figures.NAMES,
     REPORT,
 )
+_PREFIX, _LOCK = ".analysis-", "lock"
 _SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "definitions": \{')
 
 
@@ -38,7 +43,8 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
     """Write the files of an analysis into a folder; those of an earlier analysis are replaced.
 
     They are written into a temporary folder in it and moved when all of them are complete. A file
-    of an earlier analysis that this one does not have is removed, so that none tells of older data.
+    of an earlier analysis that this one does not have is removed, so that none tells of older data;
+    so is the temporary folder of an analysis that was killed.
 
     Parameters
     ----------
@@ -60,16 +66,38 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
         Where the folder cannot be written; no file in it has changed then.
     """
     _check_target(out_dir, read)
+    made_here = not out_dir.exists()
     out_dir.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory(prefix=".analysis-", dir=out_dir) as name:
-        made = Path(name)
-        for file, content in _contents(analysis, with_figures=with_figures):
-            _write(made / file, content, out_dir / file)
-        for file in NAMES:
-            if (made / file).exists():
-                (made / file).replace(out_dir / file)
-            else:
-                (out_dir / file).unlink(missing_ok=True)
+    try:
+        _sweep(out_dir)
+        with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, FileLock(Path(name) / _LOCK):
+            made = Path(name)
+            for file, content in _contents(analysis, with_figures=with_figures):
+                _write(made / file, content, out_dir / file)
+            _move(made, out_dir)
+    except BaseException:
+        if made_here:
+            with contextlib.suppress(OSError):
+                out_dir.rmdir()
+        raise
+
+
+def _sweep(out_dir: Path) -> None:
+    """Remove what analyses left that were killed; one that still writes holds its lock."""
+    for left in out_dir.glob(f"{_PREFIX}*"):
+        if left.is_symlink() or not left.is_dir():
+            continue
+        if {path.name for path in left.iterdir()} <= {*NAMES, _LOCK}:
+            with contextlib.suppress(Timeout, OSError), FileLock(left / _LOCK, timeout=0):
+                shutil.rmtree(left)
+
+
+def _move(made: Path, out_dir: Path) -> None:
+    for file in NAMES:
+        if (made / file).exists():
+            (made / file).replace(out_dir / file)
+        else:
+            (out_dir / file).unlink(missing_ok=True)
 
 
 def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
@@ -109,13 +137,30 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
         "confusion.csv": analysis.confusion,
     }
     tables |= {name: table for name, table in possible.items() if len(table)}
+    mixed = 0 < analysis.counts.simulated < analysis.counts.trials
     for name, table in tables.items():
-        yield name, csv_text(table).encode()
+        yield name, csv_text(_marked(table, analysis.trials) if mixed else table).encode()
     drawn = tuple(figures.pictures(analysis)) if with_figures else ()
     for one in drawn:
         yield f"{one.name}.png", one.png
         yield f"{one.name}.svg", one.svg
     yield REPORT, report_html(analysis, drawn).encode()
+
+
+def _marked(table: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
+    """Say in a last column whose trials a row is of: simulated ones (true), or not, or mixed."""
+    shares: dict[tuple[str, ...], dict[Any, float]] = {
+        key: trials.groupby(list(key))["simulated"].mean().to_dict()
+        for key in (("condition",), ("participant",), ("participant", "condition"))
+    }
+    words = []
+    for row in table.to_dict("records"):
+        names = ("participant", "condition")
+        key = tuple(name for name in names if name in row and row[name] != TOTAL)
+        values = tuple(row[name] for name in key)
+        share = shares[key][values if len(values) > 1 else values[0]] if key else 0.5
+        words.append({0.0: "false", 1.0: "true"}.get(share, "mixed"))
+    return table.assign(simulated=words)
 
 
 def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame:

@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from filelock import FileLock
 
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.commands import MANY_TABLES, analyze
@@ -297,6 +298,28 @@ def test_a_full_disk_names_the_file_and_leaves_the_old_results(
     assert files(tmp_path / "out") == before
 
 
+def test_a_folder_that_was_made_for_nothing_is_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, _: bytes) -> int:
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert run(TABLE, "--columns", MAP, "--out", tmp_path / "out").exit_code == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_analysis_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
+    left, writing, mine = (tmp_path / f".analysis-{name}" for name in ("dead", "alive", "notes"))
+    for folder, name in ((left, "both.csv"), (writing, "both.csv"), (mine, "notes.txt")):
+        folder.mkdir()
+        (folder / name).touch()
+    with FileLock(writing / "lock"):
+        run(TABLE, "--columns", MAP, "--out", tmp_path, "--no-figures")
+    assert {path for path in tmp_path.iterdir() if path.is_dir()} == {writing, mine}
+    assert (mine / "notes.txt").exists()
+
+
 def test_nothing_is_written_beside_the_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -380,6 +403,22 @@ def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, names: Path) 
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"] == [
         "1 of 2 trials are simulated, the others real"
     ]
+
+
+def test_every_table_of_a_mixture_says_whose_trials_a_row_is_of(
+    tmp_path: Path, names: Path
+) -> None:
+    rows = ONE.format(1, "false"), ONE.format(1, "true").replace("1", "2", 1)
+    path, out = table(tmp_path / "t.csv", *rows), tmp_path / "out"
+    options = ("--columns", names, "--out", out, "--no-figures", "--allow-simulated")
+    assert run(path, *options).exit_code == 0
+    with (out / "participants.csv").open(newline="") as stream:
+        assert [(r["participant"], r["simulated"]) for r in csv.DictReader(stream)] == [
+            ("1", "false"),
+            ("2", "true"),
+        ]
+    with (out / "levels.csv").open(newline="") as stream:
+        assert [r["simulated"] for r in csv.DictReader(stream)] == ["mixed"]
 
 
 def test_simulated_and_real_rows_in_one_file_have_a_line(tmp_path: Path, names: Path) -> None:
