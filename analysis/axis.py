@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -15,6 +16,47 @@ if TYPE_CHECKING:
 
 XScale = Literal["log10", "linear"]
 _MOST_UNIT = 16
+_MOST_DECIMALS = 12
+LARGEST = 1e300
+"""The largest number of a table."""
+
+
+def rounded(value: float, spread: float) -> str:
+    """Return a level with the decimals that its spread deserves, at least one.
+
+    >>> rounded(81.07, 14.2), rounded(0.0151, 0.0025), rounded(1000126.98, 21.9)
+    ('81.1', '0.0151', '1000127.0')
+    """
+    decimals = 1 - math.floor(math.log10(spread)) if 0 < spread < math.inf else 1
+    return f"{value:.{min(max(decimals, 1), _MOST_DECIMALS)}f}"
+
+
+def shortest(level: float) -> str:
+    """Return a level as it was given, up to rounding.
+
+    >>> shortest(60.0), shortest(1000060.4), shortest(0.1 + 0.2)
+    ('60', '1000060.4', '0.3')
+    """
+    return f"{level:.10g}"
+
+
+def with_limits(at: float, low: float, high: float, unit: str) -> str:
+    """Return a level and its limits in words.
+
+    >>> with_limits(81.07, 74.0, 88.21, "V"), with_limits(0.01505, 0.01389, 0.01639, "V")
+    ('81.1 V (74.0 to 88.2)', '0.0150 V (0.0139 to 0.0164)')
+    """
+    told = [rounded(value, high - low) for value in (at, low, high)]
+    return f"{told[0]} {unit} ({told[1]} to {told[2]})"
+
+
+def alone(level: float, unit: str) -> str:
+    """Return a level without limits in words, to three digits at least.
+
+    >>> alone(90.2, "V"), alone(0.01505, "mm"), alone(0.0, "V")
+    ('90.2 V', '0.0150 mm', '0.0 V')
+    """
+    return f"{rounded(level, abs(level) / 10)} {unit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

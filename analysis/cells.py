@@ -12,6 +12,7 @@ from unicodedata import category
 import numpy as np
 import pandas as pd
 
+from analysis.axis import LARGEST
 from analysis.errors import ResultFileError, shown
 from experiment.plan import AUDIBILITY_BLOCK
 from experiment.record import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
@@ -59,7 +60,6 @@ _WORDING: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 _LARGEST_WHOLE = 2**53
-_LARGEST = 1e300
 _LONGEST_TEXT = 64
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WHOLE = re.compile(r"-?\d+(\.0*)?", re.ASCII)
@@ -148,8 +148,8 @@ def _number(column: Column, text: str, *, signed: bool) -> float | int:
     whole = column.type == "int"
     if (_WHOLE if whole else _NUMBER).fullmatch(text):
         number = float(text)
-        most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else _LARGEST
-        least = -_LARGEST if signed else _LEAST.get(column.name, -_LARGEST)
+        most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else LARGEST
+        least = -LARGEST if signed else _LEAST.get(column.name, -LARGEST)
         if least <= number <= most:
             return int(number) if whole else number
     raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")

@@ -12,6 +12,7 @@ from analysis.cells import CellFault, Reading, first_fault
 from analysis.checks import Rule, level_rule, participant_rule, refuse_broken, refuse_repeat
 from analysis.count_columns import COUNTED_COLUMNS
 from analysis.errors import ResultFileError, shown
+from analysis.intervals import MOST_PRESENTED
 from analysis.rows import DEFAULTS
 from analysis.sources import unreadable
 from analysis.textfile import text_chunks
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from analysis.count_columns import CountColumns
     from analysis.sources import Source
 
-MOST_PRESENTED = 10**12
 CELL = ["condition", "level_vpp", "participant"]
 UNKNOWN = ("over_report", "mislocalised", "timeouts", "invalid")
 """What answers other than the right one were, a table of counts does not tell."""

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 LOWER, UPPER = 0.025, 0.975
+MOST_PRESENTED = 10**12
+"""Of a table of counts; up to here sums of them are exact, and so are fits."""
 
 
 @overload

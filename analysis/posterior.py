@@ -169,7 +169,9 @@ def _integrated(tables: Tables, guesses: Sequence[GuessRate], box: Floats, nodes
     in_mu, in_sigma = _simpson(nodes.mu), _simpson(nodes.log_sigma)
     mu, below, above = _points(density @ in_sigma, box[:, 0])
     half = density[:, ::2, ::2] @ _simpson(nodes.log_sigma // 2 + 1)
-    doubt = np.abs(_points(half, box[:, 0])[0] - mu).max(axis=1)
+    empty = half.max(axis=1) == 0
+    other = _points(np.where(empty[:, None], 1.0, half), box[:, 0])[0]
+    doubt = np.where(empty, np.inf, np.abs(other - mu).max(axis=1))
     lapse_rate = (with_lapse @ in_sigma) @ in_mu / ((density @ in_sigma) @ in_mu)
     return _Points(
         mu=mu,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.axis import XScale
+from analysis.axis import LARGEST, XScale
 from analysis.guessing import GuessRate
 from analysis.likelihood import Tables, at_upper_lapse, probabilities
 from analysis.posterior import posterior
@@ -38,6 +38,8 @@ WITH_THRESHOLD: Final = ("ok", "lapse_at_bound")
 
 _SLOPE_P: Final = 0.05
 _SURELY: Final = 0.975
+_LEVEL: Final = 1e-12
+"""A rise of the normal quantile over all levels that is no more is rounding."""
 _NAN: Final = float("nan")
 
 
@@ -137,7 +139,7 @@ def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> Probi
         )
     lines = fit_lines(scaled.u, k[None], n[None])
     slope = float(lines.slope[0])
-    if not slope > 0:
+    if not slope > _LEVEL:
         raise ValueError(f"detected must rise with x; got {counts}")
     return ProbitFit(
         mu=float(scaled.low[0] - scaled.width[0] * lines.intercept[0] / slope),
@@ -343,17 +345,23 @@ def _table(
     x: ArrayLike, detected: ArrayLike, presented: ArrayLike, name: str = "x"
 ) -> tuple[Floats, Floats, Floats]:
     """Check one table, drop levels without a stimulus, pool equal ones, and sort it."""
-    from analysis.intervals import checked_counts
+    from analysis.intervals import MOST_PRESENTED, checked_counts
 
     k, n = checked_counts(detected, presented)
-    levels = np.asarray(x, dtype=np.float64)
+    given = np.asarray(x)
+    if given.size and given.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be finite numbers; got {x!r}")
+    levels = given.astype(np.float64)
     if levels.ndim != 1 or levels.shape != k.shape or k.shape != n.shape:
         raise ValueError(
             f"{name}, detected and presented must be lists of one length; got the shapes "
             f"{levels.shape}, {k.shape}, {n.shape}"
         )
-    if not np.isfinite(levels).all():
-        raise ValueError(f"{name} must be finite; got {levels[~np.isfinite(levels)].tolist()}")
+    if not (np.abs(levels) <= LARGEST).all():
+        wrong = levels[~(np.abs(levels) <= LARGEST)].tolist()
+        raise ValueError(f"{name} must be finite and at most {LARGEST:g}; got {wrong}")
+    if (n > MOST_PRESENTED).any():
+        raise ValueError(f"presented must be at most {MOST_PRESENTED:.0e}; got {n.max():g}")
     if not (n > 0).any():
         raise ValueError("presented must hold at least one stimulus; got none")
     at, place = np.unique(levels[n > 0], return_inverse=True)

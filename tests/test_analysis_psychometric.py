@@ -177,6 +177,12 @@ def test_a_billion_trials_a_level_give_back_the_truth() -> None:
     assert (fit.mle_sigma, fit.mle_lapse_rate) == pytest.approx((0.1, 0.01), abs=1e-7)
 
 
+def test_counts_that_no_guess_rate_explains_are_fitted_without_a_warning() -> None:
+    detected = [10**11 * tenth for tenth in (1, 3, 5, 7, 9)]
+    fit = fit_psychometric(PAPER, detected, [10**12] * 5, guess_rate=0.5)
+    assert 130 < fit.threshold_limits[0] < fit.threshold < fit.threshold_limits[1] < 200
+
+
 @pytest.mark.parametrize(
     ("guess", "presented", "within_db"), [(0.0, 30, 0.06), (0.5, 120, 0.08)], ids=["none", "forced"]
 )
@@ -241,6 +247,8 @@ def test_a_guess_rate_that_is_known_less_well_widens_the_limits() -> None:
         ([-5.0, 95, 130], [1, 2, 3], [3] * 3, "levels_vpp must be above 0 on the axis log10"),
         ([60, 95, math.nan], [1, 2, 3], [3] * 3, "levels_vpp must be finite"),
         ([60, 95, math.inf], [1, 2, 3], [3] * 3, "levels_vpp must be finite"),
+        (["60", "95", "130"], [1, 2, 3], [3] * 3, "levels_vpp must be finite numbers"),
+        ([60, 95, 130], [1, 2, 3], [10**13] * 3, "presented must be at most 1e"),
         ([60, 95, 130], [4, 2, 3], [3] * 3, "detected must be at most presented"),
         ([60, 95, 130], [-1, 2, 3], [3] * 3, "detected must be whole numbers"),
         ([60, 95, 130], [0.5, 2, 3], [3] * 3, "detected must be whole numbers"),
