@@ -90,6 +90,22 @@ class People:
     presented: Floats
     guesses: tuple[Guessing, ...]
 
+    def by_content(self) -> People:
+        """Return the same people, ordered by their counts: other names change no last digit."""
+        order = sorted(range(len(self.names)), key=self._content)
+        return People(
+            names=tuple(self.names[i] for i in order),
+            level_vpp=self.level_vpp[order],
+            detected=self.detected[order],
+            presented=self.presented[order],
+            guesses=tuple(self.guesses[i] for i in order),
+        )
+
+    def _content(self, i: int) -> tuple[list[float], ...]:
+        rate = self.guesses[i].rate
+        counts = (self.level_vpp[i], self.detected[i], self.presented[i])
+        return (*(one.tolist() for one in counts), [rate.mean, *(rate.beta or ())])
+
 
 def people_of(trials: pd.DataFrame) -> People:
     """Count the single stimuli and their detections, and find what guesses are worth.

@@ -24,7 +24,10 @@ METHOD: Final = "logistic mixed model, random intercepts, posterior mode (statsm
 
 _MOST_GUESSES: Final = 0.03
 """A guess rate that moves a threshold by less than 0.2 dB where the model has none."""
+_MOST_TRIALS: Final = 1_000_000
 _STEPS: Final = 1000
+_STILL_TO_GAIN: Final = 1e-3
+"""Of log posterior, twice."""
 _NAN: Final = float("nan")
 
 
@@ -83,6 +86,7 @@ def population_thresholds(people: People, *, axis: Axis = VOLTS) -> tuple[Popula
     >>> population_thresholds(people_of(trials))[0].reason
     'one participant tells nothing of others'
     """
+    people = people.by_content()
     conditions = sorted({condition for condition, _ in people.names})
     return tuple(_population(people, condition, axis) for condition in conditions)
 
@@ -126,6 +130,8 @@ def _reason(x: Floats, detected: Floats, presented: Floats, guess_rates: list[fl
         )
     if np.ptp(x) == 0:
         return "one level only"
+    if presented.sum() > _MOST_TRIALS:
+        return f"the model takes each trial by itself, and there are more than {_MOST_TRIALS:_}"
     if not increasing_exists(x[None], detected[None], presented[None])[0]:
         return "nothing is missed above a level at which something is felt"
     return ""
@@ -153,13 +159,16 @@ def _fit(
     # Its own start is drawn from the global generator: no two runs would be the same.
     start = np.concatenate([[0.0, 1.0], np.ones(1), np.zeros(persons)])
     vars(model)["_get_start"] = lambda *_: start
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
         result = model.fit_map(minim_opts={"maxiter": _STEPS})
     a, b = (float(value) for value in result.fe_mean)
-    if any("converge" in str(one.message) for one in said) or not b > 0:
+    covariance = np.asarray(result.cov_params())
+    left = np.asarray(result.optim_retvals.jac)
+    # Rounding may end the search before its own goal: what could still be gained decides.
+    if not 0 <= float(left @ covariance @ left) < _STILL_TO_GAIN or not b > 0:
         return None
-    covariance = np.asarray(result.cov_params())[:2, :2]
+    covariance = covariance[:2, :2]
     gradient = np.array([-1.0, a / b]) / b
     error = math.sqrt(float(gradient @ covariance @ gradient))
     between = math.exp(float(result.vcp_mean[0])) / b

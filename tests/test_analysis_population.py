@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.people import people_of
+from analysis.people import people_of, people_of_counts
 from analysis.population import METHOD, PopulationThreshold, population_thresholds
 from experiment.observer import psychometric
 
@@ -82,6 +82,29 @@ def test_each_condition_has_its_own() -> None:
     assert [one.condition for one in population_thresholds(people_of(two))] == ["main", "plate B"]
     alone = only(study(seed=1))
     assert population_thresholds(people_of(two))[0] == alone
+
+
+def test_people_who_are_alike_are_no_failure_to_converge() -> None:
+    everybody = study(people=9, between_db=0.0, n=40, seed=2)
+    found = only(everybody)
+    assert found.reason == ""
+    assert found.between_sd < 0.01
+    assert found.threshold_limits_vpp[0] < 100 < found.threshold_limits_vpp[1]
+
+
+def test_more_trials_than_the_model_can_hold_are_told() -> None:
+    table = pd.DataFrame(
+        {
+            "participant": ["1", "1", "2", "2"],
+            "condition": "main",
+            "level_vpp": [60.0, 95.0] * 2,
+            "detected": [10**8, 9 * 10**8] * 2,
+            "presented": 10**9,
+            "none_offered": True,
+        }
+    )
+    (found,) = population_thresholds(people_of_counts(table))
+    assert "takes each trial by itself" in found.reason
 
 
 def test_order_and_names_make_no_difference() -> None:
