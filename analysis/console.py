@@ -6,7 +6,7 @@ import math
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
-from analysis.axis import Axis
+from analysis.axis import Axis, shortest, with_limits
 from analysis.control import AUDIBILITY
 from analysis.detection import TOTAL
 from experiment.plan import CONTROL
@@ -117,7 +117,7 @@ def _level_rows(analysis: Analysis) -> Iterator[tuple[str, list[list[str]]]]:
 
 def _level_row(row: pd.Series[Any]) -> list[str]:
     cells = [
-        f"{row['level_vpp']:g}",
+        shortest(row["level_vpp"]),
         f"{row['detected']}/{row['presented']}",
         str(row["people"]),
         *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
@@ -194,7 +194,7 @@ def _population_lines(analysis: Analysis) -> Iterator[str]:
     for one in analysis.population:
         where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
         low, high = one.threshold_limits_vpp
-        told = one.reason or f"{one.threshold_vpp:.1f} V ({low:.1f} to {high:.1f})"
+        told = one.reason or with_limits(one.threshold_vpp, low, high, analysis.axis.unit)
         yield f"Threshold of the population{where}: {told}."
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from analysis.axis import alone, shortest, with_limits
 from analysis.definitions import DEFINITIONS
 from analysis.detection import TOTAL
 from analysis.figure_confusion import stimulus
@@ -155,7 +156,7 @@ def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Elemen
 
 def _level(row: pd.Series[Any], unit: str) -> list[Content]:
     return [
-        f"{row['level_vpp']:g} {unit}",
+        f"{shortest(row['level_vpp'])} {unit}",
         f"{row['detected']} / {row['presented']}",
         str(row["people"]),
         *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
@@ -200,11 +201,10 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
 
 def _population(one: PopulationThreshold, unit: str) -> list[Content]:
     low, high = one.threshold_limits_vpp
-    limits = "" if math.isnan(low) else f" ({_level_text(low, unit)} to {_level_text(high, unit)})"
     return [
         foreign(one.condition),
         str(one.participants),
-        _level_text(one.threshold_vpp, unit) + limits,
+        "n/a" if one.reason else with_limits(one.threshold_vpp, low, high, unit),
         _p(one.between_sd),
         one.reason,
     ]
@@ -253,7 +253,7 @@ def _reaction_times(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[E
     header = [f"{_level_head(analysis)}, finger", "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
     for condition, rows in analysis.reaction_times.groupby("condition"):
         cells = [
-            [f"{row['level_vpp']:g} {analysis.axis.unit}, {row['side']}", str(row["n"]),
+            [f"{shortest(row['level_vpp'])} {analysis.axis.unit}, {row['side']}", str(row["n"]),
              *(_p(row[name]) for name in ("median", "p10", "p90"))]
             for _, row in rows.iterrows()
         ]  # fmt: skip
@@ -358,7 +358,7 @@ def _count(value: float) -> str:
 
 
 def _level_text(value: float, unit: str) -> str:
-    return "n/a" if math.isnan(value) else f"{value:.1f} {unit}"
+    return "n/a" if math.isnan(value) else alone(value, unit)
 
 
 def _limits(low: float, high: float) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from analysis.axis import VOLTS
+from analysis.axis import VOLTS, alone, rounded, shortest, with_limits
 from analysis.goodness import deviance_p
 from analysis.guessing import GuessRate
 from analysis.people import people_of
@@ -48,7 +48,7 @@ WORDS: Final[Mapping[Status, str]] = MappingProxyType(
         "threshold_above_levels": "above the highest level",
         "decreasing": "no threshold: detection falls with level",
         "flat": "no threshold: detection does not rise with level",
-        "separated": "no threshold: none is detected up to a level, all above it",
+        "separated": "no threshold: detection rises in one step",
     }
 )
 """What a status means to a reader."""
@@ -89,6 +89,7 @@ def thresholds_of(people: People, *, seed: int, axis: Axis) -> pd.DataFrame:
     """Return `threshold_table` of participants whose counts are known, from trials or not."""
     if not people.names:
         return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))
+    people = people.by_content()
     x = axis.on_axis(people.level_vpp)
     counts = (people.detected, people.presented)
     rates = [one.rate for one in people.guesses]
@@ -114,7 +115,8 @@ def thresholds_of(people: People, *, seed: int, axis: Axis) -> pd.DataFrame:
         }
         for i, (condition, participant) in enumerate(people.names)
     ]
-    return pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
+    table = pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
+    return table.sort_values(["condition", "participant"], ignore_index=True)
 
 
 def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
@@ -156,13 +158,13 @@ def printed(fit: PsychometricFit, levels_vpp: Floats, axis: Axis) -> str:
     '< 60 V'
     """
     if fit.status == "threshold_below_levels":
-        return f"< {levels_vpp.min():g} {axis.unit}"
+        return f"< {shortest(levels_vpp.min())} {axis.unit}"
     if fit.status == "threshold_above_levels":
-        return f"> {levels_vpp.max():g} {axis.unit}"
+        return f"> {shortest(levels_vpp.max())} {axis.unit}"
     if fit.status not in WITH_THRESHOLD:
         return WORDS[fit.status]
     at, low, high = (axis.level(x) for x in (fit.threshold, *fit.threshold_limits))
-    return f"{at:.1f} {axis.unit} ({low:.1f} to {high:.1f})"
+    return with_limits(at, low, high, axis.unit)
 
 
 def group_table(thresholds: pd.DataFrame, axis: Axis = VOLTS) -> pd.DataFrame:
@@ -217,7 +219,7 @@ def _group(people: pd.DataFrame, axis: Axis) -> list[object]:
     mean = [math.nan] * 3
     if len(volts) == len(people) and len(volts) > 1:
         mean = [axis.level(value) for value in _t_interval(x)]
-        words += "; mean {:.1f} {} ({:.1f} to {:.1f})".format(mean[0], axis.unit, *mean[1:])
+        words += f"; mean {with_limits(mean[0], mean[1], mean[2], axis.unit)}"
     if without:
         words += f"; without one: {', '.join(without)}"
     return [len(people), status, median, *mean, words, len(below), len(above), ", ".join(without)]
@@ -241,13 +243,14 @@ def _median(lower: Floats, upper: Floats, axis: Axis) -> tuple[str, float, str]:
     ends = [_middle(np.sort(bound)) for bound in (lower, upper)]
     low, high = (axis.level(end) for end in ends)
     if low == high:
-        return "ok", low, f"median {low:.1f} {axis.unit}"
+        return "ok", low, f"median {alone(low, axis.unit)}"
     known = (math.isfinite(ends[0]), math.isfinite(ends[1]))
     if known == (False, True):
         return _CENSORED[0], math.nan, f"median < {_short(high)} {axis.unit}"
     if known == (True, False):
         return _CENSORED[1], math.nan, f"median > {_short(low)} {axis.unit}"
-    between = f"median between {low:.1f} and {high:.1f} {axis.unit}"
+    least, most = (rounded(end, high - low) for end in (low, high))
+    between = f"median between {least} and {most} {axis.unit}"
     return "none", math.nan, between if all(known) else "no median: it may lie anywhere"
 
 
@@ -258,7 +261,7 @@ def _middle(ranked: Floats) -> float:
 
 
 def _short(level_vpp: float) -> str:
-    return f"{round(level_vpp, 1):g}"
+    return shortest(float(rounded(level_vpp, abs(level_vpp) / 10)))
 
 
 def _t_interval(x: Floats) -> tuple[float, float, float]:

@@ -538,7 +538,7 @@ def test_a_population_is_fitted_only_on_request(tmp_path: Path) -> None:
     low, high = one["threshold_limits_vpp"]
     assert low < one["threshold_vpp"] < high
     report = (tmp_path / "report.html").read_text()
-    assert f"{one['threshold_vpp']:.1f} V ({low:.1f} V to {high:.1f} V)" in report
+    assert f"{one['threshold_vpp']:.1f} V ({low:.1f} to {high:.1f})" in report
 
 
 def test_a_population_that_cannot_be_fitted_has_a_reason(tmp_path: Path) -> None:

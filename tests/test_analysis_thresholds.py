@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -153,6 +154,21 @@ def test_shuffled_rows_and_other_names_give_the_same_numbers() -> None:
     assert there[numbers].to_numpy().tolist() == here[numbers].to_numpy().tolist()
 
 
+def test_names_change_no_last_digit() -> None:
+    rng = np.random.default_rng(4)
+    rows = np.sort(rng.integers(1, 12, (9, 5)), axis=1).tolist()
+    here, there = (
+        threshold_table(
+            pd.concat([person(name, row, n=12) for name, row in zip(names, rows, strict=True)]),
+            seed=3,
+        )
+        for names in ("123456789", "987654321")
+    )
+    assert there["participant"].tolist() == list("123456789")
+    numbers = list(THRESHOLD_COLUMNS[1:])
+    assert there[::-1][numbers].to_csv(index=False) == here[numbers].to_csv(index=False)
+
+
 def test_conditions_are_never_mixed() -> None:
     detected = [2, 14, 22, 28, 29]
     two = pd.concat([person("1", detected), person("1", detected, condition="control plate")])
@@ -249,3 +265,28 @@ def test_a_printed_threshold_keeps_its_limits() -> None:
     fit = fit_psychometric(PAPER, [2, 14, 22, 28, 29], [30] * 5, guess_rate=0.0, x_scale="linear")
     words = printed(fit, np.array(PAPER), Axis(x_scale="linear"))
     assert words.startswith(f"{fit.threshold:.1f} V (")
+
+
+@pytest.mark.parametrize(
+    ("levels", "detected", "words"),
+    [
+        ([0.01, 0.012, 0.015, 0.02, 0.03], [1, 5, 15, 25, 29], "0.0150 V (0.0139 to 0.0164)"),
+        ([1000060.37, 1000095.37], [30, 30], "< 1000060.37 V"),
+        ([1000060.37, 1000095.37], [0, 0], "> 1000095.37 V"),
+    ],
+)
+def test_no_digit_that_tells_something_is_left_out(
+    levels: list[float], detected: list[int], words: str
+) -> None:
+    fit = fit_psychometric(levels, detected, [30] * len(levels), guess_rate=0.0)
+    if not math.isnan(fit.threshold):
+        low, high = map(math.log10, fit.threshold_limits)
+        fit = replace(fit, threshold=math.log10(fit.threshold), threshold_limits=(low, high))
+    assert printed(fit, np.array(levels), Axis()) == words
+
+
+def test_a_group_is_told_to_the_digits_of_its_levels() -> None:
+    small = group_of(ok("1", 0.01505), ok("2", 0.0152))
+    assert small["printed"].startswith("median 0.0151 V; mean 0.0151 V (0.0142 to 0.0161)")
+    far = group_of(below("1", "< 1000060.37 V"), below("2", "< 1000060.37 V"))
+    assert far["printed"] == "median < 1000060.4 V"
