@@ -73,7 +73,7 @@ def _opening(analysis: Analysis) -> Iterator[Element]:
     yield element("h1", _TITLE)
     if analysis.simulated:
         yield element("p", f"{analysis.simulated}.", class_="mark")
-    conditions = sorted(analysis.trials["condition"].unique())
+    conditions = sorted({*analysis.trials["condition"], *analysis.levels["condition"]})
     named: list[Content] = []
     for name in conditions:
         named += [", " if named else " (", foreign(name)]
