@@ -105,12 +105,21 @@ def test_foreign_names_are_harmless_in_every_csv_file(hostile: Path) -> None:
                 assert cell[:1] not in "=+@" or cell == "", (path.name, cell)
 
 
-@pytest.mark.parametrize("mark", ["\u202e", "\u200f", "\u2066", "\t", "\x1b", "\u200b"])
-def test_marks_that_show_no_sign_are_refused_in_names(tmp_path: Path, mark: str) -> None:
-    with pytest.raises(ResultFileError, match="participant") as refused:
+@pytest.mark.parametrize("mark", ["\t", "\x1b", "\x00", "\u2028", "\ue000"])
+def test_control_characters_are_refused_in_names(tmp_path: Path, mark: str) -> None:
+    with pytest.raises(ResultFileError) as refused:
         report(tmp_path, (f"S{mark}1",))
     assert str(refused.value).isprintable()
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("mark", ["\u202e", "\u200f", "\u2066", "\u200b"])
+def test_marks_that_show_no_sign_are_spelled_out_in_every_file(tmp_path: Path, mark: str) -> None:
+    report(tmp_path, (f"S{mark}1", "S1"))
+    for path in (tmp_path / "out").iterdir():
+        assert path.suffix == ".png" or mark.encode() not in path.read_bytes()
+    people = (tmp_path / "out" / "participants.csv").read_text(encoding="utf-8")
+    assert f"S<U+{ord(mark):04X}>1," in people
 
 
 def test_trials_clean_reads_back_to_the_same_numbers(hostile: Path, tmp_path: Path) -> None:
