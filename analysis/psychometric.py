@@ -13,6 +13,7 @@ from analysis.guessing import GuessRate
 from analysis.likelihood import Tables, at_upper_lapse, probabilities
 from analysis.posterior import posterior
 from analysis.probit import Lines, deviance, fit_lines, increasing_exists
+from stimuli.checks import whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -218,8 +219,9 @@ def fit_many(
     *,
     guesses: Sequence[GuessRate],
     nodes: Nodes | None = None,
+    jobs: int = 1,
 ) -> tuple[PsychometricFit, ...]:
-    """Fit many tables as one array job.
+    """Fit many tables as one array job, or as several beside each other.
 
     Parameters
     ----------
@@ -230,12 +232,22 @@ def fit_many(
         One for each table.
     nodes : Nodes, optional
         Fineness of the posterior's grid; by default as fine as each table needs.
+    jobs : int
+        Processes among which joblib spreads the tables; worth it for thousands.
 
     Returns
     -------
     tuple of PsychometricFit
         Thresholds on the axis of x.
+
+    Raises
+    ------
+    ValueError
+        If `jobs` is no whole number of at least 1.
     """
+    whole("jobs", jobs, least=1, most=1024)
+    if jobs > 1:
+        return _spread(x, detected, presented, guesses=guesses, nodes=nodes, jobs=jobs)
     shown = np.asarray(presented, dtype=np.float64)
     scaled = scale(x, shown)
     many = [int(place) for place in np.flatnonzero(scaled.width > 0)]
@@ -259,6 +271,31 @@ def fit_many(
         else:
             fits[place] = PsychometricFit(status=statuses[row])
     return tuple(fits)
+
+
+def _spread(
+    x: Floats,
+    detected: Floats,
+    presented: Floats,
+    *,
+    guesses: Sequence[GuessRate],
+    nodes: Nodes | None,
+    jobs: int,
+) -> tuple[PsychometricFit, ...]:
+    from joblib import Parallel, delayed
+
+    parts = [part for part in np.array_split(np.arange(len(x)), jobs) if len(part)]
+    fitted = Parallel(n_jobs=jobs)(
+        delayed(fit_many)(
+            x[part],
+            detected[part],
+            presented[part],
+            guesses=[guesses[i] for i in part],
+            nodes=nodes,
+        )
+        for part in parts
+    )
+    return tuple(fit for part in fitted for fit in part)
 
 
 def _fit(known: Posterior, row: int, *, low: float, width: float) -> PsychometricFit:

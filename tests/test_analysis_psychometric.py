@@ -284,3 +284,17 @@ def test_zero_volts_may_stand_on_a_linear_axis() -> None:
 def test_a_place_without_a_stimulus_does_not_stretch_the_scale() -> None:
     scaled = scale(np.array([[60.0, 95.0, 1e9]]), np.array([[5.0, 5.0, 0.0]]))
     assert (scaled.low[0], scaled.width[0]) == (60.0, 35.0)
+
+
+def test_fits_spread_over_processes_are_those_of_one() -> None:
+    rng = np.random.default_rng(5)
+    x = np.tile(np.log10([60.0, 95.0, 130.0, 165.0, 200.0]), (5, 1))
+    presented = np.full(x.shape, 30.0)
+    detected = rng.binomial(30, ndtr((x - 2) / 0.1)).astype(np.float64)
+    guesses = [GuessRate(mean=0.0)] * 5
+    one = fit_many(x, detected, presented, guesses=guesses)
+    two = fit_many(x, detected, presented, guesses=guesses, jobs=2)
+    assert [fit.status for fit in two] == [fit.status for fit in one]
+    assert np.allclose([f.threshold for f in two], [f.threshold for f in one], rtol=1e-12)
+    with pytest.raises(ValueError, match="jobs"):
+        fit_many(x, detected, presented, guesses=guesses, jobs=0)
