@@ -10,7 +10,8 @@ import numpy as np
 
 from analysis.likelihood import Tables, fit_lapsing, probabilities
 from analysis.probit import deviance
-from analysis.psychometric import WITH_THRESHOLD, scale
+from analysis.psychometric import WITH_THRESHOLD
+from analysis.scaled import scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

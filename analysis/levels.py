@@ -14,7 +14,8 @@ from analysis.guessing import GuessRate
 from analysis.likelihood import Tables
 from analysis.people import people_of
 from analysis.posterior import STANDARD, posterior
-from analysis.psychometric import fit_many, scale
+from analysis.psychometric import fit_many
+from analysis.scaled import scale
 from analysis.thresholds import printed
 from experiment.design import LEAST_LEVEL_VPP
 

@@ -14,7 +14,8 @@ from scipy.special import ndtr
 
 from analysis import GuessRate, PsychometricFit, fit_psychometric
 from analysis.probit import fit_lines
-from analysis.psychometric import WITH_THRESHOLD, fit_many, scale
+from analysis.psychometric import WITH_THRESHOLD, fit_many
+from analysis.scaled import scale
 from experiment.observer import psychometric
 
 PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
