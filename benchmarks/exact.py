@@ -318,6 +318,7 @@ def _waves(problem: Problem, strip: Strip, frequency_hz: float, sign: int) -> li
         squares = [branch * problem.k**2 - a * a for a in q for branch in (1, -1)]
         return sorted((_outgoing(mp.mpc(z)) for z in squares), key=_decay)[: count + 1]
     symmetry = "symmetric" if sign > 0 else "antisymmetric"
+    # mypy: the symmetry of a case is text, one of two words
     endless = strip.wavenumbers_rad_m(frequency_hz, n_modes=count + 1, symmetry=symmetry)  # type: ignore[arg-type]
     found: list[Any] = []
     for start in (mp.mpc(complex(p)) * mp.mpf(strip.width_m) for p in endless[:count]):

@@ -141,6 +141,7 @@ def row(saving: Saving) -> str:
     largest = np.max(np.abs(whole), axis=(1, 2), keepdims=True)
     apart = np.max(np.abs(less - whole) / np.maximum(np.abs(whole), 1e-3 * largest))
     times = [
+        # mypy cannot infer a lambda with a default
         median_s(lambda n, skip=skip: saving.run(n, skip=skip), _REPEATS)  # type: ignore[misc]
         for skip in (False, True)
     ]
@@ -163,6 +164,7 @@ def bins_row() -> str:
     less, whole = (transient(one, burst, times_s, 1e-3) for one in (scene, whole_scene))
     apart = np.max(np.abs(less - whole) / np.max(np.abs(whole), axis=0))
     times = [
+        # mypy cannot infer a lambda with a default
         median_s(lambda _, one=one: transient(one, burst, times_s, 1e-3), 3)  # type: ignore[misc]
         for one in (whole_scene, scene)
     ]

@@ -3,7 +3,7 @@
 Without this, the first ends in an error of OpenGL, and at the second Xlib ends the program.
 Neither PsychoPy nor pyglet tells of it, hence the look into them.
 """
-# ruff: noqa: SLF001
+# ruff: noqa: SLF001 - pyglet tells of a lost window only in its private parts
 
 from __future__ import annotations
 

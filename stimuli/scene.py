@@ -262,7 +262,7 @@ def _switches(driven: object, n_loads: int) -> tuple[bool, ...]:
 
 
 def _point(point: object, strip: Strip) -> tuple[float, float]:
-    if not isinstance(point, (tuple, list)) or len(point) != 2:  # noqa: PLR2004
+    if not isinstance(point, (tuple, list)) or len(point) != 2:  # noqa: PLR2004 - x and y
         raise ValueError(f"points_m must hold pairs (x, y), got {point!r}")
     end_m = _end_m(strip)
     x_m = finite("points_m: x", point[0], least=-end_m, most=end_m)

@@ -274,7 +274,7 @@ def test_impossible_guess_rates_are_refused(guess: Any) -> None:
 
 def test_another_axis_is_refused() -> None:
     with pytest.raises(ValueError, match="x_scale must be one of log10, linear"):
-        fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.0, x_scale="ln")  # type: ignore[arg-type]
+        fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.0, x_scale="ln")  # type: ignore[arg-type] # no axis
 
 
 def test_zero_volts_may_stand_on_a_linear_axis() -> None:
