@@ -8,30 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from experiment.exits import CommandError
+from experiment.terms.exits import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 COMMANDS = {
-    "init": ("experiment.commands_study", "init", "Write a commented study file."),
-    "check": ("experiment.commands_study", "check", "Check a study's stimuli against its strip."),
-    "dry-run": ("analysis.dry_run", "dry_run", "Simulate participants and analyze them."),
-    "run": ("experiment.commands", "run", "Run one session with a participant."),
-    "analyze": ("analysis.commands", "analyze", "Turn result CSVs into tables and figures."),
-    "audit": (
-        "analysis.commands_audit",
-        "audit",
-        "Tell if a printed table of proportions can be true.",
-    ),
-    "levels": ("analysis.levels_command", "levels", "Place levels on a participant's function."),
-    "field": ("experiment.commands_field", "field", "Draw the displacement of a study's plate."),
-    "devices": ("device.commands", "devices", "List what answers on ports and sound cards."),
-    "emulate": ("device.commands", "emulate", "Emulate a device on a port, for tests."),
-    "export": ("experiment.commands_data", "export", "Build trials.csv anew, or a BIDS data set."),
-    "withdraw": ("experiment.commands_data", "withdraw", "Remove a person's data."),
+    "init": ("experiment", "Write a commented study file."),
+    "check": ("experiment", "Check a study's stimuli against its strip."),
+    "dry-run": ("analysis", "Simulate participants and analyze them."),
+    "run": ("experiment", "Run one session with a participant."),
+    "analyze": ("analysis", "Turn result CSVs into tables and figures."),
+    "audit": ("analysis", "Tell if a printed table of proportions can be true."),
+    "levels": ("analysis", "Place levels on a participant's function."),
+    "field": ("experiment", "Draw the displacement of a study's plate."),
+    "devices": ("device", "List what answers on ports and sound cards."),
+    "emulate": ("device", "Emulate a device on a port, for tests."),
+    "export": ("experiment", "Build trials.csv anew, or a BIDS data set."),
+    "withdraw": ("experiment", "Remove a person's data."),
 }
-"""Command: the module and the name where it is defined, and what the help says of it."""
+"""Command: its package, and what the help says of it.
+
+``tactstrip dry-run`` is the function ``dry_run`` of ``<package>/commands/dry_run.py``.
+"""
 
 
 INTERRUPTED = 130
@@ -47,14 +46,15 @@ class _FrontDoor(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module, name, _ = COMMANDS[cmd_name]
-        command = getattr(import_module(module), name)
+        package, _ = COMMANDS[cmd_name]
+        name = cmd_name.replace("-", "_")
+        command = getattr(import_module(f"{package}.commands.{name}"), name)
         assert isinstance(command, click.Command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         with _one_line("tactstrip"):

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
+
 XScale = Literal["log10", "linear"]
 _MOST_UNIT = 16
 _MOST_DECIMALS = 12

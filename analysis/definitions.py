@@ -1,4 +1,4 @@
-"""What every number of an analysis means, in the words of summary.json and the report."""
+"""What every number of an analysis means, and the names of methods; imports nothing."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
 
 DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -56,3 +57,10 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "90 % points of the reaction time, seconds",
     }
 )
+
+METHODS = ("wilson", "jeffreys", "clopper-pearson")
+
+MOST_PRESENTED = 10**12
+"""Of a table of counts; up to here sums of them are exact, and so are fits."""
+
+TOTAL = "all"

@@ -10,9 +10,9 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiment.felt_gains import study_gains
-from experiment.simulate import simulate_study
-from experiment.study import paper_study
+from experiment.session.simulate import simulate_study
+from experiment.study.physics import study_gains
+from experiment.study.read import paper_study
 
 SIZES = (100, 1000)
 PANDAS = """
@@ -34,7 +34,7 @@ status = Path("/proc/self/status")
 peak = re.compile(r"VmHWM:\\s*(\\d+)")
 atexit.register(lambda: print(peak.search(status.read_text())[1], file=sys.stderr))
 """
-ANALYZE = "import sys; from analysis.commands import analyze; analyze(sys.argv[1:])"
+ANALYZE = "import sys; from analysis.commands.analyze import analyze; analyze(sys.argv[1:])"
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 

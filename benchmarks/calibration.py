@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.guessing import GuessRate
-from analysis.intervals import group_interval, proportion_ci
-from analysis.likelihood import Tables
-from analysis.methods import METHODS
-from analysis.posterior import STANDARD, Nodes, posterior
-from analysis.psychometric import WITH_THRESHOLD, fit_many
+from analysis.answers.intervals import group_interval, proportion_ci
+from analysis.definitions import METHODS
+from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
+from analysis.thresholds.likelihood import Tables
+from analysis.thresholds.people import GuessRate
+from analysis.thresholds.posterior import STANDARD, Nodes, posterior
 from benchmarks.timing import duration, median_s
-from experiment.observer import psychometric
+from experiment.terms.observer import psychometric
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from statistics import median
 
-from experiment.journal import Journal
+from experiment.archive.journal import Journal
 
 LINES = 300
 FACTS = {"trial": 12, "attempt": 1, "token": 2**62 + 1}

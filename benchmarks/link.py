@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from device.clock import MonotonicClock
-from device.frame_link import FrameLink
-from device.host import HostDriver
+from device.core.host import HostDriver
 from device.limits import Limits
-from device.serial_link import open_channel
+from device.wire.channels import open_channel
+from device.wire.link import FrameLink
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

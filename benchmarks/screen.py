@@ -8,12 +8,11 @@ import time
 import numpy as np
 
 from device.clock import MonotonicClock
-from experiment.interrupts import StopSignal
-from experiment.operator import Requests
-from experiment.presentation import Keys, Screen, Texts
-from experiment.responder import Progress
-from experiment.screen import ScreenResponder
-from experiment.screen_window import NoScreenError, Stage
+from experiment.operator.requests import Requests, StopSignal
+from experiment.participant.screen import ScreenResponder
+from experiment.participant.window import NoScreenError, Stage
+from experiment.study.sections.presentation import Keys, Screen, Texts
+from experiment.terms.responder import Progress
 
 FLIPS = 300
 WAIT_S = 5.0

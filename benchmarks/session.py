@@ -21,18 +21,18 @@ import numpy as np
 
 from benchmarks.link import COMMAND, STUDY, emulator
 from benchmarks.timing import duration
-from experiment.draw import draw_plan
-from experiment.engine import step, upcoming
-from experiment.felt_gains import study_gains
-from experiment.simulate import simulate_study
-from experiment.steps import Armed, Continued, Elapsed, Fired, Key, Phase, State, Task
-from experiment.study import paper_study
+from experiment.session.simulate import simulate_study
+from experiment.study.physics import study_gains
+from experiment.study.read import paper_study
+from experiment.trial.draw import draw_plan
+from experiment.trial.engine import step, upcoming
+from experiment.trial.events import Armed, Continued, Elapsed, Fired, Key, Phase, State, Task
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from experiment.gains import ConditionGains
-    from experiment.plan import Plan
+    from experiment.terms.gains import ConditionGains
+    from experiment.trial.plan import Plan
 
 ROOT = Path(__file__).parent.parent
 SILENT = '[masking]\nnoise = "none"\n'

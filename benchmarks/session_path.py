@@ -18,15 +18,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
-from device.serial_link import SerialChannel
-from experiment import engine, steps
-from experiment.simulate import SimulatedResponder
+from device.wire.channels import SerialChannel
+from experiment.session.simulate import SimulatedResponder
+from experiment.trial import engine, events
 from tactstrip import main
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from experiment.responder import Press, Question
+    from experiment.terms.responder import Press, Question
 
 _COUNTERS = Path("/proc/self/io")
 _OPENING = "open"
@@ -72,14 +72,14 @@ class Probe:
         return int(counts["read_bytes"]) + int(counts["write_bytes"])
 
     def step(
-        self, state: steps.State, event: steps.Event
-    ) -> tuple[steps.State, tuple[steps.Effect, ...]]:
+        self, state: events.State, event: events.Event
+    ) -> tuple[events.State, tuple[events.Effect, ...]]:
         """Ask the engine; note when it has decided to arm or to fire."""
         after, effects = engine.step(state, event)
         now_s = time.perf_counter()
-        if any(isinstance(effect, steps.Arm) for effect in effects):
+        if any(isinstance(effect, events.Arm) for effect in effects):
             self._arm_s = now_s
-        if any(isinstance(effect, steps.Fire) for effect in effects):
+        if any(isinstance(effect, events.Fire) for effect in effects):
             self._fire_s = now_s
         return after, effects
 
@@ -148,7 +148,7 @@ def measure(arguments: list[str]) -> Found:
     probe = Probe()
     sys.addaudithook(probe.heed)
     with (
-        patch("experiment.session.step", probe.step),
+        patch("experiment.session.session.step", probe.step),
         patch("os.write", probe.write_file),
         patch("os.fsync", probe.sync_file),
         patch.object(SerialChannel, "write", partialmethod(_by, probe.write)),

@@ -12,9 +12,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiment.interrupts import StopSignal
-from experiment.operator import Requests, Status, Tally
-from experiment.operator_view import OperatorView
+from experiment.operator.requests import Requests, Status, StopSignal, Tally
+from experiment.operator.view import OperatorView
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -21,13 +21,13 @@ from stimuli import (
     displacement,
     transient,
 )
-from stimuli.transient import transient_work
+from stimuli.field.synthesis import transient_work
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from stimuli import Strip
-    from stimuli.scene import Work
+    from stimuli.field.scene import Work
 
 RTOL: Final = 1e-6
 _REPEATS: Final = 9

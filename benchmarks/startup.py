@@ -19,28 +19,28 @@ from pathlib import Path
 marks = [("start of Python", time.perf_counter())]
 def mark(name):
     marks.append((name, time.perf_counter()))
-import analysis.dry_run
+import analysis.commands.dry_run
 mark("import of the command (click)")
-from experiment.study import paper_study
+from experiment.study.read import paper_study
 study = paper_study()
 mark("import of numpy and pydantic, the study")
-from experiment.study_check import check_study
+from experiment.preview.check import check_study
 gains = check_study(study).gains
 mark("the check: burst, displacements at the fingers")
-from experiment.simulate import simulate_study
+from experiment.session.simulate import simulate_study
 root = Path(sys.argv[1])
 for _ in simulate_study(study, root, participants=5, seed=7, gains=gains):
     pass
 mark("five sessions of 155 trials")
-from analysis.load import read_inputs
-from analysis.tables import analyse
+from analysis.reading.load import read_inputs
+from analysis.results.tables import analyse
 import pandas
 mark("import of pandas")
 analysis_ = analyse(read_inputs([root], None), ci="wilson", seed=7, allow_simulated=False)
 mark("reading, checking, tables")
 import matplotlib.figure
 mark("import of matplotlib")
-from analysis.files import save
+from analysis.results.files import save
 save(analysis_, root / "analysis", with_figures=True, read=[])
 mark("writing, figure as PNG and SVG")
 print(json.dumps([(b[0], b[1] - a[1]) for a, b in zip(marks, marks[1:])]))

@@ -1,9 +1,17 @@
-"""Where time comes from: the machine's monotonic clock, or a clock that a test or dry run moves."""
+"""Where time comes from, and what the device's clock says of the host's.
+
+A clock is the machine's monotonic one, or one that a test or dry run moves. Every answered question
+is a sample of the device's clock: it was read somewhere between the question and the answer. The
+fastest exchanges say the most.
+"""
+
+from __future__ import annotations
 
 import time
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Final, Protocol
 
-from device._checks import require_real
+from device.checks import require_real
 
 
 class Clock(Protocol):
@@ -101,3 +109,160 @@ def resolution_s(clock: Clock) -> float:
     True
     """
     return time.get_clock_info("monotonic").resolution if isinstance(clock, MonotonicClock) else 0.0
+
+
+WINDOW_S: Final = 10.0
+"""Of the samples in so long a time, the one with the least round trip is kept for the drift."""
+
+_STEP_S: Final = 1e-6
+"""The device's clock counts microseconds that are over."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One question and answer on both clocks.
+
+    Parameters
+    ----------
+    before_s, after_s : float
+        Host clock, between whose readings the device read its own.
+    device_s : float
+        What it read, in whole microseconds that are over.
+
+    Examples
+    --------
+    >>> Sample(before_s=5.0, after_s=5.25, device_s=1.0).round_trip_s
+    0.25
+    """
+
+    before_s: float
+    after_s: float
+    device_s: float
+
+    @property
+    def round_trip_s(self) -> float:
+        """Seconds from question to answer."""
+        return self.after_s - self.before_s
+
+    @property
+    def offset_s(self) -> float:
+        """Host clock less device clock, if the device answered half way."""
+        return (self.before_s + self.after_s) / 2 - self.device_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockEstimate:
+    """The device's clock against the host's.
+
+    Parameters
+    ----------
+    offset_s : float
+        Host clock less device clock at the sample with the least round trip of the latest.
+    offset_uncertainty_s : float
+        Half that round trip: the offset is within it for sure.
+    drift : float
+        Seconds that the host's clock gains on the device's, for each second; 0 before two windows.
+    drift_uncertainty : float
+        The drift is within it for sure, if it was constant.
+    """
+
+    offset_s: float
+    offset_uncertainty_s: float
+    drift: float
+    drift_uncertainty: float
+
+
+CLOCK_TOLERANCE = 1e-4
+"""Largest relative drift of a device's clock against the host's that a crystal is trusted with."""
+
+
+class ClockSync:
+    """Two clocks kept together by the samples of their exchanges.
+
+    Bounds on the offset hold for sure while the clocks drift by less than `tolerance` against each
+    other; samples that contradict one another show that they do not, and begin anew.
+
+    Parameters
+    ----------
+    tolerance : float
+        Largest relative drift.
+
+    Examples
+    --------
+    A slow exchange is narrowed by a fast one before it:
+
+    >>> sync = ClockSync()
+    >>> sync.hear(Sample(before_s=10.0, after_s=10.001, device_s=0.0005))
+    >>> slow = Sample(before_s=11.0, after_s=11.5, device_s=1.4)
+    >>> [round(bound_s, 4) for bound_s in sync.narrowed(slow)]
+    [11.3994, 11.4006]
+    >>> sync.narrowed(Sample(before_s=12.0, after_s=12.1, device_s=9.0))
+    (12.0, 12.1)
+    """
+
+    def __init__(self, tolerance: float = CLOCK_TOLERANCE) -> None:
+        self._tolerance = tolerance
+        self._bounds_s: tuple[float, float] | None = None
+        self._at_s = 0.0
+        self._first: Sample | None = None
+        self._latest: Sample | None = None
+        self._best: Sample | None = None
+
+    def hear(self, sample: Sample) -> None:
+        """Learn from an exchange."""
+        bounds_s = self._bounds_at(sample)
+        own = sample.before_s - sample.device_s - _STEP_S, sample.after_s - sample.device_s
+        if bounds_s is None or bounds_s[0] > own[1] or own[0] > bounds_s[1]:
+            self._first = self._latest = self._best = None
+            self._bounds_s = own
+        else:
+            self._bounds_s = max(bounds_s[0], own[0]), min(bounds_s[1], own[1])
+        self._at_s = sample.device_s
+        self._keep(sample)
+
+    def narrowed(self, sample: Sample) -> tuple[float, float]:
+        """Return the host times between which the device's clock showed a sample's time.
+
+        Those of the sample itself, narrowed by what is known of the offset; where that contradicts
+        the sample, the sample's own.
+        """
+        own = sample.before_s, sample.after_s
+        bounds_s = self._bounds_at(sample)
+        if bounds_s is None:
+            return own
+        before_s = max(own[0], sample.device_s + bounds_s[0])
+        after_s = min(own[1], sample.device_s + _STEP_S + bounds_s[1])
+        return (before_s, after_s) if before_s <= after_s else own
+
+    @property
+    def estimate(self) -> ClockEstimate | None:
+        """Offset and drift by the least round trips, None before the first sample."""
+        if self._best is None:
+            return None
+        drift = drift_uncertainty = 0.0
+        if self._first is not None:
+            apart_s = self._best.device_s - self._first.device_s
+            drift = (self._best.offset_s - self._first.offset_s) / apart_s
+            round_trips_s = self._best.round_trip_s + self._first.round_trip_s
+            drift_uncertainty = round_trips_s / 2 / apart_s
+        return ClockEstimate(
+            offset_s=self._best.offset_s,
+            offset_uncertainty_s=self._best.round_trip_s / 2,
+            drift=drift,
+            drift_uncertainty=drift_uncertainty if self._first else self._tolerance,
+        )
+
+    def _bounds_at(self, sample: Sample) -> tuple[float, float] | None:
+        if self._bounds_s is None:
+            return None
+        moved_s = self._tolerance * abs(sample.device_s - self._at_s)
+        return self._bounds_s[0] - moved_s, self._bounds_s[1] + moved_s
+
+    def _keep(self, sample: Sample) -> None:
+        """Keep the fastest sample of the first window and of the latest."""
+        if self._latest is None or sample.device_s - self._latest.device_s > WINDOW_S:
+            if self._first is None and self._best is not None:
+                self._first = self._best
+            self._latest = self._best = sample
+        elif self._best is None or sample.round_trip_s <= self._best.round_trip_s:
+            self._best = sample

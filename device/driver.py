@@ -4,6 +4,8 @@ Levels are peak-to-peak volts at the actuator: a waveform that reaches +1 and -1
 200 Vpp, swings from -100 V to +100 V.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Protocol, Self, TypeAlias
@@ -11,7 +13,7 @@ from typing import Protocol, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from device._checks import require_positive, require_real, require_whole
+from device.checks import require_positive, require_real, require_whole
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
@@ -345,7 +347,7 @@ class BurstDevice(Protocol):
     --------
     >>> from device.clock import VirtualClock
     >>> from device.limits import Limits
-    >>> from device.mock import MockDevice
+    >>> from device.emulate.mock import MockDevice
     >>> device: BurstDevice = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
     >>> device.open().emulated
     True

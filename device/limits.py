@@ -4,14 +4,19 @@ The host checks with the limits of the study, the device with its own; both call
 All ceilings hold for peak(waveform) x level x gain, compared without rounding.
 """
 
+from __future__ import annotations
+
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from device._checks import require_positive, require_real, require_whole
+from device.checks import require_positive, require_real, require_whole
 from device.driver import FloatArray, Refusal, rejection
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 _LARGEST_GAIN = 1e6
 

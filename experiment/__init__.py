@@ -1,1 +1,5 @@
 """How a session goes: study, plan, trial engine, participant and record."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

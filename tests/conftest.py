@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from experiment.study import study_from_text
+from experiment.study.read import study_from_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from experiment.study import Study
+    from experiment.study.study import Study
 
     Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
 
@@ -42,12 +42,12 @@ EMULATORS = """
 import json, os, signal, sys
 import numpy as np
 from device.clock import MonotonicClock
-from device.emulator import Emulator, Nature
-from device.faults import Faults, FaultScript
+from device.emulate.emulator import Emulator, Nature
+from device.emulate.faults import Faults, FaultScript
 from device.limits import Limits
-from device.lines import PtyLine, TcpLine
-from device.output import OutputStage
-from device.truth import Truth
+from device.emulate.lines import PtyLine, TcpLine
+from device.core.output import OutputStage
+from device.emulate.truth import Truth
 
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 for order in sys.stdin:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from analysis.posterior import Nodes
+from analysis.thresholds.posterior import Nodes
 from benchmarks import (
     analysis,
     calibration,

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
     import pytest
 
-    from device.serial_link import SerialChannel
-    from experiment.responder import Question
-    from experiment.simulate import SimulatedResponder
+    from device.wire.channels import SerialChannel
+    from experiment.session.simulate import SimulatedResponder
+    from experiment.terms.responder import Question
 
 
 def test_a_file_written_while_an_answer_is_awaited_is_counted_and_no_other(

@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from device.driver import LinkError
-from device.mock import MockDevice
+from device.emulate.mock import MockDevice
 from tactstrip import COMMANDS, main
 
 ROOT = Path(__file__).parent.parent
@@ -50,7 +50,7 @@ def test_a_dry_run_imports_no_psychopy_no_statsmodels_and_no_serial(tmp_path: Pa
 
 def test_every_command_is_listed_with_its_help() -> None:
     told = CliRunner().invoke(main, ["--help"]).output
-    for name, (_, _, text) in COMMANDS.items():
+    for name, (_, text) in COMMANDS.items():
         assert re.search(rf"^  {name} +{re.escape(text)}$", told, re.MULTILINE)
 
 
@@ -132,7 +132,7 @@ def test_an_interrupted_dry_run_ends_with_one_line(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiment.simulate.simulate_study", interrupt)
+    monkeypatch.setattr("experiment.session.simulate.simulate_study", interrupt)
     result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path / "out")])
     assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
 

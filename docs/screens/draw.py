@@ -7,15 +7,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiment.presentation import Keys, Screen, Texts
-from experiment.responder import Part, Progress
-from experiment.screen_pages import Pages
-from experiment.screen_window import Stage
+from experiment.participant.pages import Pages
+from experiment.participant.window import Stage
+from experiment.study.sections.presentation import Keys, Screen, Texts
+from experiment.terms.responder import Part, Progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from experiment.screen_pages import Page
+    from experiment.participant.pages import Page
 
 ARABIC = Texts(
     welcome="أهلا وسهلا بك، وشكرا لمشاركتك في التجربة.",

@@ -1,0 +1,1 @@
+"""What was answered: trials that count, proportions, intervals, choices, effects of order."""

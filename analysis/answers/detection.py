@@ -1,0 +1,295 @@
+"""Detection probabilities: levels, participants, both-finger and blank trials."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.answers.counting import counted, offers_none, reasons
+from analysis.answers.intervals import group_interval, proportion_ci
+from analysis.definitions import TOTAL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+
+LEVEL_COLUMNS = (
+    "condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max", "p_pooled",
+    "group_low", "group_high", "over_report", "mislocalised", "timeouts", "p_answered",
+)  # fmt: skip
+
+_FELT = ("left", "right", "both")
+
+
+def cells(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count the answers of each participant at each level of each condition.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``condition level_vpp participant detected presented over_report mislocalised
+        timeouts invalid``: the common shape of trials and of tables of counts.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
+    ...     "anticipated": False, "noise_ok": True})
+    >>> cells(trials)[["detected", "presented", "over_report"]].to_numpy().tolist()
+    [[1, 2, 1]]
+    """
+    single = counted(trials, "single")
+    side, response = single["side"].astype(object), single["response"].astype(object)
+    counts = {
+        "detected": response.eq(side),
+        "presented": response.notna(),
+        "over_report": response.eq("both"),
+        "mislocalised": response.isin(["left", "right"]) & response.ne(side),
+        "timeouts": response.eq("timeout"),
+        "invalid": response.eq("invalid"),
+    }
+    key = ["condition", "level_vpp", "participant"]
+    marked = single[key].assign(**{name: hit.astype(np.int64) for name, hit in counts.items()})
+    return marked.groupby(key, as_index=False).sum()
+
+
+def participant_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Return the detection probability of every participant at every level.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+    ci : str
+        Method of `proportion_ci`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``participant condition level_vpp detected presented p low high``.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
+    ...     "anticipated": False, "noise_ok": True})
+    >>> participant_table(trials)[["participant", "p"]].to_numpy().tolist()
+    [['1', 1.0], ['2', 0.0]]
+    """
+    return participants_of(cells(trials), ci)
+
+
+def participants_of(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Return `participant_table` of counts, from `cells` or `analysis.reading.load.read_counted`.
+
+    >>> counts = {"participant": ["1"], "condition": "main", "level_vpp": 60.0, "detected": 10**9,
+    ...     "presented": 2 * 10**9}
+    >>> participants_of(pd.DataFrame(counts))["p"].tolist()
+    [0.5]
+    """
+    key = ["participant", "condition", "level_vpp"]
+    ordered = counts.sort_values(key)
+    return _with_interval(ordered[[*key, "detected", "presented"]], "detected", ci)
+
+
+def _with_interval(table: pd.DataFrame, detected: str, ci: str) -> pd.DataFrame:
+    k, n = table[detected].to_numpy(), table["presented"].to_numpy()
+    low, high = proportion_ci(k, n, ci)
+    return table.assign(p=k / n, low=low, high=high).reset_index(drop=True)
+
+
+def level_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return the detection probability over participants, one row per condition and level.
+
+    A single stimulus is detected where the answer names its side and nothing else. ``none``,
+    time-outs and invalid keys are not detected and stay in the number of presented stimuli.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `LEVEL_COLUMNS`, defined in docs/statistics.md, section 4. ``group_low`` and
+        ``group_high`` are NaN for a single participant, ``p_answered`` where nobody answered.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": ["1", "1"], "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
+    ...     "anticipated": False, "noise_ok": True})
+    >>> level_table(trials)[["detected", "presented", "over_report", "p_mean"]].to_numpy().tolist()
+    [[1.0, 2.0, 1.0, 0.5]]
+    """
+    return levels_of(cells(trials))
+
+
+def levels_of(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return `level_table` of counts, from `cells` or `analysis.reading.load.read_counted`.
+
+    ``over_report``, ``mislocalised``, ``timeouts`` and ``p_answered`` are NaN where the counts do
+    not tell them.
+
+    Examples
+    --------
+    >>> counts = {"participant": ["1", "2"], "condition": "main", "level_vpp": 60.0,
+    ...     "detected": [1, 3], "presented": 4, "over_report": 0, "mislocalised": 0,
+    ...     "timeouts": 0, "invalid": 0}
+    >>> levels_of(pd.DataFrame(counts))[["p_min", "p_mean", "p_max"]].to_numpy().tolist()
+    [[0.25, 0.5, 0.75]]
+    """
+    groups = counts.groupby(["condition", "level_vpp"])
+    rows = [[*key, *_level_row(level)] for key, level in groups]
+    return pd.DataFrame(rows, columns=list(LEVEL_COLUMNS))
+
+
+def _level_row(level: pd.DataFrame) -> list[float]:
+    """Return the values of one level, from ``detected`` on, of `LEVEL_COLUMNS`."""
+    k, n = level["detected"].to_numpy(), level["presented"].to_numpy()
+    each = [Fraction(int(a), int(b)) for a, b in zip(k, n, strict=True)]
+    # Exact fractions: neither the order of participants nor rounding can move the mean.
+    spread = (float(min(each)), float(sum(each) / len(each)), float(max(each)))
+    check_order(*spread)
+    detected, presented = int(k.sum()), int(n.sum())
+    answered = presented - level["timeouts"].sum(skipna=False) - level["invalid"].sum(skipna=False)
+    others = [level[name].sum(skipna=False) for name in ("over_report", "mislocalised", "timeouts")]
+    p_answered = detected / answered if answered else float("nan")
+    pooled = detected / presented
+    return [detected, presented, *spread, pooled, *group_interval(k, n), *others, p_answered]
+
+
+def check_order(p_min: float, p_mean: float, p_max: float) -> None:
+    """Stop where a mean lies outside its own values: then this program is wrong.
+
+    Raises
+    ------
+    RuntimeError
+        Unless p_min <= p_mean <= p_max.
+
+    Examples
+    --------
+    >>> check_order(0.9, 0.87, 1.0)
+    Traceback (most recent call last):
+    RuntimeError: internal error: mean 0.87 outside [0.9, 1.0]
+    """
+    if not p_min <= p_mean <= p_max:
+        raise RuntimeError(f"internal error: mean {p_mean} outside [{p_min}, {p_max}]")
+
+
+def detected_any(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count single stimuli that were felt at all: answered left, right or both.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``condition level_vpp detected_any``, the rows of `level_table`.
+
+    Raises
+    ------
+    ValueError
+        Where "none" could not be answered: then every answer is one of the three.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"condition": "main", "kind": "single", "level_vpp": 60.0,
+    ...     "response": ["left", "none"], "status": "ok", "anticipated": False, "noise_ok": True,
+    ...     "none_offered": True})
+    >>> detected_any(trials).to_numpy().tolist()
+    [['main', 60.0, 1]]
+    """
+    if not offers_none(trials):
+        raise ValueError('trials must offer "none" as an answer, got a forced choice')
+    single = counted(trials, "single")
+    felt = single["response"].isin(_FELT).astype(np.int64)
+    marked = single[["condition", "level_vpp"]].assign(detected_any=felt)
+    return marked.groupby(["condition", "level_vpp"], as_index=False).sum()
+
+
+def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Count both-finger trials; such a trial is noticed only by the answer ``both``.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+    ci : str
+        Method of `proportion_ci`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``participant noticed presented p low high left_only right_only``, the last row
+        `TOTAL`; its interval ignores that participants differ. With more than one condition among
+        the trials that count, a column ``condition`` stands in front and each has its last row.
+        Empty without such trials.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "both",
+    ...     "response": ["both", "left"], "status": "ok", "anticipated": False, "noise_ok": True})
+    >>> both_table(trials)[["participant", "noticed", "presented"]].to_numpy().tolist()
+    [['1', 1, 1], ['2', 0, 1], ['all', 1, 2]]
+    """
+    answers = {"noticed": ("both",), "left_only": ("left",), "right_only": ("right",)}
+    table = _with_interval(_answer_counts(trials, "both", answers), "noticed", ci)
+    order = ["participant", "noticed", "presented", "p", "low", "high", "left_only", "right_only"]
+    return _leading(trials, table, order)
+
+
+def blank_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Count blank trials; left, right or both answered there is a false alarm.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+    ci : str
+        Method of `proportion_ci`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``participant left right both presented p low high``, p for any of the three; last
+        row and ``condition`` as in `both_table`.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "blank",
+    ...     "response": ["left", "none"], "status": "ok", "anticipated": False, "noise_ok": True})
+    >>> blank_table(trials)[["participant", "left", "p"]].to_numpy().tolist()
+    [['1', 1, 0.5], ['all', 1, 0.5]]
+    """
+    counts = _answer_counts(trials, "blank", {answer: (answer,) for answer in _FELT})
+    counts["felt"] = counts[list(_FELT)].sum(axis="columns")
+    table = _with_interval(counts, "felt", ci)
+    return _leading(trials, table, ["participant", *_FELT, "presented", "p", "low", "high"])
+
+
+def _answer_counts(
+    trials: pd.DataFrame, kind: str, answers: Mapping[str, tuple[str, ...]]
+) -> pd.DataFrame:
+    """Count answers per condition and participant, and the total of each condition below them."""
+    chosen = counted(trials, kind)
+    counts = {name: chosen["response"].isin(words) for name, words in answers.items()}
+    marked = chosen[["condition", "participant"]].assign(
+        presented=1, **{name: hit.astype(np.int64) for name, hit in counts.items()}
+    )
+    people = marked.groupby(["condition", "participant"], as_index=False).sum()
+    totals = people.drop(columns="participant").groupby("condition", as_index=False).sum()
+    both = pd.concat([people, totals.assign(participant=TOTAL)])
+    return both.sort_values("condition", kind="stable").reset_index(drop=True)
+
+
+def _leading(trials: pd.DataFrame, table: pd.DataFrame, order: Iterable[Any]) -> pd.DataFrame:
+    conditions = trials.loc[reasons(trials).eq(""), "condition"].nunique()
+    return table[["condition", *order] if conditions > 1 else list(order)]

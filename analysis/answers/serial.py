@@ -1,0 +1,299 @@
+"""Whether a trial depends on the one before it, against the same trials in a random order."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.answers.seeds import DRAWS, seeded_by
+from analysis.answers.sensitivity import Share
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+
+ANSWERS = 6
+"""Answers are coded 0 to 5: left, right, both, none, timeout, invalid; stimuli 0 to 3 likewise."""
+_LEFT_OR_RIGHT, _FELT, _ANSWERED = 2, 3, 4
+_MIRROR = np.array([1, 0, 2, 3, 4, 5])
+_MIRRORED = (_MIRROR[:4, None] * ANSWERS + _MIRROR[None, :]).astype(np.int8).ravel()
+EFFECTS = ("correct", "felt", "side")
+_MOST_AT_ONCE = 255
+"""So many pairs can be counted in a byte."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SerialEffect:
+    """How often something comes again in the next trial.
+
+    Attributes
+    ----------
+    again : Share
+        It, where it was in the previous trial.
+    otherwise : Share or None
+        It, where it was not in the previous trial; ``None`` where there is no such thing.
+    expected : float or None
+        The share `again` with the trials of each block in random order.
+    p : float or None
+        Two-sided permutation probability.
+    reason : str
+        Why there is no probability; else empty.
+    """
+
+    again: Share
+    otherwise: Share | None
+    expected: float | None
+    p: float | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SerialEffects:
+    """The three effects.
+
+    Attributes
+    ----------
+    correct : SerialEffect
+        A correct answer to a single stimulus, by whether the previous trial was answered correctly.
+    felt : SerialEffect
+        A single stimulus felt, by whether something was felt before; both answered.
+    side : SerialEffect
+        The same one of left and right answered again.
+    """
+
+    correct: SerialEffect
+    felt: SerialEffect
+    side: SerialEffect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Block:
+    """Trials between which no break was planned.
+
+    Attributes
+    ----------
+    codes : numpy.ndarray of int8, shape (n,)
+        `ANSWERS` times the stimulus plus the answer.
+    linked : numpy.ndarray of bool, shape (n,)
+        Whether a trial came directly after the one before it here.
+    """
+
+    codes: NDArray[np.int8]
+    linked: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rearranged:
+    """Pairs of one participant or a group, as observed (first) and in `DRAWS` random orders.
+
+    Attributes
+    ----------
+    pairs : numpy.ndarray, shape (1 + DRAWS, 3, 4)
+        For each of `EFFECTS`: again yes and no, otherwise yes and no.
+    excess : numpy.ndarray, shape (1 + DRAWS, 3)
+        Pairs of "again" beyond what the margins of each participant give, summed.
+    """
+
+    pairs: NDArray[np.int64]
+    excess: NDArray[np.float64]
+
+
+def canonical(blocks: Iterable[Block]) -> bytes:
+    """Write the blocks of a participant so that neither names nor left and right matter.
+
+    >>> block = Block(codes=np.array([0, 7], np.int8), linked=np.array([False, True]))
+    >>> mirrored = Block(codes=np.array([7, 0], np.int8), linked=np.array([False, True]))
+    >>> canonical([block]) == canonical([mirrored])
+    True
+    """
+    every = list(blocks)
+    plain = sorted((b.codes.tobytes(), b.linked.tobytes()) for b in every)
+    mirrored = sorted((_MIRRORED[b.codes].tobytes(), b.linked.tobytes()) for b in every)
+    chosen = min(plain, mirrored)
+    sizes = np.array([len(codes) for codes, _ in chosen], dtype="<i8").tobytes()
+    count = np.array([len(chosen)], dtype="<i8").tobytes()
+    return b"".join((count, sizes, *(codes + linked for codes, linked in chosen)))
+
+
+def _blocks(data: bytes) -> list[Block]:
+    count = int(np.frombuffer(data, dtype="<i8", count=1)[0])
+    sizes = np.frombuffer(data, dtype="<i8", count=count, offset=8)
+    start, blocks = 8 * (1 + count), []
+    for size in sizes.tolist():
+        codes = np.frombuffer(data, dtype=np.int8, count=size, offset=start)
+        linked = np.frombuffer(data, dtype=np.bool_, count=size, offset=start + size)
+        blocks.append(Block(codes=codes, linked=linked))
+        start += 2 * size
+    return blocks
+
+
+def rearrange(data: bytes, seed: int, occurrence: int = 0) -> Rearranged:
+    """Count pairs as observed and in random orders of each block's trials.
+
+    A place keeps what it is linked to; the trials, stimulus and answer together, change places.
+    Blocks of one length share a set of orders and take them in an order of their own.
+
+    Parameters
+    ----------
+    data : bytes
+        From `canonical`.
+    seed, occurrence : int
+        As `analysis.answers.seeds.seeded_by` takes them.
+    """
+    rng = seeded_by(data, seed, occurrence)
+    blocks = _blocks(data)
+    pairs = np.zeros((1 + DRAWS, len(EFFECTS), 4), dtype=np.int64)
+    for block in blocks:
+        counts = _pairs(block.codes[_orders(len(block.codes), seed)], block.linked)
+        pairs[0] += counts[0]
+        pairs[1:] += counts[1:][rng.permutation(DRAWS)]
+    return Rearranged(pairs=pairs, excess=_excess(pairs, _same_by_chance(blocks)))
+
+
+@lru_cache(maxsize=32)
+def _orders(size: int, seed: int) -> NDArray[np.int64]:
+    """Return the order of before and `DRAWS` random ones, shape (1 + DRAWS, size)."""
+    orders = np.tile(np.arange(size), (1 + DRAWS, 1))
+    orders[1:] = seeded_by(size.to_bytes(8, "little"), seed).permuted(orders[1:], axis=1)
+    orders.flags.writeable = False
+    return orders
+
+
+def _same_by_chance(blocks: Iterable[Block]) -> float:
+    """Return how often two of a participant's left and right answers are the same."""
+    answers = np.concatenate([block.codes % ANSWERS for block in blocks])
+    left, right = (int(np.count_nonzero(answers == side)) for side in range(_LEFT_OR_RIGHT))
+    return (left**2 + right**2) / max(left + right, 1) ** 2
+
+
+def _pairs(codes: NDArray[np.int8], linked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Count, in each row of codes, the pairs of each effect."""
+    pairs = codes[:, :-1].astype(np.int16) * np.int16(_MIRRORED.size) + codes[:, 1:]
+    pairs = pairs[:, linked[1:]]
+    counts = np.zeros((len(codes), len(EFFECTS) * 4), dtype=np.int64)
+    for first in range(0, pairs.shape[1], _MOST_AT_ONCE):
+        part = pairs[:, first : first + _MOST_AT_ONCE]
+        packed = [table[part].sum(axis=1, keepdims=True) for table in _packed_counts()]
+        counts += np.concatenate(packed, axis=1).view(np.uint8)[:, : counts.shape[1]]
+    return counts.reshape(len(codes), len(EFFECTS), 4)
+
+
+@cache
+def _packed_counts() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+    """Return what each pair of codes counts for, a byte for each of `Rearranged.pairs`."""
+    each = np.arange(_MIRRORED.size)
+    before, now = (one.ravel() for one in np.meshgrid(each, each, indexing="ij"))
+    (_, answer_before), (stimulus, answer) = (np.divmod(one, ANSWERS) for one in (before, now))
+    correct = (each // ANSWERS) == (each % ANSWERS)
+    single = stimulus < _LEFT_OR_RIGHT
+    answered = (answer < _ANSWERED) & (answer_before < _ANSWERED)
+    sided = (answer < _LEFT_OR_RIGHT) & (answer_before < _LEFT_OR_RIGHT)
+    effects = (
+        (correct[before], correct[now], single),
+        (answer_before < _FELT, answer < _FELT, single & answered),
+        (np.ones_like(sided), answer == answer_before, sided),
+    )
+    marks = np.zeros((len(before), 16), dtype=np.uint8)
+    for place, (first, second, valid) in enumerate(effects):
+        fourfold = (first & second, first & ~second, ~first & second, ~first & ~second)
+        marks[:, 4 * place : 4 * place + 4] = np.stack(fourfold, axis=1) & valid[:, None]
+    words = marks.view(np.uint64)
+    return words[:, 0].copy(), words[:, 1].copy()
+
+
+def _excess(pairs: NDArray[np.int64], same_by_chance: float) -> NDArray[np.float64]:
+    again, other, yes, no = np.moveaxis(pairs, -1, 0)
+    share = (again + yes) / np.maximum(again + other + yes + no, 1)
+    share[:, EFFECTS.index("side")] = same_by_chance
+    return np.asarray(again - (again + other) * share)
+
+
+def serial_effects(
+    people: Sequence[bytes], seed: int, *, none_offered: bool
+) -> tuple[tuple[SerialEffects, ...], SerialEffects]:
+    """Return the effects of each participant and of all together.
+
+    Parameters
+    ----------
+    people : sequence of bytes
+        From `canonical`.
+    seed : int
+        At least 0.
+    none_offered : bool
+        Whether "none" could be answered; without it everything was felt.
+
+    Returns
+    -------
+    each : tuple of SerialEffects
+        In the order of `people`; their order and names change none of the values.
+    together : SerialEffects
+        Pairs added up, each participant rearranged on their own.
+
+    Examples
+    --------
+    Left and right in turn never come again:
+
+    >>> codes = np.array([0, 7] * 10, np.int8)
+    >>> block = Block(codes=codes, linked=np.arange(20) > 0)
+    >>> (one,), together = serial_effects([canonical([block])], 0, none_offered=False)
+    >>> one.side.again.p, one.side.p < 0.01, one.felt.reason, one == together
+    (0.0, True, '"none" was not offered', True)
+    """
+    found: dict[bytes, SerialEffects] = {}
+    pairs = np.zeros((1 + DRAWS, len(EFFECTS), 4), dtype=np.int64)
+    excess = np.zeros((1 + DRAWS, len(EFFECTS)))
+    seen: Counter[bytes] = Counter()
+    for data in sorted(people):
+        one = rearrange(data, seed, seen[data])
+        if not seen[data]:
+            found[data] = _effects(one, none_offered=none_offered)
+        pairs += one.pairs
+        excess += one.excess
+        seen[data] += 1
+    together = _effects(Rearranged(pairs=pairs, excess=excess), none_offered=none_offered)
+    return tuple(found[data] for data in people), together
+
+
+def _effects(found: Rearranged, *, none_offered: bool) -> SerialEffects:
+    return SerialEffects(
+        correct=_effect(found, "correct"),
+        felt=_effect(found, "felt", "" if none_offered else '"none" was not offered'),
+        side=_effect(found, "side"),
+    )
+
+
+def _effect(found: Rearranged, name: str, reason: str = "") -> SerialEffect:
+    index = EFFECTS.index(name)
+    again, other, yes, no = (int(count) for count in found.pairs[0, index])
+    first, second = again + other, yes + no
+    compared = name != "side"
+    if reason:
+        again = first = yes = second = 0
+    elif not first + second:
+        reason = "no two such trials follow each other"
+    elif compared and not (first and second):
+        reason = "all previous trials were alike"
+    elif not compared and not found.pairs[:, index, 1].any():
+        reason = "only one side was answered"
+    drawn = found.pairs[1:, index].sum(axis=0)
+    draws = int(drawn[0] + drawn[1])
+    return SerialEffect(
+        again=Share(count=again, of=first),
+        otherwise=Share(count=yes, of=second) if compared else None,
+        expected=int(drawn[0]) / draws if draws and not reason else None,
+        p=None if reason else _two_sided(found.excess[:, index]),
+        reason=reason,
+    )
+
+
+def _two_sided(excess: NDArray[np.float64]) -> float:
+    slack = 1e-9 * (1 + abs(float(excess[0])))
+    above = int(np.count_nonzero(excess[1:] >= excess[0] - slack))
+    below = int(np.count_nonzero(excess[1:] <= excess[0] + slack))
+    return min(1.0, 2 * (1 + min(above, below)) / (1 + DRAWS))

@@ -1,0 +1,1 @@
+"""Whether a printed table of proportions can be true."""

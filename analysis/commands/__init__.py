@@ -1,0 +1,1 @@
+"""The commands `analyze`, `audit`, `dry-run` and `levels`."""

@@ -1,0 +1,178 @@
+"""The command ``analyze``: result files to tables, summary, figures and a report."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from analysis.definitions import METHODS
+from experiment.terms.exits import ANSWER_IS_NO, refusals
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from contextlib import AbstractContextManager
+
+    from analysis.reading.columns import ColumnMap
+    from analysis.reading.sources import Source
+    from analysis.results.tables import Analysis
+
+
+MANY_TABLES = 20
+"""From so many tables on reading takes long enough for a progress bar."""
+
+
+def write_analysis(
+    paths: Sequence[str | Path],
+    out_dir: str | Path,
+    *,
+    columns: ColumnMap | None = None,
+    ci: str = "wilson",
+    allow_simulated: bool = False,
+    seed: int = 0,
+    population: bool = False,
+    figures: bool = True,
+    bar: bool = False,
+) -> Analysis:
+    r"""Read result files, analyse them and write tables, summary, figures and a report.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Files and folders as `analysis.read_trials` takes them.
+    out_dir : str or Path
+        The folder to write into; nothing in it changes where anything is refused.
+    columns : ColumnMap, optional
+        What the columns are called in tables made elsewhere.
+    ci : str
+        Method of the cells' intervals.
+    allow_simulated : bool
+        Whether simulated and real sessions may be mixed.
+    seed : int
+        Of the bootstrap and the permutations; kept in the summary.
+    population : bool
+        Whether to fit the participants of each condition as one population.
+    figures : bool
+        Whether to draw.
+    bar : bool
+        Whether to show on a terminal how far reading came, if there is much to read.
+
+    Returns
+    -------
+    Analysis
+        What was written.
+
+    Raises
+    ------
+    ResultFileError
+        For a file that is no well-formed table of trials.
+    ValueError
+        For an unknown method, and for a folder that holds what is analysed, or other files under
+        the names of those that would be written.
+    OSError
+        Where the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from analysis import ColumnMap
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     analysis = write_analysis([table], folder, columns=ColumnMap(), figures=False)
+    ...     sorted(path.name for path in Path(folder).iterdir())
+    ['confusion.csv', 'levels.csv', 'participants.csv', 'report.html', 'summary.json', 'table.csv',
+    'thresholds.csv', 'trials_clean.csv']
+    >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
+    [[1, 1]]
+    """
+    from analysis.reading.load import read_inputs
+    from analysis.results.files import save
+    from analysis.results.tables import analyse
+
+    loaded = read_inputs(paths, columns, watched=_bar if bar else nullcontext)
+    analysis = analyse(
+        loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
+    )
+    save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths)
+    return analysis
+
+
+def _bar(sources: Sequence[Source]) -> AbstractContextManager[Iterable[Source]]:
+    hidden = len(sources) < MANY_TABLES or not sys.stderr.isatty()
+    return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
+
+
+@click.command()
+@click.argument(
+    "paths", nargs=-1, required=True, metavar="PATH...", type=click.Path(path_type=Path)
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for the results.  [default: analysis in the one folder given, else ./analysis]",
+)
+@click.option(
+    "--columns", type=click.Path(path_type=Path), help="MAP.toml for a table made elsewhere."
+)
+@click.option(
+    "--ci",
+    type=click.Choice(METHODS),
+    default=METHODS[0],
+    show_default=True,
+    help="Interval of each participant's proportion.",
+)
+@click.option("--allow-simulated", is_flag=True, help="Accept simulated sessions beside real ones.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of the bootstrap and the permutations; kept in summary.json.",
+)
+@click.option(
+    "--population",
+    is_flag=True,
+    help="Fit all participants of a condition as one population, too.",
+)
+@click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
+@click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")
+@refusals
+def analyze(
+    paths: tuple[Path, ...],
+    out: Path | None,
+    columns: Path | None,
+    ci: str,
+    seed: int,
+    *,
+    allow_simulated: bool,
+    population: bool,
+    strict: bool,
+    no_figures: bool,
+) -> None:
+    """Turn result CSVs or folders into tables, figures and a report.
+
+    Of a folder, all sub-*/ses-*/trials.csv are read.
+    """
+    from analysis.reading.columns import load_column_map
+    from analysis.results.console import print_analysis
+
+    target = out or (paths[0] if len(paths) == 1 and paths[0].is_dir() else Path()) / "analysis"
+    analysis = write_analysis(
+        paths,
+        target,
+        columns=load_column_map(columns) if columns else None,
+        ci=ci,
+        allow_simulated=allow_simulated,
+        seed=seed,
+        population=population,
+        figures=not no_figures,
+        bar=True,
+    )
+    print_analysis(analysis, sys.stdout)
+    click.echo(f"Written to {target}")
+    if strict and analysis.warnings:
+        click.get_current_context().exit(ANSWER_IS_NO)

@@ -1,0 +1,99 @@
+"""The command ``dry-run``: simulated participants on the mock device, then the analysis.
+
+It stands here because imports point one way: the analysis may use the experiment, not the other way
+round.
+"""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from experiment.terms.exits import DEVICE_FAILED, CommandError, refusals
+
+if TYPE_CHECKING:
+    from experiment.preview.check import StudyCheck
+
+
+MOST_PARTICIPANTS = 10_000
+
+
+@click.command("dry-run")
+@click.argument("study_file", metavar="[STUDY]", required=False, type=click.Path(path_type=Path))
+@click.option(
+    "--participants",
+    type=click.IntRange(1, MOST_PARTICIPANTS),
+    default=5,
+    show_default=True,
+    metavar="N",
+    help="How many are simulated.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="A new folder.  [default: dry-run-1, dry-run-2, ...]",
+)
+@refusals
+def dry_run(
+    *, study_file: Path | None, participants: int, seed: int | None, out: Path | None
+) -> None:
+    """Run simulated participants on the mock device, then analyze their sessions.
+
+    Without STUDY it is the paper's protocol. The same seed gives the same trials.csv.
+    """
+    from analysis.commands.analyze import write_analysis
+    from analysis.results.console import print_analysis
+    from experiment.preview.check import require_fit
+    from experiment.study.read import paper_study, read_study
+
+    study = paper_study() if study_file is None else read_study(study_file)
+    check = require_fit(study)
+    folder = _new_folder(out)
+    seed = secrets.randbits(32) if seed is None else seed
+    click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
+    _simulate(check, folder, participants, seed)
+    print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
+    click.echo(f"Written to {folder / 'analysis'}")
+
+
+def _new_folder(out: Path | None) -> Path:
+    if out is None:
+        return next(path for n in count(1) if _made(path := Path(f"dry-run-{n}")))
+    if out.exists() and any(out.iterdir()):
+        raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+def _made(folder: Path) -> bool:
+    """Make a folder; False where another process or an earlier run was first."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    return True
+
+
+def _simulate(check: StudyCheck, folder: Path, participants: int, seed: int) -> None:
+    from experiment.archive.journal import JournalWriteError
+    from experiment.session.simulate import SimulationError, simulate_study
+
+    sessions = simulate_study(
+        check.study, folder, participants=participants, seed=seed, gains=check.gains
+    )
+    hidden = not sys.stderr.isatty()
+    try:
+        with click.progressbar(sessions, participants, file=sys.stderr, hidden=hidden) as bar:
+            for _ in bar:
+                pass
+    except SimulationError as error:
+        raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
+    except JournalWriteError as error:
+        raise CommandError(f"{error}; make room, then run it again") from error

@@ -1,0 +1,265 @@
+"""Tables read together: typing and checking cost the same for one small table as for a hundred.
+
+Whatever is wrong with one of them is looked for again table by table, so that a fault has its file
+and line as if each table had been read alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from analysis.axis import axis_of
+from analysis.reading.checks import check_rows
+from analysis.reading.plans import PLAN, check_plan, progress, read_plan, told_rows
+from analysis.reading.rows import mapped_rows, own_rows, with_responses
+from analysis.reading.sources import TABLE, unreadable
+from analysis.reading.text import CHUNK_ROWS, ResultFileError, text_chunks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from analysis.reading.columns import ColumnMap
+    from analysis.reading.plans import Progress
+    from analysis.reading.sources import Source
+    from experiment.trial.plan import Plan
+
+
+MOST_BYTES = 2_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class InputFile:
+    """A file that was read.
+
+    Attributes
+    ----------
+    name : str
+        As `analysis.reading.sources.Source.name`.
+    sha256 : str
+        Checksum of its bytes.
+    """
+
+    name: str
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """What is known of one table besides its rows.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    trials : int
+        Its rows.
+    file : InputFile
+        Its name and checksum.
+    plan : InputFile or None
+        Those of the plan beside it, where there is one.
+    progress : Progress or None
+        How far that plan came.
+    """
+
+    path: Path
+    trials: int
+    file: InputFile
+    plan: InputFile | None = None
+    progress: Progress | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batch:
+    """Checked rows of some tables, in their order.
+
+    Attributes
+    ----------
+    rows : pandas.DataFrame
+        As `analysis.read_trials`, but for trials without a number.
+    tables : tuple of Table
+        Where they come from.
+    """
+
+    rows: pd.DataFrame
+    tables: tuple[Table, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """Some rows of one table as text."""
+
+    place: int
+    file: str
+    header: list[str]
+    lines: list[int]
+    rows: list[list[str]]
+
+
+def batches(sources: Iterable[Source]) -> Iterator[list[Source]]:
+    """Put tables together as long as they have at most `MOST_BYTES`, their order kept.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from analysis.reading.sources import Source
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "t.csv"
+    ...     _ = path.write_bytes(b"x" * (MOST_BYTES // 2))
+    ...     [len(batch) for batch in batches([Source(path=path, name="t")] * 5)]
+    [2, 2, 1]
+    """
+    batch: list[Source] = []
+    size = 0
+    for source in sources:
+        try:
+            more = source.path.stat().st_size
+        except OSError as error:
+            raise unreadable(error, source.path) from None
+        if batch and size + more > MOST_BYTES:
+            yield batch
+            batch, size = [], 0
+        batch.append(source)
+        size += more
+    if batch:
+        yield batch
+
+
+def read_batch(sources: Sequence[Source], columns: ColumnMap | None) -> list[Batch]:
+    """Read tables together or, where one of them has a fault, one by one.
+
+    Parameters
+    ----------
+    sources : sequence of Source
+        The tables.
+    columns : ColumnMap, optional
+        What the columns are called in tables made elsewhere.
+
+    Raises
+    ------
+    ResultFileError
+        The first fault of the first table that has one.
+    """
+    if len(sources) > 1:
+        try:
+            return [_read(sources, columns)]
+        except ResultFileError:
+            pass
+    return [_read([source], columns) for source in sources]
+
+
+def _read(sources: Sequence[Source], columns: ColumnMap | None) -> Batch:
+    sealed = [read_plan(source.path) for source in sources]
+    counts = [0] * len(sources)
+    frames = []
+    for parts in _joined(_parts(sources, sealed, bom_allowed=columns is not None)):
+        frames.append(_typed(parts, columns))
+        for part in parts:
+            counts[part.place] += len(part.rows)
+    rows = with_responses(pd.concat(frames, ignore_index=True))
+    planned = [str(s.path) for s, plan in zip(sources, sealed, strict=True) if plan]
+    signed = columns is not None and axis_of(columns.axis).signed
+    check_rows(rows, planned=frozenset(planned), signed=signed)
+    rows.loc[rows["side"].eq("none"), "level_vpp"] = float("nan")
+    told = told_rows(rows)
+    tables = []
+    spans = pairwise(accumulate(counts, initial=0))
+    for source, plan, (first, end) in zip(sources, sealed, spans, strict=True):
+        if plan:
+            rows.loc[rows.index[first:end], "none_offered"] = "none" in plan[0].responses
+        tables.append(_table(source, plan, told[first:end]))
+    return Batch(rows=rows, tables=tuple(tables))
+
+
+def _table(source: Source, sealed: tuple[Plan, str] | None, told: Sequence[Any]) -> Table:
+    """Check the rows of a table against its plan, where there is one."""
+    file = InputFile(name=source.name, sha256=sha256_of(source.path))
+    if sealed is None:
+        return Table(path=source.path, trials=len(told), file=file)
+    plan, sha256 = sealed
+    check_plan(told, str(source.path), plan)
+    return Table(
+        path=source.path,
+        trials=len(told),
+        file=file,
+        plan=InputFile(name=source.name.removesuffix(TABLE) + PLAN, sha256=sha256),
+        progress=progress(told, plan, source.path),
+    )
+
+
+def _parts(
+    sources: Sequence[Source],
+    sealed: Sequence[tuple[Plan, str] | None],
+    *,
+    bom_allowed: bool,
+) -> Iterator[_Part]:
+    for place, (source, plan) in enumerate(zip(sources, sealed, strict=True)):
+        file = str(source.path)
+        try:
+            with source.path.open("rb") as stream:
+                header, chunks = text_chunks(
+                    stream, file, bom_allowed=bom_allowed, empty_allowed=plan is not None
+                )
+                for lines, rows in chunks:
+                    yield _Part(place=place, file=file, header=header, lines=lines, rows=rows)
+        except OSError as error:
+            raise unreadable(error, source.path) from None
+
+
+def _joined(parts: Iterator[_Part]) -> Iterator[list[_Part]]:
+    """Put parts together until they have `CHUNK_ROWS` rows; their columns must be the same."""
+    held: list[_Part] = []
+    header = None
+    for part in parts:
+        header = part.header if header is None else header
+        if part.header != header:
+            raise ResultFileError(part.file, 1, "another header than the table before")
+        held.append(part)
+        if sum(len(one.rows) for one in held) >= CHUNK_ROWS:
+            yield held
+            held = []
+    if held:
+        yield held
+
+
+def _typed(parts: list[_Part], columns: ColumnMap | None) -> pd.DataFrame:
+    """Type rows; those of a single part are told apart by their lines, where a fault needs it."""
+    lines = [line for part in parts for line in part.lines]
+    text = pd.DataFrame(
+        [row for part in parts for row in part.rows],
+        columns=parts[0].header,
+        index=lines if len(parts) == 1 else None,
+        dtype=object,
+    )
+    file = parts[0].file
+    rows = own_rows(text, file) if columns is None else mapped_rows(text, file, columns)
+    if len(parts) > 1:
+        files = [part.file for part in parts for _ in part.lines]
+        rows["file"] = pd.Series(files, index=rows.index, dtype=object)
+        rows["line"] = lines
+    return rows
+
+
+def sha256_of(path: Path) -> str:
+    """Return the checksum of a file's bytes.
+
+    Raises
+    ------
+    ResultFileError
+        Where it cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> sha256_of(Path("/dev/null"))[:8]
+    'e3b0c442'
+    """
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise unreadable(error, path) from None

@@ -1,0 +1,243 @@
+"""The cells of trials.csv: text to numbers, words and flags, or refused with what is allowed."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+from unicodedata import category
+
+import numpy as np
+import pandas as pd
+
+from analysis.axis import LARGEST
+from analysis.reading.text import ResultFileError, shown
+from experiment.terms.record import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
+from experiment.trial.plan import AUDIBILITY_BLOCK
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+DETECTED = Column(
+    name="detected",
+    type="str",
+    optional=True,
+    choices=("0", "1", *(word for word in RESPONSES if word in {"timeout", "invalid"})),
+    description="whether the stimulus was felt, in tables that do not tell the side answered",
+)
+UNANSWERED = Column(
+    name="unanswered",
+    type="bool",
+    optional=False,
+    choices=(),
+    description="whether a time-out is coded in another column than the answer",
+)
+
+_LEAST: Mapping[str, int] = MappingProxyType(
+    {
+        "schema": SCHEMA,
+        "block": AUDIBILITY_BLOCK,
+        "trial": 1,
+        "attempt": 1,
+        "detected": 0,
+        "presented": 0,
+        "rt_s": 0,
+        "level_vpp": 0,
+        "foreperiod_s": 0,
+        "level_left_vpp": 0,
+        "level_right_vpp": 0,
+        "peak_left_um": 0,
+        "peak_right_um": 0,
+    }
+)
+_MOST: Mapping[str, int] = MappingProxyType({"schema": SCHEMA})
+_WORDING: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "schema": (str(SCHEMA),),
+        "level_vpp": ("a number above 0", "in a blank trial 0"),
+    }
+)
+_LARGEST_WHOLE = 2**53
+_LONGEST_TEXT = 64
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_WHOLE = re.compile(r"-?\d+(\.0*)?", re.ASCII)
+_FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellFault:
+    """The first cell of a column that cannot be read.
+
+    Attributes
+    ----------
+    line : int
+        Its line in the file.
+    message : str
+        Column, value and what is allowed.
+    """
+
+    line: int
+    message: str
+
+
+def allowed(column: Column, *, signed: bool = False) -> str:
+    """Say in words which cells a column may have; a `signed` number has no least value.
+
+    >>> from experiment.terms.record import COLUMNS
+    >>> [allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
+    ['a whole number of at least 1', 'true, false or n/a']
+    """
+    least = None if signed else _LEAST.get(column.name)
+    bound = "" if least is None else f" of at least {least}"
+    kinds = {
+        "int": [f"a whole number{bound}"],
+        "float": [f"a finite number{bound}"],
+        "bool": [*_FLAGS],
+        "str": [f"printable text of 1 to {_LONGEST_TEXT} characters"],
+    }
+    wording = () if signed else _WORDING.get(column.name, ())
+    words = list(wording or column.choices or kinds[column.type])
+    if column.optional:
+        words.append(NOT_AVAILABLE)
+    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
+
+
+def parse(column: Column, text: str, *, signed: bool = False) -> object:
+    """Read one cell; ``None`` for ``n/a`` where the column may have it.
+
+    A `signed` number may be below the least value that the column has by itself.
+
+    Of texts, marks of direction and other signs without a form are spelled out.
+
+    Raises
+    ------
+    ValueError
+        For text that is not allowed in this column.
+
+    Examples
+    --------
+    >>> parse(DETECTED, "1"), parse(DETECTED, "n/a")
+    ('1', None)
+    """
+    if text == NOT_AVAILABLE:
+        if column.optional:
+            return None
+    elif column.choices:
+        if text in column.choices:
+            return text
+    elif column.type == "bool":
+        if text in _FLAGS:
+            return _FLAGS[text]
+    elif column.type != "str":
+        return _number(column, text, signed=signed)
+    elif 0 < len(told := _told(text)) <= _LONGEST_TEXT and told.isprintable():
+        return told
+    raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
+
+
+def _told(text: str) -> str:
+    """Spell out signs without a form, as marks of direction: unseen, they would mix up names."""
+    if text.isprintable():
+        return text
+    return "".join(f"<U+{ord(c):04X}>" if category(c) == "Cf" else c for c in text)
+
+
+def _number(column: Column, text: str, *, signed: bool) -> float | int:
+    whole = column.type == "int"
+    if (_WHOLE if whole else _NUMBER).fullmatch(text):
+        number = float(text)
+        most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else LARGEST
+        least = -LARGEST if signed else _LEAST.get(column.name, -LARGEST)
+        if least <= number <= most:
+            return int(number) if whole else number
+    raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """How one column of a table becomes one of ours.
+
+    Attributes
+    ----------
+    column : Column
+        Ours.
+    label : str
+        The column's name for messages.
+    words : mapping of str to str
+        Their word to ours; other words stay as they are.
+    scale : tuple of float
+        Numerator and denominator that bring a number of theirs to our unit.
+    signed : bool
+        Whether a number may have any sign.
+    """
+
+    column: Column
+    label: str
+    words: Mapping[str, str] = field(default_factory=dict)
+    scale: tuple[float, float] = (1.0, 1.0)
+    signed: bool = False
+
+    def read(self, texts: pd.Series[Any]) -> pd.Series[Any] | CellFault:
+        """Read a column of text cells, each different text only once.
+
+        Parameters
+        ----------
+        texts : pandas.Series
+            Text cells; the index holds their lines.
+
+        Returns
+        -------
+        pandas.Series or CellFault
+            int64, float64 (NaN for none), bool, nullable boolean where the column is optional, a
+            categorical of the column's words, or text; or the first cell that cannot be read.
+
+        Examples
+        --------
+        >>> Reading(column=DETECTED, label="felt").read(pd.Series(["1", "2"], index=[2, 3])).line
+        3
+        """
+        codes, distinct = pd.factorize(texts.to_numpy(dtype=object))
+        values: list[Any] = []
+        for code, text in enumerate(distinct):
+            try:
+                values.append(self._value(text))
+            except ValueError:
+                held = f"holds {shown(text)}" if text else "is empty"
+                words = allowed(self.column, signed=self.signed)
+                message = f"column {shown(self.label)} {held}; allowed: {words}"
+                return CellFault(
+                    line=int(texts.index[int(np.argmax(codes == code))]), message=message
+                )
+        return pd.Series(_array(self.column, values)[codes], index=texts.index)
+
+    def _value(self, text: str) -> object:
+        """Read one cell; a word of theirs stands for a value in our unit already."""
+        if text in self.words:
+            return parse(self.column, self.words[text], signed=self.signed)
+        value = parse(self.column, text, signed=self.signed)
+        return value * self.scale[0] / self.scale[1] if isinstance(value, float) else value
+
+
+def _array(column: Column, values: list[Any]) -> Any:
+    if column.choices:
+        return pd.Categorical(values, categories=list(column.choices))
+    if column.type == "float":
+        return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
+    if column.type == "bool" and column.optional:
+        return pd.array(values, dtype="boolean")
+    if column.type == "str":
+        return np.array([NOT_AVAILABLE if v is None else v for v in values], dtype=object)
+    return np.array(values, dtype=np.int64 if column.type == "int" else np.bool_)
+
+
+def first_fault(file: str, faults: list[CellFault]) -> None:
+    """Raise the fault that stands highest in the file, if there is one.
+
+    >>> first_fault("t.csv", [])
+    """
+    if faults:
+        fault = min(faults, key=lambda f: f.line)
+        raise ResultFileError(file, fault.line, fault.message)

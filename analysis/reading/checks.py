@@ -1,0 +1,222 @@
+"""What the rows of a file must have in common sense: one rule a line, the first breach is named."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.definitions import TOTAL
+from analysis.reading.rows import expected_correct
+from analysis.reading.text import ResultFileError, one_line
+from experiment.terms.record import NOT_AVAILABLE, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+
+MAX_MEDIAN_RT_S = 10.0
+LEAST_LEVEL_VPP, MOST_LEVEL_VPP = 1e-6, 1e6
+KEY = ["participant", "session", "trial", "attempt"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rule:
+    """A column, what it must be, and the rows that break this."""
+
+    column: str
+    must: str
+    broken: pd.Series[bool]
+
+
+def check_rows(
+    rows: pd.DataFrame, *, planned: frozenset[str] = frozenset(), signed: bool = False
+) -> None:
+    """Refuse rows that contradict themselves.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        Typed rows of one or several files, with ``file`` and ``line``.
+    planned : frozenset of str
+        The files beside which a plan tells how long an answer was waited for; in another one, slow
+        answers are taken for milliseconds.
+    signed : bool
+        Whether levels may have any sign.
+
+    Raises
+    ------
+    ResultFileError
+        Naming the first line of the first file in which a rule is broken.
+
+    Examples
+    --------
+    >>> from analysis.reading.columns import ColumnMap
+    >>> from analysis.reading.rows import mapped_rows
+    >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
+    ...     "response": "left"}, index=[2, 3])
+    >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()))
+    Traceback (most recent call last):
+    analysis.reading.text.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number
+    from 1e-06 to 1e+06 where there is a stimulus
+    """
+    rules = [participant_rule(rows), *_stimulus_rules(rows, signed=signed), *_answer_rules(rows)]
+    refuse_broken(rows, rules)
+    _check_median(rows[~rows["file"].isin(planned)])
+
+
+def refuse_broken(rows: pd.DataFrame, rules: Iterable[Rule]) -> None:
+    """Refuse the first row that breaks a rule, by the first rule that it breaks.
+
+    >>> refuse_broken(pd.DataFrame(), [])
+    """
+    broken = [(int(np.argmax(rule.broken.to_numpy())), rule) for rule in rules if rule.broken.any()]
+    if broken:
+        row, rule = min(broken, key=itemgetter(0))
+        raise ResultFileError(rows["file"].iloc[row], *_fault(rows, row, rule))
+
+
+def participant_rule(rows: pd.DataFrame) -> Rule:
+    """Return the rule for names.
+
+    >>> participant_rule(pd.DataFrame({"participant": ["all", "1"]})).broken.tolist()
+    [True, False]
+    """
+    return Rule(
+        column="participant",
+        must="another name, for this is the name of the total's row",
+        broken=rows["participant"].eq(TOTAL),
+    )
+
+
+def _stimulus_rules(rows: pd.DataFrame, *, signed: bool) -> Iterator[Rule]:
+    kind, side, level = rows["kind"], rows["side"], rows["level_vpp"]
+    for name, sides in (("single", ("left", "right")), ("both", ("both",)), ("blank", ("none",))):
+        yield Rule(
+            column="side",
+            must=f"{' or '.join(sides)} in a {name} trial",
+            broken=kind.eq(name) & ~side.isin(sides),
+        )
+    yield Rule(
+        column="block",
+        must="0 or more in any but a control trial",
+        broken=kind.ne("control") & rows["block"].lt(0),
+    )
+    blank = side.eq("none")
+    yield level_rule(level, ~blank, signed=signed)
+    yield Rule(
+        column="level_vpp",
+        must="0 or n/a where there is no stimulus",
+        broken=blank & level.notna() & level.ne(0),
+    )
+
+
+def level_rule(level: pd.Series[float], stimulus: pd.Series[bool], *, signed: bool) -> Rule:
+    """Return the rule for levels where there is a stimulus.
+
+    >>> level_rule(pd.Series([-5.0]), pd.Series([True]), signed=True).broken.tolist()
+    [False]
+    """
+    least, most = (-math.inf, math.inf) if signed else (LEAST_LEVEL_VPP, MOST_LEVEL_VPP)
+    bounds = "" if signed else f" from {least:g} to {most:g}"
+    return Rule(
+        column="level_vpp",
+        must=f"a number{bounds} where there is a stimulus",
+        broken=stimulus & ~level.between(least, most),
+    )
+
+
+def _answer_rules(rows: pd.DataFrame) -> Iterator[Rule]:
+    response = rows["response"]
+    yield Rule(
+        column="response",
+        must="an answer, timeout or invalid where the status is ok",
+        broken=rows["status"].eq("ok") & response.isna(),
+    )
+    yield Rule(
+        column="rt_s",
+        must="n/a where there was no answer",
+        broken=rows["rt_s"].notna() & (response.isna() | response.eq("timeout")),
+    )
+    yield Rule(
+        column="correct",
+        must="what kind, side and response say",
+        broken=rows["correct"].notna()
+        & rows["correct"].ne(expected_correct(rows)).fillna(value=True),
+    )
+
+
+def _fault(rows: pd.DataFrame, row: int, rule: Rule) -> tuple[int, str]:
+    """Return the line of a row that breaks a rule, and the message."""
+    value = rows[rule.column].iloc[row]
+    shown = NOT_AVAILABLE if pd.isna(value) else format_value(_plain(value))
+    message = f"column '{rule.column}' is {shown}; it must be {rule.must}"
+    return int(rows["line"].iloc[row]), message
+
+
+def _plain(value: Any) -> object:
+    """Return a numpy scalar as the Python value it is."""
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _check_median(rows: pd.DataFrame) -> None:
+    medians_s = rows.groupby("file", sort=False)["rt_s"].median()
+    slow = medians_s[medians_s.gt(MAX_MEDIAN_RT_S)]
+    if slow.empty:
+        return
+    file, median_s = slow.index[0], slow.iloc[0]
+    line = int(rows.loc[rows["file"].eq(file) & rows["rt_s"].gt(MAX_MEDIAN_RT_S), "line"].iloc[0])
+    message = (
+        f"column 'rt_s' has a median of {median_s:g} s in this file, allowed at most "
+        f'{MAX_MEDIAN_RT_S:g} s; if these are milliseconds, a map says [units] rt_s = "ms"'
+    )
+    raise ResultFileError(file, line, message)
+
+
+def check_together(trials: pd.DataFrame) -> None:
+    """Refuse trials of one or several files that are told twice.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        Typed rows with ``file`` and ``line``.
+
+    Raises
+    ------
+    ResultFileError
+        Where participant, session, trial and attempt repeat, or where two attempts of one trial
+        both have the status ok; practice may be repeated, as warm-up after every resume.
+
+    Examples
+    --------
+    >>> twice = pd.DataFrame({"participant": "1", "session": "01", "trial": 5, "attempt": [1, 2],
+    ...     "kind": "single", "status": "ok", "file": "t.csv", "line": [6, 9]})
+    >>> check_together(twice.assign(status=["voided", "ok"]))
+    >>> check_together(twice)
+    Traceback (most recent call last):
+    analysis.reading.text.ResultFileError: t.csv:9: participant 1, session 01, trial 5: status ok,
+    although another attempt of this trial has it at t.csv:6
+    """
+    refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as")
+    valid = trials[trials["status"].eq("ok") & trials["kind"].ne("practice")]
+    refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
+
+
+def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
+    """Refuse the first row that has the key of an earlier one.
+
+    >>> refuse_repeat(pd.DataFrame({"trial": [1, 2]}), ["trial"], "the same trial as")
+    """
+    repeated = trials.duplicated(key)
+    if not repeated.any():
+        return
+    second = trials[repeated].iloc[0]
+    same = trials[key].eq(second[key]).all(axis="columns")
+    first = trials[same].iloc[0]
+    told = ", ".join(f"{name} {second[name]}" for name in key)
+    message = f"{told}: {what} {one_line(first['file'])}:{first['line']}"
+    raise ResultFileError(second["file"], int(second["line"]), message)

@@ -1,0 +1,382 @@
+"""MAP.toml: how a table made elsewhere names and codes what trials.csv names and codes."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from analysis.axis import axis_of
+from analysis.reading.cells import DETECTED, UNANSWERED, Reading, allowed, parse
+from analysis.reading.sources import read_regular
+from analysis.reading.text import ResultFileError, shown
+from experiment.terms.record import COLUMNS, NOT_AVAILABLE, Column, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+COUNTED_COLUMNS = ("participant", "session", "condition", "side", "level_vpp")
+"""What a row of counts may tell besides its counts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CountColumns:
+    """A map's section ``[table]``.
+
+    Attributes
+    ----------
+    detected, presented : str
+        Their columns with the two counts.
+    group : tuple of str
+        Their columns that tell whose and which function a row belongs to. That of the participant
+        may be among them; the others together are the condition.
+    none_offered : bool
+        Whether "not felt" could be said; false for a forced choice, where who feels nothing
+        guesses.
+
+    Raises
+    ------
+    ValueError
+        For a name that is no text, and one that is named twice.
+
+    Examples
+    --------
+    >>> CountColumns(detected="k", presented="n", group=("who", "speed")).conditions("who")
+    ['speed']
+    """
+
+    detected: str
+    presented: str
+    group: tuple[str, ...] = ()
+    none_offered: bool = True
+
+    def __post_init__(self) -> None:
+        names = [self.detected, self.presented, *self.group]
+        if not all(isinstance(name, str) and name for name in names):
+            raise ValueError(f"[table]: names of columns must be text, got {names}")
+        if len({*names}) < len(names):
+            raise ValueError(f"[table]: each column may be named once, got {', '.join(names)}")
+        if type(self.none_offered) is not bool:
+            raise ValueError(f"[table] none_offered: true or false, got {self.none_offered!r}")
+
+    def conditions(self, participant: str) -> list[str]:
+        """Return their columns that are the condition, given their name of the participant."""
+        return [name for name in self.group if name != participant]
+
+
+def count_columns(section: Mapping[str, Any]) -> CountColumns | None:
+    """Return what a map's section ``[table]`` says; without entries none.
+
+    Raises
+    ------
+    ValueError
+        For an unknown or missing key, and as `CountColumns`.
+
+    Examples
+    --------
+    >>> count_columns({"detected": "k"})
+    Traceback (most recent call last):
+    ValueError: [table] needs detected and presented, and may have group and none_offered; got
+    detected
+    """
+    if not section:
+        return None
+    known = tuple(CountColumns.__dataclass_fields__)
+    if {*section} - {*known} or not {"detected", "presented"} <= {*section}:
+        raise ValueError(
+            "[table] needs detected and presented, and may have group and none_offered; "
+            f"got {', '.join(section)}"
+        )
+    group = section.get("group", [])
+    if type(group) not in (list, tuple):
+        raise ValueError(f"[table] group: must be a list of columns, got {group!r}")
+    return CountColumns(**{**section, "group": tuple(group)})
+
+
+LEVEL = "level_vpp"
+COUNTED_REQUIRED = ("participant", "level_vpp")
+REQUIRED = ("participant", "side", "level_vpp", "response")
+_BY_COLUMN = ("columns", "values", "constant", "units")
+SECTIONS = (*_BY_COLUMN, "axis", "table")
+# What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
+UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
+    {
+        "_s": {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6)},
+        "_vpp": {"V": (1.0, 1.0), "mV": (1.0, 1e3), "V-peak": (2.0, 1.0), "mV-peak": (2.0, 1e3)},
+    }
+)
+
+# A table made elsewhere may lack these values; a trials.csv has them in every row.
+_OPTIONAL_ELSEWHERE = {"foreperiod_s", "study_sha256"}
+_OURS: Mapping[str, Column] = MappingProxyType(
+    {
+        c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
+        for c in (*COLUMNS, DETECTED, UNANSWERED)
+    }
+)
+_MAX_MAP_BYTES = 1_000_000
+_ANSWERED = ("response", "detected")
+_TWO_ANSWERS = "response and detected both tell the answer; [columns] must name one as the source"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnMap:
+    """Where the columns of trials.csv come from in a table made elsewhere.
+
+    Parameters
+    ----------
+    columns : mapping of str to str
+        Our column to theirs. A column of theirs may serve several of ours. A column that has our
+        name already needs no entry, and empty text leaves it out; theirs that nobody names are
+        ignored.
+    values : mapping of str to mapping of str to str
+        For a column of ours, their word to our word; other words stay as they are.
+    constant : mapping of str to str
+        Our column to the one value that it has in every row, in our unit; a level only where there
+        is a stimulus.
+    units : mapping of str to str
+        Our column to their unit, see `UNITS`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is an
+        amplitude, so that it counts twice.
+    axis : mapping of str to str
+        ``x_scale``, ``log10`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
+    table : mapping
+        For counts instead of trials: ``detected``, ``presented``, ``group``, ``none_offered``, see
+        `analysis.reading.columns.CountColumns`.
+    name, sha256 : str
+        File name and checksum of the map, where it was read from a file.
+
+    Raises
+    ------
+    ValueError
+        For a column that trials.csv does not have, a word it does not allow, an unknown unit, a
+        constant with a source or a unit, or ``detected`` beside ``response``.
+
+    Examples
+    --------
+    >>> elsewhere = ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}})
+    >>> elsewhere.reading("response").read(pd.Series(["l", "none", ""])).tolist()
+    ['left', 'none', nan]
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    constant: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    axis: Mapping[str, str] = field(default_factory=dict)
+    table: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+    sha256: str = ""
+
+    def __post_init__(self) -> None:
+        _check_entries(self)
+        _check_counts(self)
+        signed = axis_of(self.axis).signed
+        for ours, word in self.constant.items():
+            _check_word(f"[constant] {ours}", ours, word, signed=signed)
+        for ours, words in self.values.items():
+            for theirs, word in words.items():
+                _check_word(f"[values.{ours}] {shown(theirs)}", ours, word, signed=signed)
+        for ours, unit in self.units.items():
+            if unit not in _units_of(ours):
+                choices = ", ".join(_units_of(ours)) or "no unit but its own"
+                raise ValueError(f"[units] {ours}: allowed {choices}, got {shown(unit)}")
+
+    def reading(self, ours: str) -> Reading:
+        """Say how cells of this table become a column of ours; an empty cell is ``n/a``.
+
+        >>> ColumnMap(units={"rt_s": "ms"}).reading("rt_s").read(pd.Series(["612"]))[0]
+        np.float64(0.612)
+        """
+        theirs = self.columns.get(ours) or ours
+        scale = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
+        return Reading(
+            column=_OURS[ours],
+            label=ours if ours == theirs else f"{theirs} ({ours})",
+            words={"": NOT_AVAILABLE} | dict(self.values.get(ours, {})),
+            scale=scale,
+            signed=ours == LEVEL and axis_of(self.axis).signed,
+        )
+
+    def ours(self, table: pd.DataFrame, file: str) -> pd.DataFrame:
+        """Give a table of text our column names; leave the columns that nobody names out.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            Text cells under their names.
+        file : str
+            The table's name for messages.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Text cells under our names, for those columns that the table or the map has.
+
+        Raises
+        ------
+        ResultFileError
+            Where a column named by the map is missing, a constant contradicts a column of the
+            table, a required column has no source, or ``response`` and ``detected`` have one.
+        """
+        sources = self._sources(list(table.columns), file)
+        cells = {ours: table[theirs] for ours, theirs in sources}
+        return pd.DataFrame(cells | dict(self.constant), index=table.index, dtype=object)
+
+    def _sources(self, header: list[str], file: str) -> list[tuple[str, str]]:
+        named = _named(self)
+        for ours, theirs in named.items():
+            if theirs not in header:
+                has = ", ".join(header)
+                message = f"no column {shown(theirs)}, named by the map for {ours}; it has {has}"
+                raise ResultFileError(file, 1, message)
+        known = self._known()
+        own = {name: name for name in known if name in header and name not in self.columns}
+        for ours in self.constant:
+            if ours in own:
+                message = f"column {shown(ours)} stands in the table, but the map has a constant"
+                raise ResultFileError(file, 1, message)
+        sources = own | named
+        if {*_ANSWERED} <= {*sources, *self.constant}:
+            if not named.keys() & {*_ANSWERED}:
+                raise ResultFileError(file, 1, _TWO_ANSWERS)
+            sources = {o: t for o, t in sources.items() if o not in _ANSWERED or o in named}
+        required = COUNTED_REQUIRED if self.table else REQUIRED
+        _check_required({*sources, *self.constant}, required, file)
+        return list(sources.items())
+
+    def _known(self) -> list[str]:
+        """List our columns that need no entry where the table has them under our name."""
+        counts = count_columns(self.table)
+        if counts is None:
+            return [name for name in _OURS if name != UNANSWERED.name]
+        return [name for name in COUNTED_COLUMNS if name not in self.conditions()]
+
+    def conditions(self) -> list[str]:
+        """List their columns that together are the condition, for a table of counts.
+
+        >>> ColumnMap(table={"detected": "k", "presented": "n", "group": ["speed"]}).conditions()
+        ['speed']
+        """
+        counts = count_columns(self.table)
+        return counts.conditions(_named(self).get("participant", "participant")) if counts else []
+
+
+def load_column_map(path: str | Path) -> ColumnMap:
+    r"""Read a MAP.toml.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; sections ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``,
+        ``[axis]``, ``[table]``.
+
+    Returns
+    -------
+    ColumnMap
+
+    Raises
+    ------
+    ValueError
+        Naming the file, for anything but a regular file, text that is not TOML, an unknown section,
+        a value of another type than text, and for everything that `ColumnMap` refuses.
+    OSError
+        Where the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "MAP.toml"
+    ...     _ = path.write_text('[values.kind]\nnull = "blank"')
+    ...     load_column_map(path).values["kind"]["null"]
+    'blank'
+    """
+    path = Path(path)
+    try:
+        raw = read_regular(path, _MAX_MAP_BYTES)
+        sections = _sections(tomllib.loads(raw.decode()))
+        return ColumnMap(**sections, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _sections(document: dict[str, Any]) -> dict[str, Any]:
+    for name, section in document.items():
+        if name not in SECTIONS or type(section) is not dict:
+            known = ", ".join(f"[{section}]" for section in SECTIONS)
+            raise ValueError(f"[{name}] is not a section of a map, allowed {known}")
+    plain = document.get("constant", {})
+    numbers = {o: format_value(v) for o, v in plain.items() if type(v) in {bool, int, float}}
+    return document | ({"constant": plain | numbers} if numbers else {})
+
+
+def _check_type(section: str, ours: str, value: object) -> None:
+    match section, value:
+        case "values", Mapping() if all(isinstance(word, str) for word in value.values()):
+            return
+        case "columns" | "constant" | "units", str():
+            return
+    wanted = 'a table of "theirs" = "ours"' if section == "values" else "text in quotation marks"
+    raise ValueError(f"[{section}] {ours}: must be {wanted}, got {value!r}")
+
+
+def _check_entries(columns: ColumnMap) -> None:
+    for section in _BY_COLUMN:
+        for ours, value in getattr(columns, section).items():
+            if ours not in _OURS:
+                raise ValueError(f"[{section}] {ours}: not a column of trials.csv")
+            _check_type(section, ours, value)
+    for ours in columns.constant:
+        if ours in _named(columns):
+            raise ValueError(f"[constant] {ours}: [columns] already says where it comes from")
+        if ours in columns.units:
+            raise ValueError(f"[units] {ours}: a constant is in our unit, so it has no other")
+    if {*_ANSWERED} <= {*_named(columns), *columns.constant}:
+        raise ValueError("[columns] detected: allowed only without response, got both")
+
+
+def _check_counts(columns: ColumnMap) -> None:
+    """Refuse what a table of counts cannot have."""
+    if count_columns(columns.table) is None:
+        return
+    for section in _BY_COLUMN:
+        for ours in getattr(columns, section):
+            if ours not in COUNTED_COLUMNS:
+                allowed_here = ", ".join(COUNTED_COLUMNS)
+                raise ValueError(f"[{section}] {ours}: with [table] allowed {allowed_here}")
+    if columns.conditions() and {"condition"} & {*_named(columns), *columns.constant}:
+        raise ValueError("[table] group: it is the condition already, so condition has no other")
+
+
+def _named(columns: ColumnMap) -> dict[str, str]:
+    return {ours: theirs for ours, theirs in columns.columns.items() if theirs}
+
+
+def _check_word(place: str, ours: str, word: str, *, signed: bool) -> None:
+    column, signed = _OURS[ours], signed and ours == LEVEL
+    try:
+        parse(column, word, signed=signed)
+    except ValueError:
+        words = allowed(column, signed=signed)
+        raise ValueError(f"{place}: allowed {words}, got {shown(word)}") from None
+
+
+def _check_required(have: set[str], required: Iterable[str], file: str) -> None:
+    missing = [name for name in required if name not in have]
+    if "response" in missing and "detected" in have:
+        missing.remove("response")
+    if missing:
+        message = f"no column {', '.join(missing)}; the map must say where it comes from"
+        raise ResultFileError(file, 1, message)
+
+
+def _units_of(ours: str) -> Mapping[str, tuple[float, float]]:
+    matching: Iterable[str] = (suffix for suffix in UNITS if ours.endswith(suffix))
+    return UNITS.get(next(iter(matching), ""), {})

@@ -1,0 +1,305 @@
+"""Result files to one checked table, of trials or of counts; every fault with file and line."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from analysis.axis import Axis, axis_of
+from analysis.definitions import MOST_PRESENTED
+from analysis.reading.batch import InputFile, batches, read_batch, sha256_of
+from analysis.reading.cells import CellFault, Reading, first_fault
+from analysis.reading.checks import (
+    Rule,
+    check_together,
+    level_rule,
+    participant_rule,
+    refuse_broken,
+    refuse_repeat,
+)
+from analysis.reading.columns import COUNTED_COLUMNS, count_columns
+from analysis.reading.plans import PLAN
+from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows
+from analysis.reading.sources import find_sources, unchanged, unreadable
+from analysis.reading.text import ResultFileError, one_line, shown, text_chunks
+from experiment.terms.record import Column
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from contextlib import AbstractContextManager
+
+    from analysis.reading.batch import Table
+    from analysis.reading.columns import ColumnMap, CountColumns
+    from analysis.reading.plans import Progress
+    from analysis.reading.sources import Source
+
+
+CELL = ["condition", "level_vpp", "participant"]
+UNKNOWN = ("over_report", "mislocalised", "timeouts", "invalid")
+"""What answers other than the right one were, a table of counts does not tell."""
+
+
+def read_counted(
+    sources: Iterable[Source], columns: ColumnMap, counts: CountColumns
+) -> tuple[pd.DataFrame, list[InputFile]]:
+    """Read tables of counts as one table of cells.
+
+    Parameters
+    ----------
+    sources : iterable of Source
+        The tables.
+    columns : ColumnMap
+        What the columns are called.
+    counts : CountColumns
+        Its section ``[table]``.
+
+    Returns
+    -------
+    cells : pandas.DataFrame
+        One row per condition, level and participant, as `analysis.answers.detection.cells` gives
+        it: ``detected`` of ``presented`` over sessions and sides; the columns `UNKNOWN` are NaN.
+        Then ``none_offered``, as the map says. Rows with nothing presented are checked and
+        left out.
+    inputs : list of InputFile
+        The files.
+
+    Raises
+    ------
+    ResultFileError
+        For counts that are no whole numbers of at least 0, more detected than presented, a level
+        that its axis does not have, another side than left or right, and a cell that is told twice.
+    """
+    frames: list[pd.DataFrame] = []
+    inputs: list[InputFile] = []
+    for source in sources:
+        try:
+            frames += _frames(source, columns, counts)
+            inputs.append(InputFile(name=source.name, sha256=sha256_of(source.path)))
+        except OSError as error:
+            raise unreadable(error, source.path) from None
+    rows = pd.concat(frames, ignore_index=True)
+    key = [name for name in COUNTED_COLUMNS if name in rows]
+    refuse_repeat(rows, key, "told already at")
+    rows = rows[rows["presented"].gt(0)]
+    if rows.empty:
+        raise ResultFileError(frames[0]["file"].iloc[0], None, "nothing was presented in any row")
+    cells = rows.groupby(CELL, as_index=False)[["detected", "presented"]].sum()
+    unknown = dict.fromkeys(UNKNOWN, float("nan"))
+    return cells.assign(**unknown, none_offered=counts.none_offered), inputs
+
+
+def _frames(source: Source, columns: ColumnMap, counts: CountColumns) -> Iterator[pd.DataFrame]:
+    file = str(source.path)
+    signed = axis_of(columns.axis).signed
+    with source.path.open("rb") as stream:
+        header, chunks = text_chunks(stream, file, bom_allowed=True)
+        for lines, cells in chunks:
+            text = pd.DataFrame(cells, columns=header, index=lines, dtype=object)
+            rows = _typed(text, file, columns, counts)
+            refuse_broken(rows, _rules(rows, counts, signed=signed))
+            yield rows
+
+
+def _typed(text: pd.DataFrame, file: str, columns: ColumnMap, counts: CountColumns) -> pd.DataFrame:
+    for name in (counts.detected, counts.presented, *counts.group):
+        if name not in text:
+            message = (
+                f"no column {shown(name)}, named by [table]; it has {', '.join(map(str, text))}"
+            )
+            raise ResultFileError(file, 1, message)
+    ours = columns.ours(text, file)
+    if rest := columns.conditions():
+        ours["condition"] = [
+            ", ".join(f"{name}={value}" for name, value in zip(rest, row, strict=True))
+            for row in text[rest].itertuples(index=False)
+        ]
+    readings = [columns.reading(str(name)) for name in ours.columns]
+    for name, theirs in (("detected", counts.detected), ("presented", counts.presented)):
+        ours[name] = text[theirs]
+        column = Column(name=name, type="int", optional=False, choices=(), description="")
+        readings.append(Reading(column=column, label=theirs))
+    read: dict[str, Any] = {
+        reading.column.name: reading.read(ours[reading.column.name]) for reading in readings
+    }
+    first_fault(file, [column for column in read.values() if isinstance(column, CellFault)])
+    rows = pd.DataFrame({"condition": DEFAULTS["condition"]} | read, index=text.index)
+    rows["file"] = pd.Series(file, index=rows.index, dtype=object)
+    rows["line"] = rows.index
+    return rows
+
+
+def _rules(rows: pd.DataFrame, counts: CountColumns, *, signed: bool) -> Iterator[Rule]:
+    yield participant_rule(rows)
+    everywhere = pd.Series(data=True, index=rows.index)
+    yield level_rule(rows["level_vpp"], everywhere, signed=signed)
+    if "side" in rows:
+        must = "left or right, for single stimuli are counted"
+        yield Rule(column="side", must=must, broken=~rows["side"].isin(["left", "right"]))
+    yield Rule(
+        column="detected",
+        must=f"at most what was presented, column {shown(counts.presented)}",
+        broken=rows["detected"].gt(rows["presented"]),
+    )
+    yield Rule(
+        column="presented",
+        must=f"at most {MOST_PRESENTED:.0e}",
+        broken=rows["presented"].gt(MOST_PRESENTED),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loaded:
+    """Checked trials and the files they come from.
+
+    Attributes
+    ----------
+    trials : pandas.DataFrame
+        As `read_trials` returns them.
+    paths : tuple of Path
+        The tables that were read.
+    inputs : tuple of InputFile
+        These, their plans and the map, in the order of their names.
+    without_table : tuple of str
+        Session folders that hold no trials.csv.
+    progress : tuple of Progress
+        Of each session that has a plan, how far it came.
+    axis : Axis
+        What the levels are.
+    cells : pandas.DataFrame or None
+        Of a table of counts, what `analysis.reading.load.read_counted` returns; there are no trials
+        then.
+    """
+
+    trials: pd.DataFrame
+    paths: tuple[Path, ...]
+    inputs: tuple[InputFile, ...]
+    without_table: tuple[str, ...]
+    progress: tuple[Progress, ...]
+    axis: Axis
+    cells: pd.DataFrame | None = None
+
+
+def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> pd.DataFrame:
+    """Read result files as one table of trials, or refuse them.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        CSV files, or folders: of a folder all its ``sub-*/ses-*/trials.csv`` are read, of a
+        ``sub-*`` or ``ses-*`` folder what lies below it. Nothing else in a folder is read.
+    columns : ColumnMap, optional
+        What the columns are called in tables made elsewhere.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per trial. The columns of `experiment.terms.record.COLUMNS`: text for identifiers,
+        categoricals for words, int64, float64 (NaN where there is no value), bool, nullable boolean
+        for ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then
+        ``file`` and ``line``, where the row stands, and ``none_offered``, whether "none" could be
+        answered: by the plan beside the file; without one true where the table says yes or no, or
+        has this answer in the same condition; else unknown.
+
+    Raises
+    ------
+    ResultFileError
+        For everything that is not a well-formed table of trials; nothing is returned then.
+    ValueError
+        For a map with a section ``[table]``: counts are no trials.
+
+    Examples
+    --------
+    >>> read_trials(["nowhere.csv"])
+    Traceback (most recent call last):
+    analysis.reading.text.ResultFileError: nowhere.csv: no such file or folder
+    """
+    if columns is not None and columns.table:
+        raise ValueError("columns must be a map of trials, got one with [table]")
+    return read_inputs(paths, columns).trials
+
+
+def read_inputs(
+    paths: Sequence[str | Path],
+    columns: ColumnMap | None = None,
+    *,
+    watched: Callable[[Sequence[Source]], AbstractContextManager[Iterable[Source]]] = nullcontext,
+) -> Loaded:
+    """Read result files as `read_trials` does, and tell which files these were.
+
+    Parameters
+    ----------
+    paths, columns
+        As `read_trials`.
+    watched : callable
+        Takes the tables that are to be read, and is asked for one after the other, for a progress
+        bar.
+
+    Raises
+    ------
+    ResultFileError
+        As `read_trials`, and for a table or a plan that changes while the others are read.
+    """
+    sources, without_table = find_sources([Path(path) for path in paths])
+    files = [path for one in sources for path in (one.path, one.path.with_name(PLAN))]
+    counts = count_columns(columns.table) if columns else None
+    if columns and counts:
+        with unchanged(files), watched(sources) as asked:
+            cells, inputs = read_counted(asked, columns, counts)
+        return Loaded(
+            trials=no_rows(),
+            paths=tuple(source.path for source in sources),
+            inputs=_inputs(inputs, columns),
+            without_table=without_table,
+            progress=(),
+            axis=axis_of(columns.axis),
+            cells=cells,
+        )
+    with unchanged(files), watched(sources) as asked:
+        read = [one for batch in batches(asked) for one in read_batch(batch, columns)]
+    tables = [table for one in read for table in one.tables]
+    _check_copies(tables)
+    if not any(table.trials for table in tables):
+        raise ResultFileError(tables[0].path, 1, "no session here has a trial yet")
+    told = [one.rows for one in read if not one.rows.empty]
+    trials = _numbered(pd.concat(told, ignore_index=True))
+    check_together(trials)
+    inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
+    return Loaded(
+        trials=trials,
+        paths=tuple(source.path for source in sources),
+        inputs=_inputs(inputs, columns),
+        without_table=without_table,
+        progress=tuple(table.progress for table in tables if table.progress is not None),
+        axis=Axis() if columns is None else axis_of(columns.axis),
+    )
+
+
+def _inputs(files: Iterable[InputFile], columns: ColumnMap | None) -> tuple[InputFile, ...]:
+    """List what was read, the map included, in the order of names."""
+    if columns is None or not columns.sha256:
+        return tuple(sorted(files))
+    return tuple(sorted([*files, InputFile(name=one_line(columns.name), sha256=columns.sha256)]))
+
+
+def _check_copies(tables: Sequence[Table]) -> None:
+    first: dict[str, Path] = {}
+    for table in tables:
+        if not table.trials:  # sessions that were stopped before their first trial are all alike
+            continue
+        sha256 = table.file.sha256
+        if sha256 in first:
+            message = f"the same contents as {one_line(str(first[sha256]))}"
+            raise ResultFileError(table.path, None, message)
+        first[sha256] = table.path
+
+
+def _numbered(trials: pd.DataFrame) -> pd.DataFrame:
+    """Give trials without a number a running one, within participant and session."""
+    bare = trials["trial"].eq(UNNUMBERED)
+    running = trials[bare].groupby(["participant", "session"]).cumcount() + 1
+    trials.loc[bare, "trial"] = running
+    return trials

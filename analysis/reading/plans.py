@@ -1,0 +1,202 @@
+"""The plan beside a trials.csv: sealed, of this very session, and what the table must keep to."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from analysis.reading.sources import TABLE, read_regular, unreadable
+from analysis.reading.text import ResultFileError
+from experiment.terms.record import ANSWERS, RESPONSES, format_value
+from experiment.trial.plan import plan_from_json
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from experiment.trial.plan import Plan, Trial
+
+
+PLAN = "plan.json"
+_MAX_PLAN_BYTES = 50_000_000
+_OF_TRIAL = ("condition", "block", "kind", "side", "level_vpp")
+_OF_ROW = [
+    "participant", "session", "study_sha256", "trial", *_OF_TRIAL, "response", "rt_s", "status",
+    "line",
+]  # fmt: skip
+_NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """How far a session came.
+
+    Attributes
+    ----------
+    participant, session : str
+        Whose session.
+    valid : int
+        Planned trials with a valid attempt.
+    planned : int
+        Trials of the plan; the warm-up after a resume is not among them.
+    file_sha256 : str
+        Checksum of the study as its file states it, before levels were placed.
+    unexported : int
+        Trials of which the journal beside the table tells, and the table does not.
+    """
+
+    participant: str
+    session: str
+    valid: int
+    planned: int
+    file_sha256: str
+    unexported: int
+
+
+def read_plan(table: Path) -> tuple[Plan, str] | None:
+    """Read the plan beside a trials.csv and the checksum of its bytes, where there is one.
+
+    Parameters
+    ----------
+    table : Path
+        The table; beside one of another name no plan is looked for.
+
+    Raises
+    ------
+    ResultFileError
+        For a plan that cannot be read, was changed after it was sealed, or belongs to another
+        session than its folder.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> read_plan(Path("table.csv")) is None
+    True
+    """
+    path = table.with_name(PLAN)
+    if table.name != TABLE or not (path.exists() or path.is_symlink()):
+        return None
+    try:
+        raw = read_regular(path, _MAX_PLAN_BYTES)
+        plan = plan_from_json(raw.decode())
+    except OSError as error:
+        raise unreadable(error, path) from None
+    except (ValueError, RecursionError) as error:
+        raise ResultFileError(path, None, f"not a sealed plan: {error}") from None
+    _check_folder(plan, path)
+    return plan, hashlib.sha256(raw).hexdigest()
+
+
+def _check_folder(plan: Plan, path: Path) -> None:
+    """Refuse a plan in the folder ``sub-*/ses-*`` of another session."""
+    session = path.parent.resolve()
+    places = ((session.parent, "sub-", plan.participant), (session, "ses-", plan.session))
+    for folder, prefix, name in places:
+        if folder.name.startswith(prefix) and folder.name != prefix + name:
+            message = f"the plan of {prefix}{name}, but the folder is {folder.name}"
+            raise ResultFileError(path, None, message)
+
+
+def told_rows(rows: pd.DataFrame) -> list[Any]:
+    """Return typed rows as tuples with what `check_plan` and `progress` look at.
+
+    >>> told_rows(pd.DataFrame([dict.fromkeys(_OF_ROW, "01")]))[0].session
+    '01'
+    """
+    return list(rows[_OF_ROW].itertuples(index=False))
+
+
+def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
+    """Refuse the rows of one session where they contradict its plan.
+
+    Parameters
+    ----------
+    told : sequence of tuple
+        The rows of one file, from `told_rows`; the level of a blank trial is NaN.
+    file : str
+        The name for messages.
+    plan : Plan
+        The session's plan.
+
+    Raises
+    ------
+    ResultFileError
+        Naming the first line that is of another participant, session or study, presents what was
+        not planned, or has an answer that was not declared or came after the response window.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> plan = SimpleNamespace(participant="01", session="01", trials=(), warm_up=(),
+    ...     responses=("left",), response_window_s=2.0)
+    >>> row = dict.fromkeys(_OF_ROW, "02") | {"line": 2}
+    >>> check_plan(told_rows(pd.DataFrame([row])), "trials.csv", plan)
+    Traceback (most recent call last):
+    analysis.reading.text.ResultFileError: trials.csv:2: column 'participant' is 02; it must be
+    01 by the plan beside the table
+    """
+    trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
+    for row in told:
+        for column, must in _breaches(row, trials.get(row.trial), plan):
+            value = format_value(_known(getattr(row, column)))
+            message = (
+                f"column '{column}' is {value}; it must be {must} by the plan beside the table"
+            )
+            raise ResultFileError(file, row.line, message)
+
+
+def _breaches(row: Any, trial: Trial | None, plan: Plan) -> Iterator[tuple[str, str]]:
+    """Yield the columns in which a row breaks its plan, and what they must be."""
+    for name in ("participant", "session", "study_sha256"):
+        if getattr(row, name) != getattr(plan, name):
+            yield name, getattr(plan, name)
+    if trial is None:
+        yield "trial", "the number of a planned trial"
+    for name in _OF_TRIAL if trial else ():
+        if _known(getattr(row, name)) != getattr(trial, name):
+            yield name, f"{format_value(getattr(trial, name))} in trial {row.trial}"
+    offered = plan.responses if trial is None else plan.answers_to(trial)
+    allowed = (*offered, *_NEVER_DECLARED)
+    if _known(row.response) not in {*allowed, None}:
+        yield "response", f"one of {', '.join(allowed)}"
+    if row.rt_s > plan.response_window_s:
+        yield "rt_s", f"at most the response window, {plan.response_window_s:g},"
+
+
+def _known(value: Any) -> Any:
+    return None if pd.isna(value) else value
+
+
+def progress(told: Sequence[Any], plan: Plan, table: Path) -> Progress:
+    """Count the planned trials that have a valid attempt.
+
+    >>> from pathlib import Path
+    >>> from types import SimpleNamespace
+    >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
+    >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f")
+    >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
+    >>> progress(told, plan, Path("trials.csv"))
+    Progress(participant='01', session='01', valid=1, planned=2, file_sha256='f', unexported=0)
+    """
+    numbers = {trial.number for trial in plan.trials}
+    return Progress(
+        participant=plan.participant,
+        session=plan.session,
+        valid=sum(row.status == "ok" and row.trial in numbers for row in told),
+        planned=len(numbers),
+        file_sha256=plan.file_sha256,
+        unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(told)),
+    )
+
+
+def _ended(journal: Path) -> int:
+    if not journal.is_file():
+        return 0
+    try:
+        with journal.open("rb") as stream:
+            return sum(line.count(b'"event":"trial_end"') for line in stream)
+    except OSError as error:
+        raise unreadable(error, journal) from None

@@ -1,0 +1,236 @@
+"""Rows of text to rows of trials: every column typed, absent ones at their default."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from analysis.reading.cells import CellFault, Reading, first_fault
+from analysis.reading.text import ResultFileError, shown
+from experiment.terms.record import (
+    COLUMNS,
+    KINDS,
+    NOT_AVAILABLE,
+    RESPONSES,
+    SCHEMA,
+    SIDES,
+    is_correct,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from analysis.reading.columns import ColumnMap
+
+
+# A table made elsewhere that lacks one of these has this in every row; other absent columns: n/a.
+DEFAULTS: Mapping[str, str] = MappingProxyType(
+    {
+        "schema": str(SCHEMA),
+        "session": "01",
+        "condition": "main",
+        "block": "1",
+        "attempt": "1",
+        "status": "ok",
+        "anticipated": "false",
+        "simulated": "false",
+    }
+)
+UNNUMBERED = 0
+_HINT = "; a table made elsewhere needs --columns MAP.toml"
+_KIND_OF_SIDE: Mapping[str, str] = MappingProxyType({"both": "both", "none": "blank"})
+_NAMES = tuple(column.name for column in COLUMNS)
+
+
+def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
+    """Read rows of a trials.csv.
+
+    Parameters
+    ----------
+    text : pandas.DataFrame
+        Text cells; the index holds their lines.
+    file : str
+        The name for messages.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns of `experiment.terms.record.COLUMNS`, typed, ``file`` and ``line``.
+
+    Raises
+    ------
+    ResultFileError
+        For an unknown or missing column, and for the first cell that cannot be read.
+
+    Examples
+    --------
+    >>> own_rows(pd.DataFrame({"colour": ["red"]}, index=[2]), "t.csv")
+    Traceback (most recent call last):
+    analysis.reading.text.ResultFileError: t.csv:1: unknown column 'colour'; a table made ...
+    """
+    for name in text.columns:
+        if name not in _NAMES:
+            raise ResultFileError(file, 1, f"unknown column {shown(name)}{_HINT}")
+    missing = [name for name in _NAMES if name not in text.columns]
+    if missing:
+        raise ResultFileError(file, 1, f"no column {', '.join(missing)}{_HINT}")
+    readings = [Reading(column=column, label=column.name) for column in COLUMNS]
+    return _typed(text, readings, file)
+
+
+def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFrame:
+    """Read rows of a table made elsewhere; what it lacks gets its default.
+
+    Parameters
+    ----------
+    text : pandas.DataFrame
+        Text cells; the index holds their lines.
+    file : str
+        The name for messages.
+    columns : ColumnMap
+        Where our columns come from.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
+        `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
+        answer is ``timeout``.
+
+    Raises
+    ------
+    ResultFileError
+        For a column that the map names and the table lacks, a required column without a source,
+        and the first cell that cannot be read.
+
+    Examples
+    --------
+    >>> from analysis.reading.columns import ColumnMap
+    >>> text = pd.DataFrame({"participant": "007", "side": "left", "level_vpp": "60",
+    ...     "response": ["left", "none"]}, index=[2, 3])
+    >>> mapped_rows(text, "t.csv", ColumnMap())[["session", "kind", "line"]].to_numpy().tolist()
+    [['01', 'single', 2], ['01', 'single', 3]]
+    """
+    ours = columns.ours(text, file)
+    rows = _typed(ours, [columns.reading(str(name)) for name in ours.columns], file)
+    if "kind" not in rows:
+        kinds = [_KIND_OF_SIDE.get(side, "single") for side in rows["side"]]
+        rows["kind"] = pd.Categorical(kinds, categories=list(KINDS))
+    absent = [name for name in _NAMES if name not in rows and name != "response"]
+    for name in absent:
+        rows[name] = UNNUMBERED if name == "trial" else _default(name, columns, rows.index)
+    if "level_vpp" in columns.constant:
+        rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq("none"))
+    answer = "response" if "response" in rows else "detected"
+    if "unanswered" in rows:
+        rows.loc[rows.pop("unanswered"), answer] = "timeout"
+    rows["rt_s"] = rows["rt_s"].mask(rows[answer].eq("timeout"))
+    return rows
+
+
+def _typed(text: pd.DataFrame, readings: list[Reading], file: str) -> pd.DataFrame:
+    read = {reading.column.name: reading.read(text[reading.column.name]) for reading in readings}
+    first_fault(file, [column for column in read.values() if isinstance(column, CellFault)])
+    rows = pd.DataFrame(read)
+    # As objects: a file's name need not be text that can be encoded.
+    rows["file"] = pd.Series(file, index=rows.index, dtype=object)
+    rows["line"] = rows.index
+    return rows
+
+
+def _default(name: str, columns: ColumnMap, lines: pd.Index[Any]) -> Any:
+    texts = pd.Series(DEFAULTS.get(name, NOT_AVAILABLE), index=lines, dtype=object)
+    return columns.reading(name).read(texts)
+
+
+def no_rows() -> pd.DataFrame:
+    """Return a table of trials without a trial.
+
+    >>> len(no_rows()), no_rows()["level_vpp"].dtype
+    (0, dtype('float64'))
+    """
+    text = pd.DataFrame(columns=list(_NAMES), dtype=object)
+    return with_responses(own_rows(text, ""))
+
+
+def with_responses(rows: pd.DataFrame) -> pd.DataFrame:
+    """Turn ``detected`` into the response it stands for, and fill in what is correct.
+
+    A detected stimulus was answered with its side, a missed one with ``none``. A blank trial has
+    no side: a felt one counts for the only side at which its file has stimuli. Then tell where
+    "none" was an answer.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        All rows of one or several files, from `own_rows` or `mapped_rows`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns of `experiment.terms.record.COLUMNS` in their order, ``file``, ``line``, and
+        ``none_offered``: true where ``detected`` says yes or no, or where "none" was answered in
+        the same file and condition, else missing. Control trials tell nothing of it: "none" is
+        always an answer there.
+
+    Raises
+    ------
+    ResultFileError
+        For a felt blank trial in a file with stimuli at more than one side.
+
+    Examples
+    --------
+    >>> from analysis.reading.columns import ColumnMap
+    >>> text = pd.DataFrame({"participant": "1", "side": ["left", "left", "none"],
+    ...     "level_vpp": ["60", "60", "0"], "detected": ["1", "0", "1"]}, index=[2, 3, 4])
+    >>> rows = with_responses(mapped_rows(text, "t.csv", ColumnMap()))
+    >>> rows[["response", "correct"]].to_numpy().tolist()
+    [['left', True], ['none', False], ['left', False]]
+    """
+    yes_or_no = "response" not in rows
+    if yes_or_no:
+        answers = rows["detected"].astype(object).replace({"0": "none"})
+        felt = answers.eq("1")
+        answers = answers.mask(felt, _felt_side(rows, felt))
+        rows["response"] = pd.Categorical(answers, categories=list(RESPONSES))
+    stated = rows["correct"].astype("boolean")
+    rows["correct"] = stated.fillna(expected_correct(rows))
+    none = rows["response"].eq("none") & rows["kind"].ne("control") | yes_or_no
+    said = none.groupby([rows["file"], rows["condition"]]).transform("any").astype(bool)
+    rows["none_offered"] = said.astype("boolean").mask(~said)
+    return rows[[*_NAMES, "file", "line", "none_offered"]]
+
+
+def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool]) -> pd.Series[Any]:
+    sides = rows["side"].astype(object)
+    felt_blank = felt & sides.eq("none")
+    blanks = rows.loc[felt_blank, ["file", "line"]].drop_duplicates("file")
+    answered: dict[str, str] = {}
+    for file, line in blanks.itertuples(index=False):
+        stimulated = sorted({*sides[rows["file"].eq(file)]} - {"none"})
+        if len(stimulated) != 1:
+            message = (
+                "column 'detected' holds '1' in a blank trial, and the table has stimuli at "
+                f"{', '.join(stimulated) or 'no side'}: which side was answered? Map response "
+                "instead"
+            )
+            raise ResultFileError(file, int(line), message)
+        answered[file] = stimulated[0]
+    return sides.mask(felt_blank, rows["file"].map(answered))
+
+
+def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:
+    """Tell for each row whether its response names its stimulus, as `is_correct` defines it.
+
+    >>> expected_correct(pd.DataFrame({"kind": ["both"], "side": ["both"], "response": ["left"]}))
+    0    False
+    dtype: boolean
+    """
+    table = [[[is_correct(k, s, r) for r in (*RESPONSES, None)] for s in SIDES] for k in KINDS]
+    choices = {"kind": KINDS, "side": SIDES, "response": RESPONSES}
+    codes = [pd.Categorical(rows[name], categories=list(c)).codes for name, c in choices.items()]
+    answers = pd.array(np.array(table, dtype=object)[tuple(codes)], dtype="boolean")
+    return pd.Series(answers, index=rows.index)

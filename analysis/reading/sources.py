@@ -1,0 +1,226 @@
+"""Which files an analysis reads: regular ones, each under a name that tells it from the others."""
+
+from __future__ import annotations
+
+import os
+import stat
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analysis.reading.text import ResultFileError, one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+
+TABLE = "trials.csv"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A table to read.
+
+    Attributes
+    ----------
+    path : Path
+        The file, as the caller named it or its folder.
+    name : str
+        Printable, relative to the one folder that was asked for, or to the folder that holds
+        everything that was asked for: the same wherever that lies.
+    """
+
+    path: Path
+    name: str
+
+
+def find_sources(paths: list[Path]) -> tuple[list[Source], tuple[str, ...]]:
+    """List the tables to read, and the session folders without one by their names.
+
+    Parameters
+    ----------
+    paths : list of Path
+        Files, and folders as `analysis.read_trials` takes them.
+
+    Raises
+    ------
+    ValueError
+        Without a path.
+    ResultFileError
+        For a path that is no regular file or cannot be read, and a folder without a table.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for name in ("a", "b"):
+    ...         (Path(folder) / name).mkdir()
+    ...         (Path(folder) / name / "t.csv").touch()
+    ...     [s.name for s in find_sources(sorted(Path(folder).glob("*/t.csv")))[0]]
+    ['a/t.csv', 'b/t.csv']
+    """
+    if not paths:
+        raise ValueError("paths must name at least one file or folder, got none")
+    tables: list[tuple[Path, Path]] = []
+    without: list[tuple[Path, Path]] = []
+    for path in paths:
+        if not _is_folder(path):
+            _check_file(path)
+            tables.append((path.parent, path))
+            continue
+        sessions = _sessions(path)
+        found = [session for session in sessions if _holds(session / TABLE)]
+        if not found:
+            raise ResultFileError(path, None, _nothing(sessions))
+        for session in found:
+            _check_file(session / TABLE)
+            tables.append((path, session / TABLE))
+        without += [(path, session) for session in sessions if session not in found]
+    names = _names(tables + without)
+    sources = [Source(path=path, name=names[path]) for _, path in tables]
+    return sources, tuple(names[session] for _, session in without)
+
+
+def _holds(path: Path) -> bool:
+    """Tell whether something is there; unlike `Path.exists`, fail where that cannot be known."""
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise unreadable(error, path) from None
+    return True
+
+
+def _nothing(sessions: list[Path]) -> str:
+    if not sessions:
+        return f"no sub-*/ses-*/{TABLE} in this folder"
+    return f"no session in this folder has a {TABLE}; tactstrip export DIR builds it"
+
+
+def _names(found: list[tuple[Path, Path]]) -> dict[Path, str]:
+    """Name files by their way from the folder that holds all folders that were asked for."""
+    resolved = {folder: folder.resolve() for folder in {folder for folder, _ in found}}
+    base = os.path.commonpath(resolved.values())
+    return {
+        path: one_line((resolved[folder] / path.relative_to(folder)).relative_to(base).as_posix())
+        for folder, path in found
+    }
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError as error:
+        raise unreadable(error, path) from None
+
+
+def _sessions(folder: Path) -> list[Path]:
+    own_name = folder.resolve().name
+    if own_name.startswith("ses-"):
+        return [folder]
+    people = [folder] if own_name.startswith("sub-") else _folders(folder, "sub-")
+    return [session for person in people for session in _folders(person, "ses-")]
+
+
+def _folders(folder: Path, prefix: str) -> list[Path]:
+    """List folders by name; unlike a glob, never pass over one that cannot be read."""
+    try:
+        return sorted(f for f in folder.iterdir() if f.name.startswith(prefix) and f.is_dir())
+    except OSError as error:
+        raise unreadable(error, folder) from None
+
+
+def _check_file(path: Path) -> None:
+    if not path.exists():
+        raise ResultFileError(path, None, "no such file or folder")
+    if not path.is_file():
+        raise ResultFileError(path, None, "not a regular file")
+
+
+def unreadable(error: OSError, path: Path) -> ResultFileError:
+    """Say which file the system refused, and why.
+
+    >>> from pathlib import Path
+    >>> str(unreadable(PermissionError(13, "Permission denied"), Path("t.csv")))
+    't.csv: cannot be read: Permission denied'
+    """
+    return ResultFileError(error.filename or path, None, f"cannot be read: {error.strerror}")
+
+
+def read_regular(path: Path, most_bytes: int) -> bytes:
+    """Read a small file as a whole; a pipe, which might never end, is refused.
+
+    Raises
+    ------
+    ValueError
+        For anything but a regular file, and for one with more than `most_bytes`.
+    OSError
+        Where it cannot be read.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> read_regular(Path("/"), 10)
+    Traceback (most recent call last):
+    ValueError: not a regular file
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise ValueError("not a regular file")
+    with path.open("rb") as stream:
+        raw = stream.read(most_bytes + 1)
+    if len(raw) > most_bytes:
+        raise ValueError(f"it has at most {most_bytes} bytes, got more")
+    return raw
+
+
+@contextmanager
+def unchanged(paths: Iterable[Path]) -> Iterator[None]:
+    """Refuse what is read within, where one of the files is another one afterwards.
+
+    A file that is there only before or only after is another one, too; so is one with other
+    permissions. What is found wrong with a file that changes is no fault of that file.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        The files, whether they exist or not.
+
+    Raises
+    ------
+    ResultFileError
+        For the first file with another size, time of change or place on the disk.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder, unchanged([Path(folder) / "t.csv"]):
+    ...     _ = (Path(folder) / "t.csv").write_text("new")
+    Traceback (most recent call last):
+    analysis.reading.text.ResultFileError: ...t.csv: changed while it was read; ...
+    """
+    before = [(path, _stamp(path)) for path in paths]
+    try:
+        yield
+    except (ResultFileError, OSError):
+        _refuse_changed(before)
+        raise
+    _refuse_changed(before)
+
+
+def _refuse_changed(before: list[tuple[Path, tuple[int, ...] | None]]) -> None:
+    for path, stamp in before:
+        if _stamp(path) != stamp:
+            message = "changed while it was read; analyze it when nothing writes there any more"
+            raise ResultFileError(path, None, message) from None
+
+
+def _stamp(path: Path) -> tuple[int, ...] | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)

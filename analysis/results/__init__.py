@@ -1,0 +1,1 @@
+"""What an analysis tells: tables, terminal, files, report."""

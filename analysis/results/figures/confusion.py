@@ -1,0 +1,118 @@
+"""The figure of answers to each stimulus: shares in a grid, with counts and intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from analysis.answers.intervals import proportion_ci
+from analysis.results.figures.drawing import panels
+from experiment.terms.record import RESPONSES
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+_ROW_IN = 0.62
+_AROUND_IN = 1.5
+_DARK = 0.55
+_LEAST_SHOWN = 0.005
+_COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it, for every eye
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ConfusionData:
+    """What the figure shows.
+
+    Attributes
+    ----------
+    confusion : pandas.DataFrame
+        From `analysis.answers.choice.confusion_table`, at least one row.
+    ci : str
+        Method of the cells' intervals.
+    note : str
+        A remark for the title; may be empty.
+    """
+
+    confusion: pd.DataFrame
+    ci: str
+    note: str = ""
+
+
+def draw(data: ConfusionData) -> Figure:
+    """Draw a grid of stimuli and answers; each cell has its share, count and 95 % interval.
+
+    Parameters
+    ----------
+    data : ConfusionData
+        What to show.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    groups = [(str(name), rows) for name, rows in data.confusion.groupby("condition")]
+    heights = [_AROUND_IN + _ROW_IN * len(rows) for _, rows in groups]
+    figure, axes = panels([name for name, _ in groups], heights, data.note)
+    for panel, (_, rows) in zip(axes, groups, strict=True):
+        _draw(panel, rows, data.ci)
+    axes[-1].annotate(
+        f"In each cell: share of the row, count, 95 % interval ({data.ci.title()})\n"
+        "of the share, which ignores that participants differ.",
+        (0.5, 0), xytext=(0, -40), xycoords="axes fraction", textcoords="offset points",
+        ha="center", va="top", fontsize=8,
+    )  # fmt: skip
+    return figure
+
+
+def stimulus(kind: str, side: str) -> str:
+    """Name a stimulus.
+
+    >>> stimulus("single", "left"), stimulus("both", "both"), stimulus("blank", "none")
+    ('left', 'both', 'blank')
+    """
+    return side if kind == "single" else kind
+
+
+def _percent(share: float) -> str:
+    """Write a share as a whole percentage; none is written 0 that is not.
+
+    >>> _percent(0.002), _percent(0.0), _percent(0.254)
+    ('<1', '0', '25')
+    """
+    return "<1" if 0 < share < _LEAST_SHOWN else f"{100 * share:.0f}"
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, ci: str) -> None:
+    counts = rows[list(RESPONSES)].to_numpy(dtype=np.int64)
+    presented = np.broadcast_to(rows["presented"].to_numpy(dtype=np.int64)[:, None], counts.shape)
+    shares = counts / presented
+    low, high = proportion_ci(counts, presented, ci)
+    axes.imshow(shares, cmap=_COLOURS, vmin=0, vmax=1, aspect="auto")
+    for place in np.ndindex(counts.shape):
+        y, x = place
+        dark = shares[place] > _DARK
+        colour = "white" if dark else "black"
+        axes.annotate(f"{100 * shares[place]:.0f} %", (x, y - 0.24), fontsize=9, color=colour,
+                      ha="center", va="center", weight="bold")  # fmt: skip
+        limits = "–".join(_percent(float(limit[place])) for limit in (low, high))
+        axes.annotate(f"{counts[place]}\n{limits} %",
+                      (x, y + 0.18), fontsize=7, color=colour, ha="center", va="center",
+                      linespacing=1.1)  # fmt: skip
+    names = [
+        f"{stimulus(str(row.kind), str(row.side))}\nn = {row.presented}"
+        for row in rows.itertuples()
+    ]
+    axes.set_yticks(range(len(rows)), names, fontsize=8)
+    axes.set_xticks(range(len(RESPONSES)), list(RESPONSES), fontsize=8)
+    axes.set_xticks(np.arange(len(RESPONSES) - 1) + 0.5, minor=True)
+    axes.set_yticks(np.arange(len(rows) - 1) + 0.5, minor=True)
+    axes.grid(which="minor", color="white", lw=1.5)
+    axes.tick_params(which="both", length=0)
+    axes.spines[:].set_visible(False)
+    axes.set_xlabel("Answer (% of the stimulus's trials)")
+    axes.set_ylabel("Stimulus (n trials)")

@@ -1,0 +1,198 @@
+"""What all figures share: style, panels, axes of levels; the same bytes on every run."""
+
+from __future__ import annotations
+
+import io
+import math
+import warnings
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from analysis.axis import Axis
+
+
+# Okabe & Ito's colours for all kinds of colour vision; yellow is too light for a thin line.
+COLOURS: Final = ("#E69F00", "#56B4E9", "#009E73", "#D55E00", "#CC79A7", "#999999")
+MARKERS: Final = ("o", "s", "^", "D", "v", "P")
+GROUP: Final = "#0072B2"
+MANY: Final = "#8A8A8A"
+WIDTH_IN: Final = 4.2
+"""One panel stands below the other, so that a telephone shows the letters large enough."""
+
+_LONGEST_NAME = 14
+_BELOW_IN = 0.5
+_CLOSEST_TICKS = 0.1
+_LEAST_MARGIN = 1.001
+_STYLE: Any = {
+    "font.size": 10.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "svg.hashsalt": "tactstrip",
+    "text.parse_math": False,
+    "figure.dpi": 100.0,
+    "savefig.dpi": 200.0,
+}
+
+
+def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
+    """Draw a figure in our style, whatever the user's is; return it as PNG and as SVG.
+
+    Parameters
+    ----------
+    draw : callable
+        Makes the figure.
+
+    Returns
+    -------
+    png, svg : bytes
+        The same on every run.
+
+    Examples
+    --------
+    >>> png, svg = written(lambda: panels(["main"], [2.0])[0])
+    >>> png[1:4], svg[:5]
+    (b'PNG', b'<?xml')
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(), warnings.catch_warnings():
+        # A letter that the font lacks, or names too long for the panel, are no reason to stop.
+        warnings.simplefilter("ignore", UserWarning)
+        mpl.rcdefaults()
+        mpl.rcParams.update(_STYLE)
+        figure = draw()
+        png, svg = io.BytesIO(), io.BytesIO()
+        figure.savefig(png, format="png")
+        figure.set_layout_engine("none")  # everything has its place by now
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+    return png.getvalue(), svg.getvalue()
+
+
+def panels(
+    conditions: Iterable[str], heights_in: list[float], note: str = ""
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with one panel below the other, each named where there are several.
+
+    Parameters
+    ----------
+    conditions : iterable of str
+        One panel each.
+    heights_in : list of float
+        Of the panels, inches.
+    note : str
+        A remark for the title; may be empty.
+
+    Examples
+    --------
+    >>> figure, axes = panels(["bare", "covered"], [2.0, 3.0])
+    >>> [one.get_title() for one in axes]
+    ['condition bare', 'condition covered']
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    names = list(conditions)
+    figure = Figure(figsize=(WIDTH_IN, sum(heights_in)), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(len(names), 1, squeeze=False, height_ratios=heights_in)
+    axes = list(grid[:, 0])
+    if len(names) > 1:
+        for one, name in zip(axes, names, strict=True):
+            one.set_title(f"condition {short(name)}", fontsize=11)
+    if note:
+        figure.suptitle(note)
+    return figure, axes
+
+
+def short(name: str) -> str:
+    """Cut the middle out of a name that is too long for a label.
+
+    >>> short("S01"), short("S" * 64)
+    ('S01', 'SSSSSSS…SSSSSS')
+    """
+    if len(name) <= _LONGEST_NAME:
+        return name
+    half = _LONGEST_NAME // 2
+    return f"{name[:half]}…{name[len(name) - half + 1 :]}"
+
+
+def level_axis(axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06) -> None:
+    """Make the x axis one of levels with a tick at each, none over its neighbour.
+
+    Parameters
+    ----------
+    axes : matplotlib Axes
+    levels_vpp : array_like of float
+        The levels that were presented.
+    axis : Axis
+        What they are.
+    beyond : float
+        How far the axis goes on at either end, in parts of the levels' range.
+    """
+    from matplotlib.ticker import FixedLocator, NullLocator
+
+    closest = _CLOSEST_TICKS * (1 + beyond)
+    levels = np.unique(np.asarray(levels_vpp, dtype=np.float64))
+    if not axis.signed:
+        axes.set_xscale("log")
+        margin = max((levels[-1] / levels[0]) ** beyond, _LEAST_MARGIN)
+        axes.set_xlim(levels[0] / margin, levels[-1] * margin)
+        width = math.log(levels[-1] / levels[0] * margin**2)
+        ticks = _spaced(levels, np.log(levels), closest * width)
+        axes.set_xlabel(f"Level, logarithmic ({axis.label})")
+    else:
+        margin = beyond * float(levels[-1] - levels[0]) or 1.0
+        axes.set_xlim(levels[0] - margin, levels[-1] + margin)
+        width = float(levels[-1] - levels[0]) + 2 * margin
+        ticks = _spaced(levels, levels, closest * width)
+        axes.set_xlabel(f"Level ({axis.label})")
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.grid(color="#E5E5E5", lw=0.6)
+    axes.set_axisbelow(True)
+
+
+def _spaced(levels_vpp: Any, places: Any, closest: float) -> list[float]:
+    """Choose the levels that get a tick, so that no label covers its neighbour."""
+    ticks: list[float] = []
+    last = -math.inf
+    for level, place in zip(levels_vpp, places, strict=True):
+        if place - last >= closest:
+            ticks.append(float(level))
+            last = place
+    return ticks
+
+
+def interval(axes: Axes, limits: pd.DataFrame, label: str, *, colour: str, zorder: int) -> None:
+    """Draw upright bars with end strokes; the columns are place, lower and upper limit."""
+    x, low, high = (limits[name] for name in limits.columns)
+    axes.vlines(x, low, high, color=colour, lw=1.6, zorder=zorder, label=label)
+    for limit in (low, high):
+        axes.plot(x, limit, color=colour, marker="_", ms=9, mew=1.6, ls="", zorder=zorder)
+
+
+def key(axes: Axes, *, columns: int) -> None:
+    """Explain the signs below the panel, where no line runs, in `columns` columns."""
+    from matplotlib.transforms import ScaledTranslation
+
+    figure = axes.get_figure(root=True)
+    if figure is None or not axes.get_legend_handles_labels()[0]:
+        return
+    below = axes.transAxes + ScaledTranslation(0, -_BELOW_IN, figure.dpi_scale_trans)
+    axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0),
+        bbox_transform=below,
+        ncols=columns,
+        fontsize=8,
+        frameon=False,
+    )

@@ -1,0 +1,88 @@
+"""The figure of reaction times against level, of each side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analysis.results.figures.drawing import COLOURS, GROUP, key, level_axis, panels
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from analysis.axis import Axis
+
+
+_HEIGHT_IN = 4.1
+_SIDES = {"left": (GROUP, "o", -4.0), "right": (COLOURS[3], "s", 4.0)}
+_OTHER = ("black", "D", 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReactionData:
+    """What the figure shows.
+
+    Attributes
+    ----------
+    reaction : pandas.DataFrame
+        From `analysis.answers.counting.reaction_table`, at least one row with a time.
+    axis : Axis
+        What the levels are.
+    note : str
+        A remark for the title; may be empty.
+    """
+
+    reaction: pd.DataFrame
+    axis: Axis
+    note: str = ""
+
+
+def draw(data: ReactionData) -> Figure:
+    """Draw the median reaction time of each side with its 10 % and 90 % points.
+
+    Parameters
+    ----------
+    data : ReactionData
+        What to show.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    timed = data.reaction[data.reaction["n"].gt(0)]
+    groups = [(str(name), rows) for name, rows in timed.groupby("condition")]
+    figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), data.note)
+    longest_s = float(timed["p90"].max())
+    for panel, (_, rows) in zip(axes, groups, strict=True):
+        _draw(panel, rows, data.axis)
+        panel.set_ylim(0, 1.08 * longest_s or 1.0)
+    return figure
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, axis: Axis) -> None:
+    level_axis(axes, rows["level_vpp"], axis)
+    for side, one in rows.groupby("side", observed=True):
+        colour, marker, shift_pt = _SIDES.get(str(side), _OTHER)
+        _draw_side(axes, one, f"{side} finger", (colour, marker, shift_pt))
+    axes.set_ylabel("Reaction time of correct answers (s)")
+    key(axes, columns=1)
+
+
+def _draw_side(axes: Axes, one: pd.DataFrame, name: str, look: tuple[str, str, float]) -> None:
+    """Draw one side a little beside the level, so that two sides do not cover each other."""
+    from matplotlib.transforms import ScaledTranslation
+
+    colour, marker, shift_pt = look
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    aside = axes.transData + ScaledTranslation(shift_pt / 72, 0, figure.dpi_scale_trans)
+    axes.vlines(one["level_vpp"], one["p10"], one["p90"], color=colour, lw=1.4, transform=aside)
+    for column in ("p10", "p90"):
+        axes.plot(one["level_vpp"], one[column], color=colour, marker="_", ls="", ms=6,
+                  transform=aside)  # fmt: skip
+    axes.plot(
+        one["level_vpp"], one["median"], color=colour, marker=marker, ms=5, lw=1.2,
+        transform=aside, label=f"{name}: median, 10–90 % of answers",
+    )  # fmt: skip

@@ -1,0 +1,206 @@
+"""The figure of thresholds: each participant's with its interval, and the group's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from analysis.results.figures.drawing import GROUP, key, level_axis, panels, short
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from analysis.axis import Axis
+
+
+BELOW: Final = "threshold_below_levels"
+ABOVE: Final = "threshold_above_levels"
+
+_PERSON = "black"
+_WORDS_COLOUR = "#595959"
+_NAMED = 60
+_ROW_IN = 0.21
+_TALLEST_IN = 9.0
+_AROUND_IN = 2.0
+_BEYOND = 0.35
+_POINTED = {BELOW: "<", ABOVE: ">"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ThresholdData:
+    """What the figure shows.
+
+    Attributes
+    ----------
+    thresholds, groups : pandas.DataFrame
+        From `analysis.thresholds.table.threshold_table` and `group_table`, at least one row.
+    participants : pandas.DataFrame
+        From `analysis.answers.detection.participant_table`: who was tested at which levels.
+    axis : Axis
+        What the levels are.
+    note : str
+        A remark for the title; may be empty.
+    """
+
+    thresholds: pd.DataFrame
+    groups: pd.DataFrame
+    participants: pd.DataFrame
+    axis: Axis
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Row:
+    """A line of the figure: a value with its limits, an arrow at an end, or words."""
+
+    name: str
+    at: float
+    low: float
+    high: float
+    status: str
+    words: str
+    colour: str
+
+
+def draw(data: ThresholdData) -> Figure:
+    """Draw one line for each participant, and median and mean below.
+
+    A threshold outside the tested levels is an arrow at their end; where there is none the reason
+    stands in words. Above 60 participants the lines are ordered by threshold and not named.
+
+    Parameters
+    ----------
+    data : ThresholdData
+        What to show.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    conditions = list(data.groups["condition"])
+    rows = [_rows(data, condition) for condition in conditions]
+    heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in rows]
+    figure, axes = panels(conditions, heights, data.note)
+    for panel, each in zip(axes, rows, strict=True):
+        levels_vpp = data.participants["level_vpp"].to_numpy(dtype=float)
+        _draw(panel, each, levels_vpp, data.axis)
+        key(panel, columns=1)
+    return figure
+
+
+def _rows(data: ThresholdData, condition: str) -> list[_Row]:
+    people = data.thresholds[data.thresholds["condition"].eq(condition)]
+    group = data.groups[data.groups["condition"].eq(condition)].iloc[0]
+    if len(people) > _NAMED:
+        rank = people["threshold_vpp"].astype(float)
+        rank = rank.mask(people["status"].eq(BELOW), -np.inf).mask(
+            people["status"].eq(ABOVE), np.inf
+        )
+        people = people.iloc[np.argsort(rank.to_numpy(), kind="stable")]
+    rows = [_row(str(one["participant"]), one) for _, one in people.iterrows()]
+    nan = float("nan")
+    number = group["participants"]
+    if number > 1:
+        status, at = str(group["status"]), float(group["median_vpp"])
+        words = "no median" if np.isnan(at) else ""
+        rows.append(_Row(name=f"median of {number}", at=at, low=nan, high=nan, status=status,
+                         words=words, colour=GROUP))  # fmt: skip
+    if not np.isnan(group["mean_vpp"]):
+        at, low, high = (float(group[n]) for n in ("mean_vpp", "mean_low_vpp", "mean_high_vpp"))
+        rows.append(_Row(name=f"mean of {number}", at=at, low=low, high=high, status="ok",
+                         words="", colour=GROUP))  # fmt: skip
+    return rows
+
+
+def _row(name: str, one: pd.Series[Any]) -> _Row:
+    at, low, high = (
+        float(one[column])
+        for column in ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
+    )
+    return _Row(name=name, at=at, low=low, high=high, status=str(one["status"]),
+                words=f"none: {str(one['status']).replace('_', ' ')}", colour=_PERSON)  # fmt: skip
+
+
+def _draw(axes: Axes, rows: list[_Row], levels_vpp: Any, axis: Axis) -> None:
+    level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
+    first, last = _just_outside(axes, levels_vpp)
+    named = len(rows) <= _NAMED + 2
+    for place, row in enumerate(rows):
+        if row.status in _POINTED:
+            where = first if row.status == BELOW else last
+            axes.plot(where, place, color=row.colour, marker=_POINTED[row.status], ms=6, zorder=3)
+        elif not np.isnan(row.at):
+            _draw_value(axes, row, place, size=4.0 if named else 2.0)
+        elif named:
+            told = axes.annotate(
+                row.words, (0.02, place), xycoords=("axes fraction", "data"), va="center",
+                fontsize=7, color=_WORDS_COLOUR,
+            )  # fmt: skip
+            told.set_in_layout(False)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    shown = range(len(rows)) if named else [i for i, r in enumerate(rows) if r.colour == GROUP]
+    axes.set_yticks([*shown], [short(rows[i].name) for i in shown], fontsize=7)
+    axes.set_ylabel("Participant" if named else f"{len(rows) - len([*shown])} participants")
+    axes.grid(visible=False, axis="y")
+    log = "" if axis.signed else ", log."
+    axes.set_xlabel(f"Threshold ({axis.label}{log})")
+    _explain(axes, rows)
+
+
+def _draw_value(axes: Axes, row: _Row, place: int, *, size: float) -> None:
+    left, right = axes.get_xlim()
+    if not np.isnan(row.low):
+        axes.hlines(place, max(row.low, left), min(row.high, right), color=row.colour, lw=1.4)
+        for limit, marker, beyond in (
+            (row.low, "<", row.low < left),
+            (row.high, ">", row.high > right),
+        ):
+            at = min(max(limit, left), right)
+            axes.plot(at, place, color=row.colour, marker=marker if beyond else "|", ms=4,
+                      ls="", clip_on=False)  # fmt: skip
+    marker = "D" if row.colour == GROUP else "o"
+    axes.plot(row.at, place, color=row.colour, marker=marker, ms=size, zorder=3)
+
+
+def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
+    """Return the places a quarter of the way from the outermost levels to the axis's ends."""
+    left, right = axes.get_xlim()
+    low, high = float(np.min(levels_vpp)), float(np.max(levels_vpp))
+    if axes.get_xscale() == "log":
+        return low * (left / low) ** 0.25, high * (right / high) ** 0.25
+    return low + (left - low) / 4, high + (right - high) / 4
+
+
+def _explain(axes: Axes, rows: list[_Row]) -> None:
+    """Put into the key what the panel has."""
+    held = {row.status for row in rows}
+    if any(not np.isnan(row.at) and row.colour == _PERSON for row in rows):
+        axes.plot(
+            [],
+            [],
+            color=_PERSON,
+            marker="o",
+            ms=4,
+            lw=1.4,
+            label="threshold, 95 % interval",
+        )
+    for status, words in (
+        (BELOW, "below the lowest tested level"),
+        (ABOVE, "above the highest tested level"),
+    ):
+        if status in held:
+            axes.plot([], [], color=_PERSON, marker=_POINTED[status], ls="", ms=6, label=words)
+    if any(row.colour == GROUP for row in rows):
+        axes.plot(
+            [],
+            [],
+            color=GROUP,
+            marker="D",
+            ms=4,
+            lw=1.4,
+            label="group; of a mean, 95 % interval",
+        )

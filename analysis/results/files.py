@@ -1,0 +1,236 @@
+"""The files of an analysis, all written or none; tables as CSV that no spreadsheet carries out."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import re
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+from filelock import FileLock, Timeout
+
+from analysis.answers.counting import clean_table
+from analysis.definitions import TOTAL
+from analysis.results.figures import figures
+from analysis.results.report import report_html
+from analysis.results.summary import summary_text
+from experiment.terms.record import NOT_AVAILABLE, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from analysis.results.tables import Analysis
+
+
+# At the beginning, or behind what some spreadsheet takes for the end of a cell; = + - @ also wide.
+_FORMULA = re.compile(r"""(^|[,;|\t"])([' ]*[=+\-@＝＋－＠])""")
+_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", re.ASCII)
+
+
+def csv_text(table: pd.DataFrame) -> str:
+    r"""Write a table as CSV with LF line ends; NaN is ``n/a``, numbers keep their shortest form.
+
+    Texts are written as `harmless` makes them.
+
+    >>> table = pd.DataFrame({"level_vpp": [60.0], "group_low": [float("nan")], "name": ["=1+1"]})
+    >>> csv_text(table)
+    "level_vpp,group_low,name\n60,n/a,'=1+1\n"
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table.columns)
+    writer.writerows(zip(*(_cells(table[name]) for name in table.columns), strict=True))
+    return text.getvalue()
+
+
+def _cells(column: pd.Series[Any]) -> Iterable[str]:
+    """Write each different value once."""
+    codes, distinct = pd.factorize(column.astype(object), use_na_sentinel=True)
+    # The last stands for missing values, whose code is -1.
+    texts = [*(_cell(value) for value in distinct), NOT_AVAILABLE]
+    return [texts[code] for code in codes]
+
+
+def _cell(value: object) -> str:
+    return harmless(value) if isinstance(value, str) else format_value(value)
+
+
+def harmless(text: str) -> str:
+    """Return a text that a spreadsheet does not take for a formula.
+
+    Parts that a spreadsheet might calculate, because they begin with ``=``, ``+``, ``-`` or ``@``
+    or with apostrophes before one of them, get an apostrophe in front. Different texts stay
+    different. Texts that are numbers stay as they are.
+
+    >>> [harmless(text) for text in ("S01", "=1+1", "'=1+1", "-3", "-3 dB", "a;@b")]
+    ['S01', "'=1+1", "''=1+1", '-3', "'-3 dB", "a;'@b"]
+    """
+    return text if _NUMBER.fullmatch(text) else _FORMULA.sub(r"\1'\2", text)
+
+
+SUMMARY = "summary.json"
+# The summary first: wherever moving stops, the next analysis knows the folder for one of its own.
+REPORT = "report.html"
+NAMES = (
+    SUMMARY,
+    *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
+    *("thresholds.csv", "confusion.csv", "trials_clean.csv"),
+    *figures.NAMES,
+    REPORT,
+)
+_PREFIX, _LOCK = ".analysis-", "lock"
+_SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "definitions": \{')
+
+
+def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterable[Path]) -> None:
+    """Write the files of an analysis into a folder; those of an earlier analysis are replaced.
+
+    They are written into a temporary folder in it and moved when all of them are complete. A file
+    of an earlier analysis that this one does not have is removed, so that none tells of older data;
+    so is the temporary folder of an analysis that was killed.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What came out.
+    out_dir : Path
+        The folder; made where it does not exist.
+    with_figures : bool
+        Whether to draw.
+    read : iterable of Path
+        The files that were analysed.
+
+    Raises
+    ------
+    ValueError
+        Where `out_dir` is not a folder, or has under one of `NAMES` a folder, a file that was
+        analysed, or any file without a summary.json of an earlier analysis beside it.
+    OSError
+        Where the folder cannot be written; no file in it has changed then.
+    """
+    _check_target(out_dir, read)
+    made_here = not out_dir.exists()
+    out_dir.mkdir(parents=True, exist_ok=True)
+    try:
+        _sweep(out_dir)
+        with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, FileLock(Path(name) / _LOCK):
+            made = Path(name)
+            for file, content in _contents(analysis, with_figures=with_figures):
+                _write(made / file, content, out_dir / file)
+            _move(made, out_dir)
+    except BaseException:
+        if made_here:
+            with contextlib.suppress(OSError):
+                out_dir.rmdir()
+        raise
+
+
+def _sweep(out_dir: Path) -> None:
+    """Remove what analyses left that were killed; one that still writes holds its lock."""
+    for left in out_dir.glob(f"{_PREFIX}*"):
+        if left.is_symlink() or not left.is_dir():
+            continue
+        if {path.name for path in left.iterdir()} <= {*NAMES, _LOCK}:
+            with contextlib.suppress(Timeout, OSError), FileLock(left / _LOCK, timeout=0):
+                shutil.rmtree(left)
+
+
+def _move(made: Path, out_dir: Path) -> None:
+    for file in NAMES:
+        if (made / file).exists():
+            (made / file).replace(out_dir / file)
+        else:
+            (out_dir / file).unlink(missing_ok=True)
+
+
+def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
+    if out_dir.exists() and not out_dir.is_dir():
+        raise ValueError(f"out_dir must be a folder, got the file {out_dir}")
+    named = [out_dir / name for name in NAMES]
+    there = [target for target in named if target.exists() or target.is_symlink()]
+    for path in read:
+        if any(target.exists() and path.samefile(target) for target in there):
+            raise ValueError(f"out_dir must not hold what is analysed, got {path} there")
+    for target in there:
+        if target.is_dir():
+            raise ValueError(f"out_dir must not hold a folder with a result's name, got {target}")
+    if there and not _is_summary(out_dir / SUMMARY):
+        message = "out_dir must not hold files that are not of an earlier analysis"
+        raise ValueError(f"{message}, got {there[0]}")
+
+
+def _is_summary(path: Path) -> bool:
+    """Tell whether a file begins as `summary_text` does."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        return _SUMMARY_BEGINS.match(stream.read(100)) is not None
+
+
+def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, bytes]]:
+    """Yield the files one by one, so that only one is held besides the figures."""
+    yield SUMMARY, summary_text(analysis).encode()
+    yield "trials_clean.csv", csv_text(clean_table(analysis.trials)).encode()
+    tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
+    possible = {
+        "both.csv": analysis.both,
+        "blank.csv": analysis.blank,
+        "control.csv": analysis.control,
+        "thresholds.csv": _with_groups(analysis.thresholds, analysis.groups),
+        "confusion.csv": analysis.confusion,
+    }
+    tables |= {name: table for name, table in possible.items() if len(table)}
+    mixed = 0 < analysis.counts.simulated < analysis.counts.trials
+    for name, table in tables.items():
+        yield name, csv_text(_marked(table, analysis.trials) if mixed else table).encode()
+    drawn = tuple(figures.pictures(analysis)) if with_figures else ()
+    for one in drawn:
+        yield f"{one.name}.png", one.png
+        yield f"{one.name}.svg", one.svg
+    yield REPORT, report_html(analysis, drawn).encode()
+
+
+def _marked(table: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
+    """Say in a last column whose trials a row is of: simulated ones (true), or not, or mixed."""
+    shares: dict[tuple[str, ...], dict[Any, float]] = {
+        key: trials.groupby(list(key))["simulated"].mean().to_dict()
+        for key in (("condition",), ("participant",), ("participant", "condition"))
+    }
+    words = []
+    for row in table.to_dict("records"):
+        names = ("participant", "condition")
+        key = tuple(name for name in names if name in row and row[name] != TOTAL)
+        values = tuple(row[name] for name in key)
+        share = shares[key][values if len(values) > 1 else values[0]] if key else 0.5
+        words.append({0.0: "false", 1.0: "true"}.get(share, "mixed"))
+    return table.assign(simulated=words)
+
+
+def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame:
+    """Put below the participants of each condition a row of their group: its median."""
+    import pandas as pd
+
+    rows = groups.assign(
+        participant=TOTAL,
+        threshold_vpp=groups["median_vpp"],
+        trials=[
+            thresholds.loc[thresholds["condition"].eq(name), "trials"].sum()
+            for name in groups["condition"]
+        ],
+    )
+    columns = list(thresholds.columns)
+    records = [*thresholds.to_dict("records"), *rows.to_dict("records")]
+    table = pd.DataFrame(records, columns=columns)
+    return table.sort_values("condition", kind="stable").reset_index(drop=True)
+
+
+def _write(path: Path, content: bytes, target: Path) -> None:
+    try:
+        path.write_bytes(content)
+    except OSError as error:  # of a full disk, which does not say where
+        raise OSError(error.errno, error.strerror, str(target)) from error

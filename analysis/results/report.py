@@ -1,0 +1,425 @@
+"""The report of an analysis: one HTML page that needs nothing else, for people."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from analysis.axis import alone, shortest, with_limits
+from analysis.definitions import DEFINITIONS, TOTAL
+from analysis.results.figures.confusion import stimulus
+from analysis.results.markup import element, figure, foreign, page, table
+from analysis.results.summary import versions
+from experiment.terms.record import RESPONSES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from xml.etree.ElementTree import Element
+
+    import pandas as pd
+
+    from analysis.answers.choice import Choices
+    from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
+    from analysis.answers.serial import SerialEffect
+    from analysis.results.figures.figures import Picture
+    from analysis.results.markup import Content
+    from analysis.results.tables import Analysis
+    from analysis.thresholds.population import PopulationThreshold
+
+
+_SERIAL = {
+    "correct": "Correct again after a correct answer",
+    "felt": "Felt again after a stimulus was felt",
+    "side": "The same side answered again",
+}
+
+
+def choice_rows(choices: Choices) -> Iterator[list[str]]:
+    """Yield the rows of a table: quantity, value, p, remark.
+
+    Parameters
+    ----------
+    choices : Choices
+        Of a participant or of all in a condition.
+    """
+    yield ["Over-report: both to a single stimulus", _share(choices.over_report), "", ""]
+    yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
+    told = choices.information
+    corrected = (
+        f"corrected for chance {_decimals(told.miller_madow_bits)} bits" if told.trials else ""
+    )
+    yield ["Information of an answer", f"{_decimals(told.plugin_bits)} bits", _decimals(told.p),
+           told.reason or f"{corrected}, of {_decimals(told.stimulus_bits)} at most"]  # fmt: skip
+    yield from _sensitivity("Detection", choices.detection)
+    yield from _sensitivity("Left against right", choices.spatial)
+    yield _preference("Side of wrong answers", choices.wrong_side)
+    yield _preference("Side answered to blank trials", choices.blank_side)
+    yield _preference("Side felt alone of both fingers", choices.extinction)
+    for name, words in _SERIAL.items():
+        yield _serial(words, getattr(choices.serial, name))
+
+
+def _sensitivity(name: str, one: Sensitivity) -> Iterator[list[str]]:
+    remark = one.reason
+    if one.participants > 1:
+        remark = f"mean of {one.participants} participants"
+    yield [f"{name}: d'", _decimals(one.d_prime), "", remark]
+    yield [f"{name}: criterion", _decimals(one.criterion), "", remark]
+
+
+def _preference(name: str, one: SidePreference) -> list[str]:
+    return [name, f"left {one.left}, right {one.right}", _decimals(one.p), one.reason]
+
+
+def _serial(name: str, one: SerialEffect) -> list[str]:
+    otherwise = "" if one.otherwise is None else f"otherwise {_share(one.otherwise)}"
+    return [name, _share(one.again), _decimals(one.p), one.reason or otherwise]
+
+
+def _share(share: Share) -> str:
+    told = f"{share.count} of {share.of}"
+    return told if share.p is None else f"{share.p:.3f} ({told})"
+
+
+def _decimals(value: float | None) -> str:
+    return "n/a" if value is None else f"{value:.3f}"
+
+
+_TITLE = "Detection of vibrotactile stimuli"
+_FORCED = (
+    'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
+    "the detection probability starts near 1/2, not at 0."
+)
+_CENSORED = (
+    "A threshold outside the tested levels is told as below or above them, never as a number. "
+    "Such thresholds take part in the median; a mean is given only where everybody has a number."
+)
+
+
+def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
+    """Write the report.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What came out.
+    pictures : iterable of Picture
+        Its figures; may be empty.
+
+    Returns
+    -------
+    str
+        A page without script, link or request; the same for the same data.
+    """
+    drawn = {one.name: figure(one.svg, one.alt) for one in pictures}
+    body = [
+        *_opening(analysis),
+        *_warnings(analysis),
+        *_counted(analysis),
+        *_detection(analysis, drawn),
+        *_thresholds(analysis, drawn),
+        *_answers(analysis, drawn),
+        *_reaction_times(analysis, drawn),
+        *_both_and_blank(analysis),
+        *_control(analysis),
+        *_definitions(analysis),
+        *_sources(analysis),
+    ]
+    return page(_TITLE, body)
+
+
+def _opening(analysis: Analysis) -> Iterator[Element]:
+    counts = analysis.counts
+    yield element("h1", _TITLE)
+    if analysis.simulated:
+        yield element("p", f"{analysis.simulated}.", class_="mark")
+    conditions = sorted({*analysis.trials["condition"], *analysis.levels["condition"]})
+    named: list[Content] = []
+    for name in conditions:
+        named += [", " if named else " (", foreign(name)]
+    yield element(
+        "p",
+        f"{counts.trials} trials of {_number(counts.participants, 'participant')} in "
+        f"{_number(counts.sessions, 'session')}, {_number(counts.conditions, 'condition')}",
+        *named,
+        ").",
+    )
+
+
+def _number(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _warnings(analysis: Analysis) -> Iterator[Element]:
+    yield element("h2", "Warnings")
+    if analysis.warnings:
+        yield element("ul", *(element("li", foreign(text)) for text in analysis.warnings))
+    else:
+        yield element("p", "None.")
+
+
+def _counted(analysis: Analysis) -> Iterator[Element]:
+    counts = analysis.counts
+    yield element("h2", "What was counted and what was left out")
+    yield element(
+        "p",
+        "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
+        "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
+        "trial with the reason why it was left out.",
+    )
+    rows = [
+        ["Single stimuli, counted", str(counts.single)],
+        ["Both-finger trials, counted", str(counts.both)],
+        ["Blank trials, counted", str(counts.blank)],
+        ["Left out", str(counts.left_out)],
+        ["All that were read", str(counts.trials)],
+        ["Time-outs among the counted", str(counts.timeouts)],
+        ["Invalid keys among the counted", str(counts.invalid)],
+        ["Trials of simulated participants", str(counts.simulated)],
+    ]
+    yield table("Trials", ["What", "Trials"], rows)
+    if len(analysis.excluded):
+        header = ["Reason", "Trials", "Participants"]
+        yield table("Left out", header, _left_out(analysis.excluded), ["Participants"])
+
+
+def _left_out(excluded: pd.DataFrame) -> Iterator[list[Content]]:
+    for reason, rows in excluded.groupby("reason"):
+        each: list[Content] = []
+        for name, number in zip(rows["participant"], rows["trials"], strict=True):
+            each += [", " if each else "", foreign(name), f" {number}"]
+        yield [str(reason), str(rows["trials"].sum()), element("span", *each)]
+
+
+def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+    yield element("h2", "Detection by level")
+    if analysis.levels.empty:
+        yield element("p", "No trial with a single stimulus counts.")
+        return
+    if analysis.detected_any is None:
+        yield element("p", _FORCED)
+    yield from _shown(drawn, "detection")
+    header = [_level_head(analysis), "Detected / presented", "Participants",
+              "Least", "Mean", "Largest", "Group, 95 %", "Both", "Other side", "Time-outs",
+              "Of answered"]  # fmt: skip
+    people = analysis.participants.groupby(["condition", "level_vpp"]).size()
+    levels = analysis.levels.assign(people=people.to_numpy())
+    if analysis.detected_any is not None:
+        header.append("Felt at all")
+        levels = levels.assign(any=analysis.detected_any["detected_any"])
+    for condition, rows in levels.groupby("condition"):
+        caption = f"Detection by level{_where(analysis, condition)}"
+        yield table(
+            caption, header, [_level(row, analysis.axis.unit) for _, row in rows.iterrows()]
+        )
+
+
+def _level(row: pd.Series[Any], unit: str) -> list[Content]:
+    return [
+        f"{shortest(row['level_vpp'])} {unit}",
+        f"{row['detected']} / {row['presented']}",
+        str(row["people"]),
+        *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
+        _limits(row["group_low"], row["group_high"]),
+        *(_count(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
+        _p(row["p_answered"]),
+        *([str(row["any"])] if "any" in row.index else []),
+    ]
+
+
+def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+    if analysis.thresholds.empty:
+        return
+    yield element("h2", "Thresholds")
+    yield element("p", _CENSORED)
+    groups: list[list[Content]] = [
+        [
+            foreign(str(row["condition"])),
+            str(row["participants"]),
+            foreign(str(row["printed"])),
+            str(row["below"]),
+            str(row["above"]),
+        ]
+        for _, row in analysis.groups.iterrows()
+    ]
+    header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
+    yield table("Thresholds of the group", header, groups, ["Threshold"])
+    if analysis.population:
+        header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
+        fitted = [_population(one, analysis.axis.unit) for one in analysis.population]
+        caption = "The participants as one population: logistic, a random intercept each"
+        yield table(caption, header, fitted, ["Remark"])
+    yield from _shown(drawn, "thresholds")
+    header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
+              "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",
+              "Levels", "Trials"]  # fmt: skip
+    for condition, rows in analysis.thresholds.groupby("condition"):
+        caption = f"Thresholds of participants{_where(analysis, condition)}"
+        cells = [_threshold(row, analysis.axis.unit) for _, row in rows.iterrows()]
+        yield table(caption, header, cells, ["Threshold (95 %)", "Status", "Guess rate from"])
+
+
+def _population(one: PopulationThreshold, unit: str) -> list[Content]:
+    low, high = one.threshold_limits_vpp
+    return [
+        foreign(one.condition),
+        str(one.participants),
+        "n/a" if one.reason else with_limits(one.threshold_vpp, low, high, unit),
+        _p(one.between_sd),
+        one.reason,
+    ]
+
+
+def _threshold(row: pd.Series[Any], unit: str) -> list[Content]:
+    return [
+        foreign(row["participant"]),
+        row["printed"],
+        row["status"].replace("_", " "),
+        *(_p(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
+        row["guess_basis"],
+        *(_level_text(row[f"threshold_guess_{name}_vpp"], unit) for name in ("0", "third")),
+        str(row["levels"]),
+        str(row["trials"]),
+    ]
+
+
+def _answers(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+    if analysis.confusion.empty:
+        return
+    yield element("h2", "Answers")
+    yield from _shown(drawn, "confusion")
+    header = ["Stimulus", *RESPONSES, "Presented"]
+    for condition, rows in analysis.confusion.groupby("condition"):
+        cells = [
+            [stimulus(row["kind"], row["side"]), *(str(row[name]) for name in RESPONSES),
+             str(row["presented"])]
+            for _, row in rows.iterrows()
+        ]  # fmt: skip
+        yield table(f"Answers to each stimulus{_where(analysis, condition)}", header, cells)
+    header = ["Quantity", "Value", "p", "Remark"]
+    for one in analysis.choice:
+        if one.participant == TOTAL:
+            caption = f"What the answers tell{_where(analysis, one.condition)}"
+            yield table(caption, header, choice_rows(one), ["Value", "Remark"])
+    yield element("p", "The same of every participant stands in summary.json under choice.")
+
+
+def _reaction_times(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+    if not analysis.reaction_times["n"].gt(0).any():
+        return
+    yield element("h2", "Reaction times")
+    yield element("p", "Of correct answers to single stimuli; time-outs have none.")
+    yield from _shown(drawn, "reaction_times")
+    header = [f"{_level_head(analysis)}, finger", "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
+    for condition, rows in analysis.reaction_times.groupby("condition"):
+        cells = [
+            [f"{shortest(row['level_vpp'])} {analysis.axis.unit}, {row['side']}", str(row["n"]),
+             *(_p(row[name]) for name in ("median", "p10", "p90"))]
+            for _, row in rows.iterrows()
+        ]  # fmt: skip
+        yield table(f"Reaction times{_where(analysis, condition)}", header, cells)
+
+
+def _both_and_blank(analysis: Analysis) -> Iterator[Element]:
+    of_ci = f"95 % {analysis.ci.title()}"
+    if len(analysis.both):
+        yield element("h2", "Both-finger trials")
+        header = ["Participant", "Answered both / presented", "Share", of_ci, "Left only",
+                  "Right only"]  # fmt: skip
+        rows = [
+            [*_who(row), f"{row['noticed']} / {row['presented']}", _p(row["p"]),
+             _limits(row["low"], row["high"]), str(row["left_only"]), str(row["right_only"])]
+            for _, row in analysis.both.iterrows()
+        ]  # fmt: skip
+        yield table(f"Both-finger trials; {_TOTALS}", header, rows)
+    if len(analysis.blank):
+        yield element("h2", "Blank trials")
+        header = ["Participant", "Presented", "Left", "Right", "Both", "False alarms", of_ci]
+        rows = [
+            [*_who(row), *(str(row[name]) for name in ("presented", "left", "right", "both")),
+             _p(row["p"]), _limits(row["low"], row["high"])]
+            for _, row in analysis.blank.iterrows()
+        ]  # fmt: skip
+        yield table(f"Blank trials; {_TOTALS}", header, rows)
+
+
+def _control(analysis: Analysis) -> Iterator[Element]:
+    if analysis.control.empty:
+        return
+    yield element("h2", "Fingers off the plate")
+    yield element(
+        "p",
+        "Audibility and control trials, with the noise on and no finger on the plate; they are in "
+        "no other number here. More answers with the driven side than with the other say that "
+        "the plate is heard or seen.",
+    )
+    answers = ("left", "right", "both", "none", "timeouts", "invalid", "presented")
+    header = ["Participant", "Part", "Driven side", *(name.capitalize() for name in answers)]
+    rows = [
+        [*_who(row), row["part"], row["side"], *(str(row[name]) for name in answers)]
+        for _, row in analysis.control.iterrows()
+    ]
+    yield table("Answers with the fingers off the plate", header, rows)
+
+
+_TOTALS = "the interval of a row 'all' ignores that participants differ"
+
+
+def _who(row: pd.Series[Any]) -> list[Content]:
+    """Name a participant, and the condition where there are several."""
+    name = foreign(row["participant"])
+    if "condition" not in row.index:
+        return [name]
+    return [element("span", name, ", ", foreign(row["condition"]))]
+
+
+def _definitions(analysis: Analysis) -> Iterator[Element]:
+    yield element("h2", "Definitions")
+    yield element(
+        "p",
+        f"Intervals of one cell: {analysis.ci}. What is drawn at random has the seed "
+        f"{analysis.seed}. Formulas and sources: docs/statistics.md of tactstrip.",
+    )
+    terms = [
+        one
+        for words, meaning in DEFINITIONS.items()
+        for one in (element("dt", words), element("dd", meaning))
+    ]
+    yield element("dl", *terms)
+
+
+def _sources(analysis: Analysis) -> Iterator[Element]:
+    yield element("h2", "Inputs and versions")
+    rows = [[foreign(one.name), element("code", one.sha256)] for one in analysis.inputs]
+    yield table("Files that were read", ["File", "sha256"], rows, ["sha256"])
+    told = [[name, number] for name, number in versions().items()]
+    yield table("Versions", ["Package", "Version"], told, ["Version"])
+
+
+def _shown(drawn: dict[str, Element], name: str) -> Iterator[Element]:
+    if name in drawn:
+        yield drawn[name]
+
+
+def _where(analysis: Analysis, condition: object) -> str:
+    return f", condition {condition}" if analysis.counts.conditions > 1 else ""
+
+
+def _p(value: float) -> str:
+    return "n/a" if math.isnan(value) else f"{value:.3f}"
+
+
+def _level_head(analysis: Analysis) -> str:
+    return "Level (p-p)" if analysis.axis.unit == "V" else "Level"
+
+
+def _count(value: float) -> str:
+    return "n/a" if math.isnan(value) else str(int(value))
+
+
+def _level_text(value: float, unit: str) -> str:
+    return "n/a" if math.isnan(value) else alone(value, unit)
+
+
+def _limits(low: float, high: float) -> str:
+    return "n/a" if math.isnan(low) else f"{low:.3f} to {high:.3f}"

@@ -1,0 +1,89 @@
+"""The summary of an analysis: everything that is not a table of trials, as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import TYPE_CHECKING
+
+from analysis.definitions import DEFINITIONS
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from analysis.results.tables import Analysis
+    from analysis.thresholds.population import PopulationThreshold
+
+
+SCHEMA = 1
+
+
+def summary_text(analysis: Analysis) -> str:
+    """Write the summary as JSON: no time, no host, no absolute path, so equal data give equal text.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What came out.
+
+    Returns
+    -------
+    str
+        A JSON object with the keys ``schema definitions inputs versions seed counts excluded levels
+        both blank control thresholds groups population choice reaction_times warnings``.
+    """
+    levels = analysis.levels
+    if analysis.detected_any is None:
+        levels = levels.assign(detected_any=math.nan)
+    else:
+        levels = levels.assign(detected_any=analysis.detected_any["detected_any"])
+    summary = {
+        "schema": SCHEMA,
+        "definitions": {"ci": analysis.ci, **DEFINITIONS},
+        "inputs": [asdict(file) for file in analysis.inputs],
+        "versions": versions(),
+        "seed": analysis.seed,
+        "counts": asdict(analysis.counts),
+        "excluded": _records(analysis.excluded),
+        "levels": _records(levels),
+        "both": _records(analysis.both),
+        "blank": _records(analysis.blank),
+        "control": _records(analysis.control),
+        "thresholds": _records(analysis.thresholds),
+        "groups": _records(analysis.groups),
+        "population": [_population(one) for one in analysis.population],
+        "choice": [asdict(one) for one in analysis.choice],
+        "reaction_times": _records(analysis.reaction_times),
+        "warnings": list(analysis.warnings),
+    }
+    return json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def versions() -> dict[str, str]:
+    """Name the versions that numbers and figures depend on.
+
+    >>> [*versions()]
+    ['python', 'tactstrip', 'numpy', 'scipy', 'pandas', 'matplotlib']
+    """
+    names = ("tactstrip", "numpy", "scipy", "pandas", "matplotlib")
+    return {"python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def _population(one: PopulationThreshold) -> dict[str, object]:
+    low, high = one.threshold_limits_vpp
+    told = asdict(one) | {"threshold_limits_vpp": [_known(low), _known(high)]}
+    return {name: _known(value) for name, value in told.items()}
+
+
+def _known(value: object) -> object:
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, object]]:
+    return [
+        {name: _known(value) for name, value in zip(table.columns, row, strict=True)}
+        for row in table.itertuples(index=False, name=None)
+    ]

@@ -1,0 +1,321 @@
+"""One analysis of checked trials: all tables, all counts, and what a reader has to be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analysis.answers import counting, detection
+from analysis.answers.choice import choices, confusion_table
+from analysis.answers.counting import reaction_table
+from analysis.definitions import METHODS
+from analysis.reading.text import ResultFileError
+from analysis.thresholds.people import people_of, people_of_counts
+from analysis.thresholds.table import group_table, thresholds_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from analysis.answers.choice import Choices
+    from analysis.axis import Axis
+    from analysis.reading.batch import InputFile
+    from analysis.reading.load import Loaded
+    from analysis.thresholds.people import People
+    from analysis.thresholds.population import PopulationThreshold
+
+
+# Left out as planned, or presented again: nothing to warn of.
+_EXPECTED = ("practice", "control", "voided")
+_NO_STUDY = "n/a"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How many of what; every trial is in exactly one of single, both, blank and left_out.
+
+    Attributes
+    ----------
+    trials, single, both, blank, left_out : int
+        Trials read; counted ones by kind; those left out.
+    timeouts, invalid : int
+        Time-outs and invalid keys among the counted trials.
+    participants, sessions, conditions : int
+        Different ones among all trials read; a session belongs to a participant.
+    simulated : int
+        Trials of simulated participants.
+    """
+
+    trials: int
+    single: int
+    both: int
+    blank: int
+    left_out: int
+    timeouts: int
+    invalid: int
+    participants: int
+    sessions: int
+    conditions: int
+    simulated: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Analysis:
+    """What came out of a set of trials.
+
+    Attributes
+    ----------
+    levels, participants, both, blank, excluded : pandas.DataFrame
+        As `analysis.answers.detection` and `analysis.answers.counting` return them.
+    thresholds, groups : pandas.DataFrame
+        As `analysis.thresholds.table` returns them.
+    population : tuple of PopulationThreshold
+        As `population_thresholds` returns it; empty unless asked for.
+    confusion : pandas.DataFrame
+        As `analysis.answers.choice.confusion_table` returns it.
+    choice : tuple of Choices
+        As `analysis.answers.choice.choices` returns it.
+    reaction_times : pandas.DataFrame
+        As `analysis.answers.counting.reaction_table` returns it.
+    trials : pandas.DataFrame
+        All trials as read.
+    detected_any : pandas.DataFrame or None
+        As `analysis.answers.detection.detected_any`; ``None`` where "none" could not be answered.
+    control : pandas.DataFrame
+        As `analysis.answers.counting.control_table`: trials that are in none of the other tables.
+    counts : Counts
+        How many trials these are.
+    inputs : tuple of InputFile
+        The files that were read.
+    warnings : tuple of str
+        One sentence each; empty where nothing is amiss.
+    ci : str
+        Method of the cells' intervals.
+    seed : int
+        Of everything that is drawn at random: bootstrap and permutations.
+    axis : Axis
+        What the levels are.
+    """
+
+    levels: pd.DataFrame
+    participants: pd.DataFrame
+    both: pd.DataFrame
+    blank: pd.DataFrame
+    excluded: pd.DataFrame
+    thresholds: pd.DataFrame
+    groups: pd.DataFrame
+    population: tuple[PopulationThreshold, ...]
+    confusion: pd.DataFrame
+    choice: tuple[Choices, ...]
+    reaction_times: pd.DataFrame
+    trials: pd.DataFrame
+    detected_any: pd.DataFrame | None
+    control: pd.DataFrame
+    counts: Counts
+    inputs: tuple[InputFile, ...]
+    warnings: tuple[str, ...]
+    ci: str
+    seed: int
+    axis: Axis
+
+    def __post_init__(self) -> None:
+        if self.ci not in METHODS:
+            raise ValueError(f"ci must be one of {', '.join(METHODS)}, got {self.ci!r}")
+
+    @property
+    def simulated(self) -> str:
+        """A remark where participants are simulated: all, some, or none (empty text)."""
+        if self.counts.simulated == self.counts.trials:
+            return "Simulated participants"
+        return "Simulated and real participants mixed" if self.counts.simulated else ""
+
+
+def analyse(
+    loaded: Loaded,
+    *,
+    ci: str = "wilson",
+    seed: int = 0,
+    allow_simulated: bool = False,
+    population: bool = False,
+) -> Analysis:
+    """Count, tabulate and look for what a reader has to be told.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        From `analysis.reading.load.read_inputs`.
+    ci : str
+        Method of the cells' intervals, see `analysis.proportion_ci`.
+    seed : int
+        Of bootstrap and permutations.
+    allow_simulated : bool
+        Whether simulated and real sessions may be mixed.
+    population : bool
+        Whether to fit the participants of each condition as one population.
+
+    Returns
+    -------
+    Analysis
+
+    Raises
+    ------
+    ValueError
+        For an unknown method, and a seed that is no whole number of at least 0.
+    ResultFileError
+        For simulated trials beside real ones.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise ValueError(f"seed must be a whole number of at least 0, got {seed!r}")
+    trials = loaded.trials
+    if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
+        one = trials[trials["simulated"]].iloc[0]
+        message = "a simulated trial, and others are real; --allow-simulated accepts both"
+        raise ResultFileError(one["file"], int(one["line"]), message)
+    excluded = counting.excluded_table(trials)
+    cells = detection.cells(trials) if loaded.cells is None else loaded.cells
+    people = people_of(trials) if loaded.cells is None else people_of_counts(loaded.cells)
+    thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
+    return Analysis(
+        levels=detection.levels_of(cells),
+        participants=detection.participants_of(cells, ci),
+        both=detection.both_table(trials, ci),
+        blank=detection.blank_table(trials, ci),
+        excluded=excluded,
+        thresholds=thresholds,
+        groups=group_table(thresholds, loaded.axis),
+        population=_population(people, loaded.axis) if population else (),
+        confusion=confusion_table(trials),
+        choice=choices(trials, seed),
+        reaction_times=reaction_table(trials),
+        trials=trials,
+        detected_any=_detected_any(loaded),
+        control=counting.control_table(trials),
+        counts=_counts(trials) if loaded.cells is None else _counts_of(loaded.cells),
+        inputs=loaded.inputs,
+        warnings=tuple(_warnings(loaded, excluded)),
+        ci=ci,
+        seed=seed,
+        axis=loaded.axis,
+    )
+
+
+def _population(people: People, axis: Axis) -> tuple[PopulationThreshold, ...]:
+    from analysis.thresholds.population import population_thresholds  # statsmodels is slow to load
+
+    return population_thresholds(people, axis=axis)
+
+
+def _detected_any(loaded: Loaded) -> pd.DataFrame | None:
+    """Count what was felt at all; of a table of counts that is what was detected."""
+    cells = loaded.cells
+    if cells is None:
+        trials = loaded.trials
+        return detection.detected_any(trials) if counting.offers_none(trials) else None
+    if not cells["none_offered"].all():
+        return None
+    key = ["condition", "level_vpp"]
+    felt = cells[[*key, "detected"]].rename(columns={"detected": "detected_any"})
+    return felt.groupby(key, as_index=False).sum()
+
+
+def _counts_of(cells: pd.DataFrame) -> Counts:
+    """Count the stimuli of a table of counts: all are single ones, each participant a session."""
+    presented, people = int(cells["presented"].sum()), cells["participant"].nunique()
+    return Counts(
+        trials=presented,
+        single=presented,
+        both=0,
+        blank=0,
+        left_out=0,
+        timeouts=0,
+        invalid=0,
+        participants=people,
+        sessions=people,
+        conditions=cells["condition"].nunique(),
+        simulated=0,
+    )
+
+
+def _counts(trials: pd.DataFrame) -> Counts:
+    counted = trials[counting.reasons(trials).eq("")]
+    kinds, answers = counted["kind"].astype(object), counted["response"].astype(object)
+    return Counts(
+        trials=len(trials),
+        single=int(kinds.eq("single").sum()),
+        both=int(kinds.eq("both").sum()),
+        blank=int(kinds.eq("blank").sum()),
+        left_out=len(trials) - len(counted),
+        timeouts=int(answers.eq("timeout").sum()),
+        invalid=int(answers.eq("invalid").sum()),
+        participants=trials["participant"].nunique(),
+        sessions=len(trials[["participant", "session"]].drop_duplicates()),
+        conditions=trials["condition"].nunique(),
+        simulated=int(trials["simulated"].sum()),
+    )
+
+
+def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
+    trials = loaded.trials
+    counted = trials[counting.reasons(trials).eq("")]
+    yield from _incomplete(loaded)
+    lost = excluded[~excluded["reason"].isin(_EXPECTED)].groupby("reason")["trials"].sum()
+    if len(lost):
+        told = ", ".join(f"{reason} {number}" for reason, number in lost.items())
+        yield f"{lost.sum()} trials are left out: {told}"
+    empty = sorted({*trials["participant"]} - {*counted["participant"]})
+    if empty:
+        yield f"no trial counts of participant {', '.join(empty)}"
+    if loaded.cells is None and not counted["kind"].eq("single").any():
+        yield "no trial with a single stimulus counts, so there is no level to report"
+    studies = _studies(loaded)
+    if studies > 1:
+        yield f"the trials come from {studies} different studies (study_sha256)"
+    if 0 < trials["simulated"].sum() < len(trials):
+        yield f"{trials['simulated'].sum()} of {len(trials)} trials are simulated, the others real"
+    yield from _about_none(counted)
+
+
+def _studies(loaded: Loaded) -> int:
+    """Count the studies; levels placed for a participant make no other one, by its plan."""
+    trials, key = loaded.trials, ["participant", "session"]
+    of_plan = {(one.participant, one.session): one.file_sha256 for one in loaded.progress}
+    known = trials.loc[trials["study_sha256"].ne(_NO_STUDY), [*key, "study_sha256"]]
+    told = known.drop_duplicates().itertuples(index=False)
+    return len({of_plan.get((row[0], row[1]), row[2]) for row in told})
+
+
+def _incomplete(loaded: Loaded) -> Iterator[str]:
+    for folder in loaded.without_table:
+        yield f"session {folder} has no trials.csv; tactstrip export DIR builds it"
+    for one in loaded.progress:
+        if one.valid < one.planned:
+            where = _session(one.participant, one.session)
+            yield f"{where}: {one.valid} of {one.planned} planned trials have a valid attempt"
+        if one.unexported > 0:
+            where = _session(one.participant, one.session)
+            yield (
+                f"{where}: its journal tells of {one.unexported} more trials than its trials.csv; "
+                "tactstrip export DIR builds that anew"
+            )
+    planned = {(one.participant, one.session) for one in loaded.progress}
+    trials = loaded.trials[loaded.trials["kind"].isin(counting.COUNTED_KINDS)]
+    key = ["participant", "session", "trial"]
+    valid = trials[key].assign(ok=trials["status"].eq("ok")).groupby(key, as_index=False).any()
+    people = valid[~valid["ok"]].groupby(key[:2]).size().reset_index(name="missing")
+    for row in people.itertuples():
+        if (row.participant, row.session) not in planned:
+            where = _session(row.participant, row.session)
+            yield f"{where}: trials without a valid attempt: {row.missing}"
+
+
+def _session(participant: object, session: object) -> str:
+    return f"participant {participant}, session {session}"
+
+
+def _about_none(counted: pd.DataFrame) -> Iterator[str]:
+    offered = counted["none_offered"].fillna(value=False)
+    if offered.any() and not offered.all():
+        yield f'"none" is known to be an answer in {offered.sum()} of {len(offered)} trials only'
+    if not offered[counted["kind"].eq("blank")].all():
+        yield 'blank trials without "none" as an answer: a false alarm is nearly certain there'

@@ -1,0 +1,1 @@
+"""Psychometric functions: fits, posteriors, groups, levels placed."""

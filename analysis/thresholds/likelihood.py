@@ -1,0 +1,218 @@
+"""The likelihood of a psychometric function with guesses and lapses, and where it is greatest.
+
+The levels of each table are scaled so that they run from 0 to 1. Parameters are mu, log sigma and
+lambda, bounded as their prior is (docs/statistics.md, section 8); tables are arrays (fits, levels),
+unused places have ``presented`` 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr, xlogy
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+
+LOWER: Final = (-1.0, float(np.log(0.02)), 0.0)
+UPPER: Final = (1.5, 0.0, 0.1)
+"""Bounds of mu, log sigma and lambda on the scaled levels."""
+
+_MOST_STEPS: Final = 200
+_ENOUGH: Final = 1e-12
+_SQRT_2PI: Final = float(np.sqrt(2 * np.pi))
+_AT_BOUND: Final = 1e-9
+_ROUNDING: Final = 1e-15
+_EASIER: Final = 10.0
+_HARDER: Final = 4.0
+_LEAST_DAMPING: Final = 1e-8
+_SOLVABLE: Final = 1e-12
+_LAPSE: Final = 400.0
+"""A step of 1/20 in lambda counts as much as one of sigma in mu."""
+_LEAST: Final = 1e-100
+"""Probabilities below count as this; what is divided by two of them stays finite."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tables:
+    """Counts at scaled levels, many tables at once.
+
+    Attributes
+    ----------
+    u : ndarray of float64, shape (fits, levels)
+        Levels, scaled to run from 0 to 1.
+    detected, presented : ndarray of float64, shape (fits, levels)
+        Counts.
+    guess_rate : ndarray of float64, shape (fits,)
+        gamma, the probability of a detection of what is not felt.
+    """
+
+    u: Floats
+    detected: Floats
+    presented: Floats
+    guess_rate: Floats
+
+    def __getitem__(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Tables:
+        return Tables(
+            u=self.u[which],
+            detected=self.detected[which],
+            presented=self.presented[which],
+            guess_rate=self.guess_rate[which],
+        )
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+
+def probabilities(tables: Tables, parameters: Floats) -> tuple[Floats, Floats]:
+    """Return the probabilities of a detection and of a miss; neither loses digits near 0.
+
+    p = gamma + (1 - gamma - lambda) Phi(z), 1 - p = lambda + (1 - gamma - lambda) Phi(-z).
+
+    Parameters
+    ----------
+    tables : Tables
+    parameters : ndarray of float64, shape (fits, 3)
+        mu, log sigma and lambda.
+
+    Returns
+    -------
+    p, q : ndarray of float64, shape (fits, levels)
+
+    Examples
+    --------
+    >>> one = np.ones((1, 1))
+    >>> tables = Tables(u=0 * one, detected=one, presented=one, guess_rate=np.array([0.5]))
+    >>> p, q = probabilities(tables, np.array([[0.0, 0.0, 0.0]]))
+    >>> float(p[0, 0]), float(q[0, 0])
+    (0.75, 0.25)
+    """
+    mu, log_sigma, lapse = (parameters[:, i, None] for i in range(3))
+    z = (tables.u - mu) * np.exp(-log_sigma)
+    guess = tables.guess_rate[:, None]
+    rest = 1 - guess - lapse
+    return guess + rest * ndtr(z), lapse + rest * ndtr(-z)
+
+
+def log_likelihood(tables: Tables, parameters: Floats) -> Floats:
+    """Return sum k log p + (n - k) log(1 - p) of each table, shape (fits,)."""
+    p, q = probabilities(tables, parameters)
+    missed = tables.presented - tables.detected
+    return np.asarray((xlogy(tables.detected, p) + xlogy(missed, q)).sum(axis=1))
+
+
+def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Floats:
+    """Return the likeliest mu, log sigma and lambda within their bounds.
+
+    Fisher's scoring, damped where a step would go downhill (Levenberg and Marquardt); a parameter
+    at a bound that the likelihood wants to leave stays there.
+
+    Parameters
+    ----------
+    tables : Tables
+    start : ndarray of float64, shape (fits, 3)
+        Where to begin: near the greatest value, where there may be several maxima.
+    least_gain : float
+        Of log likelihood; a step that gains no more is the last one.
+
+    Returns
+    -------
+    ndarray of float64, shape (fits, 3)
+    """
+    at = np.clip(start, LOWER, UPPER)
+    value, damping = log_likelihood(tables, at), np.ones(len(tables))
+    active = np.arange(len(tables))
+    for _ in range(_MOST_STEPS):
+        part, here, best = tables[active], at[active], value[active]
+        new = np.clip(here + _free_step(part, here, damping[active]), LOWER, UPPER)
+        reached = log_likelihood(part, new)
+        better = reached >= best - _ROUNDING * np.abs(best)
+        moving = (np.abs(new - here) > _ENOUGH).any(axis=1)
+        going = moving & ~(better & (reached - best <= least_gain) & (least_gain > 0))
+        at[active[better]], value[active[better]] = new[better], reached[better]
+        damping[active] *= np.where(better, 1 / _EASIER, _HARDER)
+        damping[active] = np.maximum(damping[active], _LEAST_DAMPING)
+        active = active[going]
+        if not len(active):
+            break
+    return at
+
+
+def at_upper_lapse(parameters: Floats) -> NDArray[np.bool_]:
+    """Tell where lambda stands at its upper bound, shape (fits,)."""
+    return np.asarray(parameters[:, 2] >= UPPER[2] - _AT_BOUND)
+
+
+def _free_step(tables: Tables, at: Floats, damping: Floats) -> Floats:
+    """Return (information + damping)^-1 times score, over the parameters that are free to move."""
+    score, information = _score(tables, at)
+    stuck = ((at <= LOWER) & (score < 0)) | ((at >= UPPER) & (score > 0))
+    metric = np.stack([np.exp(-2 * at[:, 1]), np.ones(len(at)), np.full(len(at), _LAPSE)], axis=1)
+    size = np.einsum("fii->fi", information)
+    information += (damping[:, None] * metric + _SOLVABLE * size)[:, :, None] * np.eye(3)
+    for _ in range(2):
+        step = _solve(score, information, stuck)
+        leaving = ((at <= LOWER) & (step < 0)) | ((at >= UPPER) & (step > 0))
+        if not (leaving & ~stuck).any():
+            break
+        stuck |= leaving
+    return step
+
+
+def _solve(score: Floats, information: Floats, stuck: NDArray[np.bool_]) -> Floats:
+    free = ~stuck
+    matrix = information * (free[:, :, None] & free[:, None, :]) + stuck[:, :, None] * np.eye(3)
+    return np.asarray(np.linalg.solve(matrix, np.where(free, score, 0.0)[:, :, None])[:, :, 0])
+
+
+def _score(tables: Tables, at: Floats) -> tuple[Floats, Floats]:
+    """Return the score, shape (fits, 3), and Fisher's information, shape (fits, 3, 3)."""
+    mu, log_sigma, lapse = (at[:, i, None] for i in range(3))
+    z = (tables.u - mu) * np.exp(-log_sigma)
+    felt, density = ndtr(z), np.exp(-0.5 * z * z) / _SQRT_2PI
+    guess = tables.guess_rate[:, None]
+    rest = 1 - guess - lapse
+    p = np.maximum(guess + rest * felt, _LEAST)
+    q = np.maximum(lapse + rest * ndtr(-z), _LEAST)
+    slopes = np.stack([-rest * density * np.exp(-log_sigma), -rest * density * z, -felt], axis=1)
+    missed = tables.presented - tables.detected
+    score = (slopes * (tables.detected / p - missed / q)[:, None, :]).sum(axis=2)
+    weight = tables.presented / (p * q)
+    return score, np.einsum("fil,fjl,fl->fij", slopes, slopes, weight)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scaled:
+    """Levels of many tables, scaled.
+
+    Attributes
+    ----------
+    u : ndarray of float64, shape (fits, levels)
+        From 0 to 1; where nothing was presented, 0.
+    low, width : ndarray of float64, shape (fits,)
+        The lowest level and the range of each table.
+    """
+
+    u: Floats
+    low: Floats
+    width: Floats
+
+
+def scale(x: Floats, presented: Floats) -> Scaled:
+    """Scale the levels at which something was presented to run from 0 to 1.
+
+    Examples
+    --------
+    >>> scale(np.array([[5.0, 7.0, 9.0]]), np.array([[1.0, 1.0, 0.0]])).u.tolist()
+    [[0.0, 1.0, 0.0]]
+    """
+    lowest = np.where(presented > 0, x, np.inf).min(axis=1)
+    at = np.where(presented > 0, x, lowest[:, None])
+    width = np.ptp(at, axis=1)
+    u = (at - lowest[:, None]) / np.where(width > 0, width, 1.0)[:, None]
+    return Scaled(u=u, low=lowest, width=width)

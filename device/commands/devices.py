@@ -1,0 +1,79 @@
+"""The commands `devices` and `emulate`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from device.driver import Identity
+
+
+@click.command()
+@click.argument("ports", metavar="[PORT]...", nargs=-1)
+def devices(*, ports: tuple[str, ...]) -> None:
+    """List what answers on this machine's serial ports and on every PORT.
+
+    This writes to every one of them: a question that instruments know, *IDN?, and a greeting to a
+    device that answers it as one of ours. A PORT may be a URL such as socket://host:5025.
+    """
+    from serial.tools.list_ports import comports
+
+    from device.sound.stream import sound_cards
+
+    names = dict.fromkeys([*sorted(port.device for port in comports()), *ports])
+    if names:
+        click.echo("Each port is written to: *IDN?, and a greeting to a device of ours.")
+    else:
+        click.echo("This machine has no serial ports; give others, such as socket://host:5025.")
+    for name in names:
+        click.echo(f"{name}  {_who(name)}")
+    for card in sound_cards():
+        click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
+
+
+def _who(port: str) -> str:
+    """Tell in one line what answers on a port."""
+    from device.clock import MonotonicClock
+    from device.driver import LinkError
+    from device.scpi.generator import identify_generator
+    from device.wire.channels import open_channel
+    from device.wire.serial import identify
+
+    identity = identify(port)
+    if identity is not None:
+        return f"{describe(identity)}: --driver serial"
+    words = identify_generator(port)
+    if words is not None:
+        return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
+    try:
+        open_channel(port, MonotonicClock()).close()
+    except LinkError as error:
+        return str(error)
+    return "nothing that tactstrip can drive answers"
+
+
+def describe(identity: Identity) -> str:
+    """Tell in one line what a device says of itself.
+
+    Parameters
+    ----------
+    identity : Identity
+        Of the device.
+
+    Examples
+    --------
+    >>> from device.driver import Identity
+    >>> describe(Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
+    ...                   sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
+    ...                   longest_waveform=4096, emulated=True))
+    'm 1 (emulated), ceiling 200 Vpp, 48000 Hz, 16 bit, 2 channels of up to 4096 samples'
+    """
+    emulated = " (emulated)" if identity.emulated else ""
+    return (
+        f"{identity.model} {identity.serial_number}{emulated}, "
+        f"ceiling {identity.ceiling_vpp:g} Vpp, {identity.sample_rate_hz:g} Hz, "
+        f"{identity.bits} bit, {identity.channels} channels of up to "
+        f"{identity.longest_waveform} samples"
+    )

@@ -1,0 +1,213 @@
+"""The commands `devices` and `emulate`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from device.emulate.faults import Faults
+    from device.emulate.generator import GeneratorEmulator
+    from device.emulate.lines import Line
+
+
+@click.command()
+@click.option("--pty", "on_pty", is_flag=True, help="On a pseudo-terminal, the default.")
+@click.option(
+    "--tcp",
+    "tcp_port",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="On a TCP port of this machine; 0 takes any free one.",
+)
+@click.option(
+    "--generator",
+    type=click.Choice(["keysight"]),
+    help="A generator of this make instead of a device of ours.",
+)
+@click.option(
+    "--truth",
+    "truth_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Add what really comes out to this file, as JSON lines.",
+)
+@click.option("--fault", "script", metavar="SCRIPT", help="Such as drop=0.01,corrupt=0.01.")
+@click.option("--seed", type=click.IntRange(min=0), help="Of the faults; 0 by default.")
+@click.option(
+    "--baud",
+    type=click.IntRange(300, 10_000_000),
+    help="Model a wire of this rate; below 28800 it is too slow for the protocol.",
+)
+@click.option("--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default.")
+@click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default.")
+@click.option(
+    "--serial-number",
+    metavar="S",
+    help="To be told from another emulator; by default each is the same device.",
+)
+@click.option(
+    "--amplifier-gain",
+    type=float,
+    metavar="G",
+    help="Behind a generator, for the volts in the truth file; 1 by default.",
+)
+@click.pass_context
+def emulate(
+    ctx: click.Context,
+    *,
+    on_pty: bool,
+    tcp_port: int | None,
+    generator: str | None,
+    truth_file: Path | None,
+    script: str | None,
+    seed: int | None,
+    baud: int | None,
+    ceiling_vpp: float | None,
+    sample_rate_hz: float | None,
+    serial_number: str | None,
+    amplifier_gain: float | None,
+) -> None:
+    """Emulate a device until Ctrl-C or SIGTERM: a process of its own, with real bytes.
+
+    The first line says the port under which it is reached. Faults: probabilities for each byte
+    (drop, corrupt), each frame (duplicate, delay) or each time that something arrives (stall,
+    reset, disconnect); delay_s and stall_s in seconds; disconnect_at, a number of bytes.
+    """
+    from device.emulate.emulator import SERIAL_NUMBER
+
+    if on_pty and tcp_port is not None:
+        raise click.UsageError("--pty and --tcp exclude each other.", ctx)
+    own = {
+        "--baud": baud,
+        "--ceiling-vpp": ceiling_vpp,
+        "--sample-rate-hz": sample_rate_hz,
+        "--serial-number": serial_number,
+    }
+    foreign = {"--amplifier-gain": amplifier_gain} if generator is None else own
+    for option, value in foreign.items():
+        if value is not None:
+            raise click.UsageError(
+                f"{option} and --generator {'exclude' if generator else 'need'} each other.", ctx
+            )
+    with _usage(ctx), _until_told(), _opened(truth_file) as truth:
+        faults = _faults(script or "", seed or 0)
+        if generator is not None:
+            gain = 1.0 if amplifier_gain is None else amplifier_gain
+            _run_generator(tcp_port, truth, faults, gain)
+        else:
+            _run_device(
+                tcp_port,
+                truth,
+                faults,
+                baud=baud,
+                ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
+                sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
+                serial_number=SERIAL_NUMBER if serial_number is None else serial_number,
+            )
+
+
+def _faults(script: str, seed: int) -> Faults:
+    import numpy as np
+
+    from device.emulate.faults import Faults, FaultScript
+
+    return Faults(FaultScript.parse(script), np.random.default_rng(seed))
+
+
+def _run_device(
+    tcp_port: int | None,
+    truth: IO[str],
+    faults: Faults,
+    *,
+    baud: int | None,
+    ceiling_vpp: float,
+    sample_rate_hz: float,
+    serial_number: str,
+) -> None:
+    from device.clock import MonotonicClock
+    from device.core.output import OutputStage
+    from device.emulate.emulator import Emulator, Nature
+    from device.emulate.truth import Truth
+    from device.limits import Limits
+
+    nature = Nature(
+        limits=Limits(ceiling_vpp=ceiling_vpp, least_interval_s=_LEAST_INTERVAL_S),
+        output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
+        baud=baud,
+        serial_number=serial_number,
+    )
+    line = _line(tcp_port)
+    emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
+    click.echo(line.name)
+    emulator.run()
+
+
+_LEAST_INTERVAL_S = 0.005
+"""Rest that the device itself asks for, as the mock."""
+
+
+def _run_generator(
+    tcp_port: int | None, truth: IO[str], faults: Faults, amplifier_gain: float
+) -> None:
+    from device.checks import require_positive
+    from device.emulate.generator import GeneratorEmulator
+
+    require_positive("amplifier_gain", amplifier_gain)
+    line = _line(tcp_port)
+    emulator: GeneratorEmulator = GeneratorEmulator(
+        line, truth, amplifier_gain=amplifier_gain, faults=faults
+    )
+    click.echo(line.name)
+    try:
+        emulator.run()
+    finally:
+        line.close()
+
+
+def _line(tcp_port: int | None) -> Line:
+    from device.emulate.lines import PtyLine, TcpLine
+
+    return PtyLine() if tcp_port is None else TcpLine(tcp_port)
+
+
+@contextlib.contextmanager
+def _opened(truth_file: Path | None) -> Iterator[IO[str]]:
+    """Open the truth file to add to it; what it holds already stays."""
+    with Path(truth_file or os.devnull).open("a", encoding="utf-8") as truth:
+        yield truth
+
+
+@contextlib.contextmanager
+def _until_told() -> Iterator[None]:
+    """Take Ctrl-C and SIGTERM for the end that an emulator comes to."""
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    try:
+        yield
+    except KeyboardInterrupt:
+        return
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def _usage(ctx: click.Context) -> Iterator[None]:
+    """Say in one line what is wrong with a value, a file or a port."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        raise click.UsageError(f"{where}{error.strerror or error}.", ctx) from error
+    except ValueError as error:
+        raise click.UsageError(f"{error}.", ctx) from error

@@ -1,0 +1,296 @@
+"""The device's own logic, without I/O and without a clock: states, tokens, watchdog, ceilings.
+
+Every call is given the device's time in microseconds. Which step leads where is the table in
+states.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from device.checks import require_whole
+from device.core.messages import Arm, CodeArray, Levels, Load, check_token, full_scale
+from device.core.output import Emission, OutputStage
+from device.core.states import ILLEGAL, TRANSITIONS, State, Step
+from device.core.tokens import Fate, Record, TokenHistory
+from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
+from device.limits import (
+    Limits,
+    check_burst,
+    check_rest,
+    check_time_to_live,
+    check_waveforms,
+    least_peaks,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+WATCHDOG_US = 500_000
+"""Without a beat for this long while the output is on, the device stops itself."""
+
+HISTORY = 1024
+"""Number of tokens a device remembers; exactly once reaches back as far: see `TokenHistory`."""
+
+_RENDERED_AT_MOST = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Loaded:
+    codes: CodeArray
+    peaks: tuple[float, float]
+    rendered: dict[Levels, FloatArray] = field(default_factory=dict)
+
+
+class DeviceCore:
+    """A device from power-on to power-off; another power cycle is another object.
+
+    Each call first lets happen what was due by `now_us` (`advance`), in the order of time. A call
+    that raises has changed nothing else.
+
+    Parameters
+    ----------
+    boot_id : int
+        Random number of this power cycle.
+    limits : Limits
+        The device's own; no message changes them.
+    output : OutputStage
+        Converter and amplifier.
+    sink : callable
+        Is given each `Emission` once, when it is over.
+    history : int
+        Number of tokens remembered.
+
+    Raises
+    ------
+    ValueError
+        `boot_id` or `history` is out of range.
+
+    Examples
+    --------
+    >>> sine = np.array([0, 32767, 0, -32767, 0], dtype=np.int32)
+    >>> core = DeviceCore(boot_id=1, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
+    ...                   sink=print)
+    >>> core.load(0, Load(slot=0, left=sine, right=0 * sine))
+    >>> core.enable(10)
+    >>> core.set_levels(20, Levels(left_mvpp=150_000, right_mvpp=150_000))
+    >>> core.arm(30, Arm(token=7, slot=0, time_to_live_us=1_000))
+    >>> core.fire(40, 7) == core.fire(50, 7)
+    True
+    >>> core.playing.left_v.tolist(), core.playing.level_right_vpp
+    ([...74.99...], 0.0)
+    """
+
+    def __init__(
+        self,
+        *,
+        boot_id: int,
+        limits: Limits,
+        output: OutputStage,
+        sink: Callable[[Emission], None],
+        history: int = HISTORY,
+    ) -> None:
+        require_whole("boot_id", boot_id, least=0, most=LARGEST_TOKEN)
+        self.boot_id = boot_id
+        self.limits = limits
+        self.output = output
+        self._sink = sink
+        self._tokens = TokenHistory(history)
+        self._slots: dict[int, _Loaded] = {}
+        self._levels = Levels(left_mvpp=0, right_mvpp=0)
+        self._state = State.IDLE
+        self._armed: Arm | None = None
+        self._armed_until_us = 0
+        self._last: Emission | None = None
+        self._now_us = self._beat_us = 0
+
+    @property
+    def state(self) -> State:
+        """The state as of the last call."""
+        return self._state
+
+    @property
+    def now_us(self) -> int:
+        """The device time of the last call."""
+        return self._now_us
+
+    @property
+    def playing(self) -> Emission | None:
+        """The burst that is under way, as of the last call."""
+        return self._last if self._state is State.FIRED else None
+
+    def advance(self, now_us: int) -> None:
+        """Let happen what was due by `now_us`: end of a burst, end of a time to live, watchdog.
+
+        Raises
+        ------
+        ValueError
+            `now_us` is earlier than in the call before.
+        """
+        if now_us < self._now_us:
+            raise ValueError(f"now_us must be {self._now_us} or later, got {now_us}")
+        while (due := self._next_event()) is not None and due[0] <= now_us:
+            self._happen(*due)
+        self._now_us = now_us
+
+    def beat(self, now_us: int) -> None:
+        """Hear the host's heartbeat."""
+        self.advance(now_us)
+        self._beat_us = now_us
+
+    def load(self, now_us: int, message: Load) -> None:
+        """Store the codes of both channels in a slot."""
+        self.advance(now_us)
+        after = self._after(Step.LOAD)
+        full = full_scale(self.output.bits)
+        peaks = check_waveforms(message.left / full, message.right / full, self.limits)
+        codes = np.array((message.left, message.right), dtype=np.int32)
+        self._slots[message.slot] = _Loaded(codes=codes, peaks=peaks)
+        self._state = after
+
+    def set_levels(self, now_us: int, message: Levels) -> None:
+        """Set both levels, unless no loaded waveform of a channel could use its level."""
+        self.advance(now_us)
+        after = self._after(Step.LEVEL)
+        peaks = least_peaks(loaded.peaks for loaded in self._slots.values())
+        check_burst(peaks, message.vpp, self.limits)
+        self._levels = message
+        self._state = after
+
+    def enable(self, now_us: int) -> None:
+        """Switch the output on; the watchdog waits from here for its first beat."""
+        self.advance(now_us)
+        self._state = self._after(Step.ENABLE)
+        self._beat_us = now_us
+
+    def arm(self, now_us: int, message: Arm) -> None:
+        """Allow a token to play a slot until its time to live is over."""
+        self.advance(now_us)
+        after = self._after(Step.ARM)
+        check_time_to_live(message.time_to_live_us, self.limits)
+        if self._tokens.find(message.token) is not None:
+            raise rejection(Refusal.TOKEN_SPENT)
+        if message.slot not in self._slots:
+            raise rejection(Refusal.EMPTY_SLOT, f"slot {message.slot}")
+        check_burst(self._slots[message.slot].peaks, self._levels.vpp, self.limits)
+        self._armed = message
+        self._armed_until_us = now_us + message.time_to_live_us
+        self._state = after
+
+    def fire(self, now_us: int, token: int) -> Record:
+        """Play the armed slot; a token that has fired gives its record and no other burst."""
+        self.advance(now_us)
+        token = check_token(token)
+        record = self._tokens.find(token)
+        if record is not None and record.fate is Fate.FIRED:
+            return record
+        if record is not None and self._state is not State.SAFE:
+            spent = Refusal.EXPIRED if record.fate is Fate.EXPIRED else Refusal.ABORTED
+            raise rejection(spent)
+        after = self._after(Step.FIRE)
+        if self._armed is None or token != self._armed.token:
+            raise rejection(Refusal.WRONG_TOKEN)
+        self._check_rest()
+        record = self._emit(self._armed)
+        self._tokens.keep(record)
+        self._armed = None
+        self._state = after
+        return record
+
+    def disarm(self, now_us: int, token: int) -> None:
+        """Make sure that a token cannot fire from now on, whether it is armed or never was."""
+        self.advance(now_us)
+        token = check_token(token)
+        if self._armed is not None and token == self._armed.token:
+            self._resolve(Fate.ABORTED)
+            self._state = self._after(Step.DISARM)
+        elif self._tokens.find(token) is None:
+            self._tokens.keep(self._tokens.absent(token))
+
+    def query(self, now_us: int, token: int) -> Record:
+        """Return what became of a token."""
+        self.advance(now_us)
+        token = check_token(token)
+        if self._armed is not None and token == self._armed.token:
+            return Record(token=token, fate=Fate.ARMED)
+        return self._tokens.find(token) or self._tokens.absent(token)
+
+    def stop(self, now_us: int) -> None:
+        """Bring the outputs to zero: the host's ESTOP, or a link that was lost."""
+        self.advance(now_us)
+        self._happen(now_us, Step.STOP)
+
+    def _after(self, step: Step) -> State:
+        if (self._state, step) not in TRANSITIONS:
+            raise rejection(ILLEGAL[self._state], step.value)
+        return TRANSITIONS[self._state, step]
+
+    def _next_event(self) -> tuple[int, Step] | None:
+        watchdog = (self._beat_us + WATCHDOG_US, Step.STOP)
+        if self._state is State.LIVE:
+            return watchdog
+        if self._state is State.ARMED:
+            own = (self._armed_until_us, Step.EXPIRE)
+        elif self._state is State.FIRED and self._last is not None:
+            own = (self._last.start_us + self._last.duration_us, Step.FINISH)
+        else:
+            return None
+        return own if own[0] <= watchdog[0] else watchdog
+
+    def _happen(self, at_us: int, step: Step) -> None:
+        if self._last is not None and self._state is State.FIRED:
+            self._sink(self._last.cut(at_us) if step is Step.STOP else self._last)
+        self._resolve(Fate.EXPIRED if step is Step.EXPIRE else Fate.ABORTED)
+        self._state = self._after(step)
+
+    def _resolve(self, fate: Fate) -> None:
+        """Put the token that is armed, if there is one, into the history: it has not fired.
+
+        At least not this time: of one that may have been forgotten since it fired, that is all
+        that can be said.
+        """
+        if self._armed is not None:
+            earlier = self._tokens.absent(self._armed.token)
+            if earlier.fate is not Fate.UNKNOWN:
+                earlier = replace(earlier, fate=fate)
+            self._tokens.keep(earlier)
+            self._armed = None
+
+    def _check_rest(self) -> None:
+        if self._last is not None:
+            since_us = self._now_us - self._last.start_us
+            duration_us = self._last.duration_us
+            check_rest(since_onset_us=since_us, duration_us=duration_us, limits=self.limits)
+
+    def _emit(self, armed: Arm) -> Record:
+        loaded, levels = self._slots[armed.slot], self._levels
+        left_mvpp = levels.left_mvpp if loaded.peaks[0] > 0.0 else 0
+        right_mvpp = levels.right_mvpp if loaded.peaks[1] > 0.0 else 0
+        volts = self._render(loaded)
+        self._last = Emission(
+            token=armed.token,
+            start_us=self._now_us,
+            left_v=volts[0],
+            right_v=volts[1],
+            level_left_vpp=left_mvpp / 1000,
+            level_right_vpp=right_mvpp / 1000,
+            sample_rate_hz=self.output.sample_rate_hz,
+        )
+        return Record(
+            token=armed.token,
+            fate=Fate.FIRED,
+            start_us=self._now_us,
+            levels_mvpp=(left_mvpp, right_mvpp),
+        )
+
+    def _render(self, loaded: _Loaded) -> FloatArray:
+        if self._levels not in loaded.rendered:
+            if len(loaded.rendered) == _RENDERED_AT_MOST:
+                loaded.rendered.clear()
+            loaded.rendered[self._levels] = self.output.render(
+                loaded.codes, levels=self._levels, limits=self.limits
+            )
+        return loaded.rendered[self._levels]

@@ -1,0 +1,291 @@
+"""The host's side of every device that has a `DeviceCore` in it, whatever lies between them.
+
+`HostDriver` is the `BurstDevice`: it refuses what is illegal or beyond the study's limits before
+anything is sent, and concludes from the answers what became of a burst. A `Link` carries its
+messages: calls in this process, or frames on a wire.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+from device.core.messages import (
+    Arm,
+    Levels,
+    Load,
+    as_waveform,
+    check_slot,
+    check_token,
+    to_codes,
+    to_microseconds,
+    to_millivolts,
+)
+from device.core.states import State, Step, require_legal
+from device.core.tokens import Exchange, Fate, Record, delivery
+from device.driver import Delivery, FloatArray, Identity, LinkError, Refusal, StateError, rejection
+from device.limits import (
+    Limits,
+    check_burst,
+    check_rest,
+    check_time_to_live,
+    check_waveforms,
+    least_peaks,
+)
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+
+
+class Link(Protocol):
+    """A channel to a device's core, which keeps up the heartbeat while it is connected.
+
+    Every message is meant for the power cycle that said hello, and takes effect in no other. A
+    refusal by the device is raised as `Rejected`.
+
+    Examples
+    --------
+    >>> sorted(name for name in vars(Link) if name in {"hello", "fire", "stop"})
+    ['fire', 'hello', 'stop']
+    """
+
+    @property
+    def state(self) -> State:
+        """The device's state with its last answer; SAFE after `stop`, CLOSED if not connected."""
+
+    @property
+    def boot_id(self) -> int:
+        """The power cycle that was last heard of."""
+
+    def hello(self) -> Identity:
+        """Connect and return who answered.
+
+        The device is IDLE or SAFE then: the loss of a connection before has stopped it.
+        """
+
+    def load(self, message: Load) -> None:
+        """Send LOAD."""
+
+    def set_levels(self, message: Levels) -> None:
+        """Send LEVEL."""
+
+    def enable(self) -> None:
+        """Send OUTPUT on."""
+
+    def arm(self, message: Arm) -> None:
+        """Send ARM."""
+
+    def fire(self, token: int) -> Exchange:
+        """Send FIRE and return question and answer."""
+
+    def disarm(self, token: int) -> None:
+        """Send DISARM."""
+
+    def query(self, token: int) -> Exchange:
+        """Send QUERY and return question and answer."""
+
+    def stop(self) -> None:
+        """Send ESTOP: from any thread, in any state, without waiting for a lock."""
+
+    def hang_up(self) -> None:
+        """Disconnect."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loaded:
+    peaks: tuple[float, float]
+    duration_us: int
+
+
+class HostDriver:
+    """A `BurstDevice` over a link; its methods are described there.
+
+    Parameters
+    ----------
+    link : Link
+        To the device.
+    limits : Limits
+        Of the study; the device has its own.
+    clock : Clock
+        The host's.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> from device.emulate.mock import MockDevice
+    >>> device: HostDriver = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
+    >>> device.fire(1)
+    Traceback (most recent call last):
+    device.driver.StateError: the device is not open
+    """
+
+    def __init__(self, link: Link, *, limits: Limits, clock: Clock) -> None:
+        self._link = link
+        self._limits = limits
+        self._clock = clock
+        self._identity: Identity | None = None
+        self._seen_restart = False
+        self._slots: dict[int, _Loaded] = {}
+        self._levels_vpp = (0.0, 0.0)
+        self._armed: Arm | None = None
+        self._burst: Delivery | None = None
+        self._burst_us = 0
+
+    @property
+    def cannot(self) -> tuple[str, ...]:
+        """What the device cannot promise: nothing, where it has a core of its own."""
+        return ()
+
+    def open(self) -> Identity:
+        """Connect and return who answered; levels start at 0, waveforms have to be loaded.
+
+        Raises
+        ------
+        StateError
+            It is open already, and did not restart.
+        """
+        if self._link.state is not State.CLOSED and not self._restarted:
+            raise StateError(Refusal.ALREADY_OPEN)
+        identity = self._link.hello()
+        self._seen_restart |= self._restarted
+        self._identity = identity
+        self._slots.clear()
+        self._armed = self._burst = None
+        self._link.set_levels(Levels(left_mvpp=0, right_mvpp=0))
+        self._levels_vpp = (0.0, 0.0)
+        return identity
+
+    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
+        """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate.
+
+        Raises
+        ------
+        ValueError
+            `left` or `right` is no row of real numbers.
+        """
+        identity = self._require(Step.LOAD)
+        slot = check_slot(slot)
+        left, right = as_waveform("left", left), as_waveform("right", right)
+        peaks = check_waveforms(left, right, self._limits)
+        codes_left, codes_right = to_codes(left, identity.bits), to_codes(right, identity.bits)
+        self._link.load(Load(slot=slot, left=codes_left, right=codes_right))
+        duration_us = round(left.size * 1e6 / identity.sample_rate_hz)
+        self._slots[slot] = _Loaded(peaks=peaks, duration_us=duration_us)
+
+    def enable(self) -> None:
+        """Switch the output on; the only way out of a stop."""
+        self._require(Step.ENABLE)
+        self._link.enable()
+
+    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
+        """Set the levels of both channels in peak-to-peak volts at the actuator.
+
+        A level that no loaded waveform of its channel could use is refused here, any other where
+        it is too high for a slot when that slot is armed.
+        """
+        self._require(Step.LEVEL)
+        message = Levels(left_mvpp=to_millivolts(left_vpp), right_mvpp=to_millivolts(right_vpp))
+        sent_vpp = message.vpp
+        levels_vpp = max(left_vpp, sent_vpp[0]), max(right_vpp, sent_vpp[1])
+        peaks = least_peaks(loaded.peaks for loaded in self._slots.values())
+        check_burst(peaks, levels_vpp, self._limits)
+        self._link.set_levels(message)
+        self._levels_vpp = levels_vpp
+
+    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
+        """Allow `fire(token)` to play a slot for the next `time_to_live_s` seconds."""
+        self._require(Step.ARM)
+        message = Arm(
+            token=check_token(token),
+            slot=check_slot(slot),
+            time_to_live_us=to_microseconds(time_to_live_s),
+        )
+        check_time_to_live(message.time_to_live_us, self._limits)
+        if message.slot not in self._slots:
+            raise rejection(Refusal.EMPTY_SLOT, f"slot {slot}")
+        check_burst(self._slots[message.slot].peaks, self._levels_vpp, self._limits)
+        self._link.arm(message)
+        self._armed = message
+
+    def fire(self, token: int) -> Delivery:
+        """Play the armed slot; the same token again gives the same record, not another burst.
+
+        Of a device that restarted since it was opened the delivery is INDETERMINATE.
+        """
+        self._require_open()
+        token = check_token(token)
+        if self._restarted:
+            return self._lost(token)
+        armed = self._armed if self._armed is not None and token == self._armed.token else None
+        if armed is not None:
+            self._check_rest()
+        elif self._burst is None or token != self._burst.token:
+            require_legal(self._link.state, Step.FIRE)
+        fired = delivery(self._link.fire(token))
+        if armed is not None:
+            self._burst, self._burst_us = fired, self._slots[armed.slot].duration_us
+            self._armed = None
+        return fired
+
+    def disarm(self, token: int) -> None:
+        """Make sure that a token cannot fire from now on; what it did before stays."""
+        self._require_open()
+        self._link.disarm(check_token(token))
+
+    def query(self, token: int) -> Delivery:
+        """Return what became of a token.
+
+        Once this driver has seen its device restart, a token that the device does not know is
+        INDETERMINATE: it may have fired in the power cycle before.
+        """
+        self._require_open()
+        told = self._link.query(check_token(token))
+        if told.record.fate is Fate.NEVER_ARMED and (self._seen_restart or self._restarted):
+            told = replace(told, record=Record(token=told.record.token, fate=Fate.UNKNOWN))
+        return delivery(told)
+
+    def stop(self) -> None:
+        """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
+        self._link.stop()
+
+    def close(self) -> None:
+        """Stop, then disconnect."""
+        self._link.stop()
+        self._link.hang_up()
+
+    @property
+    def _restarted(self) -> bool:
+        """True if the device is no longer in the power cycle that was opened."""
+        return self._identity is not None and self._identity.boot_id != self._link.boot_id
+
+    def _require_open(self) -> Identity:
+        if self._identity is None or self._link.state is State.CLOSED:
+            raise StateError(Refusal.NOT_OPEN)
+        return self._identity
+
+    def _require(self, step: Step) -> Identity:
+        identity = self._require_open()
+        if self._restarted:
+            raise LinkError("the device restarted and forgot everything: open it again")
+        require_legal(self._link.state, step)
+        return identity
+
+    def _check_rest(self) -> None:
+        if self._burst is not None:
+            since_us = round((self._clock.now_s() - self._burst.host_after_s) * 1e6)
+            check_rest(since_onset_us=since_us, duration_us=self._burst_us, limits=self._limits)
+
+    def _lost(self, token: int) -> Delivery:
+        """Return the delivery of a token whose power cycle is over."""
+        now_s = self._clock.now_s()
+        return delivery(
+            Exchange(
+                record=Record(token=token, fate=Fate.UNKNOWN),
+                boot_id=self._link.boot_id,
+                host_before_s=now_s,
+                host_after_s=now_s,
+                device_us=0,
+                resolution_s=0.0,
+                retries=0,
+            )
+        )

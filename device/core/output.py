@@ -1,0 +1,186 @@
+"""What leaves the device: converter, zero-order hold, amplifier; and the record of one burst."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import chain, repeat
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from device.checks import require_positive, require_real, require_whole
+from device.core.messages import CodeArray, Levels, full_scale
+
+if TYPE_CHECKING:
+    from device.driver import FloatArray
+    from device.limits import Limits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputStage:
+    """A converter with an amplifier, the same for both channels.
+
+    Parameters
+    ----------
+    sample_rate_hz : float
+        Each code is held for one period of this rate.
+    bits : int
+        Of the converter; its full scale is the rail.
+    rail_v : float
+        Volts at the actuator, to both sides, beyond which the amplifier cannot go.
+    slew_v_s : float
+        Fastest change at the actuator, I / C for an amplifier's current I and an actuator's
+        capacitance C; at least the rail within a second. The default lets the full swing pass
+        within one sample.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range.
+
+    Examples
+    --------
+    >>> OutputStage().rail_v
+    100.0
+    """
+
+    sample_rate_hz: float = 48_000.0
+    bits: int = 16
+    rail_v: float = 100.0
+    slew_v_s: float = 1e7
+
+    def __post_init__(self) -> None:
+        require_positive("sample_rate_hz", self.sample_rate_hz)
+        require_whole("bits", self.bits, least=2, most=24)
+        require_positive("rail_v", self.rail_v)
+        require_real("slew_v_s", self.slew_v_s, least=self.rail_v)
+
+    def render(self, codes: CodeArray, *, levels: Levels, limits: Limits) -> FloatArray:
+        """Return the volts at both actuators for the codes of a stored waveform.
+
+        Scaled to the levels, rounded toward zero to the converter's steps, held at the rail where
+        the amplifier cannot follow, limited in slew. A burst that passed `check_ceiling` stays
+        within +- half the ceiling to the last bit.
+
+        Parameters
+        ----------
+        codes : ndarray of int, shape (2, n)
+            Left and right.
+        levels : Levels
+            Of both channels.
+        limits : Limits
+            The device's; their gain and ceiling.
+
+        Returns
+        -------
+        ndarray, shape (2, m)
+            Volts, one value per sample period, read-only; m > n where the slew limit keeps the
+            output from being back at zero with the last sample.
+
+        Examples
+        --------
+        >>> from device.limits import Limits
+        >>> codes = np.array([[0, 32767, -32767, 0], [0, 0, 0, 0]], dtype=np.int32)
+        >>> limits = Limits(ceiling_vpp=200.0)
+        >>> levels = Levels(left_mvpp=200_000, right_mvpp=200_000)
+        >>> OutputStage().render(codes, levels=levels, limits=limits).tolist()
+        [[0.0, 100.0, -100.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
+        """
+        amplitudes_v = np.array(levels.vpp)[:, None] * limits.gain / 2
+        steps = np.trunc(codes * (amplitudes_v / self.rail_v))
+        most_v = min(self.rail_v, limits.ceiling_vpp / 2)
+        volts = np.clip(steps * self.rail_v / full_scale(self.bits), -most_v, most_v)
+        volts = _follow(volts, self.slew_v_s / self.sample_rate_hz)
+        volts.setflags(write=False)
+        return volts
+
+
+def _follow(target_v: FloatArray, step_v: float) -> FloatArray:
+    """Return the volts, shape (2, m), of an output that changes by at most `step_v` a sample.
+
+    The target begins and ends at zero.
+    """
+    if np.abs(target_v[:, 1:] - target_v[:, :-1]).max(initial=0.0) <= step_v:
+        return target_v
+    reached, columns = np.zeros(2), []
+    for index, wanted in enumerate(chain(target_v.T, repeat(np.zeros(2)))):
+        if index >= target_v.shape[1] and not reached.any():
+            break
+        reached = reached + np.clip(wanted - reached, -step_v, step_v)
+        columns.append(reached)
+    return np.array(columns).T
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Emission:
+    """One burst as it left the device.
+
+    Parameters
+    ----------
+    token : int
+        That fired it.
+    start_us : int
+        Onset on the device's clock.
+    left_v, right_v : ndarray, shape (m,)
+        Volts at the actuators, each held for one sample period.
+    level_left_vpp, level_right_vpp : float
+        Levels set, peak-to-peak volts; 0 for a channel whose waveform is zero throughout.
+    sample_rate_hz : float
+        Of the two arrays.
+    cut_us : int or None
+        Device time at which a stop cut the burst short; the samples from there on are zero.
+
+    Raises
+    ------
+    ValueError
+        The arrays differ in shape.
+
+    Examples
+    --------
+    >>> volts = np.array([0.0, 90.0, -90.0, 0.0])
+    >>> burst = Emission(token=1, start_us=0, left_v=volts, right_v=0 * volts,
+    ...                  level_left_vpp=180.0, level_right_vpp=0.0, sample_rate_hz=1000.0)
+    >>> burst.duration_us
+    4000
+    >>> burst.cut(2000).left_v.tolist()
+    [0.0, 90.0, 0.0, 0.0]
+    """
+
+    token: int
+    start_us: int
+    left_v: FloatArray
+    right_v: FloatArray
+    level_left_vpp: float
+    level_right_vpp: float
+    sample_rate_hz: float
+    cut_us: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.left_v.ndim != 1 or self.left_v.shape != self.right_v.shape:
+            raise ValueError(
+                f"left_v and right_v must be rows of one length, "
+                f"got shapes {self.left_v.shape} and {self.right_v.shape}"
+            )
+        require_positive("sample_rate_hz", self.sample_rate_hz)
+
+    @property
+    def duration_us(self) -> int:
+        """Microseconds from the onset to the end of the last sample, uncut."""
+        return int(np.ceil(self.left_v.size * 1e6 / self.sample_rate_hz))
+
+    def cut(self, at_us: int) -> Emission:
+        """Return the burst as a stop at device time `at_us` left it: zero from there on.
+
+        Raises
+        ------
+        ValueError
+            `at_us` is before the onset.
+        """
+        if at_us < self.start_us:
+            raise ValueError(f"at_us must be {self.start_us} or later, got {at_us}")
+        first_zero = int(np.ceil((at_us - self.start_us) * self.sample_rate_hz / 1e6))
+        left_v, right_v = self.left_v.copy(), self.right_v.copy()
+        left_v[first_zero:] = right_v[first_zero:] = 0.0
+        left_v.setflags(write=False)
+        right_v.setflags(write=False)
+        return replace(self, left_v=left_v, right_v=right_v, cut_us=at_us)

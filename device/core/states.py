@@ -1,0 +1,120 @@
+"""The states of a device and every legal step between them; host and device obey one table.
+
+Read aloud: a device that was loaded can be enabled; once live it can be armed; once armed it is
+fired, disarmed or runs out of its time to live, and is live again; a stop leads from anywhere to
+the safe state, which only an explicit enable leaves.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from device.driver import Refusal, StateError
+
+
+class State(StrEnum):
+    """States of a device; `CLOSED` is the host's word for one it has not opened.
+
+    Examples
+    --------
+    >>> State.SAFE.value
+    'safe'
+    """
+
+    CLOSED = "closed"
+    IDLE = "idle"
+    LOADED = "loaded"
+    LIVE = "live"
+    ARMED = "armed"
+    FIRED = "fired"
+    SAFE = "safe"
+
+
+class Step(StrEnum):
+    """What can happen to a device: messages, events of its own, and the stop that is both.
+
+    Examples
+    --------
+    >>> TRANSITIONS[State.ARMED, Step.EXPIRE].value
+    'live'
+    """
+
+    LOAD = "load"
+    LEVEL = "level"
+    ENABLE = "enable"
+    ARM = "arm"
+    FIRE = "fire"
+    DISARM = "disarm"
+    EXPIRE = "expire"
+    FINISH = "finish"
+    STOP = "stop"
+
+
+TRANSITIONS = {
+    (State.IDLE, Step.LOAD): State.LOADED,
+    (State.IDLE, Step.LEVEL): State.IDLE,
+    (State.LOADED, Step.LOAD): State.LOADED,
+    (State.LOADED, Step.LEVEL): State.LOADED,
+    (State.LOADED, Step.ENABLE): State.LIVE,
+    (State.LIVE, Step.LOAD): State.LIVE,
+    (State.LIVE, Step.LEVEL): State.LIVE,
+    (State.LIVE, Step.ENABLE): State.LIVE,
+    (State.LIVE, Step.ARM): State.ARMED,
+    (State.ARMED, Step.FIRE): State.FIRED,
+    (State.ARMED, Step.DISARM): State.LIVE,
+    (State.ARMED, Step.EXPIRE): State.LIVE,
+    (State.FIRED, Step.FINISH): State.LIVE,
+    (State.SAFE, Step.LOAD): State.SAFE,
+    (State.SAFE, Step.LEVEL): State.SAFE,
+    (State.SAFE, Step.ENABLE): State.LIVE,
+    (State.IDLE, Step.STOP): State.SAFE,
+    (State.LOADED, Step.STOP): State.SAFE,
+    (State.LIVE, Step.STOP): State.SAFE,
+    (State.ARMED, Step.STOP): State.SAFE,
+    (State.FIRED, Step.STOP): State.SAFE,
+    (State.SAFE, Step.STOP): State.SAFE,
+}
+"""Every legal step. Not in here, because they are answered in every state and change none: BEAT,
+QUERY, FIRE of a token that has fired, DISARM of a token that is not the armed one."""
+
+ILLEGAL = {
+    State.CLOSED: Refusal.NOT_OPEN,
+    State.IDLE: Refusal.NOTHING_LOADED,
+    State.LOADED: Refusal.NOT_ENABLED,
+    State.LIVE: Refusal.NOT_ARMED,
+    State.ARMED: Refusal.ALREADY_ARMED,
+    State.FIRED: Refusal.BUSY,
+    State.SAFE: Refusal.SAFE_STATE,
+}
+"""Why any other step is refused."""
+
+SPONTANEOUS = (Step.EXPIRE, Step.FINISH)
+"""Steps a device takes without being told, after which it takes steps that it did not before. Its
+watchdog's stop is no such step."""
+
+
+def require_legal(known: State, step: Step) -> None:
+    """Refuse, on the host, a step that is illegal whatever the device has done by itself.
+
+    Parameters
+    ----------
+    known : State
+        The device's state with its last answer, or CLOSED.
+    step : Step
+        What the host is about to send.
+
+    Raises
+    ------
+    StateError
+        Neither the known state nor one that follows from it without the host allows the step.
+
+    Examples
+    --------
+    >>> require_legal(State.FIRED, Step.ARM)        # the burst may be over by now
+    >>> require_legal(State.LOADED, Step.ARM)
+    Traceback (most recent call last):
+    device.driver.StateError: the output is not enabled: arm
+    """
+    later = (TRANSITIONS.get((known, event)) for event in SPONTANEOUS)
+    if not any((state, step) in TRANSITIONS for state in (known, *later)):
+        raise StateError(ILLEGAL[TRANSITIONS.get((known, Step.FINISH), known)], step.value)

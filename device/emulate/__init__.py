@@ -1,0 +1,1 @@
+"""Devices without actuators: the mock, and emulators on a pty or a port, with faults."""

@@ -1,0 +1,258 @@
+"""The actuator device without an actuator: the device's core behind a line.
+
+In a process of its own it outlives its host, and what it really emitted goes to a file that no
+host can touch.
+"""
+
+from __future__ import annotations
+
+import heapq
+import secrets
+import signal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from device.checks import require_real, require_whole
+from device.core.core import DeviceCore
+from device.core.states import State
+from device.driver import Identity
+from device.emulate.faults import Faults, Mishap
+from device.wire.endpoint import Endpoint
+from device.wire.frames import MINOR, VERSION
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from device.core.output import OutputStage
+    from device.emulate.lines import Line
+    from device.emulate.truth import Truth
+    from device.limits import Limits
+
+TICK_S: Final = 0.002
+"""How late the device notices what is due by itself, such as its watchdog."""
+
+SERIAL_NUMBER: Final = "1"
+"""The same in every process: an emulator that is started again is the same device."""
+
+_IDLE_TICK_S: Final = 0.02
+_BITS_PER_BYTE: Final = 10
+_LONGEST_NAME: Final = 16
+_LARGEST: Final = 4_000_000.0
+_AWAKE: Final = (State.LIVE, State.ARMED, State.FIRED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nature:
+    """What kind of device is emulated.
+
+    Parameters
+    ----------
+    limits : Limits
+        The device's own.
+    output : OutputStage
+        Converter and amplifier.
+    baud : int or None
+        Rate of a modelled wire, 10 bits a byte; none for no time on the wire.
+    drift_ppm : float
+        How much faster than the machine's clock its own runs, in parts per million.
+    serial_number : str
+        1 to 16 printable ASCII characters without a comma.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range, or the frames have no room for the ceiling or the sample rate.
+
+    Examples
+    --------
+    >>> from device.core.output import OutputStage
+    >>> from device.limits import Limits
+    >>> Nature(limits=Limits(ceiling_vpp=200.0), output=OutputStage(), baud=115_200).byte_s * 1e6
+    86.8...
+    """
+
+    limits: Limits
+    output: OutputStage
+    baud: int | None = None
+    drift_ppm: float = 0.0
+    serial_number: str = SERIAL_NUMBER
+
+    def __post_init__(self) -> None:
+        require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_LARGEST)
+        require_real("sample_rate_hz", self.output.sample_rate_hz, least=0.001, most=_LARGEST)
+        if self.baud is not None:
+            require_whole("baud", self.baud, least=300, most=10_000_000)
+        require_real("drift_ppm", self.drift_ppm, least=-1e5, most=1e5)
+        name = self.serial_number
+        plain = name.isascii() and name.isprintable() and name == name.strip() and "," not in name
+        if not plain or not 1 <= len(name) <= _LONGEST_NAME:
+            raise ValueError(
+                f"serial_number must be 1 to {_LONGEST_NAME} printable ASCII characters without a "
+                f"comma or spaces around, got {name!r}"
+            )
+
+    @property
+    def byte_s(self) -> float:
+        """Seconds that one byte takes on the wire."""
+        return 0.0 if self.baud is None else _BITS_PER_BYTE / self.baud
+
+
+class Emulator:
+    """A device between a line and a truth file.
+
+    Parameters
+    ----------
+    line : Line
+        Where its host is.
+    nature : Nature
+        What it is.
+    faults : Faults
+        What goes wrong.
+    truth : Truth
+        What really happened.
+    clock : Clock
+        The machine's; a virtual one for tests within a process.
+
+    Examples
+    --------
+    >>> import sys
+    >>> import numpy as np
+    >>> from device.clock import VirtualClock
+    >>> from device.core.output import OutputStage
+    >>> from device.emulate.faults import Faults, FaultScript
+    >>> from device.emulate.lines import TcpLine
+    >>> from device.limits import Limits
+    >>> from device.emulate.truth import Truth
+    >>> line = TcpLine(0)
+    >>> emulator = Emulator(line, Nature(limits=Limits(ceiling_vpp=200.0), output=OutputStage()),
+    ...                     Faults(FaultScript(), np.random.default_rng(1)),
+    ...                     Truth(sys.stdout), VirtualClock())
+    {"event": "boot", "t_s": 0.0, "boot_id": ...}
+    >>> emulator.turn(0.0)
+    >>> line.close()
+    """
+
+    def __init__(
+        self, line: Line, nature: Nature, faults: Faults, truth: Truth, clock: Clock
+    ) -> None:
+        self._line = line
+        self._nature = nature
+        self._faults = faults
+        self._truth = truth
+        self._clock = clock
+        self._began_s = clock.now_s()
+        self._inbox: list[tuple[float, int, bytes]] = []
+        self._outbox: list[tuple[float, int, bytes]] = []
+        self._pieces = 0
+        self._wire_free_s = [0.0, 0.0]
+        self._connected = False
+        self._endpoint = self._power_up()
+
+    def run(self) -> None:
+        """Serve until SIGINT or SIGTERM asks for the end; the outputs are at zero then."""
+        for number in (signal.SIGINT, signal.SIGTERM):  # also where the shell had it ignored
+            signal.signal(number, signal.default_int_handler)
+        try:
+            while True:
+                awake = self._endpoint.core.state in _AWAKE
+                self.turn(min(TICK_S if awake else _IDLE_TICK_S, self.due_in_s))
+        except KeyboardInterrupt:
+            self._lose_host("end")
+        finally:
+            self._line.close()
+
+    def turn(self, timeout_s: float) -> None:
+        """Do what is due, and what arrives within a time."""
+        data = self._line.read(timeout_s)
+        self._endpoint.core.advance(self._now_us())
+        self._note_state("watchdog")
+        if data is None and self._connected:
+            self._lose_host("line")
+        self._connected = data is not None
+        if data:
+            self._arrive(data)
+        self._take_due()
+        self._send_due()
+        if self._faults.cut_off():
+            self._line.drop()
+            self._lose_host("disconnect")
+
+    @property
+    def due_in_s(self) -> float:
+        """Seconds until a piece on the wire arrives; infinite if there is none."""
+        due_s = [box[0][0] for box in (self._inbox, self._outbox) if box]
+        return max(0.0, min(due_s, default=float("inf")) - self._clock.now_s())
+
+    def reset(self) -> None:
+        """Restart the device: new boot id, everything forgotten."""
+        self._lose_host("reset")
+        self._endpoint = self._power_up()
+
+    def _arrive(self, data: bytes) -> None:
+        mishap = self._faults.arrived()
+        if mishap is Mishap.STALL:
+            self._clock.wait(self._faults.stall_s())
+        if mishap is Mishap.RESET:
+            self.reset()
+        elif mishap is Mishap.DISCONNECT:
+            self._line.drop()
+            self._lose_host("disconnect")
+        else:
+            self._put(data, self._inbox, wire=0)
+
+    def _put(self, data: bytes, box: list[tuple[float, int, bytes]], *, wire: int) -> None:
+        """Give bytes to one of the wires."""
+        for delay_s, piece in self._faults.passed(data):
+            begin_s = max(self._clock.now_s(), self._wire_free_s[wire])
+            self._wire_free_s[wire] = begin_s + len(piece) * self._nature.byte_s
+            self._pieces += 1
+            heapq.heappush(box, (self._wire_free_s[wire] + delay_s, self._pieces, piece))
+
+    def _take_due(self) -> None:
+        while self._inbox and self._inbox[0][0] <= self._clock.now_s():
+            answers = self._endpoint.receive(self._now_us(), heapq.heappop(self._inbox)[2])
+            burst = self._endpoint.core.playing
+            if burst is not None:
+                self._truth.note_burst(burst)
+            self._note_state("host")
+            if answers:
+                self._put(answers, self._outbox, wire=1)
+
+    def _send_due(self) -> None:
+        while self._outbox and self._outbox[0][0] <= self._clock.now_s():
+            self._line.write(heapq.heappop(self._outbox)[2])
+
+    def _lose_host(self, cause: str) -> None:
+        """Lose the line and what was on it; the outputs go to zero."""
+        self._endpoint.hang_up(self._now_us())
+        self._note_state(cause)
+        self._inbox.clear()
+        self._outbox.clear()
+
+    def _note_state(self, cause: str) -> None:
+        self._truth.note_state(self._now_us() / 1e6, self._endpoint.core.state, cause)
+
+    def _now_us(self) -> int:
+        rate = 1.0 + self._nature.drift_ppm * 1e-6
+        return int((self._clock.now_s() - self._began_s) * rate * 1e6)
+
+    def _power_up(self) -> Endpoint:
+        boot_id = secrets.randbits(63)
+        limits, output = self._nature.limits, self._nature.output
+        core = DeviceCore(
+            boot_id=boot_id, limits=limits, output=output, sink=self._truth.note_burst
+        )
+        identity = Identity(
+            model="emulator",
+            serial_number=self._nature.serial_number,
+            boot_id=boot_id,
+            protocol_version=f"{VERSION}.{MINOR}",
+            sample_rate_hz=output.sample_rate_hz,
+            bits=output.bits,
+            channels=2,
+            ceiling_vpp=limits.ceiling_vpp,
+            longest_waveform=limits.longest_waveform,
+            emulated=True,
+        )
+        core.advance(self._now_us())
+        self._truth.note(self._now_us() / 1e6, "boot", boot_id=boot_id, began_s=self._began_s)
+        return Endpoint(core, identity)

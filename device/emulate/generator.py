@@ -1,0 +1,400 @@
+"""A two-channel generator without hardware: the Keysight dialect over a line, and a truth file.
+
+It answers what `device.scpi.dialects` says to Keysight's 33500 and 33600 Series, keeps the settings
+that matter, has their error queue, and writes down what really came out. Nothing stops it when its
+host is gone: neither would the real one.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import zlib
+from collections import deque
+from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING, Final
+
+import numpy as np
+
+from device.clock import Clock, MonotonicClock
+from device.core.output import Emission
+from device.emulate.emulator import TICK_S
+from device.emulate.faults import BadLine, Faults
+from device.emulate.instrument import (
+    BAD_BLOCK,
+    BAD_VALUE,
+    IGNORED,
+    NO_HEADER,
+    OVERFLOW,
+    ChannelState,
+    Reader,
+    ScpiError,
+    Unit,
+    header_pattern,
+)
+from device.scpi.dialects import EMULATED, INFINITE_OHM
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.emulate.lines import Line
+
+IDENTITY: Final = f"Keysight Technologies,33512B,{EMULATED},tactstrip"
+"""Its answer to ``*IDN?``."""
+
+_QUEUE: Final = 20
+
+
+def _number(text: str) -> float:
+    words = {"INF": float(INFINITE_OHM), "INFINITY": float(INFINITE_OHM)}
+    try:
+        return words[text.upper()] if text.upper() in words else float(text)
+    except ValueError:
+        raise ScpiError(BAD_VALUE) from None
+
+
+def _switch(text: str) -> bool:
+    if text.upper() not in {"ON", "OFF", "1", "0"}:
+        raise ScpiError(BAD_VALUE)
+    return text.upper() in {"ON", "1"}
+
+
+def _word(text: str) -> str:
+    if not text:
+        raise ScpiError(BAD_VALUE)
+    return text.strip('"').upper()
+
+
+def _shown(value: object) -> str:
+    """Return a setting as an answer."""
+    if isinstance(value, bool):
+        return str(int(value))
+    return f"{value:+.14E}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Setting:
+    """A header, the attribute of `ChannelState` behind it, and how its argument is read."""
+
+    header: str
+    attribute: str
+    read: Callable[[str], object]
+
+
+_SETTINGS: Final = tuple(
+    _Setting(header=header, attribute=attribute, read=read)
+    for header, attribute, read in (
+        ("OUTPut#:LOAD", "load", _number),
+        ("OUTPut#[:STATe]", "on", _switch),
+        ("[SOURce#:]VOLTage[:LEVel][:IMMediate][:AMPLitude]", "volts", _number),
+        ("[SOURce#:]VOLTage:OFFSet", "offset", _number),
+        ("[SOURce#:]VOLTage:LIMit:HIGH", "high", _number),
+        ("[SOURce#:]VOLTage:LIMit:LOW", "low", _number),
+        ("[SOURce#:]VOLTage:LIMit:STATe", "limited", _switch),
+        ("[SOURce#:]VOLTage:RANGe:AUTO", "autorange", _switch),
+        ("[SOURce#:]VOLTage:UNIT", "unit", _word),
+        ("[SOURce#:]FUNCtion", "function", _word),
+        ("[SOURce#:]FUNCtion:ARBitrary", "arb", _word),
+        ("[SOURce#:]FUNCtion:ARBitrary:SRATe", "rate", _number),
+        ("[SOURce#:]FUNCtion:ARBitrary:FILTer", "filter", _word),
+        ("[SOURce#:]BURSt:MODE", "burst_mode", _word),
+        ("[SOURce#:]BURSt:NCYCles", "cycles", _number),
+        ("[SOURce#:]BURSt:PHASe", "phase", _number),
+        ("[SOURce#:]BURSt:STATe", "burst", _switch),
+        ("TRIGger#:SOURce", "trigger", _word),
+    )
+)
+_PATTERNS: Final = tuple((header_pattern(setting.header), setting) for setting in _SETTINGS)
+_STORE: Final = header_pattern("[SOURce#:]DATA:ARBitrary:DAC")
+_CLEAR: Final = header_pattern("[SOURce#:]DATA:VOLatile:CLEar")
+_ORDER: Final = header_pattern("FORMat:BORDer")
+_ERROR: Final = header_pattern("SYSTem:ERRor[:NEXT]")
+
+
+class EmulatedGenerator:
+    r"""The generator itself, without a line: bytes in, bytes out, at times that it is given.
+
+    Parameters
+    ----------
+    sink : callable
+        Is given each `Emission`; its token is the number of the trigger, counted from 1.
+
+    Examples
+    --------
+    >>> generator = EmulatedGenerator(print)
+    >>> generator.receive(0, b"OUTP1:LOAD INF;:OUTP1:LOAD?\n")
+    b'+9.90000000000000E+37\n'
+    >>> generator.receive(0, b"OUTP1:LAOD 50\nSYST:ERR?\nSYST:ERR?\n").decode().split()
+    ['-113,"Undefined', 'header"', '+0,"No', 'error"']
+    """
+
+    def __init__(self, sink: Callable[[Emission], None]) -> None:
+        self._sink = sink
+        self._reader = Reader()
+        self._errors: deque[str] = deque()
+        self._outputs = (ChannelState(), ChannelState())
+        self._byte_order = "NORM"
+        self._triggers = 0
+        self._playing: Emission | None = None
+        self._completes: int | None = None
+
+    @property
+    def outputs_on(self) -> tuple[bool, bool]:
+        """Which outputs are on."""
+        return self._outputs[0].on, self._outputs[1].on
+
+    def receive(self, now_us: int, data: bytes) -> bytes:
+        """Take bytes at a time in microseconds and return what is answered by then."""
+        answers = [self.due(now_us)]
+        for unit in self._reader.feed(data):
+            try:
+                answers.append(self._do(now_us, unit))
+            except ScpiError as error:
+                self._fail(str(error))
+        return b"".join([*answers, self.due(now_us)])
+
+    def hang_up(self) -> None:
+        """Lose the host: half a line and answers that are due go with it, outputs stay on."""
+        self._reader = Reader()
+        self._completes = None
+
+    def due(self, now_us: int) -> bytes:
+        """Return what is answered because a burst is over by now."""
+        if self._playing is not None and now_us >= self._ends_us(self._playing):
+            self._finish(self._playing)
+        if self._playing is None and self._completes is not None:
+            count, self._completes = self._completes, None
+            return count * b"1\n"
+        return b""
+
+    @staticmethod
+    def _ends_us(burst: Emission) -> int:
+        return burst.start_us + burst.duration_us
+
+    def _finish(self, burst: Emission) -> None:
+        self._playing = None
+        self._sink(burst)
+
+    def _fail(self, error: str) -> None:
+        if len(self._errors) < _QUEUE:
+            self._errors.append(error)
+        else:
+            self._errors[-1] = OVERFLOW
+
+    def _do(self, now_us: int, unit: Unit) -> bytes:
+        header = unit.header.upper()
+        if header == "*OPC?":
+            self._completes = (self._completes or 0) + 1
+            return b""
+        if header == "*IDN?":
+            return f"{IDENTITY}\n".encode()
+        if header.endswith("?"):
+            return f"{self._answer(header[:-1])}\n".encode()
+        self._obey(now_us, header, unit)
+        return b""
+
+    def _answer(self, header: str) -> str:
+        if _ERROR.fullmatch(header):
+            return self._errors.popleft() if self._errors else '+0,"No error"'
+        output, setting = self._find(header)
+        shown = _shown(getattr(output, setting.attribute))
+        return f'"{shown}"' if setting.attribute == "arb" else shown
+
+    def _obey(self, now_us: int, header: str, unit: Unit) -> None:
+        if header == "*TRG":
+            self._play(now_us)
+        elif header in {"ABOR", "ABORT"}:
+            self._cut(now_us)
+        elif header == "*RST":
+            self._cut(now_us)
+            self._outputs, self._byte_order = (ChannelState(), ChannelState()), "NORM"
+        elif header == "*CLS":
+            self._errors.clear()
+        elif _ORDER.fullmatch(header):
+            self._byte_order = _word(unit.argument)[:4]
+        elif match := _CLEAR.fullmatch(header):
+            self._output(match.group(1)).clear()
+        elif match := _STORE.fullmatch(header):
+            if unit.data is None:
+                raise ScpiError(BAD_BLOCK)
+            name = unit.argument.rstrip(", ").upper()
+            self._output(match.group(1)).store(name, unit.data)
+        else:
+            self._set(now_us, header, unit.argument)
+
+    def _set(self, now_us: int, header: str, argument: str) -> None:
+        output, setting = self._find(header)
+        value = setting.read(argument)
+        if setting.attribute == "on" and not value:
+            self._cut(now_us)
+        special = getattr(output, f"set_{setting.attribute}", None)
+        if special is None:
+            setattr(output, setting.attribute, value)
+        else:
+            special(value)
+
+    def _find(self, header: str) -> tuple[ChannelState, _Setting]:
+        for pattern, setting in _PATTERNS:
+            if match := pattern.fullmatch(header):
+                return self._output(match.group(1)), setting
+        raise ScpiError(NO_HEADER)
+
+    def _output(self, channel: str | None) -> ChannelState:
+        return self._outputs[int(channel or 1) - 1]
+
+    def _play(self, now_us: int) -> None:
+        """Play one cycle on every channel that waits for the bus."""
+        waiting = [output.waits() for output in self._outputs]
+        if self._playing is not None or not any(waiting):
+            raise ScpiError(IGNORED)
+        self._triggers += 1
+        rows = [
+            output.play(byte_order=self._byte_order) if waits else np.zeros(0)
+            for output, waits in zip(self._outputs, waiting, strict=True)
+        ]
+        longest = max(row.size for row in rows)
+        left_v, right_v = (np.pad(row, (0, longest - row.size)) for row in rows)
+        levels = [
+            output.volts * output.doubling if row.any() else 0.0
+            for output, row in zip(self._outputs, rows, strict=True)
+        ]
+        self._playing = Emission(
+            token=self._triggers,
+            start_us=now_us,
+            left_v=left_v,
+            right_v=right_v,
+            level_left_vpp=levels[0],
+            level_right_vpp=levels[1],
+            sample_rate_hz=self._outputs[0].rate,
+        )
+
+    def _cut(self, now_us: int) -> None:
+        if self._playing is not None:
+            self._finish(self._playing.cut(now_us))
+
+
+class LocalChannel:
+    """A `frame_link.Channel` to an emulated generator in this process, on the host's clock.
+
+    Parameters
+    ----------
+    generator : EmulatedGenerator
+        At the other end.
+    clock : Clock
+        Of both ends.
+    """
+
+    def __init__(self, generator: EmulatedGenerator, clock: Clock) -> None:
+        self._generator = generator
+        self._clock = clock
+        self._answers = b""
+
+    def write(self, data: bytes) -> None:
+        """Give bytes to the generator."""
+        self._answers += self._generator.receive(self._now_us(), data)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what was answered, or wait for one tick at most."""
+        if not self._answers:
+            self._clock.wait(min(timeout_s, TICK_S))
+        answers, self._answers = self._answers + self._generator.due(self._now_us()), b""
+        return answers
+
+    def close(self) -> None:
+        """Forget what was answered."""
+        self._answers = b""
+
+    def _now_us(self) -> int:
+        return round(self._clock.now_s() * 1e6)
+
+
+class GeneratorEmulator:
+    """The emulated generator between a line and a truth file.
+
+    No host tells a generator its tokens: a burst has a ``number``, and ``wall_s``, the calendar's
+    clock at its onset. In a journal of the same machine it belongs to the one attempt that was
+    armed before and ended after.
+
+    Parameters
+    ----------
+    line : Line
+        Where its host is.
+    truth : file
+        JSON lines of what really came out.
+    amplifier_gain : float
+        Of an amplifier behind it: the truth tells volts at the actuators.
+    faults : Faults or None
+        What goes wrong on the line; nothing by default.
+    """
+
+    def __init__(
+        self, line: Line, truth: IO[str], *, amplifier_gain: float, faults: Faults | None = None
+    ) -> None:
+        self._line: Line = line
+        if faults is not None:
+            self._line = BadLine(line, faults, MonotonicClock(), restart=self._restart)
+        self._truth = truth
+        self._gain = amplifier_gain
+        self._began_s = time.monotonic()
+        self._generator = EmulatedGenerator(self._note_burst)
+        self._was = (False, False)
+
+    def run(self) -> None:
+        """Serve until the process ends."""
+        while True:
+            self.turn()
+
+    def turn(self) -> None:
+        """Do what is due, for one tick."""
+        data = self._line.read(TICK_S)
+        if data is None:
+            self._generator.hang_up()
+        answers = self._generator.receive(self._now_us(), data or b"")
+        if answers:
+            self._line.write(answers)
+        if self._generator.outputs_on != self._was:
+            self._was = self._generator.outputs_on
+            self._note({"event": "on" if any(self._was) else "off", "cause": "host"})
+
+    def _restart(self) -> None:
+        """Switch the generator off and on: it forgets everything, its outputs are off."""
+        self._generator.hang_up()
+        self._generator.receive(self._now_us(), b"*RST\n*CLS\n")
+
+    def _now_us(self) -> int:
+        return int((time.monotonic() - self._began_s) * 1e6)
+
+    def _note_burst(self, burst: Emission) -> None:
+        facts = burst_facts(burst, amplifier_gain=self._gain)
+        ago_s = (self._now_us() - burst.start_us) / 1e6
+        own = {"token": None, "number": burst.token, "wall_s": round(time.time() - ago_s, 6)}
+        self._note(facts | own)
+
+    def _note(self, facts: dict[str, object]) -> None:
+        self._truth.write(json.dumps({"t_s": self._now_us() / 1e6} | facts) + "\n")
+        self._truth.flush()
+
+
+def burst_facts(burst: Emission, *, amplifier_gain: float) -> dict[str, object]:
+    """Return the line of a truth file for a burst, in volts at the actuators.
+
+    Examples
+    --------
+    >>> volts = np.array([0.0, 2.0, -2.0, 0.0])
+    >>> burst = Emission(token=1, start_us=5, left_v=volts, right_v=0 * volts, level_left_vpp=4.0,
+    ...                  level_right_vpp=0.0, sample_rate_hz=1000.0)
+    >>> burst_facts(burst, amplifier_gain=10.0)["levels_mv"]
+    [40000, 0]
+    """
+    volts = np.stack((burst.left_v, burst.right_v)) * amplifier_gain
+    levels_vpp = burst.level_left_vpp, burst.level_right_vpp
+    return {
+        "event": "burst",
+        "token": burst.token,
+        "t_s": burst.start_us / 1e6,
+        "channels": [int(np.any(row)) for row in volts],
+        "levels_mv": [round(level_vpp * amplifier_gain * 1000) for level_vpp in levels_vpp],
+        "peak_v": [float(np.abs(row).max(initial=0.0)) for row in volts],
+        "crc": zlib.crc32(volts.tobytes()),
+        "cut": burst.cut_us is not None,
+    }

@@ -1,0 +1,253 @@
+"""How an instrument reads SCPI, blocks of any byte included, and what one of its channels keeps."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from device.driver import FloatArray
+
+_FULL_SCALE: Final = 32767
+_LEAST_SAMPLES: Final = 8
+_MEMORY: Final = 1_000_000
+_MOST_V: Final = 10.0
+_LEAST_VPP: Final = 0.001
+_MATCHED_OHM: Final = 50.0
+
+
+class ScpiError(Exception):
+    """An entry for the error queue."""
+
+
+NO_HEADER: Final = '-113,"Undefined header"'
+OUT_OF_RANGE: Final = '-222,"Data out of range"'
+CONFLICT: Final = '-221,"Settings conflict"'
+BAD_VALUE: Final = '-224,"Illegal parameter value"'
+BAD_BLOCK: Final = '-161,"Invalid block data"'
+IGNORED: Final = '-211,"Trigger ignored"'
+OVERFLOW: Final = '-350,"Error queue overflow"'
+NO_ARB: Final = '+785,"Specified arb waveform does not exist"'
+ARB_EXISTS: Final = '+786,"Specified arb waveform already exists"'
+
+
+@dataclass(slots=True, kw_only=True)
+class ChannelState:
+    """The settings of one channel, as they are after ``*RST``.
+
+    Volts are what stands on the display: at the terminals of an open circuit they are twice that
+    unless `load` is infinite.
+    """
+
+    load: float = _MATCHED_OHM
+    volts: float = 0.1
+    offset: float = 0.0
+    high: float = _MOST_V / 2
+    low: float = -_MOST_V / 2
+    limited: bool = False
+    autorange: bool = True
+    function: str = "SIN"
+    arb: str = "EXP_RISE"
+    rate: float = 40e3
+    filter: str = "NORM"
+    burst: bool = False
+    burst_mode: str = "TRIG"
+    cycles: float = 1.0
+    phase: float = 0.0
+    trigger: str = "IMM"
+    unit: str = "VPP"
+    on: bool = False
+    memory: dict[str, bytes] = field(default_factory=dict)
+
+    @property
+    def doubling(self) -> float:
+        """Volts into an open circuit per volt on the display."""
+        return 1.0 if self.load > 1e9 else 2.0  # noqa: PLR2004 - any infinite load
+
+    def set_load(self, ohm: float) -> None:
+        """Tell what is connected: the display changes, the terminals do not."""
+        if self.limited:
+            raise ScpiError(CONFLICT)
+        before = self.doubling
+        self.load = ohm
+        for name in ("volts", "offset", "high", "low"):
+            setattr(self, name, getattr(self, name) * before / self.doubling)
+
+    def set_volts(self, volts: float) -> None:
+        """Set the amplitude, clipped to what limits and hardware allow."""
+        most_vpp = 2 * _MOST_V / self.doubling
+        if self.limited:
+            most_vpp = min(most_vpp, 2 * (self.high - self.offset), 2 * (self.offset - self.low))
+        self.volts = min(max(volts, 2 * _LEAST_VPP / self.doubling), most_vpp)
+        if self.volts != volts:
+            raise ScpiError(OUT_OF_RANGE)
+
+    def set_limited(self, limited: bool) -> None:  # noqa: FBT001 - called through the table
+        """Switch the voltage limits; refused while the amplitude is beyond them."""
+        span = self.offset - self.volts / 2, self.offset + self.volts / 2
+        if limited and (span[0] < self.low or span[1] > self.high):
+            raise ScpiError(CONFLICT)
+        self.limited = limited
+
+    def set_arb(self, name: str) -> None:
+        """Select a stored waveform."""
+        if name.upper() not in self.memory:
+            raise ScpiError(NO_ARB)
+        self.arb = name.upper()
+
+    def clear(self) -> None:
+        """Forget the stored waveforms."""
+        self.memory.clear()
+        self.arb = "EXP_RISE"
+
+    def store(self, name: str, data: bytes) -> None:
+        """Store a waveform under a new name."""
+        if len(data) % 2 or len(data) < 2 * _LEAST_SAMPLES:
+            raise ScpiError(BAD_BLOCK)
+        if name in self.memory:
+            raise ScpiError(ARB_EXISTS)
+        if sum(map(len, self.memory.values())) + len(data) > 2 * _MEMORY:
+            raise ScpiError(OUT_OF_RANGE)
+        self.memory[name] = data
+
+    def waits(self) -> bool:
+        """Tell whether a trigger from the bus plays a burst."""
+        return self.burst and self.trigger == "BUS" and self.function == "ARB"
+
+    def play(self, *, byte_order: str) -> FloatArray:
+        """Return the volts into an open circuit of one cycle, zero if the output is off."""
+        stored = self.memory.get(self.arb, b"")
+        codes = np.frombuffer(stored, dtype="<i2" if byte_order == "SWAP" else ">i2")
+        amplitude_v = self.volts * self.doubling / 2 if self.on else 0.0
+        return codes / _FULL_SCALE * amplitude_v
+
+
+_LONGEST: Final = 2**22
+_DIGITS: Final = b"0123456789"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """One command or question.
+
+    Parameters
+    ----------
+    header : str
+        What is to be done, without the colon it may begin with; a question ends in ``?``.
+    argument : str
+        The rest; of a block only what stands before it.
+    data : bytes or None
+        The content of its block, if there is one.
+    """
+
+    header: str
+    argument: str
+    data: bytes | None = None
+
+
+class Reader:
+    r"""Cuts a stream of bytes into units.
+
+    Every unit names its whole path; units of one line are parted by semicolons.
+
+    Examples
+    --------
+    >>> reader = Reader()
+    >>> reader.feed(b"SOUR1:VOLT 2;:DATA:ARB:DAC a,#12\n")
+    []
+    >>> for unit in reader.feed(b"\n\n"): print(unit)
+    Unit(header='SOUR1:VOLT', argument='2', data=None)
+    Unit(header='DATA:ARB:DAC', argument='a,', data=b'\n\n')
+    """
+
+    def __init__(self) -> None:
+        self._waiting = b""
+
+    def feed(self, data: bytes) -> list[Unit]:
+        """Return the units of every line that is complete; none, and all dropped, if too long."""
+        self._waiting += data
+        units: list[Unit] = []
+        while (line := self._line()) is not None:
+            units += line
+        if len(self._waiting) > _LONGEST:
+            self._waiting = b""
+        return units
+
+    def _line(self) -> list[Unit] | None:
+        """Take the next line from what waits; None while it is incomplete."""
+        units, begin, at, quoted = [], 0, 0, False
+        content: bytes | None = None
+        head = b""
+        while at < len(self._waiting):
+            sign = self._waiting[at : at + 1]
+            if sign == b"#" and not quoted:
+                span = self._block(at)
+                if span is None:
+                    return None
+                if span[1] > span[0]:
+                    head, content = self._waiting[begin:at], self._waiting[span[0] : span[1]]
+                    at = span[1]
+                    continue
+            quoted ^= sign == b'"'
+            if sign == b"\n" or (sign == b";" and not quoted):
+                text = head if content is not None else self._waiting[begin:at]
+                units += _unit(text, content)
+                begin, content = at + 1, None
+                if sign == b"\n":
+                    self._waiting = self._waiting[begin:]
+                    return units
+            at += 1
+        return None
+
+    def _block(self, at: int) -> tuple[int, int] | None:
+        """Return where the content of a block begins and ends; None while it is incomplete."""
+        count = self._waiting[at + 1 : at + 2]
+        if not count:
+            return None
+        if count not in _DIGITS or count == b"0":
+            return at, at
+        begin = at + 2 + int(count)
+        size = self._waiting[at + 2 : begin]
+        if not size.isdigit() and len(size) == int(count):
+            return at, at
+        if len(size) < int(count) or len(self._waiting) <= begin + int(size):
+            return None
+        return begin, begin + int(size)
+
+
+def _unit(text: bytes, content: bytes | None) -> list[Unit]:
+    words = text.decode("ascii", errors="replace").strip().split(maxsplit=1)
+    if not words:
+        return []
+    argument = words[1].strip() if len(words) > 1 else ""
+    return [Unit(header=words[0].removeprefix(":"), argument=argument, data=content)]
+
+
+def header_pattern(notation: str) -> re.Pattern[str]:
+    """Return what matches a header in the notation of programming guides, long or short.
+
+    Parameters
+    ----------
+    notation : str
+        Capitals are the short form, ``#`` is a channel, 1 if it is left out, and brackets enclose
+        what may be left out.
+
+    Examples
+    --------
+    >>> pattern = header_pattern("[SOURce#:]VOLTage[:LEVel]")
+    >>> [bool(pattern.fullmatch(text)) for text in ("SOUR2:VOLT", "voltage:level", "SOUR:VOL")]
+    [True, True, False]
+    >>> pattern.fullmatch("SOURCE2:VOLT").group(1)
+    '2'
+    """
+    text = notation.replace("[", "(?:").replace("]", ")?").replace("*", r"\*")
+
+    def both(word: re.Match[str]) -> str:
+        short = word.group(1)
+        return f"(?:{short}{word.group(2).upper()}|{short})" if word.group(2) else short
+
+    text = re.sub(r"([A-Z]+)([a-z]*)", both, text)
+    return re.compile(text.replace("#", "([12])?"), re.IGNORECASE)

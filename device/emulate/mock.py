@@ -1,0 +1,175 @@
+"""A device in this process: the core behind the driver protocol, on any clock."""
+
+from __future__ import annotations
+
+import secrets
+from typing import TYPE_CHECKING
+
+from device.checks import require_real
+from device.core.core import DeviceCore
+from device.core.host import HostDriver
+from device.core.local import LocalCore
+from device.core.output import Emission, OutputStage
+from device.driver import Identity
+from device.limits import Limits
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from device.clock import Clock
+
+DEVICE_LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+"""The mock's own limits, unless told otherwise."""
+
+OUTPUT_STAGE = OutputStage()
+"""The mock's converter and amplifier, unless told otherwise."""
+
+
+class MockDevice(HostDriver):
+    """A `BurstDevice` without hardware that keeps what it really emitted.
+
+    The host's checks and the device's are both made, each with its own limits, as they are over a
+    wire. While it is open the host's heart beats every 100 ms, however far the clock jumps, until
+    `silence` stops it.
+
+    Parameters
+    ----------
+    clock : Clock
+        The host's clock.
+    limits : Limits
+        Of the study: what the host refuses to send.
+    device_limits : Limits
+        Of the device: what it refuses to play.
+    output : OutputStage
+        Converter and amplifier.
+    drift_ppm, offset_s : float
+        The device's clock shows host time x (1 + drift_ppm 1e-6) + offset_s, offset_s >= 0.
+    rng : numpy.random.Generator or None
+        Source of boot ids; None takes the system's.
+
+    Raises
+    ------
+    ValueError
+        `drift_ppm` or `offset_s` is out of range.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> from device.limits import Limits
+    >>> import numpy as np
+    >>> sine = np.sin(2 * np.pi * np.arange(97) / 96)
+    >>> sine[-1] = 0.0
+    >>> device = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
+    >>> bits = device.open().bits
+    >>> device.load(0, sine, 0 * sine)
+    >>> device.enable()
+    >>> device.set_levels(130.0, 130.0)
+    >>> device.arm(7, 0, time_to_live_s=0.5)
+    >>> felt = device.fire(7)
+    >>> felt.outcome.value, felt.level_left_vpp, felt.level_right_vpp
+    ('fired', 130.0, 0.0)
+    >>> device.fire(7) == felt, len(device.emitted)
+    (True, 1)
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        limits: Limits,
+        device_limits: Limits = DEVICE_LIMITS,
+        output: OutputStage = OUTPUT_STAGE,
+        drift_ppm: float = 0.0,
+        offset_s: float = 0.0,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        require_real("drift_ppm", drift_ppm, least=-1e5, most=1e5)
+        require_real("offset_s", offset_s, least=0.0)
+        self._bench = _Bench(
+            clock,
+            limits=device_limits,
+            output=output,
+            rate=1.0 + drift_ppm * 1e-6,
+            offset_s=offset_s,
+            rng=rng,
+        )
+        super().__init__(self._bench, limits=limits, clock=clock)
+
+    @property
+    def emitted(self) -> tuple[Emission, ...]:
+        """Every burst so far, over all power cycles; the last may still be under way."""
+        return self._bench.emitted()
+
+    def silence(self) -> None:
+        """Stop the host's heartbeat, as the death of its process would; `open` starts it again."""
+        self._bench.silence()
+
+    def reset(self) -> None:
+        """Cut the device's power and give it back: new boot id, everything forgotten."""
+        self._bench.reset()
+
+
+class _Bench(LocalCore):
+    """The `Link` of the mock: a core with a clock of its own."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        *,
+        limits: Limits,
+        output: OutputStage,
+        rate: float,
+        offset_s: float,
+        rng: np.random.Generator | None,
+    ) -> None:
+        self._limits = limits
+        self._output = output
+        self._rate = rate
+        self._offset_s = offset_s
+        self._rng = rng
+        self._over: list[Emission] = []
+        super().__init__(self._power_up(), clock)
+        self._heart_beats = False
+
+    def hello(self) -> Identity:
+        self._beat_us = self._attend()
+        self._heart_beats = True
+        self._known = self._core.state
+        return Identity(
+            model="tactstrip mock",
+            serial_number="mock",
+            boot_id=self._core.boot_id,
+            protocol_version="1.0",
+            sample_rate_hz=self._output.sample_rate_hz,
+            bits=self._output.bits,
+            channels=2,
+            ceiling_vpp=self._limits.ceiling_vpp,
+            longest_waveform=self._limits.longest_waveform,
+            emulated=True,
+        )
+
+    def hang_up(self) -> None:
+        super().hang_up()
+        self._heart_beats = False
+
+    def emitted(self) -> tuple[Emission, ...]:
+        self._attend()
+        playing = self._core.playing
+        return (*self._over, *(() if playing is None else (playing,)))
+
+    def silence(self) -> None:
+        self._attend()
+        self._heart_beats = False
+
+    def reset(self) -> None:
+        self._core.stop(self._attend())
+        self._core = self._power_up()
+
+    def _power_up(self) -> DeviceCore:
+        drawn = secrets.randbits(63) if self._rng is None else self._rng.integers(2**63)
+        return DeviceCore(
+            boot_id=int(drawn), limits=self._limits, output=self._output, sink=self._over.append
+        )
+
+    def _device_us(self, host_s: float) -> int:
+        return round((host_s * self._rate + self._offset_s) * 1e6)

@@ -1,0 +1,1 @@
+"""Two-channel generators that speak SCPI."""

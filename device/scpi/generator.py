@@ -1,0 +1,135 @@
+"""The driver of two-channel arbitrary-waveform generators over SCPI. Not tried on hardware."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from device.clock import Clock, MonotonicClock
+from device.core.host import HostDriver
+from device.driver import LinkError
+from device.scpi.dialects import dialect_of
+from device.scpi.line import ScpiLine
+from device.scpi.link import GeneratorLink
+from device.wire.channels import Channel, open_channel
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.limits import Limits
+
+_GLANCE_S: Final = 1.0
+
+
+class GeneratorDevice(HostDriver):
+    """A `BurstDevice` that is a generator with an amplifier behind it.
+
+    Parameters
+    ----------
+    connect : callable
+        Opens the channel; raises `LinkError` where it cannot.
+    limits : Limits
+        Of the study; the generator's voltage limits are set by their ceiling.
+    clock : Clock
+        The host's.
+    amplifier_gain : float
+        Volts at the actuator per volt of the generator, from the study.
+    sample_rate_hz : float
+        At which waveforms are played.
+
+    Raises
+    ------
+    ValueError
+        `amplifier_gain` or `sample_rate_hz` is not a positive finite number.
+
+    Examples
+    --------
+    >>> from device.clock import MonotonicClock
+    >>> from device.limits import Limits
+    >>> device = generator_device("/no/such/port", limits=Limits(ceiling_vpp=200.0),
+    ...                           clock=MonotonicClock(), amplifier_gain=27.5, sample_rate_hz=48e3)
+    >>> device.cannot[0]
+    'bring its outputs to zero when this program or the line to it dies'
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[], Channel],
+        *,
+        limits: Limits,
+        clock: Clock,
+        amplifier_gain: float,
+        sample_rate_hz: float,
+    ) -> None:
+        self._generator = GeneratorLink(
+            connect,
+            clock,
+            limits=limits,
+            amplifier_gain=amplifier_gain,
+            sample_rate_hz=sample_rate_hz,
+        )
+        super().__init__(self._generator, limits=limits, clock=clock)
+
+    @property
+    def cannot(self) -> tuple[str, ...]:
+        """What the generator cannot promise; complete once it is open."""
+        return self._generator.cannot
+
+
+def generator_device(
+    port: str, *, limits: Limits, clock: Clock, amplifier_gain: float, sample_rate_hz: float
+) -> GeneratorDevice:
+    """Return the driver of the generator on a port; nothing is opened yet.
+
+    Parameters
+    ----------
+    port : str
+        Name of a serial port, or a URL such as ``socket://host:5025``.
+    limits : Limits
+        Of the study.
+    clock : Clock
+        The machine's.
+    amplifier_gain : float
+        Volts at the actuator per volt of the generator.
+    sample_rate_hz : float
+        At which waveforms are played.
+
+    Examples
+    --------
+    >>> from device.clock import MonotonicClock
+    >>> from device.limits import Limits
+    >>> generator_device("/no/such/port", limits=Limits(ceiling_vpp=200.0), clock=MonotonicClock(),
+    ...                  amplifier_gain=27.5, sample_rate_hz=48e3).open()
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open /no/such/port: ...
+    """
+    return GeneratorDevice(
+        lambda: open_channel(port, clock),
+        limits=limits,
+        clock=clock,
+        amplifier_gain=amplifier_gain,
+        sample_rate_hz=sample_rate_hz,
+    )
+
+
+def identify_generator(port: str) -> str | None:
+    """Return what a generator on a port answers to ``*IDN?``, or None where none known does.
+
+    Nothing is set.
+
+    Examples
+    --------
+    >>> identify_generator("/no/such/port") is None
+    True
+    """
+    clock = MonotonicClock()
+    try:
+        channel = open_channel(port, clock)
+    except LinkError:
+        return None
+    try:
+        words = ScpiLine(channel, clock, patience_s=_GLANCE_S).identify()
+    except LinkError:
+        return None
+    finally:
+        channel.close()
+    return words if dialect_of(words) is not None else None

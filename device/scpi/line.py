@@ -1,0 +1,228 @@
+"""Lines of SCPI over a channel: commands, questions, blocks, the error queue; waveforms, volts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import ROUND_DOWN, ROUND_UP, Decimal
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from device.core.messages import CodeArray, full_scale
+from device.driver import LinkError, SettingError
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from device.scpi.dialects import Dialect
+    from device.wire.channels import Channel
+
+PATIENCE_S: Final = 5.0
+"""How long an instrument may take to answer."""
+
+_TOLERANCE: Final = 1e-3
+_MOST_ERRORS: Final = 32
+_IDENTITY: Final = "*IDN?"
+
+
+def block(data: bytes) -> bytes:
+    r"""Return data as a block of definite length (IEEE 488.2, 7.7.6): any byte may be in it.
+
+    Examples
+    --------
+    >>> block(b"a\nb")
+    b'#13a\nb'
+    """
+    size = str(len(data))
+    return f"#{len(size)}{size}".encode() + data
+
+
+def matches(wanted: str, got: str) -> bool:
+    """Tell whether an answer is the wanted one: numbers within 0.1 %, words in any case or quotes.
+
+    Examples
+    --------
+    >>> matches("9.9E+37", "+9.90000000000000E+37"), matches("T1", '"T1"'), matches("50", "+51")
+    (True, True, False)
+    """
+    try:
+        number, other = float(wanted), float(got)
+    except ValueError:
+        return wanted.strip('"').upper() == got.strip('"').upper()
+    return abs(other - number) <= _TOLERANCE * abs(number)
+
+
+class ScpiLine:
+    r"""An instrument at the other end of a channel; nothing that was sent is ever sent again.
+
+    Parameters
+    ----------
+    channel : Channel
+        The line, open.
+    clock : Clock
+        The host's.
+    patience_s : float
+        A question that was not answered for so long, in seconds, is given up.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> class Echo:
+    ...     def write(self, data: bytes) -> None: print(data)
+    ...     def read(self, timeout_s: float) -> bytes: return b"1\n"
+    ...     def close(self) -> None: pass
+    >>> ScpiLine(Echo(), VirtualClock()).ask("*OPC?")
+    b'*OPC?\n'
+    '1'
+    """
+
+    def __init__(self, channel: Channel, clock: Clock, *, patience_s: float = PATIENCE_S) -> None:
+        self._channel = channel
+        self._clock = clock
+        self._patience_s = patience_s
+        self._heard = self._unsent = b""
+        self._identity = ""
+        self._out_of_step = False
+
+    def identify(self) -> str:
+        """Return the instrument's answer to ``*IDN?``, whatever was on the line before.
+
+        Raises
+        ------
+        LinkError
+            There is none.
+        """
+        while self._channel.read(0.0):
+            pass
+        self._heard = b""
+        self.say("")
+        self._identity = self.ask(_IDENTITY)
+        return self._identity
+
+    def say(self, *commands: str) -> None:
+        """Send commands, one line each, together with the next question.
+
+        In one piece: a socket holds a second small one back until the first is acknowledged.
+        """
+        self._unsent += "".join(f"{command}\n" for command in commands).encode()
+
+    def say_block(self, command: str, data: bytes) -> None:
+        """Send a command that ends with a block, together with the next question."""
+        self._unsent += command.encode() + block(data) + b"\n"
+
+    def ask(self, question: str, *, after: tuple[str, ...] = (), within_s: float = 0.0) -> str:
+        """Return the answer to a question that is sent behind some commands, in one piece.
+
+        Parameters
+        ----------
+        question : str
+            The question.
+        after : tuple of str
+            Commands that go before it.
+        within_s : float
+            How long the commands may take, in seconds; patience comes on top.
+
+        Raises
+        ------
+        LinkError
+            No answer came. The next question finds out first whether the line is still in step.
+        """
+        if self._out_of_step:
+            self._fall_into_step()
+        self.say(*after, question)
+        self._send()
+        return self._listen(question, self._patience_s + within_s)
+
+    def check_errors(self, question: str) -> None:
+        """Ask for errors until the instrument says 0.
+
+        Raises
+        ------
+        SettingError
+            There was one.
+        """
+        errors: list[str] = []
+        for _ in range(_MOST_ERRORS):
+            answer = self.ask(question)
+            if matches("0", answer.split(",")[0]):
+                break
+            errors.append(answer)
+        if errors:
+            raise SettingError(f"the generator reports {'; '.join(errors)}")
+
+    def _fall_into_step(self) -> None:
+        """Drop answers that came too late, up to the instrument's name."""
+        self._channel.write(f"{_IDENTITY}\n".encode())
+        while self._listen(_IDENTITY, self._patience_s) != self._identity:
+            self._out_of_step = True
+
+    def _send(self) -> None:
+        unsent, self._unsent = self._unsent, b""
+        self._channel.write(unsent)
+
+    def _listen(self, question: str, within_s: float) -> str:
+        until_s = self._clock.now_s() + within_s
+        self._out_of_step = True
+        while b"\n" not in self._heard:
+            left_s = until_s - self._clock.now_s()
+            if left_s <= 0.0:
+                raise LinkError(f"no answer to {question} within {within_s:g} s")
+            self._heard += self._channel.read(left_s)
+        line, _, self._heard = self._heard.partition(b"\n")
+        self._out_of_step = False
+        return line.decode("ascii", errors="replace").strip()
+
+
+BITS: Final = 16
+"""Waveforms come with so many bits; a dialect with fewer drops the lowest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wave:
+    """A waveform as a generator stores it, and the peak that it had before it was stretched.
+
+    Parameters
+    ----------
+    data : bytes
+        Its codes.
+    peak : float
+        Largest magnitude, 0 to 1; 0 for silence.
+    """
+
+    data: bytes
+    peak: float
+
+
+def encode(codes: CodeArray, dialect: Dialect) -> Wave:
+    """Return a waveform as a dialect's generator stores it, stretched to the converter's range.
+
+    Parameters
+    ----------
+    codes : ndarray of int, shape (n,)
+        16-bit codes.
+    dialect : Dialect
+        Of the generator.
+
+    Examples
+    --------
+    >>> from device.scpi.dialects import KEYSIGHT
+    >>> wave = encode(np.array([0, 16383, -16383, 0]), KEYSIGHT)
+    >>> wave.peak, np.frombuffer(wave.data, "<i2").tolist()
+    (0.49998..., [0, 32767, -32767, 0, 0, 0, 0, 0])
+    """
+    largest = int(np.abs(codes).max(initial=0))
+    stretched = codes * (full_scale(dialect.bits) / largest) if largest else codes
+    rows = np.full(max(codes.size, dialect.shortest_waveform), dialect.zero_code)
+    rows[: codes.size] += np.trunc(stretched).astype(rows.dtype)
+    return Wave(data=rows.astype(dialect.code_type).tobytes(), peak=largest / full_scale(BITS))
+
+
+def decimals(volts: float, digits: int, *, up: bool = False) -> str:
+    """Return volts with so many digits after the point, rounded toward zero or away from it.
+
+    Examples
+    --------
+    >>> decimals(200 / 27.5, 7), decimals(200 / 27.5, 7, up=True)
+    ('7.2727272', '7.2727273')
+    """
+    rounding = ROUND_UP if up else ROUND_DOWN
+    return str(Decimal(volts).quantize(Decimal(1).scaleb(-digits), rounding=rounding))

@@ -1,0 +1,1 @@
+"""Sound cards: bursts to actuators, loops to headphones."""

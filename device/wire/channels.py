@@ -1,0 +1,237 @@
+"""Lines of bytes as the host sees them, and the heart that keeps a device on one awake."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final, Protocol
+from urllib.parse import urlsplit
+
+from device.driver import LinkError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.clock import Clock
+
+BEAT_EVERY_S: Final = 0.1
+"""Interval of the heartbeat."""
+
+
+class Channel(Protocol):
+    """A line that carries bytes both ways.
+
+    Every method raises `LinkError` once the line is gone.
+
+    Examples
+    --------
+    >>> sorted(name for name in vars(Channel) if not name.startswith("_"))
+    ['close', 'read', 'write']
+    """
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; from several threads."""
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or wait for it; nothing after `timeout_s`."""
+
+    def close(self) -> None:
+        """Close the line."""
+
+
+class Heart:
+    """A thread that beats until it is told to end, whatever the line is like.
+
+    Parameters
+    ----------
+    beat : callable
+        What it does every 100 ms; a `LinkError` of it is passed over.
+
+    Examples
+    --------
+    >>> beaten = Event()
+    >>> heart = Heart(beaten.set)
+    >>> beaten.wait(60.0)
+    True
+    >>> heart.end()
+    """
+
+    def __init__(self, beat: Callable[[], None]) -> None:
+        self._beat = beat
+        self._over = Event()
+        self._thread = Thread(target=self._run, name="tactstrip heartbeat", daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Stop beating; return when the thread is over."""
+        self._over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._over.wait(BEAT_EVERY_S):
+            with contextlib.suppress(LinkError):
+                self._beat()
+
+
+SCHEME: Final = "socket://"
+
+_CHUNK: Final = 4096
+_CONNECT_WITHIN_S: Final = 5.0
+
+
+class SocketChannel:
+    """A `channel.Channel` over TCP.
+
+    pyserial opens such URLs too, but waits 0.3 s whenever it closes one and keeps the socket open
+    if the other side was faster.
+
+    Parameters
+    ----------
+    url : str
+        ``socket://host:port``.
+
+    Raises
+    ------
+    LinkError
+        If nobody listens there, or it is no such URL.
+
+    Examples
+    --------
+    >>> SocketChannel("socket://nowhere")
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open socket://nowhere: it must be socket://host:port
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        try:
+            parts = urlsplit(url)
+            address = parts.hostname, parts.port
+        except ValueError:
+            address = None, None
+        if address[0] is None or address[1] is None:
+            raise LinkError(f"cannot open {url}: it must be {SCHEME}host:port")
+        try:
+            self._socket = socket.create_connection((address[0], address[1]), _CONNECT_WITHIN_S)
+        except OSError as error:
+            raise LinkError(f"cannot open {url}: {error}") from error
+        self._socket.settimeout(_WRITE_WITHIN_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._socket.sendall(data)
+        except OSError as error:
+            raise LinkError(f"the line to {self._url} is gone: {error}") from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or wait for it; nothing after `timeout_s`."""
+        try:
+            readable, _, _ = select.select([self._socket], [], [], timeout_s)
+            data = self._socket.recv(_CHUNK) if readable else None
+        except (OSError, ValueError) as error:
+            raise LinkError(f"the line to {self._url} is gone: {error}") from error
+        if data == b"":
+            raise LinkError(f"the line to {self._url} is gone: closed from there")
+        return data or b""
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+
+BAUD: Final = 115_200
+"""Rate of a port that has one; USB and sockets ignore it."""
+
+_POLL_S: Final = 0.002
+_WRITE_WITHIN_S: Final = 0.5
+_AT_ONCE: Final = 4096
+
+_GONE: Final = (OSError, TypeError, ValueError, AttributeError)
+"""What pyserial raises where the port is gone, or is closed by another thread meanwhile."""
+
+
+class SerialChannel:
+    """A `channel.Channel` over a serial port, or a URL that pyserial knows.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port, or a URL.
+    clock : Clock
+        The machine's.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be opened; another process may have it.
+
+    Examples
+    --------
+    >>> from device.clock import MonotonicClock
+    >>> SerialChannel("/no/such/port", MonotonicClock())
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open /no/such/port: ...
+    """
+
+    def __init__(self, port: str, clock: Clock) -> None:
+        import serial
+
+        self._port = port
+        self._clock = clock
+        try:
+            self._line = serial.serial_for_url(port, do_not_open=True)
+            self._line.baudrate = BAUD
+            self._line.timeout, self._line.write_timeout = _POLL_S, _WRITE_WITHIN_S
+            self._line.exclusive = True
+            self._line.open()
+        except (OSError, ValueError) as error:
+            raise LinkError(f"cannot open {port}: {error}") from error
+
+    def write(self, data: bytes) -> None:
+        """Send bytes."""
+        try:
+            self._line.write(data)
+        except _GONE as error:
+            raise self._gone(error) from error
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what has arrived, or wait for it; nothing after `timeout_s`."""
+        until_s = self._clock.now_s() + timeout_s
+        try:
+            while True:
+                arrived = bytes(self._line.read(1))
+                while arrived and len(arrived) < _AT_ONCE and (more := self._line.in_waiting):
+                    arrived += bytes(self._line.read(more))
+                if arrived or self._clock.now_s() >= until_s:
+                    return arrived
+        except _GONE as error:
+            raise self._gone(error) from error
+
+    def close(self) -> None:
+        """Close the port."""
+        self._line.close()
+
+    def _gone(self, error: Exception) -> LinkError:
+        return LinkError(f"the line to {self._port} is gone: {error}")
+
+
+def open_channel(port: str, clock: Clock) -> Channel:
+    """Return the channel to a port: of this machine, or ``socket://host:port``.
+
+    Raises
+    ------
+    LinkError
+        If it cannot be opened.
+
+    Examples
+    --------
+    >>> from device.clock import MonotonicClock
+    >>> open_channel("socket://127.0.0.1:1", MonotonicClock())
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open socket://127.0.0.1:1: ...
+    """
+    return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock)

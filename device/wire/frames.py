@@ -1,0 +1,226 @@
+"""The frames of the wire format: bytes to messages and back, whatever the bytes are.
+
+    0x00  COBS( version | type | sequence | payload | CRC-32 )  0x00
+
+docs/protocol.md is the page that host, emulator and firmware obey; tests/golden_frames.json holds
+frames that any other implementation can be tested against.
+"""
+
+from __future__ import annotations
+
+import string
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from cobs import cobs
+
+from device.checks import require_whole
+
+if TYPE_CHECKING:
+    from device.driver import Identity
+
+VERSION: Final = 1
+"""Major version of the wire format; frames of any other are dropped."""
+
+MINOR: Final = 0
+"""Minor version: types and refusals may be added, none changes its layout or meaning."""
+
+LONGEST_PAYLOAD: Final = 96
+"""In bytes. A frame that claims more is noise."""
+
+_HEAD: Final = struct.Struct("<BBH")
+_TAIL: Final = struct.Struct("<I")
+_SHORTEST_BODY: Final = _HEAD.size + _TAIL.size
+_LONGEST_BODY: Final = _SHORTEST_BODY + LONGEST_PAYLOAD
+_LONGEST_CODED: Final = _LONGEST_BODY + _LONGEST_BODY // 254 + 1
+_DELIMITER: Final = b"\x00"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frame:
+    """One message on the wire.
+
+    Parameters
+    ----------
+    kind : int
+        Type of the message, one byte; an answer has that of its question plus 0x80.
+    sequence : int
+        16 bit; an answer has that of its question.
+    payload : bytes
+        Up to 96 bytes.
+
+    Raises
+    ------
+    ValueError
+        A field is out of its range.
+
+    Examples
+    --------
+    >>> Frame(kind=2, sequence=7, payload=b"").answered(b"ok").kind == 0x82
+    True
+    """
+
+    kind: int
+    sequence: int
+    payload: bytes
+
+    def __post_init__(self) -> None:
+        require_whole("kind", self.kind, least=0, most=0xFF)
+        require_whole("sequence", self.sequence, least=0, most=0xFFFF)
+        if len(self.payload) > LONGEST_PAYLOAD:
+            raise ValueError(
+                f"payload must have at most {LONGEST_PAYLOAD} bytes, got {len(self.payload)}"
+            )
+
+    def answered(self, payload: bytes) -> Frame:
+        """Return the answer to this question."""
+        return Frame(kind=self.kind | 0x80, sequence=self.sequence, payload=payload)
+
+
+def encode(frame: Frame) -> bytes:
+    """Return a frame's bytes, delimiters included.
+
+    Examples
+    --------
+    No byte but the delimiters is zero:
+
+    >>> coded = encode(Frame(kind=2, sequence=0, payload=bytes(5)))
+    >>> coded.count(0), coded[0], coded[-1]
+    (2, 0, 0)
+    """
+    body = _HEAD.pack(VERSION, frame.kind, frame.sequence) + frame.payload
+    coded: bytes = cobs.encode(body + _TAIL.pack(zlib.crc32(body)))
+    return _DELIMITER + coded + _DELIMITER
+
+
+class Decoder:
+    """Frames out of a stream of bytes that may hold anything.
+
+    A damaged frame is dropped and counted; the next delimiter begins a new one. Never holds more
+    than one frame's bytes.
+
+    Attributes
+    ----------
+    dropped : int
+        Pieces between delimiters that were no frame.
+
+    Examples
+    --------
+    >>> decoder = Decoder()
+    >>> ping = encode(Frame(kind=2, sequence=9, payload=b""))
+    >>> [frame.sequence for frame in decoder.feed(b"noise" + ping + ping[:4])]
+    [9]
+    >>> [frame.sequence for frame in decoder.feed(ping[4:])], decoder.dropped
+    ([9], 1)
+    """
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        self._piece = bytearray()
+        self._too_long = False
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Return the frames that these bytes complete."""
+        frames = []
+        *ended, rest = data.split(_DELIMITER)
+        for part in ended:
+            self._extend(part)
+            frame = self._finish()
+            if frame is not None:
+                frames.append(frame)
+        self._extend(rest)
+        return frames
+
+    def _extend(self, part: bytes) -> None:
+        if len(self._piece) + len(part) > _LONGEST_CODED:
+            self._too_long = True
+            self._piece.clear()
+        if not self._too_long:
+            self._piece += part
+
+    def _finish(self) -> Frame | None:
+        piece, too_long = bytes(self._piece), self._too_long
+        self._piece.clear()
+        self._too_long = False
+        if not piece and not too_long:
+            return None
+        frame = None if too_long else _frame(piece)
+        self.dropped += frame is None
+        return frame
+
+
+def _frame(coded: bytes) -> Frame | None:
+    """Return what lay between two delimiters, or None where that is no frame of this version."""
+    try:
+        body = cobs.decode(coded)
+    except cobs.DecodeError:
+        return None
+    if not _SHORTEST_BODY <= len(body) <= _LONGEST_BODY:
+        return None
+    content, tail = body[: -_TAIL.size], body[-_TAIL.size :]
+    if _TAIL.unpack(tail)[0] != zlib.crc32(content):
+        return None
+    version, kind, sequence = _HEAD.unpack_from(content)
+    if version != VERSION:
+        return None
+    return Frame(kind=kind, sequence=sequence, payload=content[_HEAD.size :])
+
+
+QUESTION: Final = b"*IDN?"
+"""Followed by a line feed, with or without a carriage return before it."""
+
+MAKER: Final = "tactstrip"
+"""With this the answer begins."""
+
+_TEXT: Final = string.printable.encode("ascii")
+_KEPT: Final = len(QUESTION) + 2
+
+
+class IdentityLine:
+    r"""Answers ``*IDN?`` where it cannot be a part of a frame.
+
+    That is where everything since the last delimiter is text: a frame has its version, which is
+    not text, as the second byte after one.
+
+    Parameters
+    ----------
+    identity : Identity
+        Of the device.
+
+    Examples
+    --------
+    >>> from device.driver import Identity
+    >>> line = IdentityLine(Identity(model="m", serial_number="1", boot_id=5,
+    ...                              protocol_version="1.0", sample_rate_hz=48e3, bits=16,
+    ...                              channels=2, ceiling_vpp=200.0, longest_waveform=4096,
+    ...                              emulated=True))
+    >>> line.feed(b"*ID"), line.feed(b"N?\r\n")
+    (b'', b'tactstrip,m,1,protocol 1.0\n')
+    >>> line.feed(b"\0\x20\x01\n*IDN?\n")
+    b''
+    """
+
+    def __init__(self, identity: Identity) -> None:
+        facts = (identity.model, identity.serial_number, f"protocol {identity.protocol_version}")
+        self._answer = ",".join((MAKER, *facts)).encode("ascii", "replace") + b"\n"
+        self._is_text = True
+        self._line = b""
+
+    def feed(self, data: bytes) -> bytes:
+        """Take bytes from the line and return the answers to the questions in them."""
+        first, *after_delimiter = data.split(b"\0")
+        asked = self._asked(first)
+        for part in after_delimiter:
+            self._is_text, self._line = True, b""
+            asked += self._asked(part)
+        return asked * self._answer
+
+    def _asked(self, part: bytes) -> int:
+        self._is_text = self._is_text and not part.translate(None, _TEXT)
+        if not self._is_text:
+            return 0
+        *lines, rest = (self._line + part).split(b"\n")
+        self._line = rest[:_KEPT]
+        return sum(line.rstrip() == QUESTION for line in lines)

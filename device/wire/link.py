@@ -1,0 +1,402 @@
+"""The host's end of the wire: messages as frames over a line that may lose or damage any of them.
+
+Every question is sent again until its answer comes; the device does each only once. What cannot be
+known after that is said to be unknown.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import zlib
+from itertools import count
+from threading import Lock
+from typing import TYPE_CHECKING, Final, TypeVar
+
+import numpy as np
+
+from device.clock import Clock, ClockSync, MonotonicClock, Sample, resolution_s
+from device.core.states import State
+from device.core.tokens import Exchange, Fate, Record
+from device.driver import Identity, LinkError, Refusal, Rejected, rejection
+from device.wire import codec
+from device.wire.channels import Channel, Heart
+from device.wire.codec import Answer, Begin, Commit, Kind
+from device.wire.frames import VERSION, Decoder, Frame, encode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.core.messages import Arm, Levels, Load
+
+ANSWER_WITHIN_S: Final = 0.025
+"""A question is sent again when its answer took longer than this."""
+
+PATIENCE_S: Final = 2.0
+"""A question that was not answered for so long is given up."""
+
+_STOPS: Final = 3
+"""STOP is sent so often at once: a frame that is under way may spoil the first."""
+
+_BEATS: Final = 2
+"""BEAT is sent so often at once, for the same reason."""
+
+_FAREWELL_S: Final = 0.25
+_STALE_AT_MOST: Final = 8
+
+_Read = TypeVar("_Read")
+
+
+class FrameLink:
+    """A `host.Link` that speaks the wire format over a channel.
+
+    Only `stop` may be called from more than one thread.
+
+    Parameters
+    ----------
+    connect : callable
+        Opens the channel; raises `LinkError` where it cannot.
+    clock : Clock
+        The host's. On the machine's clock a thread keeps up the heartbeat; on any other that is
+        for the channel to do, by `beat`.
+    answer_within_s, patience_s : float
+        After which time a question is sent again, and given up.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> def unplugged():
+    ...     raise LinkError("no such port")
+    >>> FrameLink(unplugged, VirtualClock()).hello()
+    Traceback (most recent call last):
+    device.driver.LinkError: no such port
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[], Channel],
+        clock: Clock,
+        *,
+        answer_within_s: float = ANSWER_WITHIN_S,
+        patience_s: float = PATIENCE_S,
+    ) -> None:
+        self._connect = connect
+        self._clock = clock
+        self._answer_within_s = answer_within_s
+        self._patience_s = patience_s
+        self._channel: Channel | None = None
+        self._decoder = Decoder()
+        self._state = State.CLOSED
+        self._boot_id = self._device_us = 0
+        self._numbers = count(secrets.randbits(16))
+        self._stops: set[int] = set()
+        self._last_stop = -1
+        self._code_type = codec.code_type(16)
+        self._ceiling_vpp = 0.0
+        self._levels_vpp = 0.0, 0.0
+        self._retries = 0
+        self._writing = Lock()
+        self._heart: Heart | None = None
+        self.clock_sync = ClockSync()
+
+    @property
+    def state(self) -> State:
+        """The device's state with its last answer; SAFE after `stop`, CLOSED if not connected."""
+        stopped = self._stops and self._state is not State.CLOSED
+        return State.SAFE if stopped else self._state
+
+    @property
+    def boot_id(self) -> int:
+        """The power cycle that was last heard of."""
+        return self._boot_id
+
+    def hello(self) -> Identity:
+        """Connect and return who answered.
+
+        Raises
+        ------
+        LinkError
+            If there is no line, or nothing answers on it.
+        """
+        self._drop()
+        self._channel = self._connect()
+        try:
+            identity = self._greet()
+        except LinkError:
+            self._drop()
+            raise
+        self._code_type = codec.code_type(identity.bits)
+        self._ceiling_vpp = identity.ceiling_vpp
+        if isinstance(self._clock, MonotonicClock):
+            self._heart = Heart(self.beat)
+        return identity
+
+    def load(self, message: Load) -> None:
+        """Send a waveform in pieces and have the device store it."""
+        codes = np.concatenate((message.left, message.right)).astype(self._code_type).tobytes()
+        begin = Begin(slot=message.slot, samples=int(message.left.size))
+        self._tell(Kind.BEGIN, codec.pack_begin(begin))
+        for offset in range(0, len(codes), codec.LONGEST_DATA):
+            piece = codes[offset : offset + codec.LONGEST_DATA]
+            self._tell(Kind.DATA, codec.pack_data(offset, piece))
+        commit = Commit(slot=message.slot, crc=zlib.crc32(codes))
+        self._tell(Kind.COMMIT, codec.pack_commit(commit))
+
+    def set_levels(self, message: Levels) -> None:
+        """Send LEVEL."""
+        self._tell(Kind.LEVEL, codec.pack_levels(message), levels_vpp=message.vpp)
+        self._levels_vpp = message.vpp
+
+    def enable(self) -> None:
+        """Send OUTPUT. A stop that is asked for meanwhile, by another thread, has the last word."""
+        last_stop = self._last_stop
+        self._tell(Kind.OUTPUT)
+        if self._last_stop != last_stop:
+            self.stop()
+
+    def arm(self, message: Arm) -> None:
+        """Send ARM."""
+        self._tell(Kind.ARM, codec.pack_arm(message), levels_vpp=self._levels_vpp)
+
+    def fire(self, token: int) -> Exchange:
+        """Send FIRE; without an answer DISARM and QUERY, and without that say UNKNOWN."""
+        boot_id, before_s = self._boot_id, self._clock.now_s()
+        try:
+            return self._exchange(Kind.FIRE, token, boot_id, before_s)
+        except _Restarted:
+            return self._unknown(token, before_s)
+        except _Unanswered:
+            retries = self._retries
+        try:
+            self._tell(Kind.DISARM, codec.pack_token(token), boot_id)
+            return self._exchange(Kind.QUERY, token, boot_id, before_s, retries=retries)
+        except (_Unanswered, _Restarted, Rejected):
+            return self._unknown(token, before_s, retries=retries)
+
+    def disarm(self, token: int) -> None:
+        """Send DISARM."""
+        self._tell(Kind.DISARM, codec.pack_token(token))
+
+    def query(self, token: int) -> Exchange:
+        """Send QUERY and return question and answer; UNKNOWN where none came."""
+        before_s = self._clock.now_s()
+        try:
+            return self._exchange(Kind.QUERY, token, self._boot_id, before_s)
+        except (_Unanswered, _Restarted):
+            return self._unknown(token, before_s)
+
+    def ping(self) -> Answer:
+        """Send PING and return the answer, with the device's time."""
+        return self._ask(Kind.PING, codec.for_boot(self._boot_id))
+
+    def stop(self) -> None:
+        """Send STOP: from any thread, in any state, without waiting for a lock.
+
+        Until the device has answered it the heart sends STOP again instead of beating, and no
+        question is sent before it.
+        """
+        number = next(self._numbers)
+        self._stops.add(number)
+        self._last_stop = number
+        channel = self._channel
+        if channel is not None:
+            with contextlib.suppress(LinkError):
+                channel.write(_STOPS * self._stop_frame(number))
+
+    def beat(self) -> None:
+        """Send BEAT, or STOP again while one is not confirmed; never waits for an answer.
+
+        Raises
+        ------
+        LinkError
+            If the line is gone.
+        """
+        channel = self._channel
+        if channel is None:
+            return
+        stops = tuple(self._stops)
+        if stops:
+            beat = self._stop_frame(max(stops))
+        else:
+            payload = codec.for_boot(self._boot_id)
+            beat = _BEATS * encode(Frame(kind=Kind.BEAT, sequence=0, payload=payload))
+        with self._writing:
+            channel.write(beat)
+
+    def hang_up(self) -> None:
+        """Disconnect; a stop that is not confirmed yet is waited for, for a moment."""
+        if self._channel is not None:
+            with contextlib.suppress(LinkError):
+                self._confirm_stops(_FAREWELL_S)
+        self._drop()
+
+    def _drop(self) -> None:
+        if self._heart is not None:
+            self._heart.end()
+            self._heart = None
+        channel, self._channel = self._channel, None
+        if channel is not None:
+            channel.close()
+        self._state = State.CLOSED
+
+    def _greet(self) -> Identity:
+        self._decoder = Decoder()
+        self._device_us = 0
+        self.clock_sync = ClockSync()
+        nonce = secrets.randbits(64)
+        answer = self._ask(Kind.HELLO, codec.pack_hello(nonce))
+        return _understood(lambda: codec.read_identity(answer, nonce=nonce, major=VERSION))
+
+    def _stop_frame(self, number: int) -> bytes:
+        return encode(self._stop_question(number))
+
+    def _stop_question(self, number: int) -> Frame:
+        payload = codec.for_boot(self._boot_id)
+        return Frame(kind=Kind.STOP, sequence=number & 0xFFFF, payload=payload)
+
+    def _tell(
+        self,
+        kind: Kind,
+        content: bytes = b"",
+        boot_id: int | None = None,
+        levels_vpp: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Have something done by one power cycle, the one last heard of."""
+        boot_id = self._boot_id if boot_id is None else boot_id
+        answer = self._ask(kind, codec.for_boot(boot_id, content))
+        if answer.refusal is Refusal.CEILING:
+            levels = f"{levels_vpp[0]:g} and {levels_vpp[1]:g} Vpp"
+            detail = f"the device, on {kind.name}: {levels}, its ceiling {self._ceiling_vpp:g} Vpp"
+            raise rejection(answer.refusal, detail)
+        _require_done(kind, answer)
+
+    def _exchange(
+        self, kind: Kind, token: int, boot_id: int, before_s: float, *, retries: int = 0
+    ) -> Exchange:
+        """Ask a power cycle what became of a token."""
+        answer = self._ask(kind, codec.for_boot(boot_id, codec.pack_token(token)))
+        after_s, retries = self._clock.now_s(), retries + self._retries
+        _require_done(kind, answer)
+        record = _understood(lambda: codec.read_record(answer.body))
+        if record.token != token or (record.start_us or 0) > answer.device_us:
+            raise LinkError(f"the device's answer to {kind.name} contradicts itself")
+        sample = Sample(before_s=before_s, after_s=after_s, device_s=answer.device_us / 1e6)
+        before_s, after_s = self.clock_sync.narrowed(sample)
+        return Exchange(
+            record=record,
+            boot_id=answer.boot_id,
+            host_before_s=before_s,
+            host_after_s=after_s,
+            device_us=answer.device_us,
+            resolution_s=resolution_s(self._clock),
+            retries=retries,
+        )
+
+    def _unknown(self, token: int, before_s: float, *, retries: int = 0) -> Exchange:
+        return Exchange(
+            record=Record(token=token, fate=Fate.UNKNOWN),
+            boot_id=self._boot_id,
+            host_before_s=before_s,
+            host_after_s=self._clock.now_s(),
+            device_us=0,
+            resolution_s=resolution_s(self._clock),
+            retries=retries + self._retries,
+        )
+
+    def _ask(self, kind: Kind, payload: bytes) -> Answer:
+        """Send a question until its answer comes; also a refusal tells state and power cycle.
+
+        A stop from another thread may overtake a question, which the device does not do then. It
+        is asked anew, except to switch on what was just stopped.
+        """
+        retries = 0
+        for _ in range(_STALE_AT_MOST):
+            if kind is not Kind.HELLO:
+                self._confirm_stops(self._patience_s)
+            number = next(self._numbers) & 0xFFFF
+            question = Frame(kind=kind, sequence=number, payload=payload)
+            answer = self._insist(question, self._patience_s)
+            self._retries = retries = retries + self._retries
+            if answer.refusal is not Refusal.STALE:
+                return answer
+            if kind is Kind.OUTPUT:
+                raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
+        raise LinkError("the device takes every question for an old one: open it again")
+
+    def _confirm_stops(self, patience_s: float) -> None:
+        while stops := tuple(self._stops):
+            self._insist(self._stop_question(max(stops)), patience_s)
+
+    def _insist(self, question: Frame, patience_s: float) -> Answer:
+        channel = self._channel
+        if channel is None:
+            raise LinkError("the device is not connected")
+        began_s = self._clock.now_s()
+        self._retries = -1
+        while self._clock.now_s() < began_s + patience_s:
+            self._retries += 1
+            with self._writing:
+                channel.write(encode(question))
+            answer = self._listen(channel, question)
+            if answer is not None:
+                if question.kind != Kind.STOP:
+                    self._learn_clock(answer, began_s)
+                return answer
+        name = Kind(question.kind).name
+        raise _Unanswered(f"the device did not answer {name} for {patience_s:g} s")
+
+    def _learn_clock(self, answer: Answer, began_s: float) -> None:
+        after_s, device_s = self._clock.now_s(), answer.device_us / 1e6
+        self.clock_sync.hear(Sample(before_s=began_s, after_s=after_s, device_s=device_s))
+
+    def _listen(self, channel: Channel, question: Frame) -> Answer | None:
+        """Return the answer to a question, or None when it is late."""
+        wanted = question.answered(b"")
+        answer = None
+        late_s = self._clock.now_s() + self._answer_within_s
+        while answer is None and (left_s := late_s - self._clock.now_s()) > 0:
+            for frame in self._decoder.feed(channel.read(left_s)):
+                if (frame.kind, frame.sequence) == (wanted.kind, wanted.sequence):
+                    answer = self._learn(frame)
+                if frame.kind == Kind.STOP | codec.ANSWER:
+                    self._hear_stopped(frame)
+        return answer
+
+    def _hear_stopped(self, frame: Frame) -> None:
+        """Note that a stop was obeyed, and with it every one before."""
+        stops = tuple(self._stops)
+        obeyed = [number for number in stops if number & 0xFFFF == frame.sequence]
+        if obeyed:
+            self._learn(frame)
+            self._stops.difference_update(number for number in stops if number <= max(obeyed))
+
+    def _learn(self, frame: Frame) -> Answer:
+        """Read an answer; one that was overtaken tells nothing of the state."""
+        answer = _understood(lambda: codec.read_answer(frame.payload))
+        if answer.boot_id != self._boot_id or answer.device_us >= self._device_us:
+            self._state, self._boot_id = answer.state, answer.boot_id
+            self._device_us = answer.device_us
+        return answer
+
+
+class _Unanswered(LinkError):  # noqa: N818 - a link error by what it is, not by its name
+    """A question that was never answered."""
+
+
+class _Restarted(LinkError):  # noqa: N818 - the same
+    """A question that was meant for a power cycle that is over."""
+
+
+def _require_done(kind: Kind, answer: Answer) -> None:
+    if answer.refusal is Refusal.WRONG_BOOT:
+        raise _Restarted("the device restarted and forgot everything: open it again")
+    if answer.refusal is not None:
+        raise rejection(answer.refusal, f"the device, on {kind.name}")
+
+
+def _understood(read: Callable[[], _Read]) -> _Read:
+    """Read an answer; what cannot be read is no refusal, and tells nothing of what was done."""
+    try:
+        return read()
+    except Rejected as error:
+        raise LinkError(f"an answer that cannot be read, {error}") from error

@@ -1,0 +1,76 @@
+"""Serial ports and sockets as channels of the wire format, and what answers on them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from device.clock import Clock, MonotonicClock
+from device.core.host import HostDriver
+from device.driver import DeviceError, Identity, LinkError
+from device.wire.channels import Channel, open_channel
+from device.wire.frames import MAKER, QUESTION
+from device.wire.link import FrameLink
+
+if TYPE_CHECKING:
+    from device.limits import Limits
+
+_IDENTIFY_WITHIN_S: Final = 0.3
+
+
+def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
+    """Return the driver of the device on a port; nothing is opened yet.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port, or a URL.
+    limits : Limits
+        Of the study.
+    clock : Clock
+        The machine's.
+
+    Examples
+    --------
+    >>> from device.clock import MonotonicClock
+    >>> from device.limits import Limits
+    >>> device = serial_device("/no/such/port", limits=Limits(ceiling_vpp=200.0),
+    ...                        clock=MonotonicClock())
+    >>> device.open()
+    Traceback (most recent call last):
+    device.driver.LinkError: cannot open /no/such/port: ...
+    """
+    link = FrameLink(lambda: open_channel(port, clock), clock)
+    return HostDriver(link, limits=limits, clock=clock)
+
+
+def identify(port: str) -> Identity | None:
+    """Return who answers on a port, or None where no device of this kind does.
+
+    Asks in plain text first: an instrument of another kind is not sent frames that it cannot read.
+
+    Examples
+    --------
+    >>> identify("/no/such/port") is None
+    True
+    """
+    clock = MonotonicClock()
+    try:
+        channel = open_channel(port, clock)
+    except LinkError:
+        return None
+    link = FrameLink(lambda: channel, clock)
+    try:
+        return link.hello() if _says_its_name(channel, clock) else None
+    except DeviceError:
+        return None
+    finally:
+        link.hang_up()
+        channel.close()
+
+
+def _says_its_name(channel: Channel, clock: Clock) -> bool:
+    channel.write(b"\0" + QUESTION + b"\n")
+    until_s, said = clock.now_s() + _IDENTIFY_WITHIN_S, b""
+    while (left_s := until_s - clock.now_s()) > 0 and not said.endswith(b"\n"):
+        said += channel.read(left_s)
+    return MAKER.encode() in said

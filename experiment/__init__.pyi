@@ -1,0 +1,26 @@
+from .session.conduct import begin, resume
+from .session.setting import Setting
+from .session.simulate import simulate_study
+from .study.read import paper_study, read_study
+from .study.study import Study, StudyError
+from .terms.record import COLUMNS, TrialRow
+from .terms.responder import Responder
+from .trial.draw import draw_plan
+from .trial.plan import Plan, Trial
+
+__all__ = [
+    "COLUMNS",
+    "Plan",
+    "Responder",
+    "Setting",
+    "Study",
+    "StudyError",
+    "Trial",
+    "TrialRow",
+    "begin",
+    "draw_plan",
+    "paper_study",
+    "read_study",
+    "resume",
+    "simulate_study",
+]

@@ -1,0 +1,377 @@
+"""The masking noise as a session sees it: started, asked for its health, stopped."""
+
+from __future__ import annotations
+
+import hashlib
+from concurrent.futures import TimeoutError as TooLate
+from concurrent.futures import wait
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+from device.driver import LinkError
+from device.sound.player import LoopPlayer
+from device.sound.stream import in_a_thread, open_stream, stderr_kept
+from stimuli.drive.noise import pink_loop
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from concurrent.futures import Future
+
+    from numpy.typing import NDArray
+
+    from device.clock import Clock
+    from device.sound.stream import Callback, Stream
+    from experiment.study.sections.equipment import Masking
+
+
+class NoiseError(RuntimeError):
+    """The noise cannot be played; the message says why and what to do."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseHealth:
+    """Whether the noise is playing now.
+
+    Attributes
+    ----------
+    ok : bool or None
+        ``None`` where none is to be played, or the participant is simulated.
+    words : str
+        For the operator: what is wrong, or that it plays.
+    frames, underruns : int
+        Taken by the sound card so far, and how often it had to wait.
+    """
+
+    ok: bool | None
+    words: str
+    frames: int = 0
+    underruns: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoiseFacts:
+    """What the header keeps of the noise; ``None`` is what is not known or does not apply.
+
+    Attributes
+    ----------
+    noise : str
+        ``pink`` or ``none``.
+    played : bool
+        Whether it is.
+    sha256 : str or None
+        Checksum of the loop's samples.
+    sample_rate_hz : float or None
+        Of the loop.
+    loop_s : float or None
+        Its length.
+    level_dbfs : float or None
+        Effective value of its samples, dB re the peak of a full-scale sine.
+    max_level_dba, measured_level_dba : float or None
+        The study's, at the ear.
+    sound_card : str or None
+        What plays it.
+    """
+
+    noise: str
+    played: bool
+    sha256: str | None = None
+    sample_rate_hz: float | None = None
+    loop_s: float | None = None
+    level_dbfs: float | None = None
+    max_level_dba: float | None = None
+    measured_level_dba: float | None = None
+    sound_card: str | None = None
+
+
+class NoisePlayer(Protocol):
+    """What plays the masking noise; see `masking`."""
+
+    @property
+    def facts(self) -> NoiseFacts:
+        """What the header keeps of it."""
+        ...
+
+    def start(self) -> None:
+        """Fade in, and play until `stop`; also again after the sound card was lost.
+
+        Raises
+        ------
+        NoiseError
+            If it cannot be played.
+        """
+        ...
+
+    def health(self) -> NoiseHealth:
+        """Tell whether it plays now; returns at once, and touches no disk."""
+        ...
+
+    def stop(self) -> None:
+        """Fall silent; from any state."""
+        ...
+
+
+FADE_IN_S: Final = 1.0
+"""From silence to full level."""
+
+FADE_OUT_S: Final = 0.1
+"""From full level to silence."""
+
+LATENCY_S: Final = 0.2
+"""Sound that lies ready in the sound card: for so long may this program be held up."""
+
+SLACK_S: Final = 0.1
+"""A call for frames may come so much later than the frames given last are used up, and elapsed time
+and that of the frames may differ by so much more than the latency over ten seconds."""
+
+_SEED: Final = 20_250_101
+_FULL_SCALE: Final = 32_767
+_PATIENCE_S: Final = 5.0
+_POLL_S: Final = 0.02
+
+
+def noise_player(masking: Masking, clock: Clock, *, simulated: bool) -> NoisePlayer:
+    """Return what plays a study's masking noise; no sound card is opened yet.
+
+    Parameters
+    ----------
+    masking : Masking
+        The study's.
+    clock : Clock
+        The machine's.
+    simulated : bool
+        Whether the participant is, who hears nothing.
+
+    Raises
+    ------
+    NoiseError
+        If the noise would be clipped at its level.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> from experiment.study.sections.equipment import Masking
+    >>> pink = Masking(noise="pink", max_level_dba=75.0, loop_s=1.0)
+    >>> player = noise_player(pink, VirtualClock(), simulated=False)
+    >>> player.facts.played, player.facts.sound_card, player.health().words
+    (True, 'default', 'the noise is not playing')
+    >>> noise_player(pink, VirtualClock(), simulated=True).facts.played
+    False
+    """
+    if simulated or masking.noise == "none":
+        return SilentNoise(masking)
+    rate_hz = masking.sample_rate_hz
+    connect = partial(
+        open_stream, card=masking.sound_card, sample_rate_hz=rate_hz, latency=LATENCY_S
+    )
+    return SoundCardNoise(masking, clock, connect)
+
+
+class SilentNoise:
+    """A `NoisePlayer` that plays nothing: the study wants no noise, or nobody would hear it.
+
+    Parameters
+    ----------
+    masking : Masking
+        The study's.
+
+    Examples
+    --------
+    >>> from experiment.study.sections.equipment import Masking
+    >>> noise = SilentNoise(Masking(noise="none", max_level_dba=75.0))
+    >>> noise.start(); noise.health().ok is None, noise.facts.noise, noise.facts.played
+    (True, 'none', False)
+    """
+
+    def __init__(self, masking: Masking) -> None:
+        self._noise = masking.noise
+
+    @property
+    def facts(self) -> NoiseFacts:
+        """What the header keeps of it."""
+        return NoiseFacts(noise=self._noise, played=False)
+
+    def start(self) -> None:
+        """Do nothing."""
+
+    def health(self) -> NoiseHealth:
+        """Say that there is none."""
+        return NoiseHealth(ok=None, words="no noise")
+
+    def stop(self) -> None:
+        """Do nothing."""
+
+
+class SoundCardNoise:
+    """A `NoisePlayer` that repeats a loop of pink noise, always the same, on a sound card.
+
+    Parameters
+    ----------
+    masking : Masking
+        The study's.
+    clock : Clock
+        The machine's.
+    connect : callable
+        Opens a stream of two channels of int16 that calls the callback it is given; raises
+        `LinkError` where it cannot.
+
+    Raises
+    ------
+    NoiseError
+        If the noise would be clipped at its level.
+    """
+
+    def __init__(
+        self, masking: Masking, clock: Clock, connect: Callable[[Callback], Stream]
+    ) -> None:
+        self._masking = masking
+        self._clock = clock
+        self._connect = connect
+        self._loop = _loop(masking)
+        self._card = masking.sound_card or "default"
+        self._player: LoopPlayer | None = None
+        self._stream: Stream | None = None
+        self._since_s = 0.0
+        self._underruns_seen = 0
+
+    @property
+    def facts(self) -> NoiseFacts:
+        """What the header keeps of it; the checksum is of the samples as int16, low byte first."""
+        masking = self._masking
+        return NoiseFacts(
+            noise=masking.noise,
+            played=True,
+            sha256=hashlib.sha256(self._loop.astype("<i2").tobytes()).hexdigest(),
+            sample_rate_hz=masking.sample_rate_hz,
+            loop_s=len(self._loop) / masking.sample_rate_hz,
+            level_dbfs=masking.level_dbfs,
+            max_level_dba=masking.max_level_dba,
+            measured_level_dba=masking.measured_level_dba,
+            sound_card=self._card,
+        )
+
+    def start(self) -> None:
+        """Open the sound card, fade in, and return when the noise has its full level.
+
+        What played before is stopped first.
+
+        Raises
+        ------
+        NoiseError
+            If the sound card cannot be opened or does not take the frames.
+        """
+        self.stop()
+        rate_hz = self._masking.sample_rate_hz
+        player = LoopPlayer(
+            self._loop,
+            self._clock,
+            fade_in=round(FADE_IN_S * rate_hz),
+            fade_out=round(FADE_OUT_S * rate_hz),
+        )
+        self._stream = self._open(player)
+        self._player = player
+        self._wait_until(lambda: player.full, FADE_IN_S + _PATIENCE_S)
+        self._since_s = self._clock.now_s()
+        self._underruns_seen = player.underruns
+        if not player.full:
+            self._close()
+            raise NoiseError(f"the masking noise does not start: {self._card} takes no frames")
+
+    def health(self) -> NoiseHealth:
+        """Tell whether it plays now, and has played without a gap since this was asked last."""
+        player = self._player
+        if player is None or self._stream is None:
+            return NoiseHealth(ok=False, words="the noise is not playing")
+        words = self._fault(self._stream, player)
+        self._underruns_seen, frames = player.underruns, player.frames
+        return NoiseHealth(
+            ok=not words,
+            words=words or "the noise plays",
+            frames=frames,
+            underruns=self._underruns_seen,
+        )
+
+    def stop(self) -> None:
+        """Fade out, wait until that must have been heard, and close the sound card."""
+        player, stream = self._player, self._stream
+        if player is not None and stream is not None and self._is_called(stream, player):
+            player.fade_out()
+            if self._wait_until(lambda: player.silent, FADE_OUT_S + stream.latency + SLACK_S):
+                self._clock.wait(stream.latency)
+        self._close()
+
+    def _fault(self, stream: Stream, player: LoopPlayer) -> str:
+        if not stream.active:
+            return f"the sound card {self._card} has gone away"
+        if not self._is_called(stream, player):
+            return f"the sound card {self._card} takes no more frames"
+        gaps = player.underruns - self._underruns_seen
+        if gaps > 0:
+            return f"the noise had {gaps} gap{'s' * (gaps > 1)}: the computer was too slow"
+        ahead_s = _ahead_s(player, self._since_s, self._masking.sample_rate_hz)
+        if abs(ahead_s) > stream.latency + SLACK_S:
+            wrong = "fast" if ahead_s > 0 else "slow"
+            return f"the sound card {self._card} is too {wrong}: {ahead_s:+.1f} s in 10 s or less"
+        return ""
+
+    def _is_called(self, stream: Stream, player: LoopPlayer) -> bool:
+        last = player.last
+        if last is None or not stream.active:
+            return False
+        return self._clock.now_s() - last.at_s <= stream.latency + SLACK_S
+
+    def _wait_until(self, done: Callable[[], bool], patience_s: float) -> bool:
+        until_s = self._clock.now_s() + patience_s
+        while not done() and self._clock.now_s() < until_s:
+            self._clock.wait(_POLL_S)
+        return done()
+
+    def _open(self, player: LoopPlayer) -> Stream:
+        with stderr_kept():
+            return self._opened(in_a_thread(lambda: self._connect(player)), player)
+
+    @staticmethod
+    def _opened(opening: Future[Stream], player: LoopPlayer) -> Stream:
+        try:
+            return opening.result(timeout=_PATIENCE_S)
+        except TooLate as error:
+            player.fade_out()
+            opening.add_done_callback(_close_late)
+            raise NoiseError(
+                "the masking noise does not start: the sound system hangs; restart it"
+            ) from error
+        except LinkError as error:
+            raise NoiseError(f"the masking noise does not start: {error}") from error
+
+    def _close(self) -> None:
+        stream, self._stream, self._player = self._stream, None, None
+        if stream is not None:
+            wait([in_a_thread(stream.close)], timeout=_PATIENCE_S)
+
+
+def _loop(masking: Masking) -> NDArray[np.int16]:
+    try:
+        loop = pink_loop(
+            sample_rate_hz=masking.sample_rate_hz,
+            loop_s=masking.loop_s,
+            level_dbfs=masking.level_dbfs,
+            rng=np.random.default_rng(_SEED),
+        )
+    except ValueError as error:
+        raise NoiseError(f"masking.{error}") from error
+    return np.rint(loop * _FULL_SCALE).astype(np.int16)
+
+
+def _ahead_s(player: LoopPlayer, since_s: float, sample_rate_hz: float) -> float:
+    """Return by how much the frames of the last ten seconds lasted longer than these."""
+    last, marks = player.last, [mark for mark in player.marks if mark.at_s >= since_s]
+    if last is None or not marks:
+        return 0.0
+    return (last.frames - marks[0].frames) / sample_rate_hz - (last.at_s - marks[0].at_s)
+
+
+def _close_late(opening: Future[Stream]) -> None:
+    if opening.exception() is None:
+        opening.result().close()

@@ -1,0 +1,293 @@
+"""The device and the clock of a session by name, and the operator's word that a real one is safe.
+
+Software is not the safety device: what keeps a person safe is wired, and only a person can tell
+that it is.
+"""
+
+from __future__ import annotations
+
+import getpass
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+
+from device.clock import MonotonicClock, VirtualClock
+from device.core.output import OutputStage
+from device.driver import LinkError
+from device.emulate.mock import DEVICE_LIMITS, MockDevice
+from experiment.apparatus.slots import host_limits
+from experiment.study.study import StudyError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from device.clock import Clock
+    from device.driver import BurstDevice, Identity
+    from experiment.study.sections.equipment import DeviceSettings, DriverName, Masking
+    from experiment.study.study import Study
+
+
+MOCK: Final = "mock"
+_NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
+    MOCK: (),
+    "serial": ("port",),
+    "generator": ("port", "amplifier_gain"),
+    "audio": ("port", "volts_full_scale"),
+}
+"""Every driver with the keys of [device] that it cannot do without."""
+
+DRIVERS: Final = tuple(_NEEDS)
+"""Every driver by its name in the study file and on the command line."""
+
+_Value = TypeVar("_Value")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rig:
+    """A device, not yet opened, with the clock that it runs on.
+
+    Attributes
+    ----------
+    device : BurstDevice
+        The device.
+    clock : Clock
+        The machine's, or a virtual one for a session in which nothing and nobody is real.
+    settings : DeviceSettings
+        What it was made by: the study's, with the driver and the port that were chosen.
+    """
+
+    device: BurstDevice
+    clock: Clock
+    settings: DeviceSettings
+
+    def is_emulated(self) -> bool:
+        """Ask the device whether it is an emulator; nothing is set, loaded or switched on.
+
+        Raises
+        ------
+        LinkError
+            If nothing answers that this driver can drive.
+        """
+        driver = self.settings.driver
+        if driver == "generator":
+            return _is_emulated_generator(_given(self.settings.port))
+        if driver == "audio":
+            return False
+        return driver == MOCK or _is_emulated_device(_given(self.settings.port))
+
+
+def _is_emulated_device(port: str) -> bool:
+    from device.wire.channels import open_channel
+    from device.wire.link import FrameLink
+
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(port, clock), clock)
+    try:
+        return link.hello().emulated
+    finally:
+        link.hang_up()
+
+
+def _is_emulated_generator(port: str) -> bool:
+    from device.scpi.dialects import EMULATED
+    from device.scpi.generator import identify_generator
+
+    words = identify_generator(port)
+    if words is None:
+        raise LinkError(f"no generator that is known here answers on {port}")
+    return EMULATED in words.split(",")
+
+
+def assemble(study: Study, *, driver: str | None, port: str | None, simulated: bool) -> Rig:
+    """Return the device and the clock of a session.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    driver, port : str or None
+        Instead of the study's.
+    simulated : bool
+        Whether the participant is.
+
+    Raises
+    ------
+    StudyError
+        If the driver needs a port, or a key of [device], that is not given.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> assemble(paper_study(), driver="serial", port=None, simulated=True)
+    Traceback (most recent call last):
+    experiment.study.study.StudyError: device.port is missing: the driver serial needs it;
+    --port gives it too
+    """
+    settings = chosen_settings(study.device, driver=driver, port=port)
+    require_complete(settings)
+    if not simulated:
+        _require_another_card(settings, study.masking)
+    real = settings.driver != MOCK or not simulated
+    clock = MonotonicClock() if real else VirtualClock()
+    return Rig(device=_device(study, settings, clock), clock=clock, settings=settings)
+
+
+def chosen_settings(
+    settings: DeviceSettings, *, driver: str | None, port: str | None
+) -> DeviceSettings:
+    """Return a study's device settings with another driver or port, where one is given."""
+    name = settings.driver if driver is None else cast("DriverName", driver)
+    return replace(settings, driver=name, port=settings.port if port is None else port)
+
+
+def require_complete(settings: DeviceSettings) -> None:
+    """Refuse settings that lack what their driver needs.
+
+    Raises
+    ------
+    StudyError
+        If a key is not given.
+    """
+    for key in _NEEDS[settings.driver]:
+        if getattr(settings, key) is None:
+            hint = "; --port gives it too" if key == "port" else ""
+            raise StudyError(
+                f"device.{key} is missing: the driver {settings.driver} needs it{hint}"
+            )
+
+
+def _require_another_card(settings: DeviceSettings, masking: Masking) -> None:
+    """Refuse masking noise on the sound card that drives the actuators."""
+    if settings.driver != "audio" or masking.noise == "none":
+        return
+    if masking.sound_card in {"", settings.port}:
+        raise StudyError(
+            "masking.sound_card must be named and another one than the actuators', "
+            f"{settings.port!r}; got {masking.sound_card!r}"
+        )
+
+
+def _device(study: Study, settings: DeviceSettings, clock: Clock) -> BurstDevice:
+    if settings.driver == MOCK:
+        return mock_device(study, clock)
+    port, limits = _given(settings.port), host_limits(settings)
+    if settings.driver == "serial":
+        from device.wire.serial import serial_device
+
+        return serial_device(port, limits=limits, clock=clock)
+    if settings.driver == "generator":
+        from device.scpi.generator import generator_device
+
+        return generator_device(
+            port,
+            limits=limits,
+            clock=clock,
+            amplifier_gain=_given(settings.amplifier_gain),
+            sample_rate_hz=settings.sample_rate_hz,
+        )
+    from device.sound.audio import audio_device
+
+    return audio_device(
+        port,
+        limits=limits,
+        clock=clock,
+        volts_full_scale=_given(settings.volts_full_scale),
+        sample_rate_hz=settings.sample_rate_hz,
+    )
+
+
+def _given(value: _Value | None) -> _Value:
+    assert value is not None, "require_complete was called before"
+    return value
+
+
+def mock_device(study: Study, clock: Clock) -> MockDevice:
+    """Return a mock device under the study's limits.
+
+    Parameters
+    ----------
+    study : Study
+        Gives the ceiling, the rest between bursts and the sample rate.
+    clock : Clock
+        The host's clock.
+    """
+    limits = host_limits(study.device)
+    return MockDevice(
+        clock,
+        limits=limits,
+        device_limits=replace(DEVICE_LIMITS, least_interval_s=limits.least_interval_s),
+        output=OutputStage(sample_rate_hz=study.device.sample_rate_hz),
+    )
+
+
+QUESTION: Final = (
+    "the amplifier's enable has a switch within the participant's and the operator's reach",
+    "a current limit stands between the amplifier and the actuators",
+    "the plate is bonded to protective earth, or insulated with its leakage measured",
+)
+"""What has to be so; docs/hardware.md says more."""
+
+
+class NotConfirmedError(ValueError):
+    """A real device that nobody has confirmed to be safe."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confirmation:
+    """The operator's word that what `QUESTION` lists is so.
+
+    Attributes
+    ----------
+    by : str
+        The user of the machine who gave it.
+    at : str
+        When, in UTC.
+    how : str
+        ``asked`` on a terminal, or by ``--confirm-hardware``.
+    """
+
+    by: str
+    at: str
+    how: str
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """List what the record keeps of it."""
+        return asdict(self) | {"confirmed": list(QUESTION)}
+
+
+def confirmed_now(how: str) -> Confirmation:
+    """Return the confirmation that is given at this moment.
+
+    Examples
+    --------
+    >>> confirmed_now("asked").how
+    'asked'
+    """
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a user without a name
+        user = "unknown"
+    return Confirmation(by=user, at=datetime.now(UTC).isoformat(timespec="seconds"), how=how)
+
+
+def require_confirmed(identity: Identity, confirmation: Confirmation | None) -> None:
+    """Refuse a real device without a confirmation.
+
+    Parameters
+    ----------
+    identity : Identity
+        What the opened device said of itself.
+    confirmation : Confirmation or None
+        The operator's.
+
+    Raises
+    ------
+    NotConfirmedError
+        If there is none and the device is no emulator.
+    """
+    if confirmation is None and not identity.emulated:
+        raise NotConfirmedError(
+            f"{identity.model} {identity.serial_number} drives real actuators: read "
+            "docs/hardware.md, then give --confirm-hardware"
+        )

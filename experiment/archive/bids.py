@@ -1,0 +1,278 @@
+"""Sessions as a BIDS data set (Brain Imaging Data Structure, behaviour without imaging)."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+from filelock import FileLock, Timeout
+
+from experiment.archive.bids_tables import (
+    SESSION_COLUMNS,
+    dataset_description,
+    events_sidecar,
+    events_tsv,
+    json_text,
+    participants_sidecar,
+    tsv,
+)
+from experiment.archive.files import ArchiveError, replaced
+from experiment.archive.folders import session_folders
+from experiment.archive.participants import (
+    FILE_NAME,
+    ID_COLUMN,
+    Fact,
+    check_facts,
+    read_people,
+    refuse_withdrawn,
+)
+from experiment.study.read import study_from_canonical
+from experiment.terms.record import format_value
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from experiment.archive.files import NewFolder
+    from experiment.archive.folders import SessionFolder
+    from experiment.archive.participants import People
+    from experiment.study.sections.dataset import ParticipantColumn
+    from experiment.study.study import Study
+
+
+_SOURCES = ("plan.json", "header.json", "journal.jsonl", "journal.torn-*", "trials.csv")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedSession:
+    """What is known of an exported session.
+
+    Attributes
+    ----------
+    participant, session : str
+        Its identifiers.
+    begun : str
+        When it was begun, as its header has it.
+    study : Study
+        The study that was run.
+    finished : bool
+        Whether every planned trial is answered.
+    planned, answered : int
+        Trials of its plan, and how many of them are answered.
+    simulated : bool or None
+        Whether the participant is a simulation; none for a session without a first line.
+    """
+
+    participant: str
+    session: str
+    begun: str
+    study: Study
+    finished: bool
+    planned: int
+    answered: int
+    simulated: bool | None
+
+    @property
+    def name(self) -> str:
+        """What the session is called."""
+        return f"sub-{self.participant}/ses-{self.session}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """What an export holds.
+
+    Attributes
+    ----------
+    sessions : tuple of ExportedSession
+        Every session.
+    left_out : tuple of str
+        Columns of participants.tsv that no study declares.
+    """
+
+    sessions: tuple[ExportedSession, ...]
+    left_out: tuple[str, ...]
+
+    @property
+    def unfinished(self) -> tuple[ExportedSession, ...]:
+        """The sessions that were stopped or interrupted."""
+        return tuple(session for session in self.sessions if not session.finished)
+
+    @property
+    def simulated(self) -> tuple[ExportedSession, ...]:
+        """The sessions without a person."""
+        return tuple(session for session in self.sessions if session.simulated)
+
+    @property
+    def last(self) -> ExportedSession:
+        """The session that was begun last: its study describes the data set."""
+        return max(self.sessions, key=lambda session: session.begun)
+
+    @property
+    def descriptions(self) -> int:
+        """How many different descriptions of the data set the sessions' studies give."""
+        return len({session.study.dataset for session in self.sessions})
+
+
+def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Export:
+    """Write all sessions of a study's folder as a BIDS data set.
+
+    Parameters
+    ----------
+    root : Path
+        The study's folder.
+    out : Path
+        The data set's folder: new, empty, or an unchanged export, which is replaced as a whole.
+    with_sourcedata : bool
+        Whether plans, headers and journals go with it; they name host and operator.
+
+    Raises
+    ------
+    ArchiveError
+        If there is no session, one is being run, or belongs to a person whose withdrawal has begun;
+        if participants.tsv has a value that no study declares; if `out` may not be replaced.
+        Nothing is changed then.
+    JournalError, PlanError, StudyError
+        If a session's record cannot be trusted; nothing is changed then.
+    """
+    folders = session_folders(root)
+    for folder in folders:
+        refuse_withdrawn(root, folder.participant)
+    try:
+        with FileLock(root / ".export.lock", timeout=0), replaced(out, root) as new:
+            sessions = tuple(_write_session(new, f, with_sources=with_sourcedata) for f in folders)
+            return _write_about(new, sessions, read_people(root))
+    except Timeout as error:
+        raise ArchiveError(f"{root}: another process is exporting it") from error
+
+
+def _write_session(new: NewFolder, folder: SessionFolder, *, with_sources: bool) -> ExportedSession:
+    with folder.locked():
+        plan = folder.read_plan()
+        history = folder.read_history(plan)
+        header = _read_header(folder)
+        study = study_from_canonical(plan.study)
+        if with_sources:
+            _copy_sources(new, folder)
+    session = ExportedSession(
+        participant=folder.participant,
+        session=folder.session,
+        begun=str(header.get("begun", "")),
+        study=study,
+        finished=history.finished,
+        planned=len(plan.trials),
+        answered=len(plan.trials) - len(history.pending),
+        simulated=history.opening.get("simulated"),
+    )
+    durations_s = {c.name: float(c.burst.duration_s) for c in study.conditions}
+    sidecar = events_sidecar(
+        study,
+        software_version=header.get("versions", {}).get("tactstrip"),
+        simulated=bool(session.simulated),
+    )
+    file = f"{session.name}/beh/sub-{folder.participant}_ses-{folder.session}_task-{_label(study)}"
+    new.write(f"{file}_events.tsv", events_tsv(history.rows, durations_s))
+    new.write(f"{file}_events.json", json_text(sidecar))
+    return session
+
+
+def _label(study: Study) -> str:
+    """Return the task's label: the letters and digits of the study's name."""
+    label = re.sub("[^A-Za-z0-9]", "", study.name)
+    if not label:
+        raise ArchiveError(
+            f"study.name must have a letter or digit for a BIDS data set; got {study.name!r}"
+        )
+    return label
+
+
+def _read_header(folder: SessionFolder) -> dict[str, Any]:
+    path = folder.path / "header.json"
+    try:
+        header = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise ArchiveError(f"{path}: must be JSON; got {error}") from error
+    if not isinstance(header, dict):
+        raise ArchiveError(f"{path}: must be a JSON object; got {type(header).__name__}")
+    return header
+
+
+def _copy_sources(new: NewFolder, folder: SessionFolder) -> None:
+    place = f"sourcedata/sub-{folder.participant}/ses-{folder.session}"
+    for pattern in _SOURCES:
+        for file in sorted(folder.path.glob(pattern)):
+            new.write(f"{place}/{file.name}", file.read_bytes())
+
+
+def _write_about(new: NewFolder, sessions: tuple[ExportedSession, ...], people: People) -> Export:
+    """Write what is said of the whole data set and of each participant."""
+    columns = {c.name: c for session in sessions for c in session.study.participant_columns}
+    named = {ID_COLUMN, *columns}
+    export = Export(
+        sessions=sessions, left_out=tuple(name for name in people.heading if name not in named)
+    )
+    _write_people(new, export, people, tuple(columns.values()))
+    for participant in sorted({session.participant for session in sessions}):
+        of_one = [session for session in sessions if session.participant == participant]
+        file = f"sub-{participant}/sub-{participant}_sessions"
+        new.write(f"{file}.tsv", tsv([tuple(SESSION_COLUMNS), *map(_session_cells, of_one)]))
+        new.write(f"{file}.json", json_text(dict(SESSION_COLUMNS)))
+    name = export.last.study.dataset.name or export.last.study.name
+    if export.simulated:
+        part = "" if len(export.simulated) == len(sessions) else "partly "
+        name = f"{name} ({part}simulated)"
+    description = dataset_description(name, export.last.study.dataset, version=version("tactstrip"))
+    new.write("dataset_description.json", json_text(description))
+    new.write("README", _readme(export, name))
+    return export
+
+
+def _session_cells(session: ExportedSession) -> tuple[str, ...]:
+    facts = (session.finished, session.planned, session.answered, session.simulated)
+    return (f"ses-{session.session}", *map(format_value, facts))
+
+
+def _write_people(
+    new: NewFolder, export: Export, people: People, columns: tuple[ParticipantColumn, ...]
+) -> None:
+    lines = [(ID_COLUMN, *(column.name for column in columns))]
+    for participant in sorted({session.participant for session in export.sessions}):
+        facts = [Fact(c.name, people.value_of(participant, c.name)) for c in columns]
+        try:
+            check_facts(columns, facts)
+        except ArchiveError as error:
+            raise ArchiveError(f"{FILE_NAME}, participant {participant}: {error}") from error
+        lines.append((f"sub-{participant}", *(fact.value for fact in facts)))
+    new.write(FILE_NAME, tsv(lines))
+    new.write("participants.json", json_text(participants_sidecar(columns)))
+
+
+_ABOUT = """
+Vibrotactile detection on a strip plate: a short vibration at the left finger, the right finger or
+both, and the participant says where it was felt. One row of an events.tsv is one presented trial;
+the .json beside it describes every column. Onsets are seconds on the session's clock, which begins
+with the session and runs on through interruptions.
+
+Results count the trials with status ok, anticipated false and noise_ok not false; practice and
+control trials are apart. A trial that had to be presented again has a higher attempt.
+
+sub-*/sub-*_sessions.tsv says which sessions are complete and which are simulations.
+"""
+
+
+def _readme(export: Export, name: str) -> str:
+    paragraphs = [name, _ABOUT.strip()]
+    if export.simulated:
+        which = ", ".join(session.name for session in export.simulated)
+        paragraphs.append(f"SIMULATED, without a person: {which}")
+    if export.unfinished:
+        which = ", ".join(describe(session) for session in export.unfinished)
+        paragraphs.append(f"Not finished: {which}")
+    return "\n\n".join(paragraphs) + "\n"
+
+
+def describe(session: ExportedSession) -> str:
+    """Say how much there is of a session."""
+    return f"{session.name} ({session.answered} of {session.planned} trials answered)"

@@ -1,0 +1,274 @@
+"""What a journal says: the rows of trials.csv, and what is left to do after an interruption."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from experiment.archive.journal import Entry, JournalError
+from experiment.terms.record import SCHEMA, TrialRow, is_correct
+from experiment.trial.events import Task
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from experiment.terms.gains import FingerGains
+    from experiment.trial.plan import Plan, Trial
+
+
+@dataclass(frozen=True, slots=True)
+class OpenTrial:
+    """A trial whose stimulus was armed and whose end was never written.
+
+    Attributes
+    ----------
+    task : Task
+        The trial and its attempt.
+    token : int
+        The token by which the device knows its stimulus.
+    boot_id : int
+        The device's power cycle in which it was armed.
+    outcome : str or None
+        What the device said of the stimulus, where that was still written.
+    response : str or None
+        The answer of the participant, where it was still written.
+    anticipated : bool
+        Whether a key came too early.
+    noise_ok : bool or None
+        Whether the masking noise played, where that was still written with the answer.
+    """
+
+    task: Task
+    token: int
+    boot_id: int
+    outcome: str | None
+    response: str | None
+    anticipated: bool
+    noise_ok: bool | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class History:
+    """Everything that a journal says about its session.
+
+    Attributes
+    ----------
+    rows : tuple of TrialRow
+        One row per presented trial, in the order of presentation.
+    pending : tuple of Task
+        The planned trials without an answer, in the order in which they are due.
+    open_trial : OpenTrial or None
+        The trial in which the session was interrupted.
+    opening : mapping
+        What the first line says of host, device and participant; empty before the first line.
+    warm_up : tuple of Task
+        The plan's warm-up trials, for the next resume.
+    finished : bool
+        Whether the session was closed with every planned trial answered.
+    last_t_s, last_wall_s : float
+        Time of the last line on the session's and on the calendar's clock.
+    """
+
+    rows: tuple[TrialRow, ...]
+    pending: tuple[Task, ...]
+    open_trial: OpenTrial | None
+    opening: Mapping[str, Any]
+    warm_up: tuple[Task, ...]
+    finished: bool
+    last_t_s: float
+    last_wall_s: float
+
+    def due(self, *, warm_up: bool) -> tuple[Task, ...]:
+        """Return what is to be presented in the next sitting, in its order.
+
+        Parameters
+        ----------
+        warm_up : bool
+            Whether warm-up trials come before the next trial on the plate, if there is one.
+        """
+        touched = any(task.trial.kind != "control" for task in self.pending)
+        again = self.warm_up if warm_up and touched else ()
+        return tuple(sorted((*again, *self.pending), key=lambda task: task.trial.block))
+
+
+@dataclass(slots=True)
+class _Presentation:
+    """What the journal has said so far of one attempt at one trial."""
+
+    trial: Trial
+    attempt: int
+    token: int | None = None
+    boot_id: int = 0
+    stimulus: Mapping[str, Any] = field(default_factory=dict)
+    answer: Mapping[str, Any] = field(default_factory=dict)
+    end: Mapping[str, Any] = field(default_factory=dict)
+
+
+def replay(plan: Plan, entries: Iterable[Entry]) -> History:
+    """Tell from a journal what was presented and what is left.
+
+    Parameters
+    ----------
+    plan : Plan
+        The sealed plan of the session.
+    entries : iterable of Entry
+        The journal's lines, verified.
+
+    Raises
+    ------
+    JournalError
+        If the journal belongs to another plan, or names a trial that the plan does not have.
+    """
+    entries = tuple(entries)
+    try:
+        return _history(plan, entries)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise JournalError(f"a line of the journal lacks what it must say: {error}") from error
+
+
+def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
+    opening = _opening(plan, entries)
+    shown = _presentations(plan, entries)
+    ended = [p for p in shown if p.end]
+    unended = [p for p in shown if not p.end]
+    if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
+        raise JournalError(f"trial {unended[0].trial.number} was never ended, yet others followed")
+    return History(
+        rows=tuple(_row(plan, p, simulated=opening["simulated"]) for p in ended),
+        pending=_pending(plan, ended),
+        open_trial=_open_trial(unended[0]) if unended else None,
+        opening=opening,
+        warm_up=_warm_up(plan, ended),
+        finished=any(e.event == "session_close" and e.facts["finished"] for e in entries),
+        last_t_s=entries[-1].t_s if entries else 0.0,
+        last_wall_s=entries[-1].wall_s if entries else 0.0,
+    )
+
+
+def _opening(plan: Plan, entries: tuple[Entry, ...]) -> Mapping[str, Any]:
+    if not entries:
+        return {}
+    first = entries[0]
+    if first.event != "session_open":
+        raise JournalError(f"the first line must be session_open; got {first.event}")
+    if first.facts["plan_sha256"] != plan.sha256:
+        raise JournalError(
+            f"the journal belongs to the plan {first.facts['plan_sha256'][:12]}..., "
+            f"not to this one, {plan.sha256[:12]}...; nothing was changed"
+        )
+    return first.facts
+
+
+_OPENINGS = ("session_open", "session_resume")
+_PART = {
+    "stimulus_confirmed": "stimulus",
+    "response": "answer",
+    "trial_end": "end",
+}
+
+
+def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
+    trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
+    shown: dict[tuple[int, int], _Presentation] = {}
+    boot_id = 0
+    for entry in entries:
+        if entry.event in _OPENINGS:
+            boot_id = entry.facts["boot_id"]
+        if entry.event != "trial_armed" and entry.event not in _PART:
+            continue
+        number, attempt = entry.facts["trial"], entry.facts["attempt"]
+        if number not in trials:
+            raise JournalError(f"the journal names trial {number}, which the plan does not have")
+        if (number, attempt) not in shown:
+            shown[number, attempt] = _Presentation(trials[number], attempt)
+        presentation = shown[number, attempt]
+        if presentation.end:
+            raise JournalError(f"trial {number}, attempt {attempt}, goes on after its end")
+        if entry.event == "trial_armed":
+            presentation.token, presentation.boot_id = entry.facts["token"], boot_id
+        else:
+            setattr(presentation, _PART[entry.event], entry.facts)
+    return list(shown.values())
+
+
+def _warm_up(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
+    attempts = {presentation.trial.number: presentation.attempt for presentation in ended}
+    return tuple(
+        Task(trial, attempts.get(trial.number, 0) + 1, warm_up=True) for trial in plan.warm_up
+    )
+
+
+def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
+    """List unanswered trials: block by block, those never presented before the repeats."""
+    answered: set[int] = set()
+    attempts: dict[int, int] = {}
+    for presentation in ended:
+        number = presentation.trial.number
+        if presentation.end["status"] == "ok":
+            answered.add(number)
+        attempts.pop(number, None)
+        attempts[number] = presentation.attempt
+    turn = {number: place for place, number in enumerate(attempts, start=1)}
+    waiting = [trial for trial in plan.trials if trial.number not in answered]
+    waiting.sort(key=lambda trial: (trial.block, turn.get(trial.number, 0), trial.number))
+    return tuple(Task(trial, attempts.get(trial.number, 0) + 1) for trial in waiting)
+
+
+def _open_trial(presentation: _Presentation) -> OpenTrial:
+    assert presentation.token is not None
+    return OpenTrial(
+        task=Task(presentation.trial, presentation.attempt),
+        token=presentation.token,
+        boot_id=presentation.boot_id,
+        outcome=presentation.stimulus.get("outcome"),
+        response=presentation.answer.get("response"),
+        anticipated=presentation.answer.get("anticipated", False),
+        noise_ok=presentation.answer.get("noise_ok"),
+    )
+
+
+def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRow:
+    trial, stimulus = presentation.trial, presentation.stimulus
+    response = presentation.answer.get("response")
+    gains = plan.gains_of(trial.condition)
+    left_um, right_um, basis = _displacements(gains, stimulus, trial.kind)
+    return TrialRow(
+        schema=SCHEMA,
+        participant=plan.participant,
+        session=plan.session,
+        condition=trial.condition,
+        block=trial.block,
+        trial=trial.number,
+        attempt=presentation.attempt,
+        kind=trial.kind,
+        side=trial.side,
+        level_vpp=trial.level_vpp,
+        response=response,
+        rt_s=presentation.answer.get("rt_s"),
+        correct=is_correct(trial.kind, trial.side, response),
+        status=presentation.end["status"],
+        onset_s=stimulus.get("onset_s"),
+        foreperiod_s=trial.foreperiod_s,
+        level_left_vpp=stimulus.get("level_left_vpp"),
+        level_right_vpp=stimulus.get("level_right_vpp"),
+        peak_left_um=left_um,
+        peak_right_um=right_um,
+        displacement_basis=basis,
+        anticipated=presentation.end["anticipated"],
+        noise_ok=presentation.end.get("noise_ok"),  # lines of earlier versions say nothing of it
+        simulated=simulated,
+        study_sha256=plan.study_sha256,
+    )
+
+
+def _displacements(
+    gains: FingerGains, stimulus: Mapping[str, Any], kind: str
+) -> tuple[float | None, float | None, str | None]:
+    """Return what the fingers got for the levels that the device reported, and its basis."""
+    left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
+    if left_vpp is None or right_vpp is None or kind == "control":
+        return None, None, None
+    peaks_um = gains.peaks_um(left_vpp, right_vpp)
+    if peaks_um is None:
+        return None, None, None
+    return *peaks_um, gains.basis_of(left_vpp, right_vpp)

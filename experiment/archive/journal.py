@@ -1,0 +1,222 @@
+"""The journal of a session: append-only lines, each with a checksum, on disk when it matters.
+
+One line is one event: ``{"crc":"<8 hex digits>","schema":1,"seq":n,"event":...,...}``. The checksum
+is the CRC-32 of the line without its ``crc`` member: of the bytes ``{"schema":...}``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+
+SCHEMA = 1
+_LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",(.*\})', re.DOTALL)
+_encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
+
+
+class JournalError(ValueError):
+    """A journal that cannot be trusted."""
+
+
+class JournalWriteError(JournalError):
+    """A journal that cannot be written: what it holds is safe, nothing more may be done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line of a journal.
+
+    Attributes
+    ----------
+    event : str
+        What happened.
+    t_s : float
+        When, on the session's clock.
+    wall_s : float
+        When, in seconds since 1970 by the host's calendar clock.
+    facts : mapping
+        What else the line says.
+    """
+
+    event: str
+    t_s: float
+    wall_s: float
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A journal as it was found: its entries, and the bytes of a last line that was cut short."""
+
+    entries: tuple[Entry, ...]
+    sound_bytes: int
+    torn: bytes
+
+
+def read_journal(path: Path) -> Reading:
+    """Read and verify a journal; a last line that was cut short is returned apart.
+
+    Raises
+    ------
+    JournalError
+        If a complete line is damaged, missing or repeated; with file and line.
+    """
+    lines = path.read_bytes().split(b"\n")
+    torn = lines.pop()
+    entries = tuple(_parse(path, number, line) for number, line in enumerate(lines, start=1))
+    return Reading(entries, sum(len(line) + 1 for line in lines), torn)
+
+
+def _parse(path: Path, number: int, line: bytes) -> Entry:
+    match = _LINE.fullmatch(line)
+    if match is None or zlib.crc32(b"{" + match[2]) != int(match[1], 16):
+        raise JournalError(
+            f"{path}:{number}: this line is damaged (its checksum does not match); "
+            "restore the file from a copy: nothing was changed"
+        )
+    facts = json.loads(b"{" + match[2])
+    if (schema := facts.pop("schema")) != SCHEMA:
+        raise JournalError(f"{path}:{number}: schema must be {SCHEMA}; got {schema!r}")
+    if (seq := facts.pop("seq")) != number:
+        raise JournalError(
+            f"{path}:{number}: seq must be {number}; got {seq}: a line is missing or repeated; "
+            "restore the file from a copy: nothing was changed"
+        )
+    return Entry(facts.pop("event"), facts.pop("t_s"), facts.pop("wall_s"), facts)
+
+
+class Journal:
+    """A journal open for writing.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is made if it does not exist, and continued if it does.
+    now_s : callable
+        Returns the time on the session's clock.
+    durable : bool
+        Whether `append` waits for the disk where it is asked to; a simulation has nothing to lose.
+    wall_s : callable
+        Returns the calendar time in seconds since 1970.
+
+    Raises
+    ------
+    JournalError
+        If what the file holds already cannot be trusted; nothing is changed then.
+
+    Notes
+    -----
+    A last line that was cut short is moved to a file ``journal.torn-N`` beside the journal.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        now_s: Callable[[], float],
+        durable: bool = True,
+        wall_s: Callable[[], float] = time.time,
+    ) -> None:
+        self._path = path
+        self._now_s = now_s
+        self._wall_s = wall_s
+        self._durable = durable
+        self._broken = False
+        self.entries: tuple[Entry, ...] = ()
+        self.torn_file: Path | None = None
+        try:
+            self._open()
+        except OSError as error:
+            raise self._write_error(error) from error
+        self._seq = len(self.entries)
+
+    def _open(self) -> None:
+        if self._path.exists():
+            reading = read_journal(self._path)
+            self.entries = reading.entries
+            if reading.torn:
+                self.torn_file = self._set_aside(reading)
+        self._file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | _BINARY, 0o644)
+        if self._durable:
+            sync_folder(self._path.parent)
+
+    def _set_aside(self, reading: Reading) -> Path:
+        number = 1
+        while (aside := self._path.with_name(f"journal.torn-{number}")).exists():
+            number += 1
+        with aside.open("xb") as file:
+            file.write(reading.torn)
+            file.flush()
+            os.fsync(file.fileno())
+        os.truncate(self._path, reading.sound_bytes)
+        return aside
+
+    def append(
+        self, event: str, facts: Mapping[str, object] | None = None, *, sync: bool = False
+    ) -> None:
+        """Write one line; with ``sync``, return only when it and all before it are on the disk.
+
+        Raises
+        ------
+        JournalWriteError
+            If the line cannot be written; the journal takes no further line then.
+        """
+        if self._broken:
+            raise JournalWriteError(f"{self._path}: not written after an earlier failure")
+        body = _encode(
+            {
+                "schema": SCHEMA,
+                "seq": self._seq + 1,
+                "event": event,
+                "t_s": round(self._now_s(), 6),
+                "wall_s": round(self._wall_s(), 3),
+                **(facts or {}),
+            }
+        ).encode()
+        line = b'{"crc":"%08x",%b\n' % (zlib.crc32(body), body[1:])
+        try:
+            while line:
+                line = line[os.write(self._file, line) :]
+            if sync and self._durable:
+                os.fsync(self._file)
+        except OSError as error:
+            self._broken = True
+            raise self._write_error(error) from error
+        self._seq += 1
+
+    def _write_error(self, error: OSError) -> JournalWriteError:
+        return JournalWriteError(f"{self._path}: cannot be written ({error.strerror})")
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+_BINARY: int = getattr(os, "O_BINARY", 0)
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the names of a folder's files are on the disk, where the system can."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

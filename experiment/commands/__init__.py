@@ -1,0 +1,1 @@
+"""The commands `init`, `check`, `field`, `run`, `export` and `withdraw`."""

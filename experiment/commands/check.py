@@ -1,0 +1,96 @@
+"""The commands `init` and `check`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from experiment.commands.options import answer, confirmed, device_failures, hardware_options
+from experiment.terms.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
+
+if TYPE_CHECKING:
+    from experiment.apparatus.rig import Rig
+    from experiment.preview.check import StudyCheck
+    from experiment.preview.check_device import DeviceCheck
+    from experiment.study.study import Study
+
+
+@click.command()
+@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option(
+    "--device",
+    "with_device",
+    is_flag=True,
+    help="Also the device: who answers, what it takes, a burst at 10 % on each channel.",
+)
+@hardware_options
+@refusals
+def check(
+    *,
+    study_file: Path,
+    as_json: bool,
+    with_device: bool,
+    driver: str | None,
+    port: str | None,
+    confirm_hardware: bool,
+) -> None:
+    """Check a study's stimuli against its strip, its levels against the device, and its length.
+
+    The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
+    1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
+    suit the study or a burst was not seen, 3 if it fails. Nobody may touch the plate then.
+    """
+    from experiment.apparatus.rig import assemble
+    from experiment.preview.check import check_study, require_mock_suitable
+    from experiment.preview.check_device import device_text
+    from experiment.preview.check_report import check_json, check_text
+    from experiment.study.read import read_study
+
+    if not with_device and (driver is not None or port is not None or confirm_hardware):
+        raise CommandError("--driver, --port and --confirm-hardware need --device")
+    found: StudyCheck = check_study(read_study(study_file))
+    require_mock_suitable(found.study, driver)
+    if not as_json:
+        click.echo(check_text(found, str(study_file)))
+    if found.verdict == "unfit" or not with_device:
+        if as_json:
+            click.echo(check_json(found))
+        click.get_current_context().exit(ANSWER_IS_NO if found.verdict == "unfit" else 0)
+    rig = assemble(found.study, driver=driver, port=port, simulated=True)
+    device = _device_check(found.study, rig, given=confirm_hardware)
+    if as_json:
+        report = json.loads(check_json(found)) | {"device_check": device.facts}
+        click.echo(json.dumps(report, allow_nan=False))
+    else:
+        click.echo(device_text(device))
+    _end(device)
+
+
+def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
+    """Check a device; a real one with its operator, unless the command line has the answers."""
+    from experiment.apparatus.slots import SuitabilityError
+    from experiment.preview.check_device import check_device
+
+    with device_failures():
+        confirmation = confirmed(rig, given=given)
+        asked = confirmation is not None and not given
+        try:
+            return check_device(
+                study, rig, confirmation=confirmation, ask=answer if asked else None
+            )
+        except SuitabilityError as error:
+            raise CommandError(f"unsuitable: {error}", exit_code=ANSWER_IS_NO) from error
+
+
+def _end(device: DeviceCheck) -> None:
+    """End the command by what the channels did."""
+    wrong = [channel for channel in device.channels if not channel.good]
+    if wrong:
+        raise CommandError(
+            f"the device is not ready: {', '.join(f'{c.side} {c.text}' for c in wrong)}",
+            exit_code=DEVICE_FAILED if any(c.failed for c in wrong) else ANSWER_IS_NO,
+        )

@@ -1,0 +1,67 @@
+"""The commands `export` and `withdraw`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from experiment.terms.exits import CommandError, refusals
+
+
+@click.command()
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option(
+    "--bids",
+    "out",
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="Write a BIDS data set instead; an unchanged earlier one there is replaced.",
+)
+@click.option(
+    "--with-sourcedata",
+    is_flag=True,
+    help="With --bids: plans, headers and journals too, which name host and operator.",
+)
+@refusals
+def export(*, folder: Path, out: Path | None, with_sourcedata: bool) -> None:
+    """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set."""
+    if out is not None:
+        _export_bids(folder, out, with_sourcedata=with_sourcedata)
+    elif with_sourcedata:
+        raise CommandError("--with-sourcedata goes with --bids; got it alone")
+    else:
+        _export_tables(folder)
+
+
+def _export_tables(folder: Path) -> None:
+    from experiment.archive.folders import session_folders
+
+    refused = []
+    for session in session_folders(folder):
+        try:
+            with session.locked():
+                click.echo(session.write_trials())
+        except ValueError as error:
+            refused.append(str(error))
+    if refused:
+        others = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        raise CommandError(refused[0] + others)
+
+
+def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool) -> None:
+    from experiment.archive.bids import describe, export_bids
+
+    exported = export_bids(folder, out, with_sourcedata=with_sourcedata)
+    click.echo(f"{out}: {len(exported.sessions)} sessions")
+    for session in exported.unfinished:
+        click.echo(f"not finished: {describe(session)}")
+    if exported.simulated:
+        click.echo(f"simulated: {len(exported.simulated)} of {len(exported.sessions)} sessions")
+    if exported.descriptions > 1:
+        click.echo(
+            f"the sessions' studies give {exported.descriptions} different [dataset] sections: "
+            f"that of {exported.last.name}, which was begun last, is taken"
+        )
+    for column in exported.left_out:
+        click.echo(f"left out of participants.tsv, declared by no study: {column}")

@@ -1,0 +1,104 @@
+"""The command `field`: a map of the displacement, or the response at the fingers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import click
+
+from experiment.terms.exits import CommandError, refusals
+
+if TYPE_CHECKING:
+    from experiment.preview.field import PlateBand, PlateMap
+    from experiment.study.study import Study
+
+
+_ENDINGS: Final = (".png", ".svg", ".csv")
+
+
+@click.command()
+@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.option(
+    "--frequency-hz",
+    type=float,
+    metavar="F",
+    help="Map at this frequency.  [default: that of the first condition's burst]",
+)
+@click.option(
+    "--band",
+    "band_hz",
+    type=float,
+    nargs=2,
+    metavar="LO HI",
+    help="Response at the fingers from LO to HI Hz instead of a map.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("field.png"),
+    show_default=True,
+    metavar="FILE",
+    help="A new file; its ending, .png, .svg or .csv, says what is written.",
+)
+@refusals
+def field(
+    *,
+    study_file: Path,
+    frequency_hz: float | None,
+    band_hz: tuple[float, float] | None,
+    out: Path,
+) -> None:
+    """Draw the displacement of the plate: a map at one frequency, or the fingers over a band.
+
+    Each actuator is driven alone. An existing file is left alone.
+    """
+    from experiment.preview.field_report import field_text
+    from experiment.study.read import read_study
+
+    if frequency_hz is not None and band_hz is not None:
+        raise CommandError("--frequency-hz gives a map and --band none; give one of them")
+    study = read_study(study_file)
+    _check_target(out)
+    found = _computed(study, frequency_hz, band_hz)
+    _write_new(out, _content(found, out.suffix.lower()))
+    click.echo(field_text(found, str(study_file)))
+    click.echo(f"\n{out} written")
+
+
+def _check_target(out: Path) -> None:
+    if out.suffix.lower() not in _ENDINGS:
+        raise CommandError(f"--out must end in {', '.join(_ENDINGS)}; got {out}")
+    if out.exists() or out.is_symlink():
+        raise CommandError(f"{out} exists and is left as it is; name another file with --out")
+
+
+def _computed(
+    study: Study, frequency_hz: float | None, band_hz: tuple[float, float] | None
+) -> PlateMap | PlateBand:
+    from experiment.preview.field import plate_band, plate_map, plate_of
+
+    plate = plate_of(study)
+    if band_hz is not None:
+        return plate_band(plate, band_hz)
+    return plate_map(plate, plate.drive_hz if frequency_hz is None else frequency_hz)
+
+
+def _content(found: PlateMap | PlateBand, ending: str) -> bytes:
+    if ending == ".csv":
+        from experiment.preview.field_report import field_csv
+
+        return field_csv(found).encode()
+    from experiment.preview.field_figure import render
+
+    return render(found, "png" if ending == ".png" else "svg")
+
+
+def _write_new(path: Path, content: bytes) -> None:
+    """Write a file that was not there before, as a whole or not at all."""
+    with path.open("xb") as file:
+        try:
+            file.write(content)
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise

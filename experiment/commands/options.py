@@ -1,0 +1,112 @@
+"""The options by which a command reaches a device, and the operator's word for a real one."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+from experiment.terms.exits import DEVICE_FAILED, CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from experiment.apparatus.rig import Confirmation, Rig
+
+
+_Command = TypeVar("_Command", bound="Callable[..., object]")
+
+
+def hardware_options(command: _Command) -> _Command:
+    """Give a command the options ``--driver``, ``--port`` and ``--confirm-hardware``."""
+    for option in (
+        click.option(
+            "--confirm-hardware",
+            is_flag=True,
+            help="Says that a real device is safe, as docs/hardware.md has it; else you are asked.",
+        ),
+        click.option("--port", metavar="P", help="Instead of the study's port."),
+        click.option(
+            "--driver",
+            type=click.Choice(["mock", "serial", "generator", "audio"]),
+            help="Instead of the study's driver.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
+    """Return the operator's word that a device is safe; none for one that cannot move anything.
+
+    Parameters
+    ----------
+    rig : Rig
+        The device, not yet opened.
+    given : bool
+        Whether it was given on the command line.
+
+    Raises
+    ------
+    CommandError
+        If it is not given, and nobody is there to be asked or the answer is no.
+    LinkError
+        If nothing answers on the port.
+    """
+    from experiment.apparatus.rig import MOCK, QUESTION, confirmed_now
+
+    driver = rig.settings.driver
+    if driver == MOCK:
+        return None
+    if given:
+        return confirmed_now("--confirm-hardware")
+    if rig.is_emulated():
+        return None
+    if not on_terminal():
+        raise CommandError(
+            f"the driver {driver} moves real actuators: read docs/hardware.md, then give "
+            "--confirm-hardware (or answer on a terminal); nothing was switched on"
+        )
+    click.echo(
+        f"The driver {driver} moves real actuators. Is all of this so (docs/hardware.md)?", err=True
+    )
+    for part in QUESTION:
+        click.echo(f"  - {part}", err=True)
+    if not answer("All of it is so?"):
+        raise CommandError("the hardware was not confirmed; nothing was switched on")
+    return confirmed_now("asked")
+
+
+def on_terminal() -> bool:
+    """Tell whether somebody is there to be asked."""
+    return sys.stdin.isatty()
+
+
+def answer(question: str) -> bool:
+    """Ask the operator on the terminal; Ctrl-C and the end of the input mean no."""
+    try:
+        return click.confirm(question, err=True)
+    except click.Abort:
+        return False
+
+
+@contextlib.contextmanager
+def device_failures() -> Iterator[None]:
+    """Give a failure of the device its exit code.
+
+    Examples
+    --------
+    >>> from device.driver import LinkError
+    >>> with device_failures():
+    ...     raise LinkError("the line is gone")
+    Traceback (most recent call last):
+    experiment.terms.exits.CommandError: device: the line is gone
+    """
+    from device.driver import DeviceError
+
+    try:
+        yield
+    except DeviceError as error:
+        raise CommandError(f"device: {error}", exit_code=DEVICE_FAILED) from error

@@ -1,0 +1,306 @@
+"""The command `run`."""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from experiment.commands.options import confirmed, device_failures, hardware_options
+from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
+from experiment.terms.responder import RESPONDERS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from device.clock import Clock
+    from experiment.apparatus.noise import NoisePlayer
+    from experiment.apparatus.rig import Confirmation, Rig
+    from experiment.archive.folders import SessionFolder
+    from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.session.setting import Ending
+    from experiment.study.study import Study
+    from experiment.terms.responder import Responder, ResponderName
+    from experiment.trial.plan import Plan
+
+
+@click.command()
+@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.option("--participant", required=True, metavar="ID", help="1 to 32 letters or digits.")
+@click.option("--session", default="01", show_default=True, metavar="ID", help="Likewise.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("results"),
+    show_default=True,
+    metavar="DIR",
+    help="The study's folder of results.",
+)
+@click.option(
+    "--responder",
+    type=click.Choice(RESPONDERS),
+    default="terminal",
+    show_default=True,
+    help="Who answers: a person in front of a window, one at this terminal, or nobody.",
+)
+@click.option("--operator", metavar="NAME", help="Who runs the session, for its header.")
+@click.option(
+    "--fact",
+    "facts",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Of the participant, for a column that the study declares; may be given several times.",
+)
+@hardware_options
+@click.option(
+    "--levels",
+    "levels_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Levels placed for this participant, instead of the study's.",
+)
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the plan; random by default.")
+@click.option("--resume", "resuming", is_flag=True, help="Go on with an interrupted session.")
+@click.option(
+    "--resume-anyway",
+    is_flag=True,
+    help="The same on another host or device, or after more than 30 minutes.",
+)
+@refusals
+def run(
+    *,
+    study_file: Path,
+    participant: str,
+    session: str,
+    out: Path,
+    responder: ResponderName,
+    operator: str | None,
+    facts: tuple[str, ...],
+    driver: str | None,
+    port: str | None,
+    confirm_hardware: bool,
+    levels_file: Path | None,
+    seed: int | None,
+    resuming: bool,
+    resume_anyway: bool,
+) -> None:
+    """Run one session with a participant.
+
+    Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
+    in any way goes on with --resume.
+    """
+    from experiment.apparatus.rig import assemble
+    from experiment.archive.folders import SessionFolder
+    from experiment.archive.participants import participant_facts
+    from experiment.operator.requests import Requests, StopSignal
+    from experiment.session.conduct import begin, resume
+    from experiment.session.setting import Setting, Sitting
+    from experiment.study.read import read_levels, study_from_canonical
+
+    stop, requests = StopSignal(), Requests()
+    sitting = Sitting(responder=responder, operator=operator)
+    with stop.on_signals():
+        if responder == "screen":
+            from experiment.participant.window import require_window
+
+            require_window()
+        folder = SessionFolder(out, participant, session)
+        levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
+        resuming = resuming or resume_anyway
+        if resuming:
+            plan = _plan_to_resume(folder, study_file, seed, levels_vpp, facts)
+        else:
+            plan = _new_plan(folder, study_file, seed, levels_vpp, driver)
+        study = study_from_canonical(plan.study)
+        if facts:
+            columns = study.participant_columns
+            folder = replace(folder, facts=participant_facts(columns, facts))
+        simulated = responder == "simulated"
+        rig = assemble(study, driver=driver, port=port, simulated=simulated)
+        with device_failures():
+            confirmation = _confirmed(rig, stop, given=confirm_hardware)
+        with (
+            _failures(),
+            _responder(responder, study, plan, rig.clock, requests=requests, stop=stop) as someone,
+            _monitor(responder, requests, stop) as monitor,
+        ):
+            setting = Setting(
+                device=rig.device,
+                responder=someone,
+                noise=_noise(study, rig.clock, simulated=simulated),
+                clock=rig.clock,
+                stop=stop,
+                resume_anyway=resume_anyway,
+                confirmation=confirmation,
+                tell=click.echo,
+                requests=requests,
+                monitor=monitor,
+                sitting=sitting,
+            )
+            ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
+        _report(ending, plan)
+
+
+def _confirmed(rig: Rig, stop: StopSignal, *, given: bool) -> Confirmation | None:
+    from experiment.operator.requests import StopRequested
+
+    try:
+        with stop.interruptible():
+            return confirmed(rig, given=given)
+    except StopRequested as error:
+        raise KeyboardInterrupt from error
+
+
+def _new_plan(
+    folder: SessionFolder,
+    study_file: Path,
+    seed: int | None,
+    levels_vpp: tuple[float, ...] | None,
+    driver: str | None,
+) -> Plan:
+    from experiment.preview.check import require_fit
+    from experiment.study.read import read_study
+    from experiment.trial.draw import draw_plan
+
+    folder.refuse_existing()
+    study = read_study(study_file)
+    gains = require_fit(study, driver=driver).gains
+    seed = secrets.randbits(32) if seed is None else seed
+    plan = draw_plan(
+        study,
+        participant=folder.participant,
+        session=folder.session,
+        seed=seed,
+        levels_vpp=levels_vpp,
+        gains=gains,
+    )
+    click.echo(f"seed {seed}")
+    return plan
+
+
+def _plan_to_resume(
+    folder: SessionFolder,
+    study_file: Path,
+    seed: int | None,
+    levels_vpp: tuple[float, ...] | None,
+    facts: tuple[str, ...],
+) -> Plan:
+    """Return the session's plan; refuse options that say otherwise than it does."""
+    from experiment.session.conduct import is_recorded
+    from experiment.study.read import study_from_canonical
+
+    plan = folder.read_plan()
+    if facts:
+        raise CommandError(
+            f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
+            "correct participants.tsv while no session runs"
+        )
+    if not is_recorded(study_file, plan):
+        raise CommandError(
+            f"STUDY is not the study that this session was begun with; got {study_file}, of "
+            f"another sha256 than {plan.file_sha256[:12]}..."
+        )
+    if seed is not None and seed != plan.seed:
+        raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
+    planned_vpp = study_from_canonical(plan.study).design.levels_vpp
+    if levels_vpp is not None and levels_vpp != planned_vpp:
+        raise CommandError(
+            f"--levels must be those of the session, {planned_vpp}; got {levels_vpp}"
+        )
+    return plan
+
+
+@contextlib.contextmanager
+def _failures() -> Iterator[None]:
+    """Give failures of device, noise and disk their exit codes."""
+    from experiment.apparatus.noise import NoiseError
+    from experiment.archive.journal import JournalWriteError
+
+    try:
+        with device_failures():
+            yield
+    except NoiseError as error:
+        raise CommandError(
+            f'{error}; a study with noise = "none" in [masking] plays none',
+            exit_code=DEVICE_FAILED,
+        ) from error
+    except JournalWriteError as error:
+        raise CommandError(
+            f"{error}; what is recorded is safe: make room, then go on with --resume",
+            exit_code=STOPPED_EARLY,
+        ) from error
+
+
+def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
+    from experiment.apparatus.noise import noise_player
+
+    return noise_player(study.masking, clock, simulated=simulated)
+
+
+@contextlib.contextmanager
+def _responder(
+    name: ResponderName,
+    study: Study,
+    plan: Plan,
+    clock: Clock,
+    *,
+    requests: Requests,
+    stop: StopSignal,
+) -> Iterator[Responder]:
+    if name == "simulated":
+        from experiment.session.simulate import simulated_responder
+
+        yield simulated_responder(study, plan, clock)
+    elif name == "screen":
+        from experiment.participant.screen import ScreenResponder
+
+        with ScreenResponder(
+            clock,
+            responses=plan.responses,
+            screen=study.screen,
+            keys=study.keys,
+            texts=study.texts,
+            requests=requests,
+            stop=stop,
+        ) as person:
+            yield person
+    else:
+        from experiment.participant.terminal import TerminalResponder
+
+        with TerminalResponder(clock, responses=plan.responses, texts=study.texts) as person_here:
+            yield person_here
+
+
+@contextlib.contextmanager
+def _monitor(name: ResponderName, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
+    """Show the operator how it goes, unless the terminal is the participant's."""
+    if name == "terminal":
+        from experiment.session.setting import NobodyLooks
+
+        yield NobodyLooks()
+    else:
+        from experiment.operator.view import OperatorView
+
+        with OperatorView(requests, stop) as view:
+            yield view
+
+
+def _report(ending: Ending, plan: Plan) -> None:
+    if ending.torn_file is not None:
+        click.echo(
+            f"a last journal line that was cut short was moved to {ending.torn_file}", err=True
+        )
+    if ending.failure is not None:
+        raise CommandError(
+            f"device: {ending.failure}; go on with --resume", exit_code=DEVICE_FAILED
+        )
+    if not ending.finished:
+        raise CommandError(
+            f"stopped early, {ending.trials_path} holds what is done; go on with --resume",
+            exit_code=STOPPED_EARLY,
+        )
+    click.echo(f"all {len(plan.trials)} trials are answered: {ending.trials_path}")

@@ -1,0 +1,80 @@
+"""The commands `export` and `withdraw`."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from experiment.terms.exits import CommandError, refusals
+
+if TYPE_CHECKING:
+    from experiment.archive.withdraw import Person, Search
+
+
+@click.command()
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.option("--participant", required=True, metavar="ID", help="Whose data are to be removed.")
+@click.option(
+    "--also",
+    "others",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Look for exports and analyses there too; may be given again.",
+)
+@refusals
+def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> None:
+    """Remove a person's data from DIR, for good, after the ID is typed once more.
+
+    A dated mark stays, with the ID and nothing else. Exports and analyses that still hold the
+    person are listed, not changed. After an interruption, run it again.
+    """
+    from experiment.archive.withdraw import held, look_up, remove, search
+
+    for other in others:
+        if not other.is_dir():
+            raise CommandError(f"--also must be a folder; got {other}")
+    person = look_up(folder, participant)
+    if person.gone:
+        click.echo(f"Participant {participant} is removed already.")
+    else:
+        with held(person) as locks:
+            _confirm(person)
+            remove(person, locks, today=datetime.now(UTC).date().isoformat())
+        click.echo(f"Participant {participant} is removed from {folder}.")
+    _tell(search((folder, *others), participant, leave_out=person.known), participant)
+
+
+def _confirm(person: Person) -> None:
+    """Have the operator type whose data are to go."""
+    row = "a row" if person.in_table else "no row"
+    click.echo(
+        f"{person.folder}: {person.files} files in {len(person.sessions)} sessions, {row} of "
+        "participants.tsv. They are deleted for good.",
+        err=True,
+    )
+    try:
+        typed = click.prompt("Type the participant's ID to delete them", err=True)
+    except click.Abort as error:
+        raise CommandError("not confirmed; nothing was changed") from error
+    if typed != person.participant:
+        raise CommandError(
+            f"not confirmed: {person.participant} must be typed; got {typed!r}; nothing was changed"
+        )
+
+
+def _tell(found: Search, participant: str) -> None:
+    if found.holdings:
+        click.echo(f"Participant {participant} is still in:")
+    else:
+        click.echo("Nothing else that was searched holds this person.")
+    for holding in found.holdings:
+        click.echo(f"  {holding.what}: {holding.path}")
+    if found.not_searched:
+        click.echo("Not searched (links, packed files, no permission):")
+    for path in found.not_searched:
+        click.echo(f"  {path}")
+    click.echo("Backups and copies elsewhere are not known here.")

@@ -1,0 +1,179 @@
+"""What the operator, or a signal, asks of a session while it runs: pause, note, stop."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+
+class StopRequested(Exception):  # noqa: N818 - not an error: it ends a wait
+    """The wait in progress is over because the session is to be stopped."""
+
+
+class StopSignal:
+    """A wish to stop: kept until the session can heed it, and ending any wait for a person."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self._waiting = False
+
+    def ask(self) -> None:
+        """Ask the session to stop."""
+        self.asked = True
+        if self._waiting:
+            self._waiting = False
+            raise StopRequested
+
+    @contextlib.contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Mark a wait for a person: `StopRequested` is raised in it when a stop is asked for.
+
+        Raises
+        ------
+        StopRequested
+            At once where the stop was asked for before.
+        """
+        self._waiting = True
+        try:
+            if self.asked:
+                raise StopRequested
+            yield
+        finally:
+            self._waiting = False
+
+    @contextlib.contextmanager
+    def on_signals(self) -> Iterator[None]:
+        """Let Ctrl-C, SIGTERM and a closed terminal ask for the stop, not end the program."""
+        names = ("SIGINT", "SIGTERM", "SIGHUP")
+        numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+        before = [signal.signal(number, lambda *_: self.ask()) for number in numbers]
+        try:
+            yield
+        finally:
+            for number, handler in zip(numbers, before, strict=True):
+                signal.signal(number, handler)
+
+
+class Requests:
+    """What an operator asks for, from any thread; a session heeds it between two trials.
+
+    Attributes
+    ----------
+    paused : bool
+        A pause is wanted, or goes on; responders end a pause when it becomes false.
+
+    Examples
+    --------
+    >>> requests = Requests()
+    >>> requests.pause(); requests.paused
+    True
+    >>> requests.note("chair moved"); requests.notes()
+    ('chair moved',)
+    >>> requests.notes()
+    ()
+    """
+
+    def __init__(self) -> None:
+        self._paused = threading.Event()
+        self._go_on = threading.Event()
+        self._notes: deque[str] = deque()
+
+    @property
+    def paused(self) -> bool:
+        """Whether a pause is asked for and not yet ended."""
+        return self._paused.is_set()
+
+    def pause(self) -> None:
+        """Ask for a pause after the current trial."""
+        self._go_on.clear()
+        self._paused.set()
+
+    def go_on(self) -> None:
+        """End a pause, whoever asked for it."""
+        self._paused.clear()
+        self._go_on.set()
+
+    def take_go_on(self) -> bool:
+        """Tell, once, whether the end of a pause was asked for."""
+        asked = self._go_on.is_set()
+        self._go_on.clear()
+        return asked
+
+    def note(self, text: str) -> None:
+        """Leave a note for the journal."""
+        self._notes.append(text)
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the notes that were left since the last call."""
+        taken: list[str] = []
+        while self._notes:
+            taken.append(self._notes.popleft())
+        return tuple(taken)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """Answers to the single stimuli of one side so far.
+
+    Attributes
+    ----------
+    presented, correct : int
+        Trials that count, and those whose answer named the side.
+    last : tuple of str
+        The last answers, newest last, five at most.
+    """
+
+    presented: int = 0
+    correct: int = 0
+    last: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Status:
+    """A session as its operator sees it.
+
+    Attributes
+    ----------
+    phase : str
+        A word of `steps.Phase`.
+    done, planned : int
+        Trials answered, and trials in the plan.
+    block, blocks : int
+        Open block (0 is practice), and how many there are.
+    left_s : float
+        Expected time to the end.
+    noise : str
+        Health of the masking noise in a few words.
+    device : str
+        Health of the device in a few words.
+    message : str
+        What the operator has to know or do now; empty if nothing.
+    tallies : mapping of str to Tally
+        By side.
+    """
+
+    phase: str
+    done: int
+    planned: int
+    block: int
+    blocks: int
+    left_s: float
+    noise: str
+    device: str
+    message: str
+    tallies: Mapping[str, Tally]
+
+
+class Monitor(Protocol):
+    """Who is shown how a session stands; a call returns at once and touches no disk."""
+
+    def show(self, status: Status) -> None:
+        """Take the newest status."""
+        ...

@@ -1,0 +1,293 @@
+"""The pages before a participant, each as a list of drawings: plate, fingers, keys, progress."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from experiment.participant.text import filled
+from experiment.participant.window import BACKGROUND, DIM, FOREGROUND, PITCH
+from experiment.terms.responder import Part
+
+if TYPE_CHECKING:
+    from experiment.participant.window import Stage
+    from experiment.study.sections.presentation import Keys, Screen, Texts
+    from experiment.terms.responder import Progress
+
+    Page = list[Any]
+
+
+PLATE = "#6f8fa8"
+DISC = "#c9a227"
+SKIN = "#d9b99b"
+FELT = "#ff8c42"
+_TURN_OF = {"right": 0.0, "down": 90.0, "left": 180.0, "up": 270.0}
+_ARROW = ((-0.5, 0.12), (0.1, 0.12), (0.1, 0.35), (0.5, 0.0),
+          (0.1, -0.35), (0.1, -0.12), (-0.5, -0.12))  # fmt: skip
+_FELT_AT = {"left": (-1,), "right": (1,), "both": (-1, 1), "none": ()}
+_NAMES = {"return": "Enter", "escape": "Esc"}
+WIDEST_PANEL = 0.36
+"""Width of one answer's picture where there is room."""
+
+
+class Artist:
+    """Draws on a stage.
+
+    Parameters
+    ----------
+    stage : Stage
+        Where.
+    keys : Keys
+        Which keys mean which answer.
+    """
+
+    def __init__(self, stage: Stage, keys: Keys) -> None:
+        self._stage = stage
+        self._keys = keys
+
+    def placement(
+        self, answers: tuple[str, ...], *, middle: float, hands_off: bool = False
+    ) -> list[Any]:
+        """Draw, for each answer in a row, the fingers, what is felt, and the key beside it.
+
+        Parameters
+        ----------
+        answers : tuple of str
+            Of ``left``, ``right``, ``both``, ``none``.
+        middle : float
+            Height of the row's middle.
+        hands_off : bool
+            Whether the fingers are lifted off the plate.
+        """
+        width = min(WIDEST_PANEL, 1.9 * self._stage.half_width / len(answers))
+        drawings = []
+        for i, answer in enumerate(answers):
+            x = width * (i - (len(answers) - 1) / 2)
+            drawings += self._plate(answer, (x, middle), 0.8 * width, hands_off=hands_off)
+            drawings += self._caps(answer, (x, middle - 0.62 * width), width)
+        return drawings
+
+    def bar(self, progress: Progress, *, middle: float) -> list[Any]:
+        """Draw how far the session has come."""
+        width, height = 1.2 * self._stage.half_width, 0.03
+        filled = width * progress.done / max(1, progress.planned)
+        frame = self._box((0.0, middle), (width, height), line=DIM)
+        if not filled:
+            return [frame]
+        inner = self._box(((filled - width) / 2, middle), (filled, height), fill=PLATE)
+        return [inner, frame]
+
+    def _plate(
+        self, answer: str, at: tuple[float, float], width: float, *, hands_off: bool
+    ) -> list[Any]:
+        x, y = at
+        drawings = [self._box((x, y), (width, 0.22 * width), fill=PLATE)]
+        for side in (-1, 1):
+            disc = (x + side * 0.27 * width, y)
+            felt = side in _FELT_AT[answer]
+            drawings.append(self._disc(disc, 0.08 * width, fill=DISC))
+            if felt:
+                drawings += [self._disc(disc, radius * width, line=FELT) for radius in (0.15, 0.19)]
+            tip = y - 0.27 * width if hands_off else y
+            drawings += self._finger(
+                (disc[0], tip), width, fill=FELT if felt and not hands_off else SKIN
+            )
+        return drawings
+
+    def _finger(self, tip: tuple[float, float], width: float, *, fill: str) -> list[Any]:
+        x, y = tip
+        return [
+            self._box((x, y - 0.12 * width), (0.1 * width, 0.24 * width), fill=fill),
+            self._disc((x, y), 0.05 * width, fill=fill),
+        ]
+
+    def _caps(self, answer: str, at: tuple[float, float], width: float) -> list[Any]:
+        """Draw the keys of an answer beside one another."""
+        keys: tuple[str, ...] = getattr(self._keys, answer)
+        side = min(0.2 * width, 0.9 * width / len(keys))
+        drawings = []
+        for i, key in enumerate(keys):
+            x = at[0] + 1.15 * side * (i - (len(keys) - 1) / 2)
+            drawings += self._cap(key, (x, at[1]), side, alone=len(keys) == 1)
+        return drawings
+
+    def _cap(self, key: str, at: tuple[float, float], side: float, *, alone: bool) -> list[Any]:
+        label = _NAMES.get(key, key.upper() if len(key) == 1 else key.removeprefix("num_"))
+        wide = alone and key not in _TURN_OF and len(label) > 1
+        width = 3 * side if wide else side
+        frame = self._box(at, (width, side), line=FOREGROUND)
+        if key in _TURN_OF:
+            return [frame, self._arrow(at, 0.7 * side, _TURN_OF[key])]
+        if key == "space":
+            place = (at[0], at[1] - 0.2 * side)
+            return [frame, self._box(place, (0.6 * width, 0.08 * side), fill=FOREGROUND)]
+        height = min(0.6 * side, 1.4 * width / len(label))
+        top = at[1] + 0.75 * height
+        return [frame, *self._stage.lines((label,), top=top, height=height, x=at[0])]
+
+    def _box(
+        self,
+        at: tuple[float, float],
+        size: tuple[float, float],
+        *,
+        fill: str | None = None,
+        line: str | None = None,
+    ) -> Any:
+        from psychopy.visual import Rect
+
+        return Rect(
+            self._stage.window,
+            width=size[0],
+            height=size[1],
+            pos=at,
+            fillColor=fill,
+            lineColor=line,
+            lineWidth=2,
+            autoLog=False,
+        )
+
+    def _disc(
+        self,
+        at: tuple[float, float],
+        radius: float,
+        *,
+        fill: str | None = None,
+        line: str | None = None,
+    ) -> Any:
+        from psychopy.visual import Circle
+
+        return Circle(
+            self._stage.window,
+            radius=radius,
+            edges=48,
+            pos=at,
+            fillColor=fill,
+            lineColor=line,
+            lineWidth=2,
+            autoLog=False,
+        )
+
+    def _arrow(self, at: tuple[float, float], size: float, turn_deg: float) -> Any:
+        from psychopy.visual import ShapeStim
+
+        return ShapeStim(
+            self._stage.window,
+            vertices=_ARROW,
+            size=size,
+            ori=turn_deg,
+            pos=at,
+            fillColor=FOREGROUND,
+            lineColor=BACKGROUND,
+            autoLog=False,
+        )
+
+
+_TOP = 0.44
+_GO_ON_AT = -0.42
+_PICTURE_AT = -0.1
+_HALF_PICTURE = 0.14
+_WIDEST_TEXT = 1.3
+_SMALLEST_TEXT = 0.01
+_HANDS_OFF = (Part.AUDIBILITY, Part.CONTROL)
+_GOOD, _BAD = "#7fc97f", "#fdae6b"
+
+
+class Pages:
+    """Lays pages out.
+
+    Parameters
+    ----------
+    stage : Stage
+        Where they are shown.
+    screen, keys, texts : Screen, Keys, Texts
+        What the study says of them.
+    responses : tuple of str
+        The answers offered.
+    """
+
+    def __init__(
+        self, stage: Stage, *, screen: Screen, keys: Keys, texts: Texts, responses: tuple[str, ...]
+    ) -> None:
+        self._stage = stage
+        self._screen = screen
+        self._texts = texts
+        self._responses = responses
+        self._artist = Artist(stage, keys)
+        self._go_on = self._hint(texts.go_on)
+        self.ready: Page = stage.centred(texts.ready, middle=0.0)
+        self.prompt: Page = [
+            *stage.centred(texts.prompt, middle=0.18),
+            *self._artist.placement(responses, middle=-0.12),
+        ]
+        self._feedback = {
+            True: stage.centred(texts.correct, middle=0.0, color=_GOOD),
+            False: stage.centred(texts.wrong, middle=0.0, color=_BAD),
+        }
+
+    def feedback(self, *, correct: bool) -> Page:
+        """Return what a practice answer is followed by."""
+        return self._feedback[correct]
+
+    def before_sitting(self, progress: Progress) -> list[Page]:
+        """Return welcome, instructions and where the fingers lie."""
+        picture = self._artist.placement(self._responses, middle=_PICTURE_AT)
+        texts = self._texts
+        return [
+            *self._reading(filled(texts.welcome, progress)),
+            *self._reading(filled(texts.instructions, progress)),
+            *self._reading(filled(texts.placement, progress), picture),
+        ]
+
+    def before_part(self, part: Part, progress: Progress) -> list[Page]:
+        """Return what a part asks for, and whether the fingers lie on the plate."""
+        hands_off = part in _HANDS_OFF
+        answers = self._responses
+        if hands_off and "none" not in answers:
+            answers = (*answers, "none")
+        picture = self._artist.placement(answers, middle=_PICTURE_AT, hands_off=hands_off)
+        return self._reading(filled(getattr(self._texts, part.value), progress), picture)
+
+    def pause(self, progress: Progress, *, go_on: bool) -> Page:
+        """Return a pause, with the hint how to go on where the participant may."""
+        return self._halt(filled(self._texts.paused, progress), progress, go_on=go_on)
+
+    def rest(self, progress: Progress, *, left_s: int) -> Page:
+        """Return a break that lasts at least so many seconds more."""
+        text = self._texts.rest if left_s else self._texts.rest_over
+        return self._halt(filled(text, progress, seconds=left_s), progress, go_on=not left_s)
+
+    def end(self, progress: Progress, *, finished: bool) -> Page:
+        """Return the last page."""
+        text = self._texts.finished if finished else self._texts.stopped
+        return self._halt(filled(text, progress), progress, go_on=finished)
+
+    def _halt(self, text: str, progress: Progress, *, go_on: bool) -> Page:
+        hint = self._go_on if go_on else []
+        bar = self._artist.bar(progress, middle=-0.15)
+        return [*self._stage.centred(text, middle=0.12), *bar, *hint]
+
+    def _reading(self, text: str, picture: Page | None = None) -> list[Page]:
+        """Break a text into as many pages as it needs, the picture below the last."""
+        lines = self._stage.broken(text, width=min(1.8 * self._stage.half_width, _WIDEST_TEXT))
+        pitch = PITCH * self._screen.text_height
+        most = max(1, int((_TOP - _GO_ON_AT) / pitch))
+        most_above = max(1, int((_TOP - _PICTURE_AT - _HALF_PICTURE) / pitch))
+        pages: list[Page] = []
+        while len(lines) > (most if picture is None else most_above):
+            pages.append(self._page(lines[:most]))
+            lines = lines[most:]
+        pages.append(self._page(lines, picture))
+        return pages
+
+    def _page(self, lines: tuple[str, ...], picture: Page | None = None) -> Page:
+        height = PITCH * self._screen.text_height * len(lines)
+        top = min(_TOP, height / 2) if picture is None else _TOP
+        return [*self._stage.lines(lines, top=top), *(picture or ()), *self._go_on]
+
+    def _hint(self, text: str) -> Page:
+        """Draw a line below, as small as needed to be one."""
+        height, width = min(0.8 * self._screen.text_height, 0.045), 1.9 * self._stage.half_width
+        while height > _SMALLEST_TEXT and len(
+            self._stage.broken(text, width=width, height=height)
+        ) > 1:  # fmt: skip
+            height *= 0.9
+        return self._stage.lines((text,), top=_GO_ON_AT, color=DIM, height=height)

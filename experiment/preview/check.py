@@ -1,0 +1,283 @@
+"""What is to be known of a study before anyone takes part: is it fit, and how long does it take."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from device.clock import VirtualClock
+from experiment.apparatus.rig import MOCK, mock_device
+from experiment.apparatus.slots import require_playable, require_suitable
+from experiment.study.sections.design import ASSUMED_ANSWER_S
+from experiment.study.study import StudyError
+from experiment.terms.exits import ANSWER_IS_NO, CommandError
+from experiment.terms.gains import OWN_FINGERS
+from experiment.trial.draw import block_count
+from stimuli import Burst, BurstCheck, ElasticEdge, SampledDrive, check_burst
+
+if TYPE_CHECKING:
+    from experiment.study.sections.stimulus import Condition
+    from experiment.study.study import Study
+    from experiment.terms.gains import ConditionGains
+
+
+Verdict = Literal["fit", "accepted", "unfit"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionCheck:
+    """A condition and how its burst goes with the strip and the fingers.
+
+    Attributes
+    ----------
+    condition : Condition
+        The condition.
+    burst : BurstCheck
+        What the check of its burst found.
+    gains : ConditionGains or None
+        What every finger gets of every actuator; none where nobody computed it.
+    masking_limit_db : float
+        By how much the level at the other finger must lie below that at the own.
+    """
+
+    condition: Condition
+    burst: BurstCheck
+    gains: ConditionGains | None
+    masking_limit_db: float
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the stimulus is unfit, a sentence each; empty if it is fit."""
+        reasons = list(self.burst.reasons)
+        if self.gains is None:
+            return tuple(reasons)
+        for own, other in ((0, 1), (1, 0)):
+            level_db = self.gains.level_db(other, own)
+            if level_db > -self.masking_limit_db:
+                reasons.append(
+                    f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
+                    f"finger {level_db:.3f} dB re its own finger; the limit is "
+                    f"{-self.masking_limit_db:g} dB"
+                )
+        return tuple(reasons)
+
+    @property
+    def verdict(self) -> Verdict:
+        """``accepted`` where the burst is unfit and the study says why it is wanted."""
+        if not self.reasons:
+            return "fit"
+        return "unfit" if self.condition.accept_unfit is None else "accepted"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyCheck:
+    """What the check of a study found.
+
+    Attributes
+    ----------
+    study : Study
+        The study.
+    cutoff_hz : float
+        First cut-off of its strip.
+    conditions : tuple of ConditionCheck
+        Its conditions, as listed.
+    trials : int
+        Trials of all conditions, practice and those with the fingers off the plate left out.
+    blocks : int
+        Blocks that they are divided into.
+    audibility_trials, control_trials : int
+        Trials of all conditions with the fingers off the plate, at the beginning and at the end.
+    duration_s : float
+        Estimated length of a session with all of them: every foreperiod in the middle of its range,
+        every answer after `ASSUMED_ANSWER_S`, every break at its shortest.
+    """
+
+    study: Study
+    cutoff_hz: float
+    conditions: tuple[ConditionCheck, ...]
+    trials: int
+    blocks: int
+    audibility_trials: int
+    control_trials: int
+    duration_s: float
+
+    @property
+    def gains(self) -> tuple[ConditionGains, ...]:
+        """The gain matrix of every condition, to be sealed into a plan."""
+        return tuple(one.gains for one in self.conditions if one.gains is not None)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst of the conditions' verdicts."""
+        verdicts = {condition.verdict for condition in self.conditions}
+        if "unfit" in verdicts:
+            return "unfit"
+        return "accepted" if "accepted" in verdicts else "fit"
+
+    @property
+    def thinness(self) -> float:
+        """(k h)^2 at the cut-off: by about this part the theory of thin plates is wrong there."""
+        strip = self.study.strip
+        mass_kg_m2 = strip.material.density_kg_m3 * strip.thickness_m
+        omega = 2 * math.pi * self.cutoff_hz
+        return omega * math.sqrt(mass_kg_m2 / strip.bending_stiffness_n_m) * strip.thickness_m**2
+
+    @property
+    def edge_stiffness_n(self) -> float | None:
+        """Stiffness of an elastic edge; none for simply supported and clamped ones."""
+        edge = self.study.strip.edge
+        return edge.stiffness_n if isinstance(edge, ElasticEdge) else None
+
+
+def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -> StudyCheck:
+    """Check every burst of a study against its strip and fingers, and count its trials.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    gains : tuple of ConditionGains, optional
+        The gain matrices as a plan holds them, even if none; computed by default.
+
+    Raises
+    ------
+    StudyError
+        If no device can play a burst at a level, or the design cannot be divided into blocks.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> check = check_study(paper_study())
+    >>> check.verdict, round(check.cutoff_hz), check.trials, check.blocks
+    ('fit', 2900, 155, 5)
+    """
+    trials = study.design.trials * len(study.conditions)
+    bursts = [_check_burst(study, condition) for condition in study.conditions]
+    try:
+        blocks = block_count(study.design) * len(study.conditions)
+        require_playable(study)
+    except ValueError as error:
+        raise StudyError(f"study {study.name}: {error}") from error
+    if gains is None:
+        from experiment.study.physics import study_gains
+
+        gains = study_gains(study)
+    gains_of = {one.condition: one for one in gains}
+    conditions = tuple(
+        ConditionCheck(
+            condition=condition,
+            burst=burst,
+            gains=gains_of.get(condition.name),
+            masking_limit_db=study.masking_limit_db,
+        )
+        for condition, burst in zip(study.conditions, bursts, strict=True)
+    )
+    return StudyCheck(
+        study=study,
+        cutoff_hz=study.strip.cutoff_hz(),
+        conditions=conditions,
+        trials=trials,
+        blocks=blocks,
+        audibility_trials=study.design.audibility_trials * len(study.conditions),
+        control_trials=study.design.control_trials * len(study.conditions),
+        duration_s=_duration_s(study, blocks),
+    )
+
+
+def require_mock_suitable(study: Study, driver: str | None = None) -> None:
+    """Refuse a study that the mock cannot play, where the mock is what plays it.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    driver : str, optional
+        Instead of the study's. Any other device is asked for itself once it is open.
+
+    Raises
+    ------
+    StudyError
+        If the mock has another sample rate, or a lower ceiling than the study's levels.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> require_mock_suitable(paper_study())
+    """
+    if (driver or study.device.driver) != MOCK:
+        return
+    try:
+        require_suitable(study, mock_device(study, VirtualClock()).open())
+    except ValueError as error:
+        raise StudyError(f"study {study.name}: {error}") from error
+
+
+def _check_burst(study: Study, condition: Condition) -> BurstCheck:
+    try:
+        return _check_drive(study, condition.burst)
+    except ValueError as error:
+        raise StudyError(
+            f"study {study.name}: condition {condition.name}: [burst] and device.sample_rate_hz "
+            f"do not go together: {error}"
+        ) from error
+
+
+def _check_drive(study: Study, drive: Burst | SampledDrive) -> BurstCheck:
+    """Check the energy of a drive above the cut-off; a click's is that of its samples."""
+    rate_hz, limit = study.device.sample_rate_hz, study.max_energy_above_cutoff
+    if isinstance(drive, Burst):
+        return check_burst(
+            drive, study.strip, sample_rate_hz=rate_hz, max_energy_above_cutoff=limit
+        )
+    cutoff_hz = study.strip.cutoff_hz()
+    held = SampledDrive(samples=drive.values, sample_rate_hz=drive.sample_rate_hz, held=True)
+    return BurstCheck(
+        cutoff_hz=cutoff_hz,
+        peak_hz=drive.peak_hz(),
+        band_hz=drive.band_hz(),
+        energy_above_cutoff=drive.energy_above(cutoff_hz),
+        staircase_energy_above_cutoff=held.energy_above(cutoff_hz),
+        max_energy_above_cutoff=limit,
+        sample_rate_hz=rate_hz,
+    )
+
+
+def _duration_s(study: Study, blocks: int) -> float:
+    design = study.design
+    each = design.trials + design.audibility_trials + design.control_trials
+    trials = each * len(study.conditions) + design.practice_trials
+    breaks = blocks - 1 + (design.control_trials > 0)
+    answer_s = min(ASSUMED_ANSWER_S, design.response_window_s)
+    trial_s = sum(design.foreperiod_s) / 2 + answer_s
+    return trials * trial_s + breaks * design.minimum_break_s
+
+
+def require_fit(study: Study, *, driver: str | None = None) -> StudyCheck:
+    """Return the check of a study, or end the command where a stimulus of it is unfit.
+
+    Parameters
+    ----------
+    study : Study
+        The study that is to be run.
+    driver : str, optional
+        Instead of the study's.
+
+    Raises
+    ------
+    StudyError
+        If the study cannot be played.
+    CommandError
+        With exit code 1, if a burst puts too much energy above the strip's cut-off or is too
+        strong at the other finger, and the study does not accept that.
+    """
+    check = check_study(study)
+    require_mock_suitable(study, driver)
+    for found in check.conditions:
+        if found.verdict == "unfit":
+            raise CommandError(
+                f"the stimulus of condition {found.condition.name} is unfit for this strip: "
+                f'{"; ".join(found.reasons)}; accept_unfit = "reason" runs it on purpose',
+                exit_code=ANSWER_IS_NO,
+            )
+    return check

@@ -1,0 +1,244 @@
+"""The check of a device against a study: who it is, what it takes, one weak burst a channel."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from device.driver import Outcome
+from experiment.apparatus.rig import require_confirmed
+from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s, require_suitable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from device.driver import BurstDevice, Delivery, Identity
+    from experiment.apparatus.rig import Confirmation, Rig
+    from experiment.study.study import Study
+
+
+FRACTION: Final = 0.1
+"""Of the study's highest level: what a burst of the check has."""
+
+_TOLERANCE: Final = 0.01
+_STEP_VPP: Final = 0.002
+_TIME_TO_LIVE_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelCheck:
+    """One channel and its burst.
+
+    Attributes
+    ----------
+    side : str
+        ``left`` or ``right``.
+    level_vpp : float
+        Level that was set.
+    delivery : Delivery or None
+        What the device said of the burst; None if the operator did not want it.
+    seen : bool or None
+        Whether the operator saw it there and only there; None where nobody was asked.
+    """
+
+    side: str
+    level_vpp: float
+    delivery: Delivery | None
+    seen: bool | None
+
+    @property
+    def read_back_vpp(self) -> float | None:
+        """The level that the device says it set on this channel; None if nothing was fired."""
+        if self.delivery is None or self.delivery.outcome is not Outcome.FIRED:
+            return None
+        left = self.side == "left"
+        return self.delivery.level_left_vpp if left else self.delivery.level_right_vpp
+
+    @property
+    def failed(self) -> bool:
+        """Whether the device did not do what it was told, by its own words."""
+        if self.delivery is None:
+            return False
+        if self.read_back_vpp is None:
+            return True
+        silent_vpp = self.delivery.level_left_vpp + self.delivery.level_right_vpp
+        off_vpp = abs(self.read_back_vpp - self.level_vpp)
+        return off_vpp > self.level_vpp * _TOLERANCE + _STEP_VPP or silent_vpp != self.read_back_vpp
+
+    @property
+    def good(self) -> bool:
+        """Whether the burst went out as it should, as far as anybody looked."""
+        return self.delivery is not None and not self.failed and self.seen is not False
+
+    @property
+    def text(self) -> str:
+        """The result in words."""
+        if self.delivery is None:
+            return "not tried"
+        told = self.delivery.outcome.value.replace("_", " ")
+        words = [f"burst of {self.level_vpp:g} Vpp: {told}"]
+        if self.read_back_vpp is not None:
+            words += [
+                f"{self.read_back_vpp:g} Vpp read back",
+                f"onset known to {self.delivery.uncertainty_s * 1e3:.2g} ms",
+            ]
+        if self.failed:
+            words.append("WRONG: not what was set")
+        if self.seen is not None:
+            words.append("seen there alone" if self.seen else "WRONG: not seen there alone")
+        return ", ".join(words)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceCheck:
+    """What the check of a device found.
+
+    Attributes
+    ----------
+    identity : Identity
+        Who answered.
+    cannot : tuple of str
+        What the device cannot promise.
+    levels_vpp : tuple of float
+        The study's levels; the device armed each of them on both channels.
+    channels : tuple of ChannelCheck
+        Left, right.
+    """
+
+    identity: Identity
+    cannot: tuple[str, ...]
+    levels_vpp: tuple[float, ...]
+    channels: tuple[ChannelCheck, ...]
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """List what was found, for programs."""
+        return {
+            "identity": asdict(self.identity),
+            "cannot": list(self.cannot),
+            "levels_vpp": list(self.levels_vpp),
+            "channels": [_channel_facts(channel) for channel in self.channels],
+        }
+
+
+def _channel_facts(channel: ChannelCheck) -> dict[str, Any]:
+    delivery = channel.delivery
+    return {
+        "side": channel.side,
+        "level_vpp": channel.level_vpp,
+        "outcome": None if delivery is None else delivery.outcome.value,
+        "read_back_vpp": channel.read_back_vpp,
+        "uncertainty_s": None if delivery is None else delivery.uncertainty_s,
+        "seen": channel.seen,
+        "good": channel.good,
+    }
+
+
+def check_device(
+    study: Study,
+    rig: Rig,
+    *,
+    confirmation: Confirmation | None,
+    ask: Callable[[str], bool] | None,
+) -> DeviceCheck:
+    """Open a device, have it take every level, and play one weak burst on each channel.
+
+    The outputs are at zero when this ends, however it ends.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    rig : Rig
+        The device, not yet opened.
+    confirmation : Confirmation or None
+        The operator's word that a real device is safe.
+    ask : callable or None
+        Asks the operator, before each burst and after it; None asks nobody and plays both.
+
+    Raises
+    ------
+    NotConfirmedError
+        If the device is real and nobody confirmed that it is safe; nothing was switched on.
+    SuitabilityError
+        If sample rate, ceiling or a waveform do not go together; nothing was switched on.
+    DeviceError
+        If the device refuses a step or cannot be reached.
+
+    Examples
+    --------
+    >>> from experiment.apparatus.rig import assemble
+    >>> from experiment.study.read import paper_study
+    >>> rig = assemble(paper_study(), driver="mock", port=None, simulated=True)
+    >>> found = check_device(paper_study(), rig, confirmation=None, ask=None)
+    >>> [channel.read_back_vpp for channel in found.channels]
+    [20.0, 20.0]
+    """
+    device = rig.device
+    identity = device.open()
+    try:
+        require_confirmed(identity, confirmation)
+        require_suitable(study, identity)
+        load_condition(device, study.conditions[0], study.device)
+        device.enable()
+        levels_vpp = _levels_vpp(study)
+        for level_vpp, token in zip(levels_vpp, _tokens(), strict=False):
+            device.set_levels(level_vpp, level_vpp)
+            device.arm(token, SLOTS["both"], time_to_live_s=_TIME_TO_LIVE_S)
+            device.disarm(token)
+        channels = tuple(_check_channel(study, rig, side, ask) for side in ("left", "right"))
+        return DeviceCheck(
+            identity=identity, cannot=device.cannot, levels_vpp=levels_vpp, channels=channels
+        )
+    finally:
+        device.close()
+
+
+def _levels_vpp(study: Study) -> tuple[float, ...]:
+    both_vpp = study.design.both_level_vpp
+    levels_vpp = {*study.design.levels_vpp, *(() if both_vpp is None else (both_vpp,))}
+    return tuple(sorted(levels_vpp))
+
+
+def _check_channel(
+    study: Study, rig: Rig, side: str, ask: Callable[[str], bool] | None
+) -> ChannelCheck:
+    level_vpp = round(max(_levels_vpp(study)) * FRACTION, 3)
+    if ask is not None and not ask(f"Play one burst of {level_vpp:g} Vpp on the {side} channel?"):
+        return ChannelCheck(side=side, level_vpp=level_vpp, delivery=None, seen=None)
+    rig.clock.wait(onset_interval_s(study.conditions[0], study.device))
+    delivery = _burst(rig.device, side, level_vpp)
+    seen = None
+    if ask is not None:
+        seen = ask(f"Did the {side} output move, and only that one?")
+    return ChannelCheck(side=side, level_vpp=level_vpp, delivery=delivery, seen=seen)
+
+
+def _burst(device: BurstDevice, side: str, level_vpp: float) -> Delivery:
+    token = next(_tokens())
+    device.set_levels(level_vpp, level_vpp)
+    device.arm(token, SLOTS[side], time_to_live_s=_TIME_TO_LIVE_S)
+    return device.fire(token)
+
+
+def _tokens() -> Iterator[int]:
+    """Count tokens up from the calendar's clock, as a session does: no device saw one before."""
+    token = 0
+    while True:
+        token = max(token + 1, time.time_ns())
+        yield token
+
+
+def device_text(check: DeviceCheck) -> str:
+    """Write the check of a device as aligned plain text."""
+    from device.commands.devices import describe
+
+    levels = " ".join(f"{level_vpp:g}" for level_vpp in check.levels_vpp)
+    lines = [
+        ("answers", describe(check.identity)),
+        *(("", f"cannot {promise}") for promise in check.cannot),
+        ("takes", f"{levels} Vpp"),
+        *((channel.side, channel.text) for channel in check.channels),
+    ]
+    return "\n".join(f"{label:<15}{text}" for label, text in lines)

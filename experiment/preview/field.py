@@ -1,0 +1,467 @@
+"""The field of a study's actuators: over the plate at one frequency, at the fingers over a band."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import count, takewhile
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from experiment.study.physics import field_strip, fingertips_of, loads_of, loads_per_volt
+from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement, displacement_map
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from experiment.study.study import Study
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """How strongly each actuator of a study is driven.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What the actuators are called, in the study's order.
+    units : tuple of str
+        Unit of each one's load.
+    amplitudes : tuple of float
+        Amplitude of each one's load in that unit; unit loads where no level is stated.
+    bases : tuple of str
+        How each amplitude is known; empty for unit loads.
+    level_vpp : float or None
+        Level of the drive; none for unit loads.
+
+    Examples
+    --------
+    >>> Drive(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
+    ...       bases=("measured", "predicted"), level_vpp=200.0).basis
+    'left measured, right predicted, at 200 Vpp'
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    amplitudes: tuple[float, ...]
+    bases: tuple[str, ...]
+    level_vpp: float | None
+
+    @property
+    def basis(self) -> str:
+        """What the displacements rest on, in words."""
+        if self.level_vpp is None:
+            units = [f"1 {unit}" for unit in dict.fromkeys(self.units)]
+            return f"per unit load of {' or '.join(units)}"
+        each = [f"{name} {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
+        words = ", ".join(each) if len(set(self.bases)) > 1 else self.bases[0]
+        return f"{words}, at {self.level_vpp:g} Vpp"
+
+    def per_load(self, driven: int) -> str:
+        """Return what follows the unit of an actuator's displacement: the unit of its load, if any.
+
+        Parameters
+        ----------
+        driven : int
+            Which actuator.
+        """
+        return "" if self.level_vpp is not None else f" per {self.units[driven]}"
+
+    @property
+    def per_any_load(self) -> str:
+        """The same for displacements of all actuators."""
+        same = len(set(self.units)) == 1 or self.level_vpp is not None
+        return self.per_load(0) if same else " per unit load"
+
+
+def drive_of(study: Study) -> Drive:
+    """Return how strongly a study's actuators are driven where its field is shown.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    Drive
+        The study's highest level, or unit loads if the displacement of an actuator is not known.
+
+    Raises
+    ------
+    StudyError
+        If the displacement of an actuator cannot be had from what is stated of it.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> drive_of(paper_study()).basis
+    'measured, at 200 Vpp'
+    """
+    units = tuple(load.unit for load in loads_of(study))
+    names = tuple(actuator.label for actuator in study.actuators)
+    known = [(load, basis) for load, basis in loads_per_volt(study) if load and basis]
+    if len(known) < len(units):
+        ones = tuple(1.0 for _ in units)
+        return Drive(names=names, units=units, amplitudes=ones, bases=(), level_vpp=None)
+    level_vpp = max(study.design.levels_vpp)
+    return Drive(
+        names=names,
+        units=units,
+        amplitudes=tuple(load_per_v * level_vpp / 2 for load_per_v, _ in known),
+        bases=tuple(basis for _, basis in known),
+        level_vpp=level_vpp,
+    )
+
+
+RTOL: Final = 1e-4
+"""Relative error wanted of what is shown."""
+
+_FINGERS: Final = 2
+"""The first actuators have a finger above them, left and right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plate:
+    """A study's plate with what bends it and what touches it.
+
+    Attributes
+    ----------
+    study : Study
+        The study.
+    strip : Strip
+        The strip whose field is computed.
+    loads : tuple of Load
+        One for each actuator.
+    drive : Drive
+        What they are called and how strongly they are driven.
+    fingertips : tuple of Fingertip
+        One above each actuator.
+    """
+
+    study: Study
+    strip: Strip
+    loads: tuple[Load, ...]
+    drive: Drive
+    fingertips: tuple[Fingertip, ...]
+
+    @property
+    def scene(self) -> Scene:
+        """The loads and the centres of the fingertips."""
+        points_m = tuple((finger.x_m, finger.y_m) for finger in self.fingertips)
+        return Scene(strip=self.strip, loads=self.loads, points_m=points_m)
+
+    @property
+    def is_shortened(self) -> bool:
+        """Whether the plate has short ends that the strip has not."""
+        return self.strip.length_m is None and self.study.strip.length_m is not None
+
+    @property
+    def basis(self) -> str:
+        """What the displacements rest on."""
+        return f"{self.drive.basis}{'; endless strip' if self.is_shortened else ''}"
+
+    @property
+    def remark(self) -> str:
+        """The same, said to a reader."""
+        ends = "; the plate's short ends are left out" if self.is_shortened else ""
+        return f"{self.drive.basis}; amplitudes, each actuator driven alone{ends}"
+
+    @property
+    def masking_limit_db(self) -> float:
+        """Level below a finger's own from which another one feels nothing, equation (29)."""
+        return self.study.masking_limit_db
+
+    @property
+    def drive_hz(self) -> float:
+        """Frequency of the first condition's burst; the peak of its spectrum for another drive."""
+        burst = self.study.conditions[0].burst
+        return burst.frequency_hz if isinstance(burst, Burst) else burst.peak_hz()
+
+    @property
+    def fingers(self) -> tuple[Fingertip, ...]:
+        """The participant's two fingertips."""
+        return self.fingertips[:_FINGERS]
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """What is above each actuator, in words."""
+        names = self.drive.names
+        fingers = tuple(f"{name} finger" for name in names[:_FINGERS])
+        return fingers + tuple(f"place above {name}" for name in names[_FINGERS:])
+
+    def others_of(self, driven: int) -> tuple[int, ...]:
+        """Return the fingers that are not above a driven actuator."""
+        return tuple(finger for finger in range(_FINGERS) if finger != driven)
+
+    def scaled(self, per_load_m: Complex) -> Complex:
+        """Return displacements of the driven actuators from those per unit load.
+
+        Parameters
+        ----------
+        per_load_m : ndarray of complex128, shape (n_loads, ...)
+            Metres per unit load.
+        """
+        amplitudes = np.array(self.drive.amplitudes)
+        return np.asarray(per_load_m * amplitudes.reshape(-1, *[1] * (per_load_m.ndim - 1)))
+
+    def at_fingers_m(self, frequencies_hz: ArrayLike) -> Complex:
+        """Return the displacement at the fingertips' centres.
+
+        Parameters
+        ----------
+        frequencies_hz : array_like of float, shape (n_frequencies,)
+            Frequencies.
+
+        Returns
+        -------
+        ndarray of complex128, shape (n_driven, n_fingertips, n_frequencies)
+            Amplitude in metres, for the drive.
+        """
+        found = displacement(self.scene, frequencies_hz, RTOL)
+        return self.scaled(np.moveaxis(found, 0, -1))
+
+
+def plate_of(study: Study) -> Plate:
+    """Return the plate of a study with its loads, its drive and the fingertips.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> len(plate_of(paper_study()).loads)
+    2
+    """
+    return Plate(
+        study=study,
+        strip=field_strip(study),
+        loads=loads_of(study),
+        drive=drive_of(study),
+        fingertips=fingertips_of(study),
+    )
+
+
+BAND_FREQUENCIES: Final = 500
+"""Frequencies of a band unless told otherwise."""
+
+_CELLS_ACROSS: Final = 50
+_MOST_CELLS_ALONG: Final = 1200
+_MARGIN_WIDTHS: Final = 4.0
+"""A map ends with the plate, or so many widths beyond the outermost actuators."""
+
+_NEAR_CUTOFF: Final = 0.01
+"""Frequencies so near to a cut-off, in steps, are left out: the field is infinite there."""
+
+_LEAST: Final = 1e-300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlateMap:
+    """The displacement over the plate at one frequency, each actuator driven by itself.
+
+    Attributes
+    ----------
+    plate : Plate
+        Whose field it is.
+    frequency_hz : float
+        Frequency of the drive.
+    x_m, y_m : ndarray of float64, shape (n_x,) and (n_y,)
+        Places along the plate, from its middle, and across it, from one edge.
+    displacement_m : ndarray of complex128, shape (n_driven, n_x, n_y)
+        Amplitude in metres, for the drive of the plate.
+    at_fingers_m : ndarray of complex128, shape (n_driven, n_fingertips)
+        The same at the centres of the fingertips.
+    """
+
+    plate: Plate
+    frequency_hz: float
+    x_m: Real
+    y_m: Real
+    displacement_m: Complex
+    at_fingers_m: Complex
+
+    def level_db(self, driven: int, other: int) -> float:
+        """Return the level at another finger re above the driven actuator, see `level_db`."""
+        return float(level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other]))
+
+    def peak_of(self, driven: int) -> tuple[float, float, float]:
+        """Return the largest displacement of a driven actuator and its place: metres, x, y."""
+        size = np.abs(self.displacement_m[driven])
+        along, across = divmod(int(np.argmax(size)), self.y_m.size)
+        return float(np.max(size)), float(self.x_m[along]), float(self.y_m[across])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlateBand:
+    """The displacement at the fingers over a band, each actuator driven by itself.
+
+    Attributes
+    ----------
+    plate : Plate
+        Whose field it is.
+    band_hz : (float, float)
+        Lower and upper end.
+    frequencies_hz : ndarray of float64, shape (n_frequencies,)
+        Frequencies, increasing.
+    at_fingers_m : ndarray of complex128, shape (n_driven, n_fingertips, n_frequencies)
+        Amplitude in metres at the centres of the fingertips, for the drive of the plate.
+    cutoffs_hz : tuple of float
+        Cut-offs in the band of the waves that go from the actuators to the fingers.
+    left_out_hz : tuple of float
+        Frequencies at such a cut-off, where the field of a plate without loss is infinite.
+    """
+
+    plate: Plate
+    band_hz: tuple[float, float]
+    frequencies_hz: Real
+    at_fingers_m: Complex
+    cutoffs_hz: tuple[float, ...]
+    left_out_hz: tuple[float, ...]
+
+    def level_db(self, driven: int, other: int) -> Real:
+        """Return the level at another finger re above the driven actuator, at each frequency."""
+        return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other])
+
+
+def level_db(own_m: ArrayLike, other_m: ArrayLike) -> Real:
+    """Return the level at another finger re above the actuator, 20 log10 of the amplitudes.
+
+    Parameters
+    ----------
+    own_m, other_m : array_like of complex
+        Displacements above the driven actuator, and at the other finger.
+
+    Examples
+    --------
+    >>> float(level_db(1e-6, 1e-7j))
+    -20.0
+    """
+    own, other = (np.maximum(np.abs(np.asarray(m)), _LEAST) for m in (own_m, other_m))
+    return np.asarray(20 * (np.log10(other) - np.log10(own)))
+
+
+def plate_map(plate: Plate, frequency_hz: float) -> PlateMap:
+    """Compute the displacement over a plate at one frequency, each actuator driven alone.
+
+    Parameters
+    ----------
+    plate : Plate
+        The plate.
+    frequency_hz : float
+        Frequency from 0.
+
+    Raises
+    ------
+    ValueError
+        If the frequency is out of its range, or a cut-off of a plate without loss.
+
+    Examples
+    --------
+    Below the cut-off the plate moves most above the driven actuator:
+
+    >>> from experiment.preview.field import plate_of
+    >>> from experiment.study.read import paper_study
+    >>> found = plate_map(plate_of(paper_study()), 500.0)
+    >>> [round(1e3 * place_m, 6) for place_m in found.peak_of(0)[1:]]
+    [-35.0, 12.5]
+    """
+    x_m, y_m = _grid(plate)
+    found = displacement_map(plate.strip, plate.loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=RTOL)
+    return PlateMap(
+        plate=plate,
+        frequency_hz=found.frequency_hz,
+        x_m=found.x_m,
+        y_m=found.y_m,
+        displacement_m=plate.scaled(found.displacement_m),
+        at_fingers_m=plate.at_fingers_m([found.frequency_hz])[..., 0],
+    )
+
+
+def _grid(plate: Plate) -> tuple[Real, Real]:
+    """Return the places of a map; the middle, the ends and both edges are among them."""
+    width_m, length_m = plate.strip.width_m, plate.study.strip.length_m
+    step_m = width_m / _CELLS_ACROSS
+    reach_m = max(abs(load.x_m) + load.half_size_m[0] for load in plate.loads)
+    cells = math.ceil((reach_m + _MARGIN_WIDTHS * width_m) / step_m)
+    if length_m is not None and length_m / 2 <= cells * step_m:
+        cells = max(1, round(length_m / 2 / step_m))
+        step_m = length_m / 2 / cells
+    kept = min(cells, _MOST_CELLS_ALONG // 2)
+    x_m = step_m * cells / kept * np.arange(-kept, kept + 1)
+    return x_m.astype(np.float64), np.linspace(0.0, width_m, _CELLS_ACROSS + 1)
+
+
+def plate_band(
+    plate: Plate, band_hz: tuple[float, float], *, n_frequencies: int = BAND_FREQUENCIES
+) -> PlateBand:
+    """Compute the displacement at the fingers over a band, each actuator driven alone.
+
+    Parameters
+    ----------
+    plate : Plate
+        The plate.
+    band_hz : (float, float)
+        Lower and upper end, both in the band.
+    n_frequencies : int
+        Frequencies in equal steps, at least two; those at a cut-off of a plate without loss
+        are left out.
+
+    Raises
+    ------
+    ValueError
+        If the band is not increasing or leaves the range of the field.
+
+    Examples
+    --------
+    The plate's own cut-off is left out, where the field has no finite value:
+
+    >>> from experiment.preview.field import plate_of
+    >>> from experiment.study.read import paper_study
+    >>> found = plate_band(plate_of(paper_study()), (400.0, 2900.0), n_frequencies=6)
+    >>> found.frequencies_hz.tolist(), len(found.left_out_hz)
+    ([400.0, 900.0, 1400.0, 1900.0, 2400.0], 1)
+    """
+    lower_hz, upper_hz = band_hz
+    if not (0 <= lower_hz < upper_hz < math.inf):
+        raise ValueError(
+            "band must be two frequencies LO < HI in Hz, LO >= 0; "
+            f"got {lower_hz:.12g} {upper_hz:.12g}"
+        )
+    plate.scene.checked([lower_hz, upper_hz], RTOL)
+    asked_hz = np.linspace(lower_hz, upper_hz, n_frequencies)
+    cutoffs_hz = _cutoffs_hz(plate, upper_hz)
+    near = _near_cutoffs(plate, asked_hz, cutoffs_hz)
+    return PlateBand(
+        plate=plate,
+        band_hz=band_hz,
+        frequencies_hz=asked_hz[~near],
+        at_fingers_m=plate.at_fingers_m(asked_hz[~near]),
+        cutoffs_hz=tuple(cutoff_hz for cutoff_hz in cutoffs_hz if cutoff_hz >= lower_hz),
+        left_out_hz=tuple(asked_hz[near].tolist()),
+    )
+
+
+def _cutoffs_hz(plate: Plate, highest_hz: float) -> tuple[float, ...]:
+    """Return the cut-offs of the waves that go from the loads to the fingers."""
+    antisymmetric = any(-1 in job.signs for job in plate.scene.jobs())
+    modes = count(1, 1 if antisymmetric else 2)
+    return tuple(
+        takewhile(lambda cutoff_hz: cutoff_hz <= highest_hz, map(plate.strip.cutoff_hz, modes))
+    )
+
+
+def _near_cutoffs(
+    plate: Plate, frequencies_hz: Real, cutoffs_hz: tuple[float, ...]
+) -> NDArray[np.bool_]:
+    """Tell which frequencies all but meet a cut-off where a plate without loss has no field."""
+    material = plate.strip.material
+    near = np.zeros(frequencies_hz.size, dtype=np.bool_)
+    if material.loss_factor or material.viscous_time_s:
+        return near
+    step_hz = float(frequencies_hz[1] - frequencies_hz[0])
+    for cutoff_hz in cutoffs_hz:
+        near |= np.abs(frequencies_hz - cutoff_hz) < _NEAR_CUTOFF * step_hz
+    return near

@@ -1,0 +1,288 @@
+"""The field of a study's actuators as a figure, PNG or SVG, with the same bytes on every run."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+
+from experiment.preview.field import PlateMap
+from experiment.preview.field_report import hertz, levels_text, metres, prefixed, strip_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    from experiment.preview.field import Plate, PlateBand
+    from experiment.study.sections.plate import Actuator
+
+
+_MAP_WIDTH_IN: Final = 7.6
+_MAP_HEIGHT_IN: Final = 3.2
+_LEAST_IN: Final = 4.8
+_TITLE_IN: Final = 6.0
+"""Narrower maps have a title of two lines; the legend needs the least width."""
+
+_BAND_PANEL_IN: Final = (4.4, 3.8)
+_LEAST_DB: Final = -60.0
+_DASHES: Final = (0, (3, 2))
+
+# Okabe & Ito's colours for all kinds of colour vision.
+_OWN: Any = {"color": "#0072B2", "lw": 1.6}
+_OTHERS: tuple[Any, ...] = (
+    {"color": "#D55E00", "lw": 1.6, "ls": (0, (5, 2))},
+    {"color": "#009E73", "lw": 1.6, "ls": (0, (2, 1.5))},
+)
+_LIMIT: Any = {"color": "#666666", "lw": 0.9, "ls": "-."}
+_CUTOFF: Any = {"color": "black", "lw": 0.9, "ls": (0, (1, 1.5)), "zorder": 1}
+
+_LEAST_PART: Final = 1e-7
+"""Smallest displacement shown of a band, as a part of its largest."""
+
+_FEW_DECADES: Final = 100.0
+"""Axes that span less than this factor have ticks between the powers of ten."""
+
+_LABELLED: Final = 0.04
+"""Cut-offs nearer to each other than this part of the axis share the first one's label."""
+
+_STYLE: Any = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "figure.titlesize": 10.5,
+    "svg.hashsalt": "tactstrip",
+    "text.parse_math": False,
+    "figure.dpi": 100.0,
+    "savefig.dpi": 200.0,
+}
+
+
+def render(field: PlateMap | PlateBand, file_type: Literal["png", "svg"]) -> bytes:
+    """Draw a field: a panel for each actuator, driven alone.
+
+    A map shows the level of the displacement re its largest, with outlines of the patches and of
+    the fingertips' contact; a band shows the displacement at both fingers.
+
+    Parameters
+    ----------
+    field : PlateMap or PlateBand
+        What to draw.
+    file_type : str
+        ``png`` or ``svg``.
+
+    Returns
+    -------
+    bytes
+        The contents of the file, the same on every run.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(), warnings.catch_warnings():
+        # Names too long for a panel are no reason to stop.
+        warnings.simplefilter("ignore", UserWarning)
+        mpl.rcdefaults()
+        mpl.rcParams.update(_STYLE)
+        figure = _map_figure(field) if isinstance(field, PlateMap) else _band_figure(field)
+        file = io.BytesIO()
+        metadata = {"Date": None} if file_type == "svg" else None
+        figure.savefig(file, format=file_type, metadata=metadata)
+    return file.getvalue()
+
+
+def _new_figure(size_in: tuple[float, float]) -> Figure:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size_in, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+# --- the map --------------------------------------------------------------------------------------
+
+
+def _map_figure(field: PlateMap) -> Figure:
+    plate = field.plate
+    names = plate.drive.names
+    span_m, width_m = float(np.ptp(field.x_m)), float(np.ptp(field.y_m))
+    panel_in = min(_MAP_WIDTH_IN * width_m / span_m, _MAP_HEIGHT_IN)
+    across_in = panel_in * span_m / width_m
+    narrow = across_in < _TITLE_IN
+    title_in = 0.5 if narrow else 0.3
+    figure = _new_figure(
+        (max(across_in, _LEAST_IN) + 1.6, len(names) * (panel_in + title_in) + 1.5)
+    )
+    panels = figure.subplots(len(names), 1, squeeze=False, sharex=True).ravel()
+    for driven, axes in enumerate(panels):
+        image = _draw_level(axes, field, driven)
+        for actuator in plate.study.actuators:
+            _outline(axes, _patch(actuator), dashed=False)
+        for finger in plate.fingers:
+            _outline(axes, _circle(finger.x_m, finger.y_m, finger.radius_m), dashed=True)
+        axes.set_title(_map_title(field, driven, "\n" if narrow else "; "), loc="left")
+        axes.set_ylabel("y (mm)")
+    panels[-1].set_xlabel("x along the plate, from its middle (mm)")
+    bar = figure.colorbar(image, ax=list(panels), extend="min", aspect=25, pad=0.02)
+    bar.set_label("|u| (dB re the panel's largest)")
+    bar.ax.axhline(-plate.masking_limit_db, color="black", lw=1.4)
+    what = f"displacement at {hertz(field.frequency_hz)}"
+    figure.suptitle(f"{plate.study.name}: {what}; {strip_text(plate)}")
+    _legend(figure, _map_keys(plate), plate.remark)
+    return figure
+
+
+def _draw_level(axes: Axes, field: PlateMap, driven: int) -> AxesImage:
+    size_m = np.abs(field.displacement_m[driven])
+    floor = 10 ** ((_LEAST_DB - 20) / 20)
+    largest_m = float(np.max(size_m)) or 1.0
+    level = 20 * np.log10(np.maximum(size_m / largest_m, floor))
+    x_mm, y_mm = field.x_m * 1e3, field.y_m * 1e3
+    half_x, half_y = (x_mm[1] - x_mm[0]) / 2, (y_mm[1] - y_mm[0]) / 2
+    image = axes.imshow(
+        level.T, origin="lower", aspect="equal", interpolation="bilinear", cmap="viridis",
+        vmin=_LEAST_DB, vmax=0.0,
+        extent=(x_mm[0] - half_x, x_mm[-1] + half_x, y_mm[0] - half_y, y_mm[-1] + half_y),
+    )  # fmt: skip
+    axes.contour(
+        x_mm,
+        y_mm,
+        level.T,
+        levels=[-field.plate.masking_limit_db],
+        colors="black",
+        linewidths=1.4,
+        linestyles="solid",
+    )
+    axes.set_xlim(x_mm[0], x_mm[-1])
+    axes.set_ylim(y_mm[0], y_mm[-1])
+    return image
+
+
+def _map_title(field: PlateMap, driven: int, between: str) -> str:
+    drive = field.plate.drive
+    largest = metres(field.peak_of(driven)[0]).replace("um", "µm") + drive.per_load(driven)
+    levels = f"{levels_text(field, driven)} re above the actuator".replace(" -", " −")
+    return f"{drive.names[driven]} actuator driven: largest {largest}{between}{levels}"
+
+
+def _patch(actuator: Actuator) -> Patch:
+    from matplotlib.patches import Rectangle
+
+    if actuator.diameter_m is not None:
+        return _circle(actuator.x_m, actuator.y_m, actuator.diameter_m / 2)
+    (left_m, right_m), (lower_m, upper_m) = actuator.span_x_m, actuator.span_y_m
+    corner_mm = (left_m * 1e3, lower_m * 1e3)
+    return Rectangle(corner_mm, (right_m - left_m) * 1e3, (upper_m - lower_m) * 1e3)
+
+
+def _circle(x_m: float, y_m: float, radius_m: float) -> Patch:
+    from matplotlib.patches import Circle
+
+    return Circle((x_m * 1e3, y_m * 1e3), radius_m * 1e3)
+
+
+def _outline(axes: Axes, shape: Patch, *, dashed: bool) -> None:
+    """Draw an outline that stands out on light and on dark ground."""
+    from matplotlib.patheffects import withStroke
+
+    shape.set(
+        fill=False, edgecolor="white", linewidth=1.2, linestyle=_DASHES if dashed else "-",
+        path_effects=[withStroke(linewidth=2.4, foreground="black")],
+    )  # fmt: skip
+    axes.add_patch(shape)
+
+
+def _map_keys(plate: Plate) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
+
+    effects = [withStroke(linewidth=2.4, foreground="black")]
+    limit = f"−{plate.masking_limit_db:g} dB, the masking limit, re the largest (tone)"
+    return [
+        Line2D([], [], color="white", lw=1.2, path_effects=effects, label="actuator"),
+        Line2D([], [], color="white", lw=1.2, ls=_DASHES, path_effects=effects,
+               label="fingertip's contact"),
+        Line2D([], [], color="black", lw=1.4, label=limit),
+    ]  # fmt: skip
+
+
+def _legend(figure: Figure, keys: list[Line2D], remark: str) -> None:
+    """Explain the lines below the panels, and say what the displacements rest on."""
+    figure.legend(
+        handles=keys, loc="outside lower center", ncols=len(keys), frameon=False,
+        title=remark, title_fontsize=8,
+    )  # fmt: skip
+
+
+# --- the band -------------------------------------------------------------------------------------
+
+
+def _band_figure(field: PlateBand) -> Figure:
+    plate = field.plate
+    names = plate.drive.names
+    figure = _new_figure((_BAND_PANEL_IN[0] * len(names), _BAND_PANEL_IN[1]))
+    panels = figure.subplots(1, len(names), squeeze=False, sharey=True).ravel()
+    largest_m = float(np.max(np.abs(field.at_fingers_m)))
+    unit, factor = prefixed(largest_m)
+    for driven, axes in enumerate(panels):
+        _draw_response(axes, field, driven, factor)
+        _draw_cutoffs(axes, field)
+        _dress(axes, field, largest_m / factor)
+        axes.set_title(f"{names[driven]} actuator driven")
+    panels[0].set_ylabel(f"|u| ({unit.replace('um', 'µm')}{plate.drive.per_any_load})")
+    figure.suptitle(f"{plate.study.name}: displacement at the fingers; {strip_text(plate)}")
+    _legend(figure, _band_keys(plate), plate.remark)
+    return figure
+
+
+def _draw_response(axes: Axes, field: PlateBand, driven: int, factor: float) -> None:
+    size = np.abs(field.at_fingers_m[driven]) / factor
+    limit = size[driven] * 10 ** (-field.plate.masking_limit_db / 20)
+    axes.plot(field.frequencies_hz, size[driven], **_OWN)
+    for other, style in zip(field.plate.others_of(driven), _OTHERS, strict=False):
+        axes.plot(field.frequencies_hz, size[other], **style)
+    axes.plot(field.frequencies_hz, limit, **_LIMIT)
+
+
+def _draw_cutoffs(axes: Axes, field: PlateBand) -> None:
+    """Draw the cut-offs, and write them at the panel's top, so far as there is room."""
+    lower_hz, upper_hz = field.band_hz
+    step_hz = _LABELLED * (upper_hz - lower_hz)
+    labelled_hz: list[float] = []
+    for cutoff_hz in field.cutoffs_hz:
+        axes.axvline(cutoff_hz, **_CUTOFF)
+        if not labelled_hz or cutoff_hz - labelled_hz[-1] >= step_hz:
+            labelled_hz.append(cutoff_hz)
+    top = axes.secondary_xaxis("top")
+    labels = [f"{cutoff_hz:.0f} Hz" for cutoff_hz in labelled_hz]
+    top.set_xticks(labelled_hz, labels, rotation=90 if len(labels) > 1 else 0, fontsize=8)
+
+
+def _dress(axes: Axes, field: PlateBand, largest: float) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    lowest = max(axes.get_ylim()[0], largest * _LEAST_PART)
+    axes.set_ylim(bottom=lowest)
+    few = largest / lowest < _FEW_DECADES
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_xlim(*field.band_hz)
+    axes.set_xlabel("Frequency (Hz)")
+    axes.grid(color="#E5E5E5", lw=0.6)
+    axes.set_axisbelow(True)
+
+
+def _band_keys(plate: Plate) -> list[Line2D]:
+    from matplotlib.lines import Line2D
+
+    limit = f"−{plate.masking_limit_db:g} dB re above the actuator (masking limit)"
+    styles = [(_OWN, "above the actuator"), (_OTHERS[0], "other finger")]
+    if any(len(plate.others_of(driven)) > 1 for driven, _ in enumerate(plate.loads)):
+        styles.append((_OTHERS[1], "other finger, the right of two"))
+    styles += [(_LIMIT, limit), (_CUTOFF, "cut-off")]
+    return [Line2D([], [], label=label, **style) for style, label in styles]

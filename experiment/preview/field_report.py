@@ -1,0 +1,239 @@
+"""The field of a study's actuators as a CSV table, and its headline in words."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from experiment.preview.field import PlateBand, PlateMap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from experiment.preview.field import Plate
+
+
+_COLUMN: Final = 15
+_LEVELS: Final = "at the other finger's centre re above the driven actuator, for a tone"
+_PREFIXES: Final = (("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
+
+_PLATEAU_DB: Final = 0.1
+"""The first frequency within so much of the largest level is named: a plateau has no top."""
+
+
+def field_csv(field: PlateMap | PlateBand) -> str:
+    """Write a field as CSV: a row for each place of a map, or for each frequency of a band.
+
+    Parameters
+    ----------
+    field : PlateMap or PlateBand
+        The field.
+
+    Returns
+    -------
+    str
+        Numbers in full precision; displacements are amplitudes with the time factor
+        exp(-i omega t), as real part, imaginary part and magnitude.
+
+    Examples
+    --------
+    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.field import plate_map
+    >>> from experiment.study.read import paper_study
+    >>> head, first, *_ = field_csv(plate_map(plate_of(paper_study()), 500.0)).splitlines()
+    >>> head.split(",")[:4]
+    ['frequency_hz', 'x_mm', 'y_mm', 'left_driven_re_um']
+    >>> first.split(",")[:3], "measured, at 200 Vpp; endless strip" in first
+    (['500.0', '-100.0', '0.0'], True)
+    """
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    rows = _map_rows(field) if isinstance(field, PlateMap) else _band_rows(field)
+    writer.writerows(rows)
+    return table.getvalue()
+
+
+def _map_rows(field: PlateMap) -> Iterable[list[str]]:
+    plate = field.plate
+    names = [f"{name}_driven" for name in plate.drive.names]
+    yield ["frequency_hz", "x_mm", "y_mm", *_columns(plate, names), "basis"]
+    for i, x_m in enumerate(field.x_m):
+        for j, y_m in enumerate(field.y_m):
+            places = [field.frequency_hz, x_m * 1e3, y_m * 1e3]
+            yield [*_numbers(places, field.displacement_m[:, i, j]), plate.basis]
+
+
+def _band_rows(field: PlateBand) -> Iterable[list[str]]:
+    plate = field.plate
+    names = [f"{name}_driven_at_{at}" for name in plate.drive.names for at in plate.drive.names]
+    yield ["frequency_hz", *_columns(plate, names), "basis"]
+    for k, frequency_hz in enumerate(field.frequencies_hz):
+        yield [*_numbers([frequency_hz], field.at_fingers_m[..., k].ravel()), plate.basis]
+
+
+def _columns(plate: Plate, names: list[str]) -> list[str]:
+    unit = "um_per_unit_load" if plate.drive.level_vpp is None else "um"
+    return [f"{name}_{part}_{unit}" for name in names for part in ("re", "im", "abs")]
+
+
+def _numbers(places: list[float], values_m: NDArray[np.complex128]) -> list[str]:
+    parts = [part for u in values_m * 1e6 for part in (u.real, u.imag, abs(u))]
+    return [repr(float(number)) for number in (*places, *parts)]
+
+
+def field_text(field: PlateMap | PlateBand, file_name: str) -> str:
+    """Say in a few lines what a field shows.
+
+    Parameters
+    ----------
+    field : PlateMap or PlateBand
+        The field.
+    file_name : str
+        Where the study was read from.
+
+    Examples
+    --------
+    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.field import plate_map
+    >>> from experiment.study.read import paper_study
+    >>> print(field_text(plate_map(plate_of(paper_study()), 500.0), "study.toml").splitlines()[-1])
+    right driven   5.25 um at x = 35, y = 12.5 mm; left finger -90.8 dB
+    """
+    plate = field.plate
+    lines = [
+        _line("study", f"{plate.study.name} ({file_name})"),
+        _line("strip", strip_text(plate)),
+        _line("basis", plate.remark),
+        *(_map_lines(field) if isinstance(field, PlateMap) else _band_lines(field)),
+    ]
+    return "\n".join(lines)
+
+
+def _map_lines(field: PlateMap) -> Iterable[str]:
+    drive = field.plate.drive
+    ends_mm = (field.x_m[[0, -1]] * 1e3).tolist()
+    yield _line("map", f"{hertz(field.frequency_hz)}, x from {ends_mm[0]:g} to {ends_mm[1]:g} mm")
+    yield _line("levels", _LEVELS)
+    for driven, name in enumerate(drive.names):
+        peak_m, x_m, y_m = field.peak_of(driven)
+        place = f"x = {x_m * 1e3:g}, y = {y_m * 1e3:g} mm"
+        told = f"{metres(peak_m)}{drive.per_load(driven)} at {place}; {levels_text(field, driven)}"
+        yield _line(f"{name} driven", told)
+
+
+def levels_text(field: PlateMap, driven: int) -> str:
+    """Say how much the fingers get that are not above a driven actuator.
+
+    Parameters
+    ----------
+    field : PlateMap
+        The map.
+    driven : int
+        Which actuator is driven.
+    """
+    others = field.plate.others_of(driven)
+    return ", ".join(
+        f"{field.plate.places[other]} {decibels(field.level_db(driven, other))}" for other in others
+    )
+
+
+def _band_lines(field: PlateBand) -> Iterable[str]:
+    drive, asked_hz = field.plate.drive, field.frequencies_hz
+    ends = f"{hertz(field.band_hz[0])} to {hertz(field.band_hz[1])}"
+    yield _line("band", f"{ends}, {asked_hz.size} frequencies")
+    for cutoff_hz in field.left_out_hz:
+        yield _line("left out", f"{hertz(cutoff_hz)}, a cut-off: infinite without loss")
+    material = field.plate.strip.material
+    between = [f for f in field.cutoffs_hz if f not in field.left_out_hz]
+    if between and not (material.loss_factor or material.viscous_time_s):
+        told = ", ".join(hertz(cutoff_hz) for cutoff_hz in between)
+        yield _line("not shown", f"without loss the field grows without end towards {told}")
+    yield _line("levels", _LEVELS)
+    for driven, name in enumerate(drive.names):
+        size_m = np.abs(field.at_fingers_m[driven, driven])
+        largest = int(np.argmax(size_m))
+        told = f"{metres(float(size_m[largest]))}{drive.per_load(driven)} above it"
+        yield _line(f"{name} driven", f"largest of those {told}, at {hertz(asked_hz[largest])}")
+        yield from (_line("", _loudest(field, driven, n)) for n in field.plate.others_of(driven))
+
+
+def _loudest(field: PlateBand, driven: int, other: int) -> str:
+    """Say where another finger gets most, and from where on it gets more than it may."""
+    asked_hz, level = field.frequencies_hz, field.level_db(driven, other)
+    limit_db = field.plate.masking_limit_db
+    loudest = int(np.argmax(level > np.max(level) - _PLATEAU_DB))
+    above = np.flatnonzero(level > -limit_db)
+    first = f"first at {hertz(asked_hz[above[0]])}" if above.size else "nowhere"
+    most = f"largest {decibels(level[loudest])}, at {hertz(asked_hz[loudest])}"
+    return f"{field.plate.places[other]} {most}; above -{limit_db:g} dB {first}"
+
+
+def strip_text(plate: Plate) -> str:
+    """Name the first cut-off of a plate and its edges.
+
+    Examples
+    --------
+    >>> from experiment.preview.field import plate_of
+    >>> from experiment.study.read import paper_study
+    >>> strip_text(plate_of(paper_study()))
+    'cut-off 2900 Hz (measured), elastic edges'
+    """
+    cutoff = f"cut-off {hertz(plate.strip.cutoff_hz())}"
+    basis = plate.study.edge_basis
+    if basis == "measured-cutoff":
+        return f"{cutoff} (measured), elastic edges"
+    return f"{cutoff}, {basis} edges".replace("simply-", "simply ")
+
+
+def hertz(frequency_hz: float) -> str:
+    """Write a frequency with up to six digits.
+
+    Examples
+    --------
+    >>> hertz(2900.0000000000005), hertz(1926.03136910769)
+    ('2900 Hz', '1926.03 Hz')
+    """
+    return f"{frequency_hz:.6g} Hz"
+
+
+def decibels(level: float) -> str:
+    """Write a level to a tenth of a decibel.
+
+    Examples
+    --------
+    >>> decibels(-90.845), decibels(-0.01)
+    ('-90.8 dB', '0.0 dB')
+    """
+    return f"{round(level, 1) + 0.0:.1f} dB"
+
+
+def metres(size_m: float) -> str:
+    """Write a displacement with three digits and a prefix that suits it.
+
+    Examples
+    --------
+    >>> metres(2.6e-6), metres(7.962e-10), metres(0.0)
+    ('2.6 um', '796 pm', '0 pm')
+    """
+    unit, factor = prefixed(size_m)
+    return f"{size_m / factor:.3g} {unit}"
+
+
+def prefixed(size_m: float) -> tuple[str, float]:
+    """Return the unit that suits a displacement, and its size in metres.
+
+    Examples
+    --------
+    >>> prefixed(2.6e-6)
+    ('um', 1e-06)
+    """
+    return next((pair for pair in _PREFIXES if abs(size_m) >= pair[1]), _PREFIXES[-1])
+
+
+def _line(name: str, text: str) -> str:
+    return f"{name:{_COLUMN}}{text}"

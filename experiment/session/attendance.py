@@ -1,0 +1,98 @@
+"""The participant's part of a session, as events: every wait for a person ends by a stop, too."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from experiment.operator.requests import StopRequested
+from experiment.terms.responder import ESCAPE
+from experiment.trial import events
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from experiment.operator.requests import StopSignal
+    from experiment.terms.responder import Part, Press, Progress, Question, Responder
+
+
+class Attendance:
+    """A participant who may be called away at any moment.
+
+    Parameters
+    ----------
+    responder : Responder
+        The participant.
+    stop : StopSignal
+        Tells that the session is to be stopped.
+    responses : tuple of str
+        The answers offered; ``none`` always is with the fingers off the plate.
+    """
+
+    def __init__(
+        self, responder: Responder, stop: StopSignal, *, responses: tuple[str, ...]
+    ) -> None:
+        self._responder = responder
+        self._stop = stop
+        self._responses = responses
+
+    def greet(self, progress: Progress) -> events.Event:
+        """Welcome and instruct."""
+        return self._unless_stopped(lambda: _continued(go_on=self._responder.begin(progress)))
+
+    def introduce(self, part: Part, progress: Progress) -> events.Event:
+        """Tell what a part asks for."""
+        return self._unless_stopped(
+            lambda: _continued(go_on=self._responder.introduce(part, progress))
+        )
+
+    def wait(self, task: events.Task, until_s: float) -> events.Event:
+        """Let the foreperiod pass."""
+        return self._unless_stopped(
+            lambda: self._event_of(self._responder.wait(until_s), task, onset_s=None)
+        )
+
+    def ask(self, task: events.Task, question: Question) -> events.Event:
+        """Wait for an answer."""
+        return self._unless_stopped(
+            lambda: self._event_of(self._responder.ask(question), task, onset_s=question.onset_s)
+        )
+
+    def rest(self, progress: Progress, *, paused: bool, minimum_s: float) -> events.Event:
+        """Hold a pause, or offer a break."""
+        return self._unless_stopped(
+            lambda: _continued(
+                go_on=self._responder.pause(progress, paused=paused, minimum_s=minimum_s)
+            )
+        )
+
+    def leave(self, progress: Progress, *, finished: bool) -> events.Event:
+        """Say good-bye; a stop from outside leaves no time for it."""
+
+        def end() -> events.Event:
+            self._responder.end(progress, finished=finished)
+            return events.Continued()
+
+        return self._unless_stopped(end)
+
+    def _unless_stopped(self, wait: Callable[[], events.Event]) -> events.Event:
+        try:
+            with self._stop.interruptible():
+                return wait()
+        except StopRequested:
+            return events.StopAsked()
+
+    def _event_of(
+        self, press: Press | None, task: events.Task, *, onset_s: float | None
+    ) -> events.Event:
+        if press is None:
+            return events.Elapsed()
+        if press.response == ESCAPE:
+            return events.PauseAsked()
+        control = task.trial.kind == "control"
+        offered = (*self._responses, "none") if control else self._responses
+        rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
+        return events.Key(press.response if press.response in offered else "invalid", rt_s)
+
+
+def _continued(*, go_on: bool) -> events.Event:
+    return events.Continued() if go_on else events.StopAsked()

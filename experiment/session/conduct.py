@@ -1,0 +1,283 @@
+"""A session from its folder to its trials.csv: begun anew, or resumed after an interruption."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+from device.driver import Outcome
+from experiment.apparatus.rig import require_confirmed
+from experiment.apparatus.slots import require_suitable
+from experiment.archive.files import ArchiveError
+from experiment.session.session import Session
+from experiment.session.setting import (
+    Ending,
+    Setting,
+    delivery_facts,
+    header,
+    opening,
+    place,
+    resuming,
+    trial_name,
+)
+from experiment.study.read import (
+    checked_tables,
+    complete_study,
+    parsed,
+    read_text,
+    study_from_canonical,
+)
+from experiment.study.study import StudyError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from device.driver import BurstDevice, Identity
+    from experiment.apparatus.noise import NoisePlayer
+    from experiment.archive.folders import SessionFolder
+    from experiment.archive.history import History, OpenTrial
+    from experiment.archive.journal import Journal
+    from experiment.study.study import Study
+    from experiment.trial.plan import Plan
+
+
+LONGEST_INTERRUPTION_S = 30 * 60
+"""After a longer one, plate, fingers and noise may not be what they were."""
+
+
+def settle_open_trial(
+    open_trial: OpenTrial, study: Study, journal: Journal, device: BurstDevice, *, same_boot: bool
+) -> None:
+    """Write the end of the trial in which the session was interrupted.
+
+    An answer that was still written stands, unless it was anticipated and the study repeats such
+    trials. A stimulus that went out is voided, one that did not is aborted; where the device cannot
+    tell, or was started anew, the trial is indeterminate.
+    """
+    name = trial_name(open_trial.task)
+    outcome = open_trial.outcome
+    if outcome is None:
+        device.disarm(open_trial.token)
+        delivery = device.query(open_trial.token)
+        if delivery.outcome is Outcome.NOT_FIRED and not same_boot:
+            delivery = replace(delivery, outcome=Outcome.INDETERMINATE)
+        journal.append("stimulus_confirmed", name | delivery_facts(delivery, None))
+        outcome = delivery.outcome
+    again = open_trial.anticipated and study.design.anticipated == "requeue"
+    if outcome == Outcome.FIRED:
+        status = "ok" if open_trial.response is not None and not again else "voided"
+    else:
+        status = "aborted" if outcome == Outcome.NOT_FIRED else "indeterminate"
+    end = {
+        "status": status,
+        "anticipated": open_trial.anticipated,
+        "noise_ok": open_trial.noise_ok,
+    }
+    journal.append("trial_end", name | end, sync=True)
+
+
+def refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
+    """Refuse another kind of participant; another place or time, unless the operator says so."""
+    if setting.responder.simulated != history.opening["simulated"]:
+        who = "a simulated participant" if history.opening["simulated"] else "a person"
+        raise ArchiveError(
+            f"the session was begun with {who} and can only go on so: give another --responder"
+        )
+    if setting.resume_anyway:
+        return
+    here = place(identity)
+    for what in ("host", "device", "serial_number"):
+        if here[what] != history.opening[what]:
+            raise ArchiveError(
+                f"the session was begun with {what} {history.opening[what]!r}; got {here[what]!r}: "
+                "give --resume-anyway if that makes no difference"
+            )
+    gap_s = time.time() - history.last_wall_s
+    if gap_s > LONGEST_INTERRUPTION_S:
+        raise ArchiveError(
+            f"the session was interrupted {gap_s / 60:.0f} minutes ago, the most is "
+            f"{LONGEST_INTERRUPTION_S / 60:.0f}: give --resume-anyway if fingers, plate and noise "
+            "are as they were"
+        )
+
+
+def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
+    """Create a session's folder and run the session.
+
+    Raises
+    ------
+    ArchiveError
+        If the session exists already, or another process holds it.
+    NotConfirmedError, SuitabilityError
+        If nobody confirmed that a real device is safe, or it cannot do what the study asks; no
+        session is created then.
+    DeviceError, NoiseError
+        If the device cannot be opened, or the noise not be played; no session is created then.
+    JournalWriteError
+        If the record cannot be kept.
+    """
+    folder.refuse_existing()
+    study = study_from_canonical(plan.study)
+    with folder.locked(), _opened(setting, study) as identity, _playing(setting.noise):
+        folder.create(plan, header(study, plan, setting, identity))
+        return _run(folder, study, plan, setting, identity)
+
+
+def resume(folder: SessionFolder, setting: Setting) -> Ending:
+    """Go on with a session that was interrupted; a finished one only gets its trials.csv again.
+
+    Raises
+    ------
+    ArchiveError
+        If there is no session, another process holds it, or it may not go on here and now.
+    JournalError, PlanError
+        If journal or plan cannot be trusted; nothing is changed then.
+    NotConfirmedError, SuitabilityError
+        If nobody confirmed that a real device is safe, or it cannot do what the study asks.
+    DeviceError, NoiseError
+        If the device cannot be opened, or the noise not be played.
+    JournalWriteError
+        If the record cannot be kept.
+    """
+    plan = folder.read_plan()
+    study = study_from_canonical(plan.study)
+    with folder.locked(), _opened(setting, study) as identity:
+        history = folder.read_history(plan)
+        if history.finished:
+            return _run(folder, study, plan, setting, identity)
+        if history.opening:
+            refuse_another_place(history, identity, setting)
+        with _playing(setting.noise):
+            return _run(folder, study, plan, setting, identity)
+
+
+@contextlib.contextmanager
+def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
+    device = setting.device
+    identity = device.open()
+    try:
+        require_confirmed(identity, setting.confirmation)
+        require_suitable(study, identity)
+        for promise in device.cannot:
+            setting.tell(f"Note: this device cannot {promise}.")
+        yield identity
+    finally:
+        device.close()
+
+
+@contextlib.contextmanager
+def _playing(noise: NoisePlayer) -> Iterator[None]:
+    try:
+        noise.start()
+        yield
+    finally:
+        noise.stop()
+
+
+def _run(
+    folder: SessionFolder, study: Study, plan: Plan, setting: Setting, identity: Identity
+) -> Ending:
+    history = folder.read_history(plan)
+    origin_s = setting.clock.now_s()
+    if history.opening:
+        origin_s -= history.last_t_s + max(0.0, time.time() - history.last_wall_s)
+    with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
+        finished, failure = history.finished, None
+        if not finished:
+            _enter(
+                study=study,
+                plan=plan,
+                history=history,
+                journal=journal,
+                setting=setting,
+                identity=identity,
+            )
+            session = Session(
+                study=study,
+                plan=plan,
+                history=folder.read_history(plan),
+                resumed=bool(history.opening),
+                device=setting.device,
+                responder=setting.responder,
+                noise=setting.noise,
+                clock=setting.clock,
+                origin_s=origin_s,
+                journal=journal,
+                requests=setting.requests,
+                monitor=setting.monitor,
+                stop=setting.stop,
+            )
+            finished = session.run()
+            failure = session.failure
+        return Ending(
+            finished=finished,
+            failure=failure,
+            trials_path=folder.write_trials(),
+            torn_file=journal.torn_file,
+        )
+
+
+def _enter(
+    *,
+    study: Study,
+    plan: Plan,
+    history: History,
+    journal: Journal,
+    setting: Setting,
+    identity: Identity,
+) -> None:
+    """Note the beginning, or the resume; there, settle the trial that is still open."""
+    if not history.opening:
+        journal.append("session_open", opening(plan, identity, setting), sync=True)
+        return
+    journal.append("session_resume", resuming(study, plan, identity, setting), sync=True)
+    if history.open_trial is not None:
+        same_boot = history.open_trial.boot_id == identity.boot_id
+        settle_open_trial(history.open_trial, study, journal, setting.device, same_boot=same_boot)
+
+
+_FIRST_ACTUATORS: Final = tuple(
+    {"side": side, "x_mm": x_mm, "diameter_mm": 12.8}
+    for side, x_mm in (("left", -35.0), ("right", 35.0))
+)
+_FIRST_PEOPLE: Final = {"threshold_vpp": 58.0, "crosstalk_db": -30.0}
+"""What the first version, which knew no displacements, had for an actuator or a key left out."""
+
+
+def is_recorded(path: Path, plan: Plan) -> bool:
+    """Tell whether a study file says what a plan's study said.
+
+    A window that the program chose is the one of the plan, and is not chosen again. What a file
+    leaves out may have been something else when an older version read it.
+
+    Parameters
+    ----------
+    path : Path
+        The study file.
+    plan : Plan
+        The session's plan.
+
+    Raises
+    ------
+    StudyError
+        If there is no such file or it is not a study.
+    """
+    tables = parsed(read_text(path), str(path))
+    recorded = checked_tables(json.loads(plan.study))
+    readings = [tables] if plan.gains else [tables, _as_first_read(tables)]
+    try:
+        found = [complete_study(checked_tables(one), path.parent, recorded) for one in readings]
+    except ValueError as error:
+        raise StudyError(f"{path}: {error}") from error
+    return plan.file_sha256 in [study.sha256 for study in found]
+
+
+def _as_first_read(tables: dict[str, Any]) -> dict[str, Any]:
+    people = tables.get("simulation", {})
+    if "threshold_um" in people:
+        return tables
+    return {"actuator": list(_FIRST_ACTUATORS)} | tables | {"simulation": _FIRST_PEOPLE | people}

@@ -1,0 +1,206 @@
+"""The stimuli of a session on their way out, and whether the masking noise plays meanwhile."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from device.driver import DeviceError, Outcome, RefusedError
+from experiment.apparatus.noise import NoiseError
+from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s
+from experiment.session.setting import fault_facts, trial_name
+from experiment.trial import events
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from device.clock import Clock
+    from device.driver import BurstDevice, Delivery
+    from experiment.apparatus.noise import NoiseHealth, NoisePlayer
+    from experiment.archive.journal import Journal
+    from experiment.study.study import Study
+    from experiment.trial.plan import Trial
+
+
+ARM_TO_FIRE_S = 1.0
+"""How long the device may hold a stimulus ready; later it cannot be fired any more."""
+
+_EVENT_OF: Mapping[Outcome, events.Event] = {
+    Outcome.FIRED: events.Fired(),
+    Outcome.NOT_FIRED: events.NotFired(),
+    Outcome.INDETERMINATE: events.FiredPerhaps(),
+}
+
+
+class Emission:
+    """What the device is told of the stimuli, one after the other.
+
+    Parameters
+    ----------
+    study : Study
+        The study, with its conditions.
+    device : BurstDevice
+        The actuators, opened.
+    clock : Clock
+        The clock of the device.
+    journal : Journal
+        Where tokens and faults are noted.
+
+    Attributes
+    ----------
+    delivery : Delivery or None
+        What became of the current trial's stimulus, if it was fired.
+    onset_s : float
+        Its onset on the clock.
+    failure : DeviceError or None
+        What the device failed with, if it did.
+    """
+
+    def __init__(
+        self, *, study: Study, device: BurstDevice, clock: Clock, journal: Journal
+    ) -> None:
+        self._study = study
+        self._device = device
+        self._clock = clock
+        self._journal = journal
+        self._conditions = {condition.name: condition for condition in study.conditions}
+        self._loaded: str | None = None
+        self._interval_s = 0.0
+        self._rested_s = clock.now_s()
+        self._token = 0
+        self.delivery: Delivery | None = None
+        self.onset_s = 0.0
+        self.failure: DeviceError | None = None
+
+    def prepare(self, trial: Trial) -> float:
+        """Load the trial's waveforms, if need be; return the earliest time of its onset.
+
+        Raises
+        ------
+        DeviceError
+            If the device does not take them.
+        """
+        self.delivery = None
+        if trial.condition != self._loaded:
+            condition = self._conditions[trial.condition]
+            load_condition(self._device, condition, self._study.device)
+            self._device.enable()
+            self._loaded = trial.condition
+            self._interval_s = onset_interval_s(condition, self._study.device)
+            self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
+        return self._rested_s
+
+    def arm(self, task: events.Task) -> events.Event:
+        """Journal a new token, then arm the device with it."""
+        trial = task.trial
+        level_vpp = trial.level_vpp or min(self._study.design.levels_vpp)
+        self._token = max(self._token + 1, time.time_ns())
+        self._journal.append("trial_armed", trial_name(task) | {"token": self._token}, sync=True)
+        try:
+            self._device.set_levels(level_vpp, level_vpp)
+            self._device.arm(self._token, SLOTS[trial.side], time_to_live_s=ARM_TO_FIRE_S)
+        except DeviceError as error:
+            return self.fail(error)
+        self._journal.append("stimulus_commanded", {"token": self._token})
+        return events.Armed()
+
+    def fire(self) -> events.Event:
+        """Emit the stimulus; nothing is journaled of one that went out."""
+        self._rested_s = self._clock.now_s() + self._interval_s
+        try:
+            self.delivery = self._device.fire(self._token)
+        except RefusedError as error:
+            self._journal.append("fault", fault_facts(error), sync=True)
+            return events.NotFired()
+        except DeviceError as error:
+            return self.fail(error)
+        self.onset_s = (self.delivery.host_before_s + self.delivery.host_after_s) / 2
+        return _EVENT_OF[self.delivery.outcome]
+
+    def fail(self, error: DeviceError) -> events.Event:
+        """Note that the device cannot go on."""
+        self.failure = error
+        self._journal.append("fault", fault_facts(error), sync=True)
+        return events.DeviceFailed()
+
+
+class NoiseWatch:
+    """The masking noise of a session, watched trial by trial.
+
+    Parameters
+    ----------
+    noise : NoisePlayer
+        What plays it.
+    journal : Journal
+        Where changes are noted.
+
+    Attributes
+    ----------
+    ok : bool or None
+        Whether it played from the current trial's onset on; ``False`` also if it was lost before.
+    trouble : str
+        What the operator has to know; empty if it plays.
+    """
+
+    def __init__(self, noise: NoisePlayer, journal: Journal) -> None:
+        self._noise = noise
+        self._journal = journal
+        self._noted: tuple[bool | None, int] = (None, 0)
+        self._loss: NoiseHealth | None = None
+        self.ok: bool | None = None
+        self.trouble = ""
+
+    def begin_trial(self) -> None:
+        """Forget the trial before."""
+        self.ok = None
+
+    def hear_onset(self) -> None:
+        """Take the health at an onset; touches no disk."""
+        self.ok = self._asked().ok
+
+    def lost(self) -> bool:
+        """Tell whether it does not play now, or did not at the onset; touches no disk."""
+        if self._asked().ok is False:
+            self.ok = False
+        return self.ok is False
+
+    def words(self) -> str:
+        """Return its health in a few words; touches no disk."""
+        return self._noise.health().words
+
+    def note(self) -> None:
+        """Journal its health where it changed; never between an onset and its answer.
+
+        A loss is journaled even if it is over: a gap shows only in the first health after it.
+        """
+        losses = () if self._loss is None else (self._loss,)
+        self._loss = None
+        for health in (*losses, self._noise.health()):
+            if (health.ok, health.underruns) != self._noted:
+                self._noted = (health.ok, health.underruns)
+                facts = {"frames": health.frames, "underruns": health.underruns}
+                self._journal.append(
+                    "noise_status", {"ok": health.ok, "words": health.words, **facts}
+                )
+
+    def start_again(self) -> bool:
+        """Start it after it was lost; tell whether that could be done, and journal why not."""
+        try:
+            self._noise.start()
+        except NoiseError as error:
+            self.trouble = str(error)
+            self._journal.append("noise_status", {"ok": False, "words": self.trouble})
+            return False
+        self.trouble = ""
+        return True
+
+    def stop(self) -> None:
+        """Fall silent."""
+        self._noise.stop()
+
+    def _asked(self) -> NoiseHealth:
+        health = self._noise.health()
+        if health.ok is False:
+            self._loss = health
+            self.trouble = f"masking noise: {health.words}; put it right, then go on"
+        return health

@@ -1,0 +1,276 @@
+"""One session: the engine's effects carried out on device, participant, noise and journal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from device.driver import DeviceError
+from experiment.session.attendance import Attendance
+from experiment.session.outputs import Emission, NoiseWatch
+from experiment.session.setting import delivery_facts, trial_name
+from experiment.session.standing import Standing
+from experiment.terms.responder import Question
+from experiment.trial import events
+from experiment.trial.engine import step, upcoming
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from device.clock import Clock
+    from device.driver import BurstDevice
+    from experiment.apparatus.noise import NoisePlayer
+    from experiment.archive.history import History
+    from experiment.archive.journal import Journal
+    from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.study.study import Study
+    from experiment.terms.responder import Responder
+    from experiment.trial.plan import Plan
+
+
+_SHOWN_BEFORE = (events.Greet, events.Introduce, events.Cue, events.Rest, events.Farewell)
+"""What takes a while: the operator is told first. From the cue's end to the answer nobody is."""
+
+
+class Session:
+    """A session in progress.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    plan : Plan
+        Its sealed plan.
+    history : History
+        What the journal says already; empty for a new session.
+    resumed : bool
+        Whether it goes on after an interruption: a person gets the warm-up trials then.
+    device : BurstDevice
+        The actuators, opened.
+    responder : Responder
+        The participant.
+    noise : NoisePlayer
+        The masking noise, started.
+    clock : Clock
+        The clock of device and responder.
+    origin_s : float
+        The clock's reading at the session's beginning.
+    journal : Journal
+        The session's journal, opened.
+    requests : Requests
+        What the operator asks for.
+    monitor : Monitor
+        What the operator is shown.
+    stop : StopSignal
+        Tells that the session is to be stopped.
+    """
+
+    def __init__(
+        self,
+        *,
+        study: Study,
+        plan: Plan,
+        history: History,
+        resumed: bool,
+        device: BurstDevice,
+        responder: Responder,
+        noise: NoisePlayer,
+        clock: Clock,
+        origin_s: float,
+        journal: Journal,
+        requests: Requests,
+        monitor: Monitor,
+        stop: StopSignal,
+    ) -> None:
+        self._study = study
+        self._device = device
+        self._responder = responder
+        self._participant = Attendance(responder, stop, responses=plan.responses)
+        self._clock = clock
+        self._origin_s = origin_s
+        self._journal = journal
+        self._requests = requests
+        self._monitor = monitor
+        self._stop = stop
+        self._due_s = 0.0
+        self._emission = Emission(study=study, device=device, clock=clock, journal=journal)
+        self._noise = NoiseWatch(noise, journal)
+        self._standing = Standing(plan, study.design, history)
+        again = resumed and not responder.simulated
+        self._state = events.State(
+            pending=history.due(warm_up=again),
+            keep_anticipated=study.design.anticipated == "keep",
+            response_window_s=study.design.response_window_s,
+        )
+        self._perform: Mapping[type[events.Effect], Callable[..., events.Event | None]] = {
+            events.Greet: self._greet,
+            events.Introduce: self._introduce,
+            events.OpenBlock: self._open_block,
+            events.CloseBlock: self._close_block,
+            events.Cue: self._cue,
+            events.Wait: self._wait,
+            events.Arm: self._arm,
+            events.Fire: self._fire,
+            events.Listen: self._listen,
+            events.EndTrial: self._end_trial,
+            events.Feedback: self._feedback,
+            events.Rest: self._rest,
+            events.StartNoise: self._start_noise,
+            events.ZeroOutputs: self._zero_outputs,
+            events.CloseSession: self._close,
+            events.Farewell: self._farewell,
+        }
+
+    @property
+    def failure(self) -> DeviceError | None:
+        """What the device failed with, if it did."""
+        return self._emission.failure
+
+    def run(self) -> bool:
+        """Run to the end, or until the session is stopped; return whether it is complete.
+
+        Raises
+        ------
+        JournalWriteError
+            If the record cannot be kept; the outputs are at zero then.
+        """
+        try:
+            event = self._look_around()
+            while self._state.phase not in (events.Phase.FINISHED, events.Phase.STOPPED):
+                event = self._step(event)
+        except DeviceError as error:
+            self._emission.fail(error)
+            self._show()
+        finally:
+            self._device.stop()
+        return self._state.phase is events.Phase.FINISHED
+
+    def _step(self, event: events.Event) -> events.Event:
+        self._state, effects = step(self._state, event)
+        answer = None
+        for effect in effects:
+            if isinstance(effect, _SHOWN_BEFORE):
+                self._requests.take_go_on()  # one that was asked for before is none for this wait
+                self._show()
+            answer = self._perform[type(effect)](effect) or answer
+        return self._look_around() if answer is None else answer
+
+    def _look_around(self) -> events.Event:
+        """Between two trials: note what is new, show how it stands, heed the operator."""
+        if self._state.phase is events.Phase.READY:
+            self._note()
+            self._show()
+        event = upcoming(self._state)
+        if isinstance(event, events.NothingLeft):
+            return event
+        if self._stop.asked:
+            return events.StopAsked()
+        return events.PauseAsked() if self._requests.paused else event
+
+    def _note(self) -> None:
+        """Journal the operator's notes, and the noise where it changed."""
+        for text in self._requests.notes():
+            self._journal.append("note", {"text": text}, sync=True)
+        self._noise.note()
+
+    def _show(self) -> None:
+        failures = self._state.failures
+        device = f"{failures} stimuli in a row not delivered" if failures else "ok"
+        if self.failure is not None:
+            device = "failed"
+        status = self._standing.status(
+            self._state,
+            noise=self._noise.words(),
+            device=device,
+            message=self._noise.trouble if self.failure is None else str(self.failure),
+        )
+        self._monitor.show(status)
+
+    def _greet(self, _: events.Greet) -> events.Event:
+        return self._participant.greet(self._standing.progress(self._state))
+
+    def _introduce(self, effect: events.Introduce) -> events.Event:
+        return self._participant.introduce(effect.part, self._standing.progress(self._state))
+
+    def _open_block(self, effect: events.OpenBlock) -> None:
+        trial = effect.task.trial
+        facts = {"block": trial.block, "condition": trial.condition}
+        self._journal.append("block_start", facts)
+
+    def _close_block(self, effect: events.CloseBlock) -> None:
+        self._journal.append("block_end", {"block": effect.block})
+
+    def _cue(self, effect: events.Cue) -> None:
+        trial = effect.task.trial
+        self._noise.begin_trial()
+        self._standing.trial_begins(self._clock.now_s())
+        rested_s = self._emission.prepare(trial)
+        self._responder.cue(self._standing.progress(self._state))
+        self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
+
+    def _wait(self, effect: events.Wait) -> events.Event:
+        return self._participant.wait(effect.task, self._due_s)
+
+    def _arm(self, effect: events.Arm) -> events.Event:
+        return events.NoiseLost() if self._noise.lost() else self._emission.arm(effect.task)
+
+    def _fire(self, _: events.Fire) -> events.Event:
+        """Emit the stimulus; nothing touches the disk from here to the answer."""
+        event = self._emission.fire()
+        if isinstance(event, events.Fired):
+            self._noise.hear_onset()
+        return event
+
+    def _listen(self, effect: events.Listen) -> events.Event:
+        delivery = self._emission.delivery
+        assert delivery is not None
+        question = Question(
+            trial=effect.task.trial.number,
+            attempt=effect.task.attempt,
+            level_left_vpp=delivery.level_left_vpp,
+            level_right_vpp=delivery.level_right_vpp,
+            onset_s=self._emission.onset_s,
+            window_s=effect.window_s,
+        )
+        event = self._participant.ask(effect.task, question)
+        lost = self._noise.lost()
+        return events.NoiseLost() if lost and not isinstance(event, events.StopAsked) else event
+
+    def _end_trial(self, effect: events.EndTrial) -> None:
+        name = trial_name(effect.task)
+        how = {"anticipated": effect.anticipated, "noise_ok": self._noise.ok}
+        if self._emission.delivery is not None:
+            onset_s = round(self._emission.onset_s - self._origin_s, 6)
+            facts = delivery_facts(self._emission.delivery, onset_s)
+            self._journal.append("stimulus_confirmed", name | facts)
+        if effect.response is not None:
+            answer = {"response": effect.response, "rt_s": effect.rt_s}
+            self._journal.append("response", name | answer | how)
+        self._journal.append("trial_end", name | {"status": effect.status} | how, sync=True)
+        self._standing.trial_ends(effect, self._clock.now_s())
+
+    def _feedback(self, effect: events.Feedback) -> None:
+        self._responder.feedback(correct=effect.correct)
+
+    def _rest(self, effect: events.Rest) -> events.Event:
+        self._note()
+        self._journal.append("pause" if effect.paused else "break", sync=True)
+        minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
+        progress = self._standing.progress(self._state)
+        event = self._participant.rest(progress, paused=effect.paused, minimum_s=minimum_s)
+        if effect.paused:
+            self._requests.go_on()
+        return event
+
+    def _start_noise(self, _: events.StartNoise) -> events.Event | None:
+        return None if self._noise.start_again() else events.NoiseLost()
+
+    def _zero_outputs(self, _: events.ZeroOutputs) -> None:
+        self._device.stop()
+
+    def _close(self, effect: events.CloseSession) -> None:
+        self._note()
+        self._journal.append("session_close", {"finished": effect.finished}, sync=True)
+
+    def _farewell(self, effect: events.Farewell) -> None:
+        self._noise.stop()
+        self._participant.leave(self._standing.progress(self._state), finished=effect.finished)

@@ -1,0 +1,302 @@
+"""With what and whom a session runs, and what its header and journal say of that."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, Final
+
+from device.driver import Outcome
+from experiment.apparatus.slots import host_limits
+from experiment.operator.requests import Requests
+from experiment.preview.check import check_study
+from experiment.study.sections.stimulus import stimulus_facts
+from experiment.terms.checks import is_line, require_word
+from experiment.terms.record import ANSWERS, NOT_AVAILABLE
+from experiment.terms.responder import RESPONDERS, ResponderName
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from device.clock import Clock
+    from device.driver import BurstDevice, Delivery, DeviceError, Identity
+    from experiment.apparatus.noise import NoiseFacts, NoisePlayer
+    from experiment.apparatus.rig import Confirmation
+    from experiment.operator.requests import Monitor, Status, StopSignal
+    from experiment.study.study import Study
+    from experiment.terms.responder import Responder
+    from experiment.trial.events import Task
+    from experiment.trial.plan import Plan
+
+
+def trial_name(task: Task) -> dict[str, object]:
+    """List how the journal names an attempt at a trial."""
+    return {"trial": task.trial.number, "attempt": task.attempt}
+
+
+def delivery_facts(delivery: Delivery, onset_s: float | None) -> dict[str, object]:
+    """List what the journal keeps of a delivery; onset and levels only if it surely went out."""
+    fired = delivery.outcome is Outcome.FIRED
+    return {
+        "outcome": delivery.outcome.value,
+        "token": delivery.token,
+        "boot_id": delivery.boot_id,
+        "device_us": delivery.device_us,
+        "onset_s": onset_s if fired else None,
+        "uncertainty_s": delivery.uncertainty_s,
+        "retries": delivery.retries,
+        "level_left_vpp": delivery.level_left_vpp if fired else None,
+        "level_right_vpp": delivery.level_right_vpp if fired else None,
+    }
+
+
+def fault_facts(error: DeviceError) -> dict[str, object]:
+    """List what the journal keeps of a device's fault."""
+    return {"error": type(error).__name__, "message": str(error)}
+
+
+LONGEST_NAME: Final = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sitting:
+    """Who answers in a sitting, and who watches over it.
+
+    Attributes
+    ----------
+    responder : str
+        A word of `RESPONDERS`.
+    operator : str or None
+        The operator's name or sign, where it was given.
+
+    Raises
+    ------
+    ValueError
+        If the responder is unknown, or the operator's name is no short line of text.
+
+    Examples
+    --------
+    >>> Sitting(operator=" ")
+    Traceback (most recent call last):
+    ValueError: operator must be a name in one line of text, of at most 100 characters; got ' '
+    """
+
+    responder: ResponderName = "simulated"
+    operator: str | None = None
+
+    def __post_init__(self) -> None:
+        require_word("responder", self.responder, RESPONDERS)
+        name = self.operator
+        if name is not None and not (is_line(name) and len(name) <= LONGEST_NAME):
+            raise ValueError(
+                "operator must be a name in one line of text, of at most "
+                f"{LONGEST_NAME} characters; got {name!r}"
+            )
+
+    def facts(self, study: Study, plan: Plan) -> dict[str, Any]:
+        """List what may be another one whenever a session goes on: people and keys."""
+        return {
+            "operator": NOT_AVAILABLE if self.operator is None else self.operator,
+            "responder": self.responder,
+            "response_mapping": _mapping(self.responder, study, plan) or NOT_AVAILABLE,
+        }
+
+    def header(self, study: Study, plan: Plan) -> dict[str, Any]:
+        """List what a header keeps: the sitting, the consent form, what was shown."""
+        shown = self.responder == "screen"
+        return {
+            **self.facts(study, plan),
+            "consent_version": study.consent_version or NOT_AVAILABLE,
+            "screen": asdict(study.screen) if shown else NOT_AVAILABLE,
+            "texts": asdict(study.texts) if shown else NOT_AVAILABLE,
+        }
+
+
+def _mapping(responder: ResponderName, study: Study, plan: Plan) -> dict[str, list[str]]:
+    """Return the keys of every answer that is accepted in some trial, and of the wishes."""
+    from experiment.trial.plan import CONTROL
+
+    if responder == "simulated":
+        return {}
+    if responder == "terminal":
+        from experiment.participant.terminal import KEY_NAMES
+
+        keys = {meaning: words.split(" or ") for meaning, words in KEY_NAMES.items()}
+    else:
+        keys = {meaning: list(names) for meaning, names in asdict(study.keys).items()}
+    accepted = {*plan.responses}
+    if any(trial.kind == CONTROL for trial in plan.trials):
+        accepted.add("none")
+    return {
+        meaning: names
+        for meaning, names in keys.items()
+        if meaning not in ANSWERS or meaning in accepted
+    }
+
+
+def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
+    """List what is worth knowing of a session and is not part of the plan."""
+    check = check_study(study, plan.gains)
+    accepted = [c.condition for c in check.conditions if c.verdict == "accepted"]
+    return {
+        "schema": 1,
+        "begun": datetime.now(UTC).isoformat(timespec="seconds"),
+        **opening(plan, identity, setting),
+        **setting.sitting.header(study, plan),
+        "device_identity": asdict(identity),
+        "device_cannot": list(setting.device.cannot),
+        "hardware_confirmed": _confirmed(setting, identity),
+        "limits": asdict(host_limits(study.device)),
+        "responses": plan.responses,
+        **noise_facts(setting.noise.facts),
+        "stimuli": {c.name: stimulus_facts(c) for c in study.conditions},
+        "unfit_stimuli_accepted": {c.name: c.accept_unfit for c in accepted},
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in ("tactstrip", "numpy")},
+        "calibration": NOT_AVAILABLE,
+    }
+
+
+def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
+    """List what a session's first journal line says."""
+    return {
+        "participant": plan.participant,
+        "session": plan.session,
+        "plan_sha256": plan.sha256,
+        "simulated": setting.responder.simulated,
+        **place(identity),
+    }
+
+
+def resuming(study: Study, plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
+    """List what the first journal line of a later sitting says."""
+    return {
+        **place(identity),
+        **setting.sitting.facts(study, plan),
+        "hardware_confirmed": _confirmed(setting, identity),
+        **noise_facts(setting.noise.facts),
+    }
+
+
+def place(identity: Identity) -> dict[str, Any]:
+    """List on which host and device a session goes on."""
+    return {
+        "host": platform.node(),
+        "device": identity.model,
+        "serial_number": identity.serial_number,
+        "boot_id": identity.boot_id,
+    }
+
+
+def noise_facts(facts: NoiseFacts) -> dict[str, Any]:
+    """List what is kept of the masking noise; what is not known, or does not apply, is ``n/a``.
+
+    Examples
+    --------
+    >>> from experiment.apparatus.noise import NoiseFacts
+    >>> kept = noise_facts(NoiseFacts(noise="none", played=False))
+    >>> kept["masking_noise_played"], kept["noise_level_dba"]
+    (False, 'n/a')
+    """
+    return {
+        "masking_noise": facts.noise,
+        "masking_noise_played": facts.played,
+        "noise_level_dba": _or_not(facts.measured_level_dba),
+        "noise_max_level_dba": _or_not(facts.max_level_dba),
+        "noise_sha256": _or_not(facts.sha256),
+        "noise_sample_rate_hz": _or_not(facts.sample_rate_hz),
+        "noise_loop_s": _or_not(facts.loop_s),
+        "noise_sound_card": _or_not(facts.sound_card),
+    }
+
+
+def _or_not(value: float | str | None) -> float | str:
+    return NOT_AVAILABLE if value is None else value
+
+
+def _confirmed(setting: Setting, identity: Identity) -> dict[str, Any] | str:
+    """Return the word that a real device is safe; one given for an emulator says nothing."""
+    if setting.confirmation is None or identity.emulated:
+        return NOT_AVAILABLE
+    return setting.confirmation.facts
+
+
+def _tell_nobody(_: str) -> None:
+    """Tell nobody: a simulation has no operator."""
+
+
+class NobodyLooks:
+    """The monitor of a session that no operator looks at."""
+
+    def show(self, status: Status) -> None:
+        """Show nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """What a session is run with.
+
+    Attributes
+    ----------
+    device : BurstDevice
+        The actuators.
+    responder : Responder
+        The participant.
+    noise : NoisePlayer
+        The masking noise; it is started before the session, and stopped after it.
+    clock : Clock
+        The clock of device and participant.
+    stop : StopSignal
+        Tells that the session is to be stopped.
+    resume_anyway : bool
+        The operator's word that a session may go on although host or device changed, or much time
+        went by.
+    confirmation : Confirmation or None
+        The operator's word that a real device is safe; an emulator needs none.
+    tell : callable
+        Is given, before the first trial, each line about what the device cannot promise.
+    requests : Requests
+        What the operator asks for while it runs.
+    monitor : Monitor
+        Is shown how it stands.
+    sitting : Sitting
+        Who answers and who operates, for the record.
+    """
+
+    device: BurstDevice
+    responder: Responder
+    noise: NoisePlayer
+    clock: Clock
+    stop: StopSignal
+    resume_anyway: bool = False
+    confirmation: Confirmation | None = None
+    tell: Callable[[str], object] = _tell_nobody
+    requests: Requests = field(default_factory=Requests)
+    monitor: Monitor = field(default_factory=NobodyLooks)
+    sitting: Sitting = field(default_factory=Sitting)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ending:
+    """How a session ended.
+
+    Attributes
+    ----------
+    finished : bool
+        Whether every planned trial is answered.
+    failure : DeviceError or None
+        What the device failed with, if it did.
+    trials_path : Path
+        The trials.csv.
+    torn_file : Path or None
+        Where a last journal line that was cut short was put.
+    """
+
+    finished: bool
+    failure: DeviceError | None
+    trials_path: Path
+    torn_file: Path | None

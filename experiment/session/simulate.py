@@ -1,0 +1,202 @@
+"""Simulated participants: a responder that feels and errs like one, and whole studies of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from device.clock import VirtualClock
+from experiment.apparatus.noise import SilentNoise
+from experiment.apparatus.rig import mock_device
+from experiment.archive.folders import SessionFolder
+from experiment.operator.requests import StopSignal
+from experiment.session.conduct import begin
+from experiment.session.setting import Setting
+from experiment.study.physics import study_gains
+from experiment.terms.observer import draw_observer
+from experiment.terms.responder import Press
+from experiment.trial.draw import draw_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from device.clock import Clock
+    from experiment.study.study import Study
+    from experiment.terms.gains import ConditionGains, FingerGains
+    from experiment.terms.observer import Observer
+    from experiment.terms.responder import Part, Progress, Question
+    from experiment.trial.plan import Plan
+
+
+class SimulationError(RuntimeError):
+    """A simulated session that did not come to its end."""
+
+
+class SimulatedResponder:
+    """An observer that answers by itself; the same answers whenever a session is interrupted.
+
+    Parameters
+    ----------
+    observer : Observer
+        Its psychometric function, guesses, lapses and reaction times.
+    clock : Clock
+        The clock it waits on.
+    seed : int
+        Every trial's chance is drawn from this seed, the trial's number and the attempt.
+    responses : tuple of str
+        The answers offered.
+    gains : mapping
+        What the fingers get, by the number of the trial.
+    untouched : frozenset of int
+        Trials with the fingers off the plate: nothing is felt, and ``none`` may be answered.
+    """
+
+    simulated = True
+
+    def __init__(
+        self,
+        observer: Observer,
+        clock: Clock,
+        *,
+        seed: int,
+        responses: tuple[str, ...],
+        gains: Mapping[int, FingerGains],
+        untouched: frozenset[int] = frozenset(),
+    ) -> None:
+        self._observer = observer
+        self._clock = clock
+        self._seed = seed
+        self._responses = responses
+        self._gains = gains
+        self._untouched = untouched
+
+    def begin(self, progress: Progress) -> bool:
+        """Need no instruction."""
+        return True
+
+    def introduce(self, part: Part, progress: Progress) -> bool:
+        """Need no introduction."""
+        return True
+
+    def cue(self, progress: Progress) -> None:
+        """See the cue."""
+
+    def wait(self, until_s: float) -> Press | None:
+        """Wait, and press nothing."""
+        self._wait_until(until_s)
+        return None
+
+    def ask(self, question: Question) -> Press | None:
+        """Answer as the observer does."""
+        rng = np.random.default_rng((self._seed, question.trial, question.attempt))
+        levels_vpp, responses = (question.level_left_vpp, question.level_right_vpp), self._responses
+        if question.trial in self._untouched:
+            levels_vpp, responses = (0.0, 0.0), tuple(dict.fromkeys((*responses, "none")))
+        answer = self._observer.answer(
+            *levels_vpp,
+            responses=responses,
+            rng=rng,
+            response_window_s=question.window_s,
+            gains=self._gains[question.trial],
+        )
+        if answer.response is None or answer.rt_s is None:
+            self._wait_until(question.onset_s + question.window_s)
+            return None
+        time_s = question.onset_s + answer.rt_s
+        self._wait_until(time_s)
+        return Press(answer.response, time_s)
+
+    def feedback(self, *, correct: bool) -> None:
+        """Learn nothing from it."""
+
+    def _wait_until(self, time_s: float) -> None:
+        self._clock.wait(max(0.0, time_s - self._clock.now_s()))
+
+    def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
+        """Rest as briefly as is allowed, and go on."""
+        self._clock.wait(minimum_s)
+        return True
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        """Leave."""
+
+
+def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResponder:
+    """Draw a participant from the study's simulated population by the plan's seed."""
+    rng = np.random.default_rng((plan.seed, _OBSERVER_STREAM))
+    people = study.simulation
+    observer = draw_observer(people.median, people.threshold_sd_db, rng)
+    of_condition = {c.name: plan.gains_of(c.name) for c in study.conditions}
+    trials = (*plan.trials, *plan.warm_up)
+    return SimulatedResponder(
+        observer,
+        clock,
+        seed=plan.seed,
+        responses=plan.responses,
+        gains={trial.number: of_condition[trial.condition] for trial in trials},
+        untouched=frozenset(trial.number for trial in trials if trial.kind == "control"),
+    )
+
+
+_OBSERVER_STREAM = 2**32 - 1
+"""Keeps the observer's own draw apart from those of its trials."""
+
+
+def simulate_study(
+    study: Study,
+    root: Path,
+    *,
+    participants: int,
+    seed: int,
+    gains: tuple[ConditionGains, ...] | None = None,
+) -> Iterator[SessionFolder]:
+    """Run one session each of simulated participants on mock devices and virtual clocks.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    root : Path
+        Folder for the sessions ``sub-01/ses-01``, ``sub-02/ses-01``, ...
+    participants : int
+        How many, at least 1.
+    seed : int
+        The same seed gives the same trials.csv.
+    gains : tuple of ConditionGains, optional
+        The study's gain matrix, where it was computed already.
+
+    Yields
+    ------
+    SessionFolder
+        Each session when it is complete.
+
+    Raises
+    ------
+    SimulationError
+        If the mock device refuses a stimulus.
+    """
+    gains = study_gains(study) if gains is None else gains
+    children = np.random.SeedSequence(seed).spawn(participants)
+    for number, child in enumerate(children, start=1):
+        folder = SessionFolder(root, f"{number:02d}", "01", durable=False)
+        plan = draw_plan(
+            study,
+            participant=folder.participant,
+            session=folder.session,
+            seed=int(child.generate_state(1)[0]),
+            gains=gains,
+        )
+        clock = VirtualClock()
+        setting = Setting(
+            device=mock_device(study, clock),
+            responder=simulated_responder(study, plan, clock),
+            noise=SilentNoise(study.masking),
+            clock=clock,
+            stop=StopSignal(),
+        )
+        ending = begin(folder, plan, setting)
+        if ending.failure is not None:
+            raise SimulationError(f"participant {folder.participant}: device: {ending.failure}")
+        yield folder

@@ -1,0 +1,1 @@
+"""A study: its file, its values in SI units, and its plate as physics."""

@@ -1,0 +1,240 @@
+"""The study as physics: its strip, loads and fingertips, and the gain matrix computed from them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from experiment.study.study import StudyError
+from experiment.terms.gains import ConditionGains, significant
+from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from experiment.study.sections.plate import Actuator
+    from experiment.study.sections.stimulus import Condition
+    from experiment.study.study import Study
+    from stimuli import Burst
+
+
+def study_gains(study: Study) -> tuple[ConditionGains, ...]:
+    """Return the gain matrix of every condition of a study, equation (71).
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    tuple of ConditionGains
+        In the order of the study's conditions.
+
+    Raises
+    ------
+    StudyError
+        If the displacement of an actuator cannot be had from what is stated of it, or the field of
+        the strip cannot be computed.
+
+    Examples
+    --------
+    The paper's discs, 2.6 um of amplitude at 100 Vpp and 300 Hz, do a little more in the burst,
+    and the other finger gets about 29 dB less:
+
+    >>> from experiment.study.read import paper_study
+    >>> (gains,) = study_gains(paper_study())
+    >>> 0.025 < gains.per_vpp[0][0] < 0.03, -30 < gains.level_db(1, 0) < -28
+    (True, True)
+    """
+    labels = tuple(actuator.label for actuator in study.actuators)
+    per_volt = loads_per_volt(study)
+    return tuple(
+        ConditionGains(
+            condition=condition.name,
+            actuators=labels,
+            bases=tuple(basis for _, basis in per_volt),
+            per_vpp=_per_vpp(study, condition, [load_per_v for load_per_v, _ in per_volt]),
+        )
+        for condition in study.conditions
+    )
+
+
+def loads_per_volt(study: Study) -> list[tuple[float | None, str | None]]:
+    """Return the unit loads per volt of amplitude of every actuator, and what they rest on.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    list of (float or None, str or None)
+        For each actuator; none and none where its displacement is not known.
+
+    Raises
+    ------
+    StudyError
+        If the displacement of an actuator cannot be had from what is stated of it.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> [basis for _, basis in loads_per_volt(paper_study())]
+    ['measured', 'measured']
+    """
+    from stimuli import load_per_volt
+
+    strip = field_strip(study)
+    found: list[tuple[float | None, str | None]] = []
+    for actuator, load in zip(study.actuators, loads_of(study), strict=True):
+        if actuator.basis is None:
+            found.append((None, None))
+            continue
+        try:
+            known = load_per_volt(strip, load, actuator.basis)
+        except ValueError as error:
+            raise StudyError(
+                f"study {study.name}: the displacement of the {actuator.label} actuator: {error}"
+            ) from error
+        found.append((known.load_per_v, known.basis))
+    return found
+
+
+def _per_vpp(
+    study: Study, condition: Condition, loads_per_v: list[float | None]
+) -> tuple[tuple[float, ...], ...]:
+    """Return the matrix of a condition; a column without a load per volt is relative."""
+    per_load_m = _felt_m(study, condition)
+    columns = []
+    for place, load_per_v in enumerate(loads_per_v):
+        column = per_load_m[:, place]
+        # a level in Vpp is twice the amplitude; 1e6 um are 1 m
+        factor = 1 / column[place] if load_per_v is None else 1e6 * load_per_v / 2
+        columns.append([significant(float(gain)) for gain in factor * column])
+    return tuple(zip(*columns, strict=True))
+
+
+def _felt_m(study: Study, condition: Condition) -> NDArray[np.float64]:
+    """Return the peaks of unit loads driven by the burst as it is played: with a peak of 1."""
+    from experiment.study.sections.stimulus import unscaled_peak
+    from stimuli import felt
+
+    drive = condition.burst
+    try:
+        peaks_m = felt(field_strip(study), loads_of(study), fingertips_of(study), drive)
+    except ValueError as error:
+        raise StudyError(
+            f"study {study.name}: condition {condition.name}: the displacement: {error}"
+        ) from error
+    scaled: NDArray[np.float64] = peaks_m / unscaled_peak(condition, study.device)
+    return scaled
+
+
+def chosen_burst(study: Study, condition: Condition) -> Burst:
+    """Return the shortest standard burst that does what ``window = "auto"`` asks for.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    condition : Condition
+        A condition with `auto`, its burst as the file states it.
+
+    Raises
+    ------
+    ValueError
+        If no standard burst keeps the wanted level at the other finger.
+    """
+    from stimuli import Burst, shortest_window
+
+    burst, auto = condition.burst, condition.auto
+    if auto is None or not isinstance(burst, Burst):
+        raise ValueError(f"condition {condition.name} must have window = auto; got {burst!r}")
+    try:
+        choice = shortest_window(
+            field_strip(study),
+            loads_of(study)[:2],
+            fingertips_of(study)[:2],
+            burst,
+            auto.wanted_level_db,
+        )
+    except ValueError as error:
+        raise ValueError(f"condition {condition.name}: window = auto: {error}") from error
+    return choice.burst
+
+
+def loads_of(study: Study) -> tuple[Load, ...]:
+    """Return the load of each actuator of a study: a bonded patch of 1 N m per metre, or 1 N.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Returns
+    -------
+    tuple of Load
+        In the order of the study's actuators; a disc is a `MomentDisc`, a rectangle a
+        `MomentRectangle`, a motor a `ForceRectangle` over its contact.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> left, right = loads_of(paper_study())
+    >>> left.x_m == -right.x_m, left.radius_m
+    (True, 0.0064)
+    """
+    return tuple(_load(actuator) for actuator in study.actuators)
+
+
+def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
+    """Return the fingertip above the centre of each actuator: left, right, then the others.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> [(finger.x_m, finger.radius_m) for finger in fingertips_of(paper_study())]
+    [(-0.035, 0.005), (0.035, 0.005)]
+    """
+    return tuple(
+        Fingertip(x_m=one.x_m, y_m=one.y_m, radius_m=one.finger_diameter_m / 2)
+        for one in study.actuators
+    )
+
+
+def field_strip(study: Study) -> Strip:
+    """Return the strip whose field stands for a study: endless, its short ends are left out.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> print(field_strip(paper_study()).length_m)
+    None
+    """
+    return replace(study.strip, length_m=None)
+
+
+def _load(actuator: Actuator) -> Load:
+    x_m, y_m = actuator.x_m, actuator.y_m
+    if actuator.diameter_m is not None:
+        return MomentDisc(x_m=x_m, y_m=y_m, radius_m=actuator.diameter_m / 2)
+    shape = ForceRectangle if actuator.shape == "motor" else MomentRectangle
+    return shape(
+        x_m=x_m,
+        y_m=y_m,
+        length_x_m=actuator.length_x_m or 0.0,
+        length_y_m=actuator.length_y_m or 0.0,
+    )

@@ -1,0 +1,1 @@
+"""Words and values that everything else in an experiment shares."""

@@ -1,0 +1,361 @@
+"""The observer model: what a person feels and answers, as probabilities and as single answers.
+
+Simulated participants use it forwards, the analysis uses the same function backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains
+from experiment.terms.record import ANSWERS
+from stimuli.checks import finite, finite_array
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+
+MASKING_DB = 20.0
+"""Level difference, 20 log10 of the amplitudes' ratio, from which the weaker finger feels nothing.
+
+Source: paper, section V, after Kim et al. 2012.
+"""
+FASTEST_ANSWER_S = 0.15
+"""No one answers a vibration sooner than this after its onset."""
+
+_MASKING_RATIO: float = 10.0 ** (MASKING_DB / 20)
+_ROUNDING = 1.0 + 1e-12
+"""Amplitudes that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
+_SQRT_2 = math.sqrt(2.0)
+
+
+def psychometric(
+    level_vpp: ArrayLike,
+    *,
+    threshold_vpp: ArrayLike,
+    sigma: ArrayLike,
+    guess_rate: ArrayLike,
+    lapse_rate: ArrayLike,
+) -> NDArray[np.float64]:
+    """Return the probability that a stimulus is detected.
+
+    The psychometric function (docs/model.md, "psychometric function"): gamma + (1 - gamma - lambda)
+    Phi(log10(V / threshold) / sigma), Phi the standard normal distribution function. Level 0 gives
+    the guess rate.
+
+    Parameters
+    ----------
+    level_vpp : array_like
+        Drive levels, 0 or more; all arguments broadcast against each other.
+    threshold_vpp : array_like
+        Level that is felt half of the time, above 0.
+    sigma : array_like
+        Width in units of log10(level), above 0.
+    guess_rate : array_like
+        gamma, the probability of the right answer to a stimulus that is not felt, 0 to 1.
+    lapse_rate : array_like
+        lambda, the probability of a wrong answer to a stimulus felt for sure, 0 to 1 - gamma.
+
+    Returns
+    -------
+    ndarray of float64
+        Probabilities in the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        If an argument lies outside its range.
+
+    Examples
+    --------
+    Halfway up at the threshold, and a pure function of the ratio of level and threshold:
+
+    >>> float(psychometric(60, threshold_vpp=60, sigma=0.1, guess_rate=0.5, lapse_rate=0.0))
+    0.75
+    >>> p = psychometric([50, 100], threshold_vpp=[60, 120], sigma=0.1, guess_rate=0, lapse_rate=0)
+    >>> p.round(9).tolist()
+    [0.214235018, 0.214235018]
+    """
+    import numpy as np
+    from scipy.special import ndtr
+
+    level = finite_array("level_vpp", level_vpp)
+    threshold, width = finite_array("threshold_vpp", threshold_vpp), finite_array("sigma", sigma)
+    gamma, lam = finite_array("guess_rate", guess_rate), finite_array("lapse_rate", lapse_rate)
+    _require_all("level_vpp must be 0 or more", level, level >= 0)
+    _require_all("threshold_vpp must be above 0", threshold, threshold > 0)
+    _require_all("sigma must be above 0", width, width > 0)
+    _require_all("guess_rate must be from 0 to 1", gamma, (gamma >= 0) & (gamma <= 1))
+    _require_all(
+        "lapse_rate must be from 0 to 1 - guess_rate", lam, (lam >= 0) & (lam + gamma <= 1)
+    )
+    with np.errstate(divide="ignore"):
+        z = (np.log10(level) - np.log10(threshold)) / width
+    return np.asarray(gamma + (1.0 - gamma - lam) * ndtr(z))
+
+
+def _require_all(rule: str, values: NDArray[np.float64], good: NDArray[np.bool_]) -> None:
+    """Refuse values where the rule does not hold."""
+    if not good.all():
+        raise ValueError(f"{rule}; got {values.tolist()}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverAnswer:
+    """What was answered, and how long after the onset; neither where no answer came in time.
+
+    Attributes
+    ----------
+    response : str or None
+        A word of `record.ANSWERS`.
+    rt_s : float or None
+        Time from the onset to the answer.
+    """
+
+    response: str | None
+    rt_s: float | None
+
+
+NO_ANSWER = ObserverAnswer(response=None, rt_s=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observer:
+    """One simulated participant.
+
+    Each finger gets the displacement of its own actuator plus what reaches it from the other; the
+    amplitudes add. It feels an amplitude u with Phi(log10(u / threshold) / sigma), independently of
+    the other finger, but not at all if the other gets 20 dB more (`MASKING_DB`); equations (28),
+    (29) and (71) of docs/model.md.
+
+    Attributes
+    ----------
+    threshold_um : float or None
+        Displacement felt half of the time by one finger, um.
+    threshold_vpp : float or None
+        The same as the level at the finger's own actuator; one of the two is given.
+    sigma : float
+        Width of the psychometric function in units of log10(level).
+    lapse_rate : float
+        Probability of an answer at random among those offered, whatever was felt.
+    false_alarm_rate : float
+        Probability that a person who felt nothing and may answer ``none`` guesses all the same.
+    side_bias : float
+        Probability of ``left`` in a guess between left and right.
+    guess_both : float
+        Probability of ``both`` in a guess where it is offered.
+    crosstalk_db : float or None
+        Amplitude of the burst at the other finger, dB re its amplitude at its own finger, if it is
+        to be another than that of the gain matrix.
+    reaction_time_s : float
+        Median reaction time to a stimulus that is always felt.
+    reaction_time_spread : float
+        Standard deviation of ln(reaction time - `FASTEST_ANSWER_S`).
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or not one of the two thresholds is given.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> person = paper_study().simulation.median
+    >>> person.felt_probability(1.0), person.felt_probability(0.0)
+    (0.5, 0.0)
+    """
+
+    threshold_um: float | None = None
+    threshold_vpp: float | None = None
+    sigma: float
+    lapse_rate: float
+    false_alarm_rate: float
+    side_bias: float
+    guess_both: float
+    crosstalk_db: float | None = None
+    reaction_time_s: float
+    reaction_time_spread: float
+
+    def __post_init__(self) -> None:
+        if (self.threshold_um is None) == (self.threshold_vpp is None):
+            raise ValueError(
+                "threshold_um or threshold_vpp must be given, not both; "
+                f"got {self.threshold_um!r} and {self.threshold_vpp!r}"
+            )
+        for name in ("threshold_um", "threshold_vpp"):
+            if getattr(self, name) is not None:
+                finite(name, getattr(self, name), above=0)
+        finite("sigma", self.sigma, above=0, most=10)
+        for name in ("lapse_rate", "false_alarm_rate", "side_bias", "guess_both"):
+            finite(name, getattr(self, name), least=0, most=1)
+        if self.crosstalk_db is not None:
+            finite("crosstalk_db", self.crosstalk_db, least=-200, most=0)
+        finite("reaction_time_s", self.reaction_time_s, above=FASTEST_ANSWER_S, most=60)
+        finite("reaction_time_spread", self.reaction_time_spread, least=0, most=5)
+
+    def felt_probability(self, strength: float) -> float:
+        """Return the probability that one finger, not masked, feels a vibration.
+
+        The psychometric function without guesses and lapses (docs/model.md).
+
+        Parameters
+        ----------
+        strength : float
+            Its amplitude over the threshold, 0 or more.
+
+        Raises
+        ------
+        ValueError
+            If the strength is negative or not finite.
+        """
+        finite("strength", strength, least=0)
+        if strength == 0:
+            return 0.0
+        z = math.log10(strength) / self.sigma
+        return 0.5 * math.erfc(-z / _SQRT_2)
+
+    def answer(
+        self,
+        level_left_vpp: float,
+        level_right_vpp: float,
+        responses: tuple[str, ...],
+        rng: np.random.Generator,
+        response_window_s: float,
+        *,
+        gains: FingerGains = OWN_FINGER_ONLY,
+    ) -> ObserverAnswer:
+        """Draw the answer to one trial.
+
+        Parameters
+        ----------
+        level_left_vpp, level_right_vpp : float
+            Levels at the two actuators; 0 for a silent one.
+        responses : tuple of str
+            The answers offered, ``left`` and ``right`` among them.
+        rng : numpy.random.Generator
+            Where chance comes from.
+        response_window_s : float
+            Longest time to answer.
+        gains : FingerGains
+            What the fingers get of the two actuators.
+
+        Returns
+        -------
+        ObserverAnswer
+            `NO_ANSWER` where the reaction takes longer than the window.
+
+        Raises
+        ------
+        ValueError
+            If a level is negative or not finite, the responses are not such a list, or a
+            threshold in um meets gains without displacements.
+        """
+        finite("level_left_vpp", level_left_vpp, least=0)
+        finite("level_right_vpp", level_right_vpp, least=0)
+        _require_responses(responses)
+        if self.crosstalk_db is not None:
+            gains = gains.with_crosstalk(self.crosstalk_db)
+        amplitudes = gains.amplitudes(level_left_vpp, level_right_vpp)
+        thresholds = self._thresholds(gains)
+        chances = (
+            self.felt_probability(amplitudes[0] / thresholds[0]),
+            self.felt_probability(amplitudes[1] / thresholds[1]),
+        )
+        rt_s = self._reaction_time_s(max(chances), rng)
+        if rng.random() < self.lapse_rate:
+            response = responses[int(rng.random() * len(responses))]
+        else:
+            response = self._respond(amplitudes, chances, responses, rng)
+        if rt_s > response_window_s:
+            return NO_ANSWER
+        return ObserverAnswer(response=response, rt_s=rt_s)
+
+    def _thresholds(self, gains: FingerGains) -> tuple[float, float]:
+        """Return the thresholds of the left and the right finger, in the unit of the gains."""
+        if self.threshold_vpp is not None:
+            return self.threshold_vpp * gains.left[0], self.threshold_vpp * gains.right[1]
+        if self.threshold_um is None or gains.basis is None:
+            raise ValueError(
+                "threshold_um must meet gains in um; got gains of which no displacement is known"
+            )
+        return self.threshold_um, self.threshold_um
+
+    def _respond(
+        self,
+        amplitudes: tuple[float, float],
+        chances: tuple[float, float],
+        responses: tuple[str, ...],
+        rng: np.random.Generator,
+    ) -> str:
+        """Say what was felt, or guess; the pairs are those of the left and the right finger."""
+        left, right = amplitudes
+        felt_left = rng.random() < chances[0]
+        felt_right = rng.random() < chances[1]
+        felt_left = felt_left and not _masked(left, right)
+        felt_right = felt_right and not _masked(right, left)
+        if felt_left and felt_right and "both" in responses:
+            return "both"
+        if felt_left != felt_right:
+            return "left" if felt_left else "right"
+        if felt_left and left != right:
+            return "left" if left > right else "right"
+        if not felt_left and "none" in responses and rng.random() >= self.false_alarm_rate:
+            return "none"
+        return self._guess(responses, rng)
+
+    def _guess(self, responses: tuple[str, ...], rng: np.random.Generator) -> str:
+        if "both" in responses and rng.random() < self.guess_both:
+            return "both"
+        return "left" if rng.random() < self.side_bias else "right"
+
+    def _reaction_time_s(self, clarity: float, rng: np.random.Generator) -> float:
+        """Draw a shifted log-normal time: twice as long past the shift if nothing could be felt."""
+        median_s = (self.reaction_time_s - FASTEST_ANSWER_S) * (2.0 - clarity)
+        return FASTEST_ANSWER_S + median_s * math.exp(
+            self.reaction_time_spread * rng.standard_normal()
+        )
+
+
+def _masked(amplitude: float, other: float) -> bool:
+    """Tell whether a finger feels nothing because the other gets `MASKING_DB` more."""
+    return amplitude * _MASKING_RATIO <= other * _ROUNDING
+
+
+def _require_responses(responses: tuple[str, ...]) -> None:
+    offered = isinstance(responses, tuple) and set(responses) <= set(ANSWERS)
+    if not offered or "left" not in responses or "right" not in responses:
+        raise ValueError(
+            f"responses must be a tuple of {', '.join(ANSWERS)} with left and right; "
+            f"got {responses!r}"
+        )
+
+
+def draw_observer(median: Observer, threshold_sd_db: float, rng: np.random.Generator) -> Observer:
+    """Draw one participant of a simulated population.
+
+    Thresholds are log-normal: the population's standard deviation is stated in dB, 20 log10.
+
+    Parameters
+    ----------
+    median : Observer
+        The median participant.
+    threshold_sd_db : float
+        Standard deviation of the thresholds between participants.
+    rng : numpy.random.Generator
+        Where chance comes from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from experiment.study.read import paper_study
+    >>> median = paper_study().simulation.median
+    >>> draw_observer(median, 0.0, np.random.default_rng(1)) == median
+    True
+    """
+    offset_db = threshold_sd_db * rng.standard_normal()
+    factor = 10.0 ** (offset_db / 20)
+    name = "threshold_vpp" if median.threshold_um is None else "threshold_um"
+    return replace(median, **{name: getattr(median, name) * factor})

@@ -1,0 +1,143 @@
+"""The columns of trials.csv: the one definition that session, export and analysis share.
+
+One row tells of one presented trial. A value that does not exist, or that this program does not
+know yet, is written ``n/a``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+SCHEMA = 1
+NOT_AVAILABLE = "n/a"
+
+KINDS = ("single", "both", "blank", "practice", "control")
+SIDES = ("left", "right", "both", "none")
+ANSWERS = ("left", "right", "both", "none")
+RESPONSES = (*ANSWERS, "timeout", "invalid")
+STATUSES = ("ok", "device_error", "indeterminate", "aborted", "voided")
+BASES = ("measured", "predicted")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """What a column of trials.csv holds.
+
+    Attributes
+    ----------
+    name : str
+        The heading, with the unit as suffix.
+    type : str
+        ``int``, ``float``, ``bool`` (written ``true`` / ``false``) or ``str``.
+    optional : bool
+        Whether ``n/a`` is a legal value.
+    choices : tuple of str
+        The legal words; empty where any text is legal.
+    description : str
+        One sentence for people.
+    """
+
+    name: str
+    type: str
+    optional: bool
+    choices: tuple[str, ...]
+    description: str
+
+
+def _column(description: str, *choices: str) -> Any:
+    return field(metadata={"description": description, "choices": choices})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRow:
+    """One presented trial, one row of trials.csv; the fields are the columns, in their order."""
+
+    schema: int = _column("version of this table's layout")
+    participant: str = _column("participant's identifier")
+    session: str = _column("session's identifier")
+    condition: str = _column("condition's name in the study file")
+    block: int = _column("block, counted from 1; 0 is practice, -1 the audibility check")
+    trial: int = _column("trial of the plan, counted from 1")
+    attempt: int = _column("1, or more where a trial had to be presented again")
+    kind: str = _column("what sort of trial it is", *KINDS)
+    side: str = _column("where the stimulus was", *SIDES)
+    level_vpp: float | None = _column("planned level, peak-to-peak volts at the actuator")
+    response: str | None = _column("what was answered", *RESPONSES)
+    rt_s: float | None = _column("time from the stimulus's onset to the answer, seconds")
+    correct: bool | None = _column("whether the answer names the stimulus")
+    status: str = _column("ok, or why the trial does not count", *STATUSES)
+    onset_s: float | None = _column("onset of the stimulus on the session's clock, seconds")
+    foreperiod_s: float = _column("planned wait between cue and stimulus, seconds")
+    level_left_vpp: float | None = _column("level the device set on the left channel, volts")
+    level_right_vpp: float | None = _column("level the device set on the right channel, volts")
+    peak_left_um: float | None = _column("greatest displacement under the left finger, micrometres")
+    peak_right_um: float | None = _column(
+        "greatest displacement under the right finger, micrometres"
+    )
+    displacement_basis: str | None = _column("where the displacements come from", *BASES)
+    anticipated: bool = _column("a key came before the onset or within 100 ms of it")
+    noise_ok: bool | None = _column("whether the masking noise played from the onset to the answer")
+    simulated: bool = _column("whether the participant is a simulation")
+    study_sha256: str = _column("checksum of the study that was run")
+
+
+def _describe() -> tuple[Column, ...]:
+    return tuple(
+        Column(
+            name=f.name,
+            type=str(f.type).removesuffix(" | None"),
+            optional=str(f.type).endswith(" | None"),
+            choices=f.metadata["choices"],
+            description=f.metadata["description"],
+        )
+        for f in fields(TrialRow)
+    )
+
+
+COLUMNS: tuple[Column, ...] = _describe()
+
+
+def is_correct(kind: str, side: str, response: str | None) -> bool | None:
+    """Tell whether an answer names the stimulus; ``None`` without an answer.
+
+    A single stimulus is named only by its own side, so ``both`` is not correct; a both-finger trial
+    only by ``both``; a blank one only by ``none``. A time-out and an invalid key are not correct.
+
+    >>> is_correct("single", "left", "both"), is_correct("both", "both", "both")
+    (False, True)
+    """
+    if response is None:
+        return None
+    return response == ("none" if kind == "blank" else side)
+
+
+def format_value(value: object) -> str:
+    """Write one value as it stands in trials.csv; numbers keep their shortest exact form.
+
+    >>> [format_value(v) for v in (None, True, 60.0, 0.25, "left")]
+    ['n/a', 'true', '60', '0.25', 'left']
+    """
+    if value is None:
+        return NOT_AVAILABLE
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() else repr(value)
+    return str(value)
+
+
+def trials_csv(rows: Iterable[TrialRow]) -> str:
+    """Write rows as the text of a trials.csv: commas, LF line ends, the heading first."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = [column.name for column in COLUMNS]
+    writer.writerow(names)
+    writer.writerows([format_value(getattr(row, name)) for name in names] for row in rows)
+    return text.getvalue()

@@ -1,0 +1,261 @@
+"""Drawing a plan: orders, blocks, practice and waits, all from one seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiment.trial.plan import (
+    AUDIBILITY_BLOCK,
+    CONTROL,
+    PRACTICE_BLOCK,
+    Plan,
+    PlanError,
+    Trial,
+    seal,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from experiment.study.sections.design import Design
+    from experiment.study.sections.stimulus import Condition
+    from experiment.study.study import Study
+    from experiment.terms.gains import ConditionGains
+
+
+WARM_UP_SIDES = ("left", "right")
+"""Two easy trials, presented again to a person whenever a session is resumed."""
+
+
+def draw_plan(
+    study: Study,
+    *,
+    participant: str,
+    session: str,
+    seed: int,
+    levels_vpp: Sequence[float] | None = None,
+    gains: tuple[ConditionGains, ...] = (),
+) -> Plan:
+    """Draw and seal a session's trials.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    participant, session : str
+        Identifiers of the session's folder.
+    levels_vpp : sequence of float, optional
+        Levels placed for this participant, instead of the study's.
+    seed : int
+        Seed, 0 or more; the same seed gives the same plan.
+    gains : tuple of ConditionGains
+        The study's gain matrix, to be sealed with the trials; without it no displacement is told.
+
+    Raises
+    ------
+    PlanError
+        If the design cannot be drawn as the study asks.
+    StudyError
+        If the study cannot be run at these levels.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise PlanError(f"seed must be a whole number >= 0; got {seed!r}")
+    file_sha256 = study.sha256
+    if levels_vpp is not None:
+        from experiment.study.read import with_levels
+
+        study = with_levels(study, levels_vpp)
+    rng = np.random.Generator(np.random.PCG64(seed))
+    trials = tuple(_number(_draw_trials(study, rng, _off_plate_generator(seed))))
+    return seal(
+        Plan(
+            participant=participant,
+            session=session,
+            seed=seed,
+            generator=f"PCG64 of numpy {np.__version__}",
+            study=study.canonical,
+            study_sha256=study.sha256,
+            file_sha256=file_sha256,
+            responses=study.design.responses,
+            response_window_s=study.design.response_window_s,
+            trials=trials,
+            warm_up=_warm_up(study, trials),
+            gains=gains,
+        )
+    )
+
+
+def block_count(design: Design) -> int:
+    """Return into how many blocks one condition's trials are divided.
+
+    ``break_every`` is the largest number of trials in a block, 0 for no break at all. The order
+    ``balanced`` puts the same number of every single-finger stimulus into each block, so there the
+    count divides the number of trials of a side and level.
+
+    Raises
+    ------
+    PlanError
+        If no block of a balanced design is as short as ``break_every`` asks.
+    """
+    total = 2 * design.trials_per_side + design.both_trials + design.blank_trials
+    if design.break_every == 0:
+        return 1
+    fewest = math.ceil(total / design.break_every)
+    if design.order == "random":
+        return fewest
+    repeats = design.trials_per_side // len(design.levels_vpp)
+    for count in range(fewest, repeats + 1):
+        if repeats % count == 0:
+            return count
+    shortest = math.ceil(total / repeats)
+    raise PlanError(
+        f"design.break_every must be 0 or at least {shortest} (the shortest block with the same "
+        f"number of every stimulus); got {design.break_every}"
+    )
+
+
+def _number(trials: Iterator[Trial]) -> Iterator[Trial]:
+    for number, trial in enumerate(trials, start=1):
+        yield replace(trial, number=number)
+
+
+def _off_plate_generator(seed: int) -> np.random.Generator:
+    """Return what draws the trials with the fingers off; the others stay as they are without."""
+    return np.random.Generator(np.random.PCG64((seed, _OFF_PLATE_STREAM)))
+
+
+_OFF_PLATE_STREAM = 1
+
+
+def _draw_trials(
+    study: Study, rng: np.random.Generator, off_plate: np.random.Generator
+) -> Iterator[Trial]:
+    design, conditions = study.design, list(study.conditions)
+    if design.condition_order == "random":
+        conditions = [conditions[i] for i in rng.permutation(len(conditions))]
+    yield from _off_plate(design, conditions, AUDIBILITY_BLOCK, design.audibility_trials, off_plate)
+    yield from _practice(design, conditions[0], rng)
+    next_block = 1
+    for condition in conditions:
+        blocks = _BLOCKS_OF[design.order](design, rng)
+        for block, stimuli in enumerate(blocks, start=next_block):
+            for place in rng.permutation(len(stimuli)):
+                yield _trial(design, condition, block, stimuli[place], rng)
+        next_block += len(blocks)
+    yield from _off_plate(design, conditions, next_block, design.control_trials, off_plate)
+
+
+_Stimulus = tuple[str, str, float | None]
+"""Kind, side and level of one trial to come."""
+
+
+def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[_Stimulus]]:
+    """Draw every level independently, as in the paper, and cut the shuffled list into blocks."""
+    stimuli: list[_Stimulus] = [
+        ("single", side, float(rng.choice(design.levels_vpp)))
+        for side in ("left", "right")
+        for _ in range(design.trials_per_side)
+    ]
+    stimuli += _both(design, rng) + _blank(design)
+    shuffled = [stimuli[i] for i in rng.permutation(len(stimuli))]
+    length = design.break_every or len(shuffled)
+    return [shuffled[i : i + length] for i in range(0, len(shuffled), length)]
+
+
+def _balanced_blocks(design: Design, rng: np.random.Generator) -> list[list[_Stimulus]]:
+    """Give every block the same number of each side and level, the rest as evenly as possible."""
+    count = block_count(design)
+    repeats = design.trials_per_side // len(design.levels_vpp) // count
+    each: list[_Stimulus] = [
+        ("single", side, level) for side in ("left", "right") for level in design.levels_vpp
+    ]
+    blocks = [each * repeats for _ in range(count)]
+    others = _both(design, rng) + _blank(design)
+    for place, stimulus in enumerate(others):
+        blocks[place % count].append(stimulus)
+    return blocks
+
+
+_BLOCKS_OF = {"random": _random_blocks, "balanced": _balanced_blocks}
+
+
+def _both(design: Design, rng: np.random.Generator) -> list[_Stimulus]:
+    levels = [design.both_level_vpp or float(rng.choice(design.levels_vpp))
+              for _ in range(design.both_trials)]  # fmt: skip
+    return [("both", "both", level) for level in levels]
+
+
+def _blank(design: Design) -> list[_Stimulus]:
+    return [("blank", "none", None)] * design.blank_trials
+
+
+def _practice(design: Design, condition: Condition, rng: np.random.Generator) -> Iterator[Trial]:
+    """Draw the practice trials: both sides alike, at the highest level."""
+    sides = [WARM_UP_SIDES[i % 2] for i in range(design.practice_trials)]
+    for place in rng.permutation(len(sides)):
+        stimulus = ("practice", sides[place], max(design.levels_vpp))
+        yield _trial(design, condition, PRACTICE_BLOCK, stimulus, rng)
+
+
+def _off_plate(
+    design: Design,
+    conditions: Sequence[Condition],
+    block: int,
+    trials: int,
+    rng: np.random.Generator,
+) -> Iterator[Trial]:
+    """Draw one block with the fingers off the plate: condition by condition, both sides alike."""
+    for condition in conditions:
+        for place in rng.permutation(trials):
+            stimulus = (CONTROL, WARM_UP_SIDES[place % 2], design.highest_vpp)
+            yield _trial(design, condition, block, stimulus, rng)
+
+
+def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
+    return tuple(
+        Trial(
+            number=len(planned) + place,
+            block=PRACTICE_BLOCK,
+            condition=planned[0].condition,
+            kind="practice",
+            side=side,
+            level_vpp=max(study.design.levels_vpp),
+            foreperiod_s=study.design.foreperiod_s[1],
+        )
+        for place, side in enumerate(WARM_UP_SIDES, start=1)
+    )
+
+
+def _trial(
+    design: Design,
+    condition: Condition,
+    block: int,
+    stimulus: _Stimulus,
+    rng: np.random.Generator,
+) -> Trial:
+    kind, side, level_vpp = stimulus
+    return Trial(
+        number=0,
+        block=block,
+        condition=condition.name,
+        kind=kind,
+        side=side,
+        level_vpp=level_vpp,
+        foreperiod_s=_draw_foreperiod_s(design.foreperiod_s, rng),
+    )
+
+
+def _draw_foreperiod_s(limits_s: tuple[float, float], rng: np.random.Generator) -> float:
+    """Draw a wait from an exponential distribution cut to ``limits_s``, to the microsecond.
+
+    Its scale is half the range, so that a wait that has lasted tells little about what remains.
+    """
+    least_s, most_s = limits_s
+    scale_s = (most_s - least_s) / 2
+    u = rng.random()
+    wait_s = least_s - scale_s * math.log1p(-u * -math.expm1(-2.0))
+    return min(max(round(wait_s, 6), least_s), most_s)

@@ -1,0 +1,309 @@
+"""The words of the trial: where a session stands, what can happen, what can be done."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from experiment.terms.responder import Part
+from experiment.trial.plan import PRACTICE_BLOCK
+
+if TYPE_CHECKING:
+    from experiment.trial.plan import Trial
+
+
+class Phase(StrEnum):
+    """Where a session stands."""
+
+    READY = "ready"  # between two trials
+    WELCOME = "welcome"  # a sitting begins
+    INTRODUCTION = "introduction"  # a part begins: what it asks for, where the fingers lie
+    FOREPERIOD = "foreperiod"  # the cue is shown, the stimulus has yet to come
+    ARMING = "arming"  # the device was told of the stimulus
+    FIRING = "firing"  # the device was told to emit it
+    ANSWER = "answer"  # the stimulus is out, the answer is awaited
+    BREAK = "break"  # between two blocks
+    PAUSED = "paused"  # on the participant's or the operator's wish
+    FINISHED = "finished"  # every planned trial is answered
+    STOPPED = "stopped"  # before that; the session can be resumed
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A trial to be presented, for the how-many-eth time.
+
+    Attributes
+    ----------
+    trial : Trial
+        The trial.
+    attempt : int
+        Counted from 1.
+    warm_up : bool
+        Whether it is one of those after a resume, which do not count.
+    """
+
+    trial: Trial
+    attempt: int
+    warm_up: bool = False
+
+    @property
+    def part(self) -> Part:
+        """The part of the session that it belongs to."""
+        if self.warm_up:
+            return Part.WARM_UP
+        if self.trial.kind == "control":
+            return Part.AUDIBILITY if self.trial.block < PRACTICE_BLOCK else Part.CONTROL
+        return Part.PRACTICE if self.trial.kind == "practice" else Part.MAIN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """A session between two events.
+
+    Attributes
+    ----------
+    pending : tuple of Task
+        What is still to be presented, in order; the first is the current one.
+    keep_anticipated : bool
+        The study's rule: an anticipated trial is kept and flagged, not presented again.
+    response_window_s : float
+        How long an answer is awaited.
+    phase : Phase
+        Where the session stands.
+    block : int or None
+        The open block.
+    anticipated : bool
+        A key came too early in the current trial.
+    failures : int
+        Stimuli in a row that were not delivered.
+    greeted : bool
+        The participant was welcomed in this sitting.
+    part : Part or None
+        The part that was introduced last in this sitting.
+    noise_lost : bool
+        The masking noise has to be started again before the next trial.
+    """
+
+    pending: tuple[Task, ...]
+    keep_anticipated: bool
+    response_window_s: float
+    phase: Phase = Phase.READY
+    block: int | None = None
+    anticipated: bool = False
+    failures: int = 0
+    greeted: bool = False
+    part: Part | None = None
+    noise_lost: bool = False
+
+
+# What happened: the events.
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened."""
+
+
+class SittingDue(Event):
+    """The participant was not welcomed yet."""
+
+
+class PartDue(Event):
+    """The next trial belongs to a part that was not introduced yet."""
+
+
+class TrialDue(Event):
+    """The next trial belongs to the open block, or opens one."""
+
+
+class PracticeOver(Event):
+    """What stands before the first block has no trial left; a later block follows at once."""
+
+
+class BreakDue(Event):
+    """The open block has no trial left, a later one has."""
+
+
+class NothingLeft(Event):
+    """No trial is left."""
+
+
+class Elapsed(Event):
+    """The foreperiod, or the time for an answer, is over."""
+
+
+@dataclass(frozen=True, slots=True)
+class Key(Event):
+    """An answer key was pressed; `rt_s` after the onset, or before it where there is none."""
+
+    response: str
+    rt_s: float | None
+
+
+class EarlyKey(Event):
+    """A key came before an answer was possible; the trial is void."""
+
+
+@dataclass(frozen=True, slots=True)
+class EarlyKeyKept(Event):
+    """The same, where the study keeps and flags such a trial."""
+
+    response: str
+    rt_s: float | None
+
+
+class Armed(Event):
+    """The device holds the stimulus ready."""
+
+
+class Fired(Event):
+    """The device confirmed that the stimulus went out."""
+
+
+class NotFired(Event):
+    """The device confirmed that it did not."""
+
+
+class NotFiredAgain(Event):
+    """The same for the last time: the device does not do its work."""
+
+
+class FiredPerhaps(Event):
+    """Nobody can tell whether it went out."""
+
+
+class DeviceFailed(Event):
+    """The device refused, or its link is lost."""
+
+
+class NoiseLost(Event):
+    """The masking noise does not play, or did not at the onset."""
+
+
+class PauseAsked(Event):
+    """Esc was pressed, or the operator asked for a pause."""
+
+
+class Continued(Event):
+    """Welcome, introduction, break or pause is over."""
+
+
+class StopAsked(Event):
+    """The session is to be stopped now."""
+
+
+# What is to be done: the effects.
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """Something to be done; a few of them are answered by an event."""
+
+
+class Greet(Effect):
+    """Welcome and instruct the participant. Answered by Continued or StopAsked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Introduce(Effect):
+    """Tell what a part asks for. Answered by Continued or StopAsked."""
+
+    part: Part
+
+
+@dataclass(frozen=True, slots=True)
+class OpenBlock(Effect):
+    """Note that a block begins; its waveforms go to the device."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class CloseBlock(Effect):
+    """Note that a block is over."""
+
+    block: int
+
+
+@dataclass(frozen=True, slots=True)
+class Cue(Effect):
+    """Show that a trial begins."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Wait(Effect):
+    """Let the foreperiod pass, or its rest. Answered by Elapsed, Key, PauseAsked or StopAsked."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Arm(Effect):
+    """Journal the token, then arm the device. Answered by Armed, NoiseLost or DeviceFailed."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Fire(Effect):
+    """Emit the stimulus. Answered by Fired, NotFired, FiredPerhaps or DeviceFailed."""
+
+    task: Task
+
+
+@dataclass(frozen=True, slots=True)
+class Listen(Effect):
+    """Wait for the answer. Answered by Key, Elapsed, NoiseLost, PauseAsked or StopAsked."""
+
+    task: Task
+    window_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EndTrial(Effect):
+    """Record how the trial ended."""
+
+    task: Task
+    status: str
+    response: str | None = None
+    rt_s: float | None = None
+    anticipated: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback(Effect):
+    """Tell the participant whether a practice answer was right."""
+
+    correct: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Rest(Effect):
+    """Offer a break, or hold a pause. Answered by Continued or StopAsked."""
+
+    paused: bool
+
+
+class StartNoise(Effect):
+    """Start the masking noise again. Answered by NoiseLost if that fails."""
+
+
+class ZeroOutputs(Effect):
+    """Put the device's outputs to zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloseSession(Effect):
+    """Note that the session is over, and whether it is complete."""
+
+    finished: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Farewell(Effect):
+    """Fall silent and say good-bye to the participant."""
+
+    finished: bool

@@ -1,0 +1,222 @@
+"""Every trial of a session, written out and sealed with a checksum."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains, gains_from_json
+from experiment.terms.record import KINDS, SIDES
+
+SCHEMA = 2
+_WITHOUT_GAINS = 1
+"""Schema of a plan without a gain matrix: what earlier versions wrote."""
+AUDIBILITY_BLOCK = -1
+PRACTICE_BLOCK = 0
+CONTROL = "control"
+"""The kind of the trials with the fingers off the plate."""
+
+
+class PlanError(ValueError):
+    """A plan that is not what it was when it was sealed, or that cannot be drawn."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One planned trial.
+
+    Attributes
+    ----------
+    number : int
+        Place in the plan, counted from 1.
+    block : int
+        Block, counted from 1; 0 is practice and warm-up, -1 the audibility check.
+    condition : str
+        Name of the study's condition.
+    kind, side : str
+        A word of `record.KINDS` and of `record.SIDES`.
+    level_vpp : float or None
+        Peak-to-peak volts at the actuator; none for a blank trial.
+    foreperiod_s : float
+        Wait between the cue and the stimulus.
+    """
+
+    number: int
+    block: int
+    condition: str
+    kind: str
+    side: str
+    level_vpp: float | None
+    foreperiod_s: float
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise PlanError(f"kind must be one of {', '.join(KINDS)}; got {self.kind!r}")
+        if self.side not in SIDES:
+            raise PlanError(f"side must be one of {', '.join(SIDES)}; got {self.side!r}")
+        if (self.level_vpp is None) != (self.kind == "blank"):
+            raise PlanError(f"a {self.kind} trial cannot have level_vpp = {self.level_vpp!r}")
+        if self.kind == CONTROL and self.side not in {"left", "right"}:
+            raise PlanError(f"a control trial's side must be left or right; got {self.side!r}")
+        if self.block < AUDIBILITY_BLOCK or (
+            self.block == AUDIBILITY_BLOCK and self.kind != CONTROL
+        ):
+            raise PlanError(f"a {self.kind} trial cannot be of block {self.block}")
+
+
+_TRIAL_FIELDS = tuple(Trial.__dataclass_fields__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """A session's sealed list of trials.
+
+    Attributes
+    ----------
+    participant, session : str
+        Identifiers of the session's folder.
+    seed : int
+        Seed of the generator that drew the trials.
+    generator : str
+        Name of numpy's bit generator, and numpy's version.
+    study : str
+        The study as canonical JSON text.
+    study_sha256 : str
+        Checksum of that text.
+    file_sha256 : str
+        Checksum of the study as its file states it, before levels were placed.
+    responses : tuple of str
+        The answers that the study offers.
+    response_window_s : float
+        How long an answer is waited for.
+    trials : tuple of Trial
+        Every trial in its order.
+    warm_up : tuple of Trial
+        The trials presented to a person again after a resume.
+    gains : tuple of ConditionGains
+        The gain matrix of every condition; empty where displacements are not known.
+    sha256 : str
+        Checksum over the canonical form of everything above.
+    """
+
+    participant: str
+    session: str
+    seed: int
+    generator: str
+    study: str
+    study_sha256: str
+    file_sha256: str
+    responses: tuple[str, ...]
+    response_window_s: float
+    trials: tuple[Trial, ...]
+    warm_up: tuple[Trial, ...]
+    gains: tuple[ConditionGains, ...] = ()
+    sha256: str = ""
+
+    def answers_to(self, trial: Trial) -> tuple[str, ...]:
+        """Return the answers accepted in a trial; ``none`` always is with the fingers off.
+
+        Parameters
+        ----------
+        trial : Trial
+            One of the plan's.
+        """
+        if trial.kind != CONTROL or "none" in self.responses:
+            return self.responses
+        return (*self.responses, "none")
+
+    def gains_of(self, condition: str) -> FingerGains:
+        """Return what the two fingers get in a condition; `OWN_FINGER_ONLY` if it is not known."""
+        for gains in self.gains:
+            if gains.condition == condition:
+                return gains.fingers()
+        return OWN_FINGER_ONLY
+
+    def to_json(self) -> str:
+        """Write the plan as the text of plan.json, checksum included."""
+        return (
+            json.dumps(_contents(self) | {"sha256": self.sha256}, ensure_ascii=False, indent=1)
+            + "\n"
+        )
+
+
+def _contents(plan: Plan) -> dict[str, Any]:
+    """List what the checksum covers."""
+    contents = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
+    del contents["sha256"]
+    contents["study"] = json.loads(plan.study)
+    for name in ("trials", "warm_up"):  # by hand: asdict takes ten times as long
+        contents[name] = [{f: getattr(t, f) for f in _TRIAL_FIELDS} for t in contents[name]]
+    contents["gains"] = [asdict(gains) for gains in plan.gains]
+    if not plan.gains:
+        del contents["gains"]
+    return {"schema": SCHEMA if plan.gains else _WITHOUT_GAINS} | contents
+
+
+def _checksum(plan: Plan) -> str:
+    canonical = json.dumps(
+        _contents(plan),
+        sort_keys=True,
+        separators=(",", ":"),
+        ensure_ascii=False,
+        allow_nan=False,
+        default=list,
+    )
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def seal(plan: Plan) -> Plan:
+    """Return the plan with its checksum."""
+    return replace(plan, sha256=_checksum(plan))
+
+
+def verify(plan: Plan) -> None:
+    """Refuse a plan that differs from what was sealed.
+
+    Raises
+    ------
+    PlanError
+        If the checksum does not match the contents.
+    """
+    found = _checksum(plan)
+    if plan.sha256 != found:
+        raise PlanError(
+            f"the plan's sha256 must be {found[:12]}...; got {str(plan.sha256)[:12]!r}: "
+            "the plan was changed after it was sealed"
+        )
+
+
+def plan_from_json(text: str) -> Plan:
+    """Read the text of a plan.json and verify its seal.
+
+    Raises
+    ------
+    PlanError
+        If the text is not a plan of this schema or its checksum does not match.
+    """
+    try:
+        contents = json.loads(text)
+        if contents["schema"] not in (_WITHOUT_GAINS, SCHEMA):
+            raise PlanError(
+                f"the plan's schema must be {_WITHOUT_GAINS} or {SCHEMA}; "
+                f"got {contents['schema']!r}"
+            )
+        if contents["schema"] == _WITHOUT_GAINS:
+            contents["gains"] = []
+        fields = {name: contents[name] for name in Plan.__dataclass_fields__}
+        fields["study"] = json.dumps(
+            contents["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False
+        )
+        fields["responses"] = tuple(contents["responses"])
+        fields["trials"] = tuple(Trial(**trial) for trial in contents["trials"])
+        fields["warm_up"] = tuple(Trial(**trial) for trial in contents["warm_up"])
+        fields["gains"] = tuple(gains_from_json(gains) for gains in contents["gains"])
+        plan = Plan(**fields)
+    except PlanError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise PlanError(f"not a plan of this program: {error}") from error
+    verify(plan)
+    return plan

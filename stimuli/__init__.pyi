@@ -1,0 +1,65 @@
+from .drive.burst import Burst
+from .drive.energy import staircase_energy_above
+from .drive.fit import BurstCheck, check_burst
+from .drive.sampled import Drive, SampledDrive
+from .field.field import DisplacementMap, Response, displacement, displacement_map, response
+from .field.scene import Scene, Work
+from .field.synthesis import TransientWork, transient, transient_work
+from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
+from .fingers.fingertip import Fingertip, causal, felt
+from .fingers.level import WindowChoice, level_db, shortest_window
+from .load import (
+    ForceRectangle,
+    Load,
+    MomentDisc,
+    MomentRectangle,
+    PointForce,
+    PressureDisc,
+    PressureRectangle,
+)
+from .strip.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
+from .strip.material import ALUMINIUM, Material
+from .strip.strip import Strip
+
+__all__ = [
+    "ALUMINIUM",
+    "CLAMPED",
+    "SIMPLY_SUPPORTED",
+    "Burst",
+    "BurstCheck",
+    "DisplacementMap",
+    "Drive",
+    "ElasticEdge",
+    "Fingertip",
+    "ForceRectangle",
+    "IdealEdge",
+    "Load",
+    "LoadPerVolt",
+    "Material",
+    "MeasuredDisplacement",
+    "MomentDisc",
+    "MomentRectangle",
+    "PiezoLayers",
+    "PointForce",
+    "PressureDisc",
+    "PressureRectangle",
+    "Response",
+    "SampledDrive",
+    "Scene",
+    "Strip",
+    "TransientWork",
+    "WindowChoice",
+    "Work",
+    "causal",
+    "check_burst",
+    "displacement",
+    "displacement_map",
+    "felt",
+    "level_db",
+    "load_per_volt",
+    "response",
+    "shortest_window",
+    "staircase_energy_above",
+    "transient",
+    "transient_work",
+]

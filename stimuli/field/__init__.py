@@ -1,0 +1,1 @@
+"""The displacement of a strip, over frequency, over the plate and over time."""

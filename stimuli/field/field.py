@@ -1,0 +1,399 @@
+"""The displacement of a strip over frequency, and maps of it over the plate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.checks import finite, finite_array, instance
+from stimuli.field.jobs import Job, dimensionless, stiffness_factors, unit_scale
+from stimuli.field.scene import LEAST_RTOL, Scene, Work
+from stimuli.load import LOADS, Load
+from stimuli.solver.endless import solved
+from stimuli.solver.ends import faintness, reflected
+from stimuli.solver.source import Part, Task
+from stimuli.strip.waves import supported_cutoff_hz
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from stimuli.field.sweep import Band
+    from stimuli.solver.source import Ends
+    from stimuli.strip.strip import Strip
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+
+_CHUNK: Final = 300
+"""Pairs of a frequency and a place that are solved at once: more do not fit the cache."""
+
+_ROWS: Final = 8
+"""Frequencies at which the ends are solved at once."""
+
+_POOR: Final = 10.0
+"""Estimated part of the wanted error above which the ends are solved again."""
+
+_FINER: Final = 1e-3
+"""Part of the wanted error that is asked for then."""
+
+_AT_CUTOFF: Final = 4e-15
+
+_CAUTION: Final = 3.0
+"""What the first coefficient left out of a sweep is multiplied with."""
+
+_TINIEST, _LEAST_FALL = 1e-300, 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Response:
+    """The displacement of a scene with its error.
+
+    Attributes
+    ----------
+    displacement_m : ndarray of complex128, shape (n_frequencies, n_loads, n_points)
+        Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t).
+    error_m : ndarray of float64, same shape
+        Estimate of its error.
+    work : Work
+        What was computed.
+    """
+
+    displacement_m: Complex
+    error_m: Real
+    work: Work
+
+
+def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Complex:
+    """Return the displacement of a strip at points under unit loads, equations (37) to (53).
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points.
+    frequencies_hz : array_like of float, shape (n_frequencies,)
+        Frequencies from 0.
+    rtol : float
+        Wanted relative error, from 1e-12 to 0.1. It holds for every value, down to a floor of
+        1e-3 rtol of the field's largest value there: where waves cancel, a null is not resolved
+        further.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n_frequencies, n_loads, n_points)
+        Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t).
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or a frequency is a cut-off of a strip without loss,
+        where the field is infinite.
+
+    Examples
+    --------
+    A load and a point may be exchanged:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> there = displacement(Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.005),),
+    ...                            points_m=((0.02, 0.015),)), [5000.0])
+    >>> back = displacement(Scene(strip=strip, loads=(PointForce(x_m=0.02, y_m=0.015),),
+    ...                           points_m=((0.0, 0.005),)), [5000.0])
+    >>> bool(abs(there / back - 1).max() < 1e-6)
+    True
+    """
+    return response(scene, frequencies_hz, rtol).displacement_m
+
+
+def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Response:
+    """Return the displacement with an estimate of its error and the work done.
+
+    Parameters
+    ----------
+    scene, frequencies_hz, rtol
+        As for `displacement`.
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    ValueError
+        As for `displacement`.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> scene = Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.0125),),
+    ...               points_m=((0.0, 0.0125),))
+    >>> at_300_hz = response(scene, [300.0], rtol=1e-10)
+    >>> true_m = 1.35672670270450974e-05
+    >>> error_m = abs(at_300_hz.displacement_m[0, 0, 0] - true_m)
+    >>> bool(error_m < 1e-10 * true_m), bool(error_m < at_300_hz.error_m[0, 0, 0])
+    (True, True)
+    """
+    instance("scene", scene, Scene, "a Scene")
+    frequencies, rtol = scene.checked(frequencies_hz, rtol)
+    jobs = scene.jobs()
+    _refuse_cutoffs(scene, frequencies, jobs)
+    shape = (frequencies.size, len(scene.loads), len(scene.points_m))
+    value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
+    bands = scene.bands(frequencies, rtol, jobs)
+    for band in bands:
+        found = solve(scene, band.solved_hz.astype(np.complex128), rtol, jobs)
+        part = _between(band, found)
+        value[band.rows], error[band.rows] = part.value, part.error
+    work = scene.counted(frequencies.size, rtol, jobs, bands)
+    return Response(displacement_m=value, error_m=error, work=work)
+
+
+def solve(
+    scene: Scene, frequencies_hz: Complex, rtol: float, jobs: tuple[Job, ...] | None = None
+) -> Part:
+    """Return the displacement at each frequency by itself, complex ones too.
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points.
+    frequencies_hz : ndarray of complex128, shape (n_frequencies,)
+        omega / (2 pi), not 0, with Im >= 0 and, but for viscous loss, Re >= 0; no cut-off.
+    rtol : float
+        Wanted relative error.
+    jobs : tuple of Job or None
+        What `scene.jobs` returned, if it is known.
+
+    Returns
+    -------
+    Part
+        Metres per unit load and the estimate of the error, shape (n_frequencies, n_loads,
+        n_points).
+
+    Examples
+    --------
+    With a growing time factor the field is that of a strip with loss:
+
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> scene = Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.0125),),
+    ...               points_m=((0.0, 0.0125),))
+    >>> value = solve(scene, np.array([2500, 2500 + 1j]), 1e-9).value
+    >>> bool(abs(value[1] - value[0]) < 1e-2 * abs(value[0]))
+    True
+    """
+    jobs = scene.jobs() if jobs is None else jobs
+    shape = (frequencies_hz.size, len(scene.loads), len(scene.points_m))
+    value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
+    stiffness = scene.strip.bending_stiffness_n_m * stiffness_factors(scene.strip, frequencies_hz)
+    for job in jobs:
+        part = _solved_at(scene, job, frequencies_hz, rtol)
+        for load, places in zip(job.loads, job.places, strict=True):
+            scales = (unit_scale(scene.loads[load], scene.strip.width_m) / stiffness)[:, np.newaxis]
+            value[:, load] = part.value[:, places] * scales
+            error[:, load] = part.error[:, places] * np.abs(scales)
+    if scene.driven is not None:
+        driven = np.array(scene.driven, dtype=np.float64)[:, np.newaxis]
+        value, error = value * driven, error * driven
+    return Part(value=value, error=error)
+
+
+def _between(band: Band, part: Part) -> Part:
+    """Return what the solved frequencies give at the asked ones, equation (53)."""
+    if band.matrix is None or band.last is None or band.rest is None:
+        return part
+    size = part.value.shape
+    value, error = part.value.reshape(size[0], -1), part.error.reshape(size[0], -1)
+    last = np.abs(band.last @ value)
+    older, newer = np.max(last[:2], axis=0), np.max(last[2:], axis=0)
+    fall = np.clip(np.sqrt(newer / np.maximum(older, _TINIEST)), _LEAST_FALL, 1.0)
+    left_out = np.outer(band.rest, np.maximum(last[3], last[2] * fall) * fall)
+    error = np.sqrt(band.matrix**2 @ error**2) + _CAUTION * left_out
+    size = (band.rows.size, *size[1:])
+    return Part(value=(band.matrix @ value).reshape(size), error=error.reshape(size))
+
+
+def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Part:
+    """Return D U in units of the width for a job, in portions that fit the cache."""
+    k, hold = dimensionless(scene.strip, frequencies_hz, skip=scene.skip)
+    size = (frequencies_hz.size, job.distance.size)
+    value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
+    order = np.argsort(frequencies_hz.real)
+    task = Task(
+        exact_k=k,
+        exact_hold=hold,
+        source=job.source,
+        distance=job.distance,
+        across=job.across,
+        rtol=rtol,
+    )
+    for places in np.array_split(np.arange(size[1]), -(-size[1] // _CHUNK)):
+        n_rows = max(1, _CHUNK // places.size)
+        for rows in np.array_split(order, -(-size[0] // n_rows)):
+            some = replace(task.at(places), exact_k=k[rows], exact_hold=hold[rows])
+            part = solved(some, job.signs, skip=scene.skip)
+            value[np.ix_(rows, places)] = part.value
+            error[np.ix_(rows, places)] = part.error
+    endless = Part(value=value, error=error)
+    return (
+        endless if job.ends is None else _with_ends(task, job, job.ends, endless, skip=scene.skip)
+    )
+
+
+def _with_ends(task: Task, job: Job, ends: Ends, endless: Part, *, skip: bool) -> Part:
+    """Return the field of a finite strip from that of the endless one, in portions."""
+    value, error = endless.value[:, ends.direct], endless.error[:, ends.direct]
+    task = task.at(ends.direct)
+    order = np.argsort(np.abs(task.k))
+    if skip:
+        faint = faintness(task, ends, job.signs)
+        used = np.any(faint > task.rtol, axis=1)
+        error[~used] += faint[~used] * np.abs(value[~used])
+        order = order[used[order]]
+    for rows in np.array_split(order, max(-(-order.size // _ROWS), 1)):
+        if not rows.size:
+            break
+        some = replace(task, exact_k=task.exact_k[rows], exact_hold=task.exact_hold[rows])
+        part = reflected(some, ends, job.signs)
+        value[rows] += part.value
+        error[rows] += part.error
+        again = _POOR * some.rtol < _relative(value[rows], part.error)
+        if np.any(again) and some.rtol > LEAST_RTOL:
+            finer = replace(
+                some,
+                exact_k=some.exact_k[again],
+                exact_hold=some.exact_hold[again],
+                rtol=max(some.rtol * _FINER, LEAST_RTOL),
+            )
+            better = reflected(finer, ends, job.signs)
+            value[rows[again]] += better.value - part.value[again]
+            error[rows[again]] += better.error - part.error[again]
+    return Part(value=value, error=error)
+
+
+def _relative(value: Complex, error: Real) -> Real:
+    """Return the greatest error as a part of what it is wanted of, for each frequency."""
+    size = np.abs(value)
+    size = np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True))
+    return np.asarray(np.max(error / np.maximum(size, 1e-300), axis=1))
+
+
+def _refuse_cutoffs(scene: Scene, frequencies_hz: Real, jobs: tuple[Job, ...]) -> None:
+    """Refuse frequencies at which a wave without loss neither propagates nor decays."""
+    strip, material = scene.strip, scene.strip.material
+    if material.loss_factor or material.viscous_time_s or not frequencies_hz.size:
+        return
+    even = any(-1 in job.signs for job in jobs)
+    mode, highest_hz = 1, float(np.max(frequencies_hz))
+    if highest_hz < 0.9 * supported_cutoff_hz(material, strip.width_m, strip.thickness_m):
+        return  # below the first cut-off of every edge
+    while (cutoff_hz := strip.cutoff_hz(mode)) <= highest_hz * (1 + 1e-9):
+        at = np.abs(frequencies_hz - cutoff_hz) <= _AT_CUTOFF * cutoff_hz
+        if np.any(at) and (even or mode % 2):
+            raise ValueError(
+                "frequencies_hz must not hold a cut-off of a strip without loss: the field is "
+                f"infinite at {cutoff_hz!r} Hz, the cut-off of mode {mode}, got "
+                f"{float(frequencies_hz[at][0])!r}"
+            )
+        mode += 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DisplacementMap:
+    """The displacement of a strip on a grid of places.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Frequency of the loads.
+    x_m : ndarray of float64, shape (n_x,)
+        Places along the strip.
+    y_m : ndarray of float64, shape (n_y,)
+        Places across it, from one edge.
+    displacement_m : ndarray of complex128, shape (n_loads, n_x, n_y)
+        Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t); exactly 0 on the
+        held edges.
+    """
+
+    frequency_hz: float
+    x_m: NDArray[np.float64]
+    y_m: NDArray[np.float64]
+    displacement_m: NDArray[np.complex128]
+
+
+def displacement_map(
+    strip: Strip,
+    loads: Load | tuple[Load, ...],
+    frequency_hz: float,
+    *,
+    x_m: ArrayLike,
+    y_m: ArrayLike,
+    rtol: float = 1e-4,
+) -> DisplacementMap:
+    """Return the displacement of a strip on a grid, equations (37) to (53).
+
+    Repeated and mirrored pairs of a load and a place are solved once; the time grows linearly
+    with those that are left.
+
+    Parameters
+    ----------
+    strip : Strip
+        The strip.
+    loads : Load or tuple of Load
+        One load, or several of which each is looked at by itself.
+    frequency_hz : float
+        Frequency from 0.
+    x_m : array_like of float, shape (n_x,)
+        Places along the strip, at least one.
+    y_m : array_like of float, shape (n_y,)
+        Places across it, from one edge, at least one; none off the strip.
+    rtol : float
+        Wanted relative error, as for `stimuli.displacement`.
+
+    Returns
+    -------
+    DisplacementMap
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or the frequency is a cut-off of a strip without
+        loss, where the field is infinite.
+
+    Examples
+    --------
+    The held edges rest, and both sides of a load move alike:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> found = displacement_map(strip, disc, 500.0, x_m=[-0.01, 0.0, 0.01],
+    ...                          y_m=[0.0, 0.005, 0.02, 0.025])
+    >>> found.displacement_m.shape, bool(found.displacement_m[:, :, [0, 3]].any())
+    ((1, 3, 4), False)
+    >>> bool((found.displacement_m[:, 0] == found.displacement_m[:, 2]).all())
+    True
+    """
+    frequency_hz = finite("frequency_hz", frequency_hz, least=0)
+    x, y = _grid("x_m", x_m), _grid("y_m", y_m)
+    scene = Scene(
+        strip=strip,
+        loads=(loads,) if isinstance(loads, LOADS) else loads,
+        points_m=tuple(product(x.tolist(), y.tolist())),
+    )
+    value = displacement(scene, [frequency_hz], rtol)[0].reshape(-1, x.size, y.size)
+    value[:, :, (y == 0) | (y == strip.width_m)] = 0
+    return DisplacementMap(frequency_hz=frequency_hz, x_m=x, y_m=y, displacement_m=value)
+
+
+def _grid(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    places = finite_array(name, values)
+    if places.ndim != 1 or not places.size:
+        raise ValueError(f"{name} must be a one-dimensional array, not empty, got {values!r}")
+    return places

@@ -1,0 +1,478 @@
+"""The spectrum of a displacement along a line above the real axis, by adaptive panels.
+
+What is wanted at the bins of a fine uniform grid is solved at a few Chebyshev nodes of panels that
+are as wide as the field is smooth. A round solves all pending panels; one whose series has not
+converged is halved, one without drive energy is left out, and the range grows until what lies
+above it no longer counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.field.field import solve
+from stimuli.field.scene import LEAST_RTOL, MOST_CUTOFFS
+from stimuli.load import DISCS
+from stimuli.strip.edge import SIMPLY_SUPPORTED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.drive.sampled import Drive
+    from stimuli.field.jobs import Job
+    from stimuli.field.scene import Scene
+
+    Complex = NDArray[np.complex128]
+    Panel = tuple[int, int]
+    Real = NDArray[np.float64]
+
+
+_NODES: Final = 16
+"""Chebyshev nodes of a panel; one with no more bins is solved at its bins."""
+
+_SHARE: Final = 0.2
+"""Part of rtol for the series of one panel; few reach it."""
+
+_IDLE: Final = 1e-2
+"""Part of rtol below which a panel is left out, by the field at the probes next to it."""
+
+_TAIL: Final = 0.8
+"""Part of rtol for all above the range; what is really left out is about a third of its bound."""
+
+_SOLVER: Final = 0.03
+"""Part of rtol that is asked of every solution."""
+
+_NOISE: Final = 4.0
+"""Times the estimated error of the solutions, below which a series counts as converged."""
+
+_MOST_GROWTH: Final = 4
+"""Factor by which the range may grow in a round: the peaks are not well known before."""
+
+_WIDEST_DISC: Final = 24.0
+"""Largest k R at which a point inside a disc has digits left, few but enough for a tail."""
+
+_MOST_WITH_ENDS: Final = 400.0
+"""First cut-offs of the supported strip up to which the free ends of a finite one are computed."""
+
+_MOST_RESPONSE: Final = 8.0
+"""First cut-offs up to which a response has all that makes its peak."""
+
+_PAIRS_AT_ONCE: Final = 16
+_ANGLES: Final = np.pi * (np.arange(_NODES) + 0.5) / _NODES
+_ORDERS: Final = np.arange(_NODES)
+_TO_SERIES: Final = (
+    np.cos(_ORDERS[:, np.newaxis] * _ANGLES) * np.where(_ORDERS, 2.0, 1.0)[:, np.newaxis] / _NODES
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tail:
+    """What field and drive have at and above a row of probes, equation (66).
+
+    Attributes
+    ----------
+    frequencies_hz : ndarray of float64, shape (n_probes,)
+        The probes, increasing; the last is the highest frequency of the field.
+    field_m : ndarray of float64, shape (n_probes, n_pairs)
+        |U| there.
+    bound_m : ndarray of float64, shape (n_probes, n_pairs)
+        What all above each probe can add to |u|.
+    known : ndarray of bool, shape (n_probes, n_pairs)
+        Whether the field is computed above each probe; if not, `field_m` is taken to fall as
+        f^(-3/4), the slowest that any load's does.
+    """
+
+    frequencies_hz: Real
+    field_m: Real
+    bound_m: Real
+    known: NDArray[np.bool_]
+
+    def near(self, low_hz: float, high_hz: float) -> Real:
+        """Return the largest |U| at the probes of a range and its neighbours."""
+        f = self.frequencies_hz
+        first = max(int(np.searchsorted(f, low_hz)) - 2, 0)
+        return np.asarray(
+            np.max(self.field_m[first : int(np.searchsorted(f, high_hz)) + 2], axis=0)
+        )
+
+    def end_hz(self, allowed_m: Real) -> float:
+        """Return the first probe above which no pair that is known has more than is allowed."""
+        fits = np.all((self.bound_m <= allowed_m) | ~self.known, axis=1)
+        return float(self.frequencies_hz[np.argmax(fits)])
+
+    @property
+    def least_m(self) -> Real:
+        """What must be left out of each pair."""
+        first = np.argmin(self.known, axis=0)
+        return np.asarray(self.bound_m[first, np.arange(first.size)])
+
+
+def limits_hz(scene: Scene) -> Real:
+    """Return the highest frequency that is computed for each pair of a load and a point."""
+    width_m = scene.strip.width_m
+    supported_hz = replace(scene.strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
+    most = MOST_CUTOFFS if scene.strip.length_m is None else _MOST_WITH_ENDS
+    limits = np.full((len(scene.loads), len(scene.points_m)), most)
+    x, y = np.array(scene.points_m).T
+    for load, row in zip(scene.loads, limits, strict=True):
+        if isinstance(load, DISCS):
+            widest = (_WIDEST_DISC * width_m / (math.pi * load.radius_m)) ** 2
+            inside = np.hypot(x - load.x_m, y - load.y_m) < load.radius_m
+            row[inside] = min(widest, MOST_CUTOFFS)
+    return limits.ravel() * supported_hz
+
+
+def probes(drive: Drive, limits_hz: Real) -> Real:
+    """Return the places of the probes: two per octave from the drive's peak, and the limits."""
+    least_hz, most_hz = float(np.min(limits_hz)), float(np.max(limits_hz))
+    scale_hz = min(max(drive.peak_hz(), 1 / drive.duration_s), least_hz / 2)
+    octaves = np.arange(0.0, math.log2(most_hz / scale_hz), 0.5)
+    return np.union1d(scale_hz * 2.0**octaves, limits_hz)
+
+
+def tail(drive: Drive, frequencies_hz: Real, field_m: Real, limits_hz: Real) -> Tail:
+    """Return what field and drive have above probes, by the inequality of Schwarz.
+
+    The drive's energy in each interval is exact, the field is the larger of both ends.
+    """
+    f = frequencies_hz
+    fall = np.minimum(limits_hz / f[:, np.newaxis], 1.0) ** 0.75
+    at_limit = field_m[np.searchsorted(f, limits_hz), np.arange(limits_hz.size)]
+    known = f[:, np.newaxis] < limits_hz
+    field_m = np.where(known, field_m, at_limit * fall)
+    share = np.array([drive.energy_above(float(frequency)) for frequency in f])
+    energy = _energy(drive, float(4 * f[0])) / (1 - drive.energy_above(float(4 * f[0])))
+    within = np.sqrt(np.diff(f) * energy * np.clip(share[:-1] - share[1:], 0.0, None))
+    larger = np.maximum(field_m[:-1], field_m[1:])
+    beyond = math.sqrt(2 * f[-1] * energy * share[-1]) * field_m[-1]
+    parts = 2 * np.vstack([larger * within[:, np.newaxis], beyond])
+    bound_m = np.cumsum(parts[::-1], axis=0)[::-1]
+    return Tail(frequencies_hz=f, field_m=field_m, bound_m=bound_m, known=known)
+
+
+def _energy(drive: Drive, most_hz: float) -> float:
+    """Return the integral of |S|^2 up to a frequency by a rule fine enough for the duration."""
+    f = np.linspace(0.0, most_hz, 2 + int(8 * most_hz * drive.duration_s))
+    square = np.abs(drive.spectrum(f)) ** 2
+    return float(np.sum(square) - (square[0] + square[-1]) / 2) * float(f[1])
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Sweep:
+    """The product of field and drive at the bins, as far as it is known.
+
+    Attributes
+    ----------
+    scene, drive, line, rtol
+        What is asked; `rtol` is relative to the peak of each pair of a load and a point.
+    values : ndarray of complex128, shape (n_bins, n_pairs)
+        Displacement times the drive's spectrum, in metre seconds.
+    peaks_m : ndarray of float64, shape (n_pairs,)
+        Largest |u| over the span.
+    late : float
+        Largest |u| from the span to the period, relative to the pair's peak.
+    n_solved, n_idle : int
+        Frequencies solved; bins within the range without drive energy.
+    """
+
+    scene: Scene
+    drive: Drive
+    line: Line
+    rtol: float
+    values: Complex = field(init=False)
+    peaks_m: Real = field(init=False)
+    late: float = 0.0
+    n_solved: int = 0
+    n_idle: int = 0
+    _limits_hz: Real = field(init=False)
+    _jobs: tuple[Job, ...] = field(init=False)
+    _spectrum: Complex = field(init=False)
+    _tail: Tail = field(init=False)
+
+    def run(self) -> None:
+        """Find all bins that count, or refuse; see `swept`."""
+        n_pairs = len(self.scene.loads) * len(self.scene.points_m)
+        self.values, self.peaks_m = np.zeros((0, n_pairs), dtype=np.complex128), np.zeros(n_pairs)
+        self._spectrum = np.zeros(0, dtype=np.complex128)
+        self._jobs, self._limits_hz = self.scene.jobs(), limits_hz(self.scene)
+        self._probe()
+        scale = self._bin_above(float(self._tail.frequencies_hz[0]))
+        self._extend(scale)
+        pending = [(0, scale), *self._above(4 * scale)]
+        while pending:
+            rough = self._fill(pending)
+            self._refuse_if_short()
+            pending = [half for panel in rough for half in self._halves(panel)]
+            end_hz = self._tail.end_hz(_TAIL * self.rtol * self.peaks_m)
+            most = min(self._bin_above(end_hz), _MOST_GROWTH * self._spectrum.size)
+            pending += self._above(most)
+
+    def solve_every_bin(self, scene: Scene) -> None:
+        """Replace what was interpolated or left out by a solution for every bin of the range."""
+        self._jobs = scene.jobs()
+        bins = np.arange(self.values.shape[0])
+        field_m, _ = self._solved(scene, self.line.at(bins))
+        limits = [self._bin_above(float(limit_hz)) for limit_hz in self._limits_hz]
+        field_m[bins[:, np.newaxis] >= limits] = 0.0
+        self.values = field_m * self._spectrum[:, np.newaxis]
+        self.n_solved, self.n_idle = bins.size, 0
+        self._measure()
+
+    def _probe(self) -> None:
+        """Solve the probes."""
+        places_hz = probes(self.drive, self._limits_hz)
+        field_m, error_m = self._solved(self.scene, self.line.at(places_hz / self.line.step_hz))
+        certain_m = np.maximum(np.abs(field_m) - _NOISE * error_m, 0.0)
+        self._tail = tail(self.drive, places_hz, certain_m, self._limits_hz)
+
+    def _solved(self, scene: Scene, frequencies_hz: Complex) -> tuple[Complex, Real]:
+        """Return field and error, shape (n_frequencies, n_pairs).
+
+        Each two octaves are solved by themselves: high frequencies have many waves.
+        """
+        size = frequencies_hz.size, self.peaks_m.size
+        value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
+        octaves = np.log2(np.maximum(frequencies_hz.real / scene.strip.cutoff_hz(), 1.0)) // 2
+        for octave in np.unique(octaves):
+            rows = octaves == octave
+            rtol = max(_SOLVER * self.rtol, LEAST_RTOL)
+            part = solve(scene, frequencies_hz[rows], rtol, self._jobs)
+            value[rows] = part.value.reshape(-1, size[1])
+            error[rows] = part.error.reshape(-1, size[1])
+        self.n_solved += size[0]
+        return value, error
+
+    def _bin_above(self, frequency_hz: float) -> int:
+        return math.ceil(frequency_hz / self.line.step_hz)
+
+    def _extend(self, n_bins: int) -> None:
+        """Make room for more bins, with the drive's spectrum there."""
+        known = self._spectrum.size
+        if n_bins <= known:
+            return
+        more = self.drive.spectrum(self.line.at(np.arange(known, n_bins)))
+        self._spectrum = np.append(self._spectrum, more)
+        self.values = np.pad(self.values, ((0, n_bins - known), (0, 0)))
+
+    def _fill(self, pending: list[Panel]) -> list[Panel]:
+        """Solve panels and set their bins; return those whose series has not converged."""
+        nodes = [_nodes(panel) for panel in pending]
+        field_m, error_m = self._solved(self.scene, self.line.at(np.concatenate(nodes)))
+        ends = np.cumsum([node.size for node in nodes])[:-1]
+        parts = zip(pending, np.split(field_m, ends), np.split(error_m, ends), strict=True)
+        left_m = []
+        for (first, stop), value, error in parts:
+            bins, rest_m = value, np.zeros(value.shape[1])
+            if stop - first > _NODES:
+                bins, rest_m = _interpolated(first, stop, value)
+            drive = self._spectrum[first:stop, np.newaxis]
+            self.values[first:stop] = bins * drive
+            beyond = self._limits_hz <= first * self.line.step_hz
+            self.values[first:stop, beyond] = rest_m[beyond] = 0.0
+            rest_m = np.where(rest_m <= _NOISE * np.max(error, axis=0), 0.0, rest_m)
+            left_m.append(2 * rest_m * self._drive_within(first, stop))
+        self._measure()
+        allowed = _SHARE * self.rtol / math.sqrt(self.line.rise)
+        return [
+            panel
+            for panel, left in zip(pending, left_m, strict=True)
+            if np.any(left > allowed * self.peaks_m)
+        ]
+
+    def _drive_within(self, first: int, stop: int) -> float:
+        """Return the integral of |S| over a panel."""
+        return float(np.sum(np.abs(self._spectrum[first:stop]))) * self.line.step_hz
+
+    def _measure(self) -> None:
+        """Find the peaks over the span and after it from a fast transform."""
+        n_times = 2 ** (2 * self.values.shape[0]).bit_length()
+        t = np.arange(n_times) * (self.line.period_s / n_times)
+        early, growth = t <= self.line.span_s, np.exp(self.line.decay_per_s * t)[:, np.newaxis]
+        later = np.zeros_like(self.peaks_m)
+        for start in range(0, later.size, _PAIRS_AT_ONCE):
+            some = slice(start, start + _PAIRS_AT_ONCE)
+            waves = np.fft.irfft(np.conj(self.values[:, some]), n_times, axis=0, norm="forward")
+            size = np.abs(waves) * growth * self.line.step_hz
+            self.peaks_m[some] = np.max(size[early], axis=0)
+            later[some] = np.max(size[~early], axis=0)
+        moved = self.peaks_m > 0
+        self.late = float(np.max(later[moved] / self.peaks_m[moved], initial=0.0))
+
+    def _halves(self, panel: Panel) -> list[Panel]:
+        """Return the halves of a panel that have energy; the others are set to 0."""
+        first, stop = panel
+        middle = (first + stop) // 2
+        return [half for half in ((first, middle), (middle, stop)) if self._counts(half)]
+
+    def _counts(self, panel: Panel) -> bool:
+        """Return whether a panel counts; set its bins to 0 if it does not."""
+        first, stop = panel
+        near_m = self._tail.near(first * self.line.step_hz, stop * self.line.step_hz)
+        most_m = 2 * near_m * self._drive_within(first, stop) * self.line.rise
+        if np.any(most_m > _IDLE * self.rtol * self.peaks_m):
+            return True
+        self.values[first:stop] = 0.0
+        self.n_idle += stop - first
+        return False
+
+    def _above(self, end: int) -> list[Panel]:
+        """Return the octaves by which the range grows; it ends at limits of pairs in between."""
+        found: list[Panel] = []
+        top = self._spectrum.size
+        limits = {self._bin_above(float(limit_hz)) for limit_hz in self._limits_hz}
+        while top < end:
+            found.append((top, min(2 * top, end, *(one for one in limits if one > top))))
+            top = found[-1][1]
+        self._extend(top)
+        return [panel for panel in found if self._counts(panel)]
+
+    def _refuse_if_short(self) -> None:
+        """Refuse what is out of reach, as soon as the range holds most of the response."""
+        if self._spectrum.size < self._bin_above(_MOST_RESPONSE * self.scene.strip.cutoff_hz()):
+            return
+        moved = self.peaks_m > 0
+        least = self._tail.least_m[moved] / (_TAIL * self.peaks_m[moved])
+        worst = float(np.max(least, initial=0.0))
+        if worst > self.rtol:
+            raise ValueError(
+                f"rtol must be at least {1.2 * worst:.2g} for this drive and scene: they reach "
+                f"beyond {np.min(self._limits_hz):.6g} Hz, the highest frequency of the field; "
+                f"smoother ends or viscous loss reach less far, got {self.rtol!r}"
+            )
+
+
+def swept(scene: Scene, drive: Drive, line: Line, rtol: float) -> Sweep:
+    """Return field times drive at all bins that count.
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points; with `skip` False every bin up to the end of the range is solved.
+    drive : Drive
+        The drive.
+    line : Line
+        Where the bins lie.
+    rtol : float
+        Wanted error relative to the peak of each pair of a load and a point.
+
+    Returns
+    -------
+    Sweep
+
+    Raises
+    ------
+    ValueError
+        If the drive reaches so far beyond the frequencies of the field that `rtol` is out of
+        reach.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
+    >>> from stimuli.field.panels import line_for
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    >>> found = swept(scene, burst, line_for(0.01, 1e-3), 1e-3)
+    >>> found.n_solved < found.values.shape[0]
+    True
+    """
+    sweep = Sweep(scene=replace(scene, skip=True), drive=drive, line=line, rtol=rtol)
+    sweep.run()
+    if not scene.skip:
+        sweep.solve_every_bin(scene)
+    return sweep
+
+
+def _nodes(panel: Panel) -> Real:
+    """Return the nodes of a panel in bins."""
+    first, stop = panel
+    if stop - first <= _NODES:
+        return np.arange(first, stop, dtype=np.float64)
+    return np.asarray((first + stop) / 2 + (stop - first) / 2 * np.cos(_ANGLES))
+
+
+def _interpolated(first: int, stop: int, value: Complex) -> tuple[Complex, Real]:
+    """Return a panel's series at its bins, and the size of its last two terms."""
+    series = _TO_SERIES @ value
+    place = (2 * np.arange(first, stop) - first - stop) / (stop - first)
+    waves = np.cos(_ORDERS * np.arccos(place)[:, np.newaxis])
+    return waves @ series, np.abs(series[-1]) + np.abs(series[-2])
+
+
+_ALIAS: Final = 0.125
+"""Part of rtol that is left to the next periods."""
+
+_RISE: Final = 4.0
+"""Logarithm of what exp(sigma t) grows to over the span: more makes the field smoother along the
+line, but its errors grow as much."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """The line omega + i sigma and the grid on it, equation (64).
+
+    Attributes
+    ----------
+    span_s : float
+        Times up to this one are wanted.
+    period_s : float
+        Period T of the sum over the grid, whose step is 1 / T.
+    decay_per_s : float
+        Decay sigma that keeps the next periods out.
+
+    Examples
+    --------
+    >>> line = Line(span_s=0.01, period_s=0.04, decay_per_s=400.0)
+    >>> line.step_hz, round(line.rise, 3)
+    (25.0, 54.598)
+    """
+
+    span_s: float
+    period_s: float
+    decay_per_s: float
+
+    @property
+    def step_hz(self) -> float:
+        """Distance of two bins."""
+        return 1 / self.period_s
+
+    @property
+    def rise(self) -> float:
+        """What errors grow by up to the end of the span."""
+        return math.exp(self.decay_per_s * self.span_s)
+
+    def at(self, bins: Real | NDArray[np.intp]) -> Complex:
+        """Return the complex frequencies of bins."""
+        return np.asarray(bins * self.step_hz + 1j * self.decay_per_s / (2 * np.pi))
+
+
+def line_for(span_s: float, rtol: float, further: float = 0.0) -> Line:
+    """Return the line on which times up to a span are found to a relative error.
+
+    Parameters
+    ----------
+    span_s : float
+        Largest time.
+    rtol : float
+        Wanted relative error.
+    further : float
+        Logarithm by which the next periods must be smaller than rtol asks for.
+
+    Returns
+    -------
+    Line
+
+    Examples
+    --------
+    >>> found = line_for(0.01, 1e-6)
+    >>> round(found.period_s, 3), round(found.decay_per_s)
+    (0.04, 400)
+    """
+    turns = math.log(1 / (_ALIAS * rtol)) + further
+    period_s = span_s * max(turns / _RISE, 1.05)
+    return Line(span_s=span_s, period_s=period_s, decay_per_s=turns / period_s)

@@ -1,0 +1,212 @@
+"""At which frequencies a field is solved, and how it follows at the others.
+
+Below the first cut-off the field is an analytic function of f^2 (with viscous loss of f, through
+0 and beyond), so that its values at a few Chebyshev nodes give it everywhere. At the lowest
+frequencies this is the only way: there the two branches cancel, and the nodes are the nearest
+places where they do not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.strip.waves import supported_cutoff_hz
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.strip.strip import Strip
+
+    Real = NDArray[np.float64]
+
+
+_UPPER: Final = 0.9
+"""Part of the first cut-off up to which a sweep is interpolated."""
+
+_LOWEST_TOPS: Final = (0.01, 0.3)
+"""Least and largest top of the interval for the lowest frequencies, as a part of the supported
+strip's first cut-off: the farther the points, the narrower, since the field varies more."""
+
+_LOWEST_REACH: Final = 1.2
+"""That part, times the distance in widths."""
+
+_LOWEST: Final = (0.003, 0.1)
+"""Below this part of that cut-off, or this part of the interval, nothing is solved by itself."""
+
+_LOWEST_NODES: Final = 12
+_FEWEST: Final = 4
+_SPARE, _SPARE_FAR = 2.5, 3.8
+"""Nepers beyond the wanted error, and those per width of distance, of the coefficients left out."""
+
+_FARTHEST: Final = 6.0
+"""Distance in widths up to which a sweep is interpolated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Band:
+    """Frequencies that are obtained in the same way.
+
+    Attributes
+    ----------
+    rows : ndarray of int, shape (n,)
+        Which of the asked frequencies.
+    solved_hz : ndarray of float64, shape (m,)
+        Frequencies that are solved. With viscous loss some are negative: the field at -f is
+        that of negative viscous loss.
+    matrix : ndarray of float64, shape (n, m), or None
+        What takes solved values to the asked ones; none if they are the same.
+    last : ndarray of float64, shape (4, m), or None
+        What takes solved values to the last four Chebyshev coefficients.
+    rest : ndarray of float64, shape (n,), or None
+        The error at the asked frequencies, per size of the first coefficient left out.
+    ratio : float
+        Ratio of successive coefficients, at most.
+    reason : str
+        Why it is done in this way; empty if there is nothing to tell.
+    """
+
+    rows: NDArray[np.intp]
+    solved_hz: Real
+    matrix: Real | None = None
+    last: Real | None = None
+    rest: Real | None = None
+    ratio: float = 0.0
+    reason: str = ""
+
+
+def bands(
+    strip: Strip, frequencies_hz: Real, rtol: float, distance: float, *, skip: bool
+) -> tuple[Band, ...]:
+    """Return how each frequency is obtained.
+
+    Parameters
+    ----------
+    strip : Strip
+        The strip.
+    frequencies_hz : ndarray of float64, shape (n_frequencies,)
+        Asked frequencies.
+    rtol : float
+        Wanted relative error.
+    distance : float
+        Largest distance along the strip in widths.
+    skip : bool
+        Whether frequencies may be interpolated to save time.
+
+    Returns
+    -------
+    tuple of Band
+
+    Examples
+    --------
+    Five hundred frequencies below the cut-off need no more solutions than fifty:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> [bands(strip, np.linspace(4, 1500, n), 1e-6, 3.0, skip=True)[0].solved_hz.size
+    ...  for n in (50, 500)]
+    [10, 10]
+    """
+    supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
+    viscous = strip.material.viscous_time_s > 0
+    singular_hz = _first_singular_hz(strip)
+    top_hz = _UPPER * singular_hz
+    below = np.flatnonzero(frequencies_hz <= top_hz)
+    part = float(np.clip(_LOWEST_REACH / max(distance, 1e-9), *_LOWEST_TOPS))
+    part = min(part, top_hz / supported_hz)
+    found = []
+    done = np.zeros(frequencies_hz.size, dtype=np.bool_)
+    if skip and below.size and distance <= _FARTHEST:
+        most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
+        ratio = _ratio(most_hz / singular_hz, viscous=viscous)
+        count = _count(ratio, rtol, distance)
+        count += count % 2 if viscous else 0  # none of them 0 Hz
+        if count < below.size:
+            reason = "below cut-off the field is smooth in frequency"
+            found.append(
+                _interpolated(
+                    frequencies_hz,
+                    below,
+                    viscous=viscous,
+                    top_hz=most_hz,
+                    count=count,
+                    ratio=ratio,
+                    reason=reason,
+                )
+            )
+            done[below] = True
+    least_hz = max(_LOWEST[0], _LOWEST[1] * part) * supported_hz
+    lowest = np.flatnonzero((frequencies_hz < least_hz) & ~done)
+    if lowest.size:
+        most_hz = part * supported_hz
+        n_lowest = _LOWEST_NODES * (2 if viscous else 1)
+        reason = "near 0 Hz the two branches cancel"
+        band = _interpolated(
+            frequencies_hz,
+            lowest,
+            viscous=viscous,
+            top_hz=most_hz,
+            count=n_lowest,
+            ratio=_ratio(most_hz / singular_hz, viscous=viscous),
+            reason=reason,
+        )
+        found.append(band)
+        done[lowest] = True
+    rest = np.flatnonzero(~done)
+    if rest.size:
+        found.append(Band(rows=rest, solved_hz=frequencies_hz[rest]))
+    return tuple(found)
+
+
+def _first_singular_hz(strip: Strip) -> float:
+    """Return up to where the field is smooth: the first cut-off, or a bound of resonances, (59)."""
+    cutoff_hz = strip.cutoff_hz()
+    if strip.length_m is None:
+        return cutoff_hz
+    poisson_ratio = strip.material.poisson_ratio
+    return cutoff_hz * float(np.sqrt((1 - poisson_ratio) * (1 + poisson_ratio)))
+
+
+def _ratio(part: float, *, viscous: bool) -> float:
+    """Return the ratio of coefficients up to a part of where the nearest singularity is."""
+    centre = 1 / part if viscous else 2 / part**2 - 1
+    return float(1 / (centre + np.sqrt(centre**2 - 1)))
+
+
+def _count(ratio: float, rtol: float, distance: float) -> int:
+    """Return how many nodes reach the wanted error."""
+    digits = -math.log(rtol) + _SPARE + _SPARE_FAR * distance
+    return max(math.ceil(-digits / math.log(ratio)) + 1, _FEWEST)
+
+
+def _interpolated(
+    frequencies_hz: Real,
+    rows: NDArray[np.intp],
+    *,
+    viscous: bool,
+    top_hz: float,
+    count: int,
+    ratio: float,
+    reason: str,
+) -> Band:
+    """Return a band from 0 to its top that is interpolated in f^2 or, viscous, in f, (53)."""
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    nodes_hz, place = top_hz * np.cos(angle), frequencies_hz[rows] / top_hz
+    if not viscous:
+        nodes_hz, place = top_hz * np.cos(angle / 2), 2 * place**2 - 1
+    place = np.clip(place, -1.0, 1.0)
+    order, turn = np.arange(count), np.arccos(place)
+    to_coefficients = 2 / count * np.cos(order[:, np.newaxis] * angle)
+    to_coefficients[0] /= 2
+    return Band(
+        rows=rows,
+        solved_hz=nodes_hz,
+        matrix=np.cos(order * turn[:, np.newaxis]) @ to_coefficients,
+        last=to_coefficients[-4:],
+        rest=np.abs(np.cos(count * turn)) * (1 - ratio**2) / (1 - 2 * ratio * place + ratio**2),
+        ratio=ratio,
+        reason=reason,
+    )

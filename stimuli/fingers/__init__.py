@@ -1,0 +1,1 @@
+"""What the fingertips get: actuators, contact areas, the level at the other finger."""

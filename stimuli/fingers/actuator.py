@@ -1,0 +1,250 @@
+"""How strongly an actuator loads the plate per volt: measured, or predicted from its layers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal, get_args
+
+from stimuli.checks import finite, instance
+from stimuli.field.field import displacement
+from stimuli.field.scene import Scene
+from stimuli.load import LOADS
+
+if TYPE_CHECKING:
+    from stimuli.load import Load
+    from stimuli.strip.strip import Strip
+
+
+Basis = Literal["measured", "predicted"]
+
+_RTOL: Final = 1e-9
+_LEAST_INSET: Final = 1e-6
+"""Part of the width; nearer to an edge the strip does not move in any digit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredDisplacement:
+    """What was measured at an actuator's centre while a sine drove it.
+
+    Attributes
+    ----------
+    displacement_m : float
+        Amplitude of the plate's displacement at the patch's centre, up to 1 m.
+    level_vpp : float
+        Peak-to-peak voltage of the sine, twice its amplitude, up to 1e5 V.
+    frequency_hz : float
+        Its frequency, up to 1e6 Hz and below the strip's first cut-off.
+
+    Raises
+    ------
+    ValueError
+        If a value is not a number above 0 and up to its limit.
+
+    Examples
+    --------
+    The paper's actuators (section III-B): 2.6 um at 100 V peak-to-peak and 300 Hz.
+
+    >>> paper = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
+    >>> round(paper.displacement_per_v_m * 1e9, 3)
+    52.0
+    """
+
+    displacement_m: float
+    level_vpp: float
+    frequency_hz: float
+
+    def __post_init__(self) -> None:
+        for name, most in (("displacement_m", 1.0), ("level_vpp", 1e5), ("frequency_hz", 1e6)):
+            value = finite(name, getattr(self, name), above=0.0, most=most)
+            object.__setattr__(self, name, value)
+
+    @property
+    def displacement_per_v_m(self) -> float:
+        """Amplitude of the displacement per volt of the drive's amplitude, in m/V."""
+        return self.displacement_m / (self.level_vpp / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PiezoLayers:
+    """Layers of a bonded patch: a piezo, and a metal carrier between it and the plate if any.
+
+    Attributes
+    ----------
+    thickness_m : float
+        Thickness of the piezo, from 1 nm to 0.1 m.
+    youngs_modulus_pa, poisson_ratio : float
+        Of the piezo in its plane at constant field: 1 / s11E and -s12E / s11E.
+    d31_m_v : float
+        Strain in its plane per field, in m/V, of either sign; not 0, at most 1e-6.
+    carrier_thickness_m : float
+        Thickness of the carrier; 0 is none.
+    carrier_youngs_modulus_pa, carrier_poisson_ratio : float
+        Of the carrier; common brass (105 GPa, 0.35) unless told.
+
+    Raises
+    ------
+    ValueError
+        If a value is not a number in its range.
+
+    Examples
+    --------
+    A plate of PIC255 ceramic, 0.25 mm (PI Ceramic's catalogue: d31 = -180 pm/V, s11E =
+    16.1e-12 m2/N, Poisson's ratio 0.34):
+
+    >>> patch = PiezoLayers(thickness_m=0.25e-3, youngs_modulus_pa=1 / 16.1e-12,
+    ...                     poisson_ratio=0.34, d31_m_v=-180e-12)
+    >>> patch.carrier_thickness_m
+    0.0
+    """
+
+    thickness_m: float
+    youngs_modulus_pa: float
+    poisson_ratio: float
+    d31_m_v: float
+    carrier_thickness_m: float = 0.0
+    carrier_youngs_modulus_pa: float = 105e9
+    carrier_poisson_ratio: float = 0.35
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "thickness_m": (1e-9, 0.1),
+            "youngs_modulus_pa": (1e-3, 1e15),
+            "poisson_ratio": (-0.999, 0.5),
+            "d31_m_v": (-1e-6, 1e-6),
+            "carrier_thickness_m": (0.0, 0.1),
+            "carrier_youngs_modulus_pa": (1e-3, 1e15),
+            "carrier_poisson_ratio": (-0.999, 0.5),
+        }
+        for name, (least, most) in ranges.items():
+            value = finite(name, getattr(self, name), least=least, most=most)
+            object.__setattr__(self, name, value)
+        if self.d31_m_v == 0:
+            raise ValueError(f"d31_m_v must not be 0, got {self.d31_m_v!r}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadPerVolt:
+    """The load of an actuator per volt, and how it is known.
+
+    Attributes
+    ----------
+    load_per_v : float
+        Amplitude of the load (N, Pa or N m/m, as its `unit` tells) per volt of the drive's
+        amplitude; V volts peak-to-peak have the amplitude V / 2. An absolute value.
+    basis : {"measured", "predicted"}
+        Whether it stands on a measured displacement or on catalogue data of the layers.
+
+    Raises
+    ------
+    ValueError
+        If the load is not a number above 0, or the basis is none of the two.
+
+    Examples
+    --------
+    >>> LoadPerVolt(load_per_v=1.3e-3, basis="guessed")
+    Traceback (most recent call last):
+    ValueError: basis must be "measured" or "predicted", got 'guessed'
+    """
+
+    load_per_v: float
+    basis: Basis
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "load_per_v", finite("load_per_v", self.load_per_v, above=0.0))
+        if self.basis not in get_args(Basis):
+            raise ValueError(f'basis must be "measured" or "predicted", got {self.basis!r}')
+
+
+def load_per_volt(
+    strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers
+) -> LoadPerVolt:
+    """Return the load of an actuator per volt, equations (67) and (68).
+
+    Parameters
+    ----------
+    strip : Strip
+        The strip it is mounted on.
+    load : Load
+        What it does to the strip.
+    basis : MeasuredDisplacement or PiezoLayers
+        What is known of it. Layers give a bonded patch's moment only.
+
+    Returns
+    -------
+    LoadPerVolt
+        Absolute value: the sign of the displacement is lost in an amplitude, and that of a
+        moment depends on the poling and on the side of the plate.
+
+    Raises
+    ------
+    ValueError
+        If the load is not on the strip; for layers, if it is no moment; for a measured
+        displacement, if its frequency is not below the strip's first cut-off or the load's
+        centre lies on an edge, where nothing moves. From the cut-off on, what the centre does
+        depends on the strip's ends and on its loss as much as on the actuator, so that it
+        tells no load.
+
+    Notes
+    -----
+    The prediction is good to a factor of 1.5 to 2 at best: catalogue data, glue, the patch's own
+    stiffness in the field and its rim are uncertain. Take a measured displacement where there
+    is one.
+
+    Examples
+    --------
+    The measured displacement comes back:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Scene, Strip, displacement
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> known = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
+    >>> actuator = load_per_volt(strip, disc, known)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> per_load_m = abs(displacement(scene, [300.0])[0, 0, 0])
+    >>> round(float(actuator.load_per_v * 50.0 * per_load_m) * 1e6, 5), actuator.basis
+    (2.6, 'measured')
+    """
+    instance("load", load, LOADS, "a load")
+    instance("basis", basis, (MeasuredDisplacement, PiezoLayers), "measured or layers")
+    scene = Scene(strip=strip, loads=(load,), points_m=((load.x_m, load.y_m),))
+    if isinstance(basis, PiezoLayers):
+        if not load.is_moment:
+            raise ValueError(f"load must be a moment, as layers predict no other, got {load!r}")
+        return LoadPerVolt(load_per_v=_moment_per_volt(strip, basis), basis="predicted")
+    return LoadPerVolt(load_per_v=_measured_load_per_volt(scene, basis), basis="measured")
+
+
+def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> float:
+    """Return the measured displacement over that of the unit load, equation (68)."""
+    cutoff_hz = scene.strip.cutoff_hz()
+    if measured.frequency_hz >= cutoff_hz:
+        raise ValueError(
+            f"frequency_hz must lie below the strip's first cut-off of {cutoff_hz:.6g} Hz, "
+            f"got {measured.frequency_hz!r}"
+        )
+    (load,), width_m = scene.loads, scene.strip.width_m
+    if min(load.y_m, width_m - load.y_m) < _LEAST_INSET * width_m:
+        raise ValueError(f"load must move the strip at its own centre, got {load!r}")
+    per_load_m = displacement(scene, [measured.frequency_hz], _RTOL)[0, 0, 0]
+    return measured.displacement_per_v_m / abs(complex(per_load_m))
+
+
+def _moment_per_volt(strip: Strip, layers: PiezoLayers) -> float:
+    """Return the moment that bends the bare plate as the layers bend it, equation (67)."""
+    plate = strip.material
+    biaxial = (
+        plate.youngs_modulus_pa / (1 - plate.poisson_ratio),
+        layers.carrier_youngs_modulus_pa / (1 - layers.carrier_poisson_ratio),
+        layers.youngs_modulus_pa / (1 - layers.poisson_ratio),
+    )
+    thick_m = (strip.thickness_m, layers.carrier_thickness_m, layers.thickness_m)
+    middle_m = (0.0, (thick_m[0] + thick_m[1]) / 2, thick_m[0] / 2 + thick_m[1] + thick_m[2] / 2)
+    stretch = [b * h for b, h in zip(biaxial, thick_m, strict=True)]
+    neutral_m = sum(s * z for s, z in zip(stretch, middle_m, strict=True)) / sum(stretch)
+    bending = sum(
+        s * (h * h / 12 + (z - neutral_m) ** 2)
+        for s, h, z in zip(stretch, thick_m, middle_m, strict=True)
+    )
+    # thickness times strain is d31 per volt, whatever the thickness
+    moment = biaxial[2] * abs(layers.d31_m_v) * (middle_m[2] - neutral_m)
+    return stretch[0] * thick_m[0] ** 2 / 12 * moment / bending

@@ -1,0 +1,238 @@
+"""Functions that solve the plate equation near a free end, singular corners included.
+
+Every one holds on the strip that goes on beyond its end and keeps the edges of the strip itself:
+a guided wave that leaves the end, or the field of an edge that is displaced or turned at one place
+beyond the end, equation (56). Such places crowd exponentially at the corner of edge and
+end. Lengths are in widths; xi is the distance from the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.solver.across import shape
+from stimuli.solver.contour import Contour, contour
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.solver.guided import Guided
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+
+_TAPER: Final = 3.0
+"""Crowding of the sources: the distances fall as exp(-3 (sqrt J - sqrt j))."""
+
+_SPREAD: Final = 2
+"""Densities d^j exp(-2 d) at the distance d beyond the end that are sources too, of either kind."""
+
+_FADE: Final = 2.0
+"""Decay of these densities per width."""
+
+_PATH: Final = 1e-14
+"""Error of the integrals along s."""
+
+_PAIR: Final = 1e-2
+"""Relative distance of two waves below which they are replaced by integrals about both."""
+
+RING: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EndFunctions:
+    """The functions of one symmetry at some frequencies.
+
+    Attributes
+    ----------
+    k, hold : ndarray of complex128, shape (n_frequencies, 1)
+        Bending wavenumber times the width, 1 / (kappa W).
+    poisson_ratio : float
+        Poisson's ratio.
+    waves : Guided
+        The guided waves.
+    path : Contour
+        The path of the integrals, for the part of the sources' fields that is no wave below it.
+    beyond : ndarray of float64, shape (n_sources,)
+        Distances of the sources beyond the end, the largest first.
+    """
+
+    k: Complex
+    hold: Complex
+    poisson_ratio: float
+    waves: Guided
+    path: Contour
+    beyond: Real
+
+    def at(self, across: Real, aways: tuple[Real, ...], kinds: int = 3) -> list[list[Complex]]:
+        """Return all functions at places, for some distances from the end.
+
+        For each: displacement, moment u'' + nu u_YY and shear u''' + (2 - nu) u_YY', or the first
+        of these, (n_frequencies, n_places, n_functions). Columns: the guided waves, then the edge
+        turned or displaced in turns, everywhere beyond the end first, at one place then.
+        """
+        sources = self._sources(across, aways, kinds)
+        return [
+            [np.concatenate(pair, axis=2) for pair in zip(guided, some, strict=True)]
+            for guided, some in zip(
+                (self.guided(across, away, kinds) for away in aways), sources, strict=True
+            )
+        ]
+
+    def _operators(self, s: Complex, square: Complex) -> tuple[Complex, Complex, Complex]:
+        """Return what makes displacement, moment and shear of exp(i s xi + g Y)."""
+        nu = self.poisson_ratio
+        return 1 + 0 * s, nu * square - s * s, 1j * s * ((2 - nu) * square - s * s)
+
+    def guided(self, across: Real, away: Real, kinds: int = 3) -> list[Complex]:
+        """Return displacement, moment and shear of the guided waves, or the first of these."""
+        waves, sign = self.waves, self.waves.sign
+        p, g1, g2 = (a[:, np.newaxis] for a in (waves.p, waves.g1, waves.g2))
+        places, half = across[:, np.newaxis], np.array(0.5)
+        first = -shape(g2, half, sign) * shape(g1, places, sign)
+        second = shape(g1, half, sign) * shape(g2, places, sign)
+        decay = np.exp(1j * p * away[:, np.newaxis])
+        operators = zip(self._operators(p, g1 * g1), self._operators(p, g2 * g2), strict=True)
+        found = [(first * one + second * two) * decay for one, two in operators][:kinds]
+        for row, pair in close_pairs(waves):
+            self._merge(found, row, pair, across, away)
+        return found
+
+    def _merge(self, found: list[Complex], row: int, pair: int, across: Real, away: Real) -> None:
+        """Put two integrals about two close waves in their place, equation (56)."""
+        centre, radius = ring(self.waves, row, pair)
+        turn = radius * RING
+        s = (centre + turn)[np.newaxis]
+        k, hold = self.k[row : row + 1], self.hold[row : row + 1]
+        kernels = self._kernels(s, k, hold, across)[0]
+        decay = np.exp(1j * s * away[:, np.newaxis])
+        for trace, kernel in zip(found, kernels, strict=False):
+            for column, weight in ((pair, turn), (pair + 1, turn * turn / radius)):
+                trace[row, :, column] = np.mean(kernel[0] * decay * weight, axis=1)
+
+    def _kernels(
+        self, s: Complex, k: Complex, hold: Complex, across: Real, kinds: int = 3
+    ) -> tuple[list[Complex], list[Complex]]:
+        """Return the transforms of a turned and of a displaced edge.
+
+        Each (n_frequencies, n_places, n_s). Differences of the two branches, which nearly agree
+        far out in s, are taken as such.
+        """
+        sign, nu = self.waves.sign, self.poisson_ratio
+        k2 = k * k
+        g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)
+        one, change = edge_shapes(g1, g2, 2 * k2 / (g1 + g2), across, sign)
+        grip, pull = grips(g1, g2, k2, hold, sign)
+        more = (0 * s, 2 * nu * k2 + 0 * s, 2j * s * (2 - nu) * k2)
+        turned, displaced = [], []
+        for op, gain in zip(self._operators(s, s * s + k2)[:kinds], more, strict=False):
+            both = change * op[:, np.newaxis] + one * gain[:, np.newaxis]
+            turned.append(both / grip[:, np.newaxis])
+            second = (one + change) * op[:, np.newaxis]
+            displaced.append(second - both * (pull / grip)[:, np.newaxis])
+        return turned, displaced
+
+    def _sources(self, across: Real, aways: tuple[Real, ...], kinds: int) -> list[list[Complex]]:
+        s, weight = self.path.s, self.path.weight[:, np.newaxis]
+        spread = _FADE / (_FADE - 1j * s[..., np.newaxis])
+        places = np.exp(1j * s[..., np.newaxis] * self.beyond)
+        powers = 1 + np.arange(_SPREAD)
+        turned = np.concatenate([spread**powers, places], axis=2)
+        displaced = np.concatenate([spread ** (powers + 2), places], axis=2)
+        rows, which = np.unique(across, return_inverse=True)
+        kernels = self._kernels(s, self.k, self.hold, rows, kinds)
+        found = []
+        for away in aways:
+            decay = np.exp(1j * s[:, np.newaxis] * away[:, np.newaxis]) * weight
+            columns = [
+                np.stack(
+                    [(a[:, which] * decay) @ turned, (b[:, which] * decay) @ displaced], axis=-1
+                )
+                for a, b in zip(*kernels, strict=True)
+            ]
+            flat = [a.reshape(*a.shape[:2], -1) for a in columns]
+            found.append([a.real + 0j if self.path.mirrored else a for a in flat])
+        return found
+
+
+def end_functions(
+    k: Complex, hold: Complex, waves: Guided, poisson_ratio: float, n_sources: int
+) -> EndFunctions:
+    """Return guided waves and sources beyond an end.
+
+    Parameters
+    ----------
+    k, hold : ndarray of complex128, shape (n_frequencies,)
+        Bending wavenumber times the width, 1 / (kappa W).
+    waves : Guided
+        Guided waves; at least two decay.
+    poisson_ratio : float
+        Poisson's ratio.
+    n_sources : int
+        Number of places beyond the end.
+
+    Returns
+    -------
+    EndFunctions
+    """
+    number = np.arange(n_sources, 0, -1)
+    beyond = np.exp(-_TAPER * (np.sqrt(n_sources) - np.sqrt(number)))
+    lossless = not (np.any(k.imag) or np.any(hold.imag))
+    path = contour(waves.p, _PATH, finest=1e-30, nearest=float(beyond[-1]), mirrored=lossless)
+    return EndFunctions(
+        k=k[:, np.newaxis],
+        hold=hold[:, np.newaxis],
+        poisson_ratio=poisson_ratio,
+        waves=waves,
+        path=path,
+        beyond=beyond,
+    )
+
+
+def close_pairs(waves: Guided) -> list[tuple[int, int]]:
+    """Return frequency and number of the waves that nearly coalesce with the next one."""
+    apart = np.abs(np.diff(waves.p, axis=1))
+    rows, firsts = np.nonzero(apart < _PAIR * np.abs(waves.p[:, 1:]))
+    return [(int(row), int(first)) for row, first in zip(rows, firsts, strict=True)]
+
+
+def ring(waves: Guided, row: int, pair: int) -> tuple[complex, float]:
+    """Return centre and radius of a circle about two close waves and no other."""
+    p = waves.p[row]
+    centre = complex(p[pair] + p[pair + 1]) / 2
+    others = np.concatenate([np.delete(p, [pair, pair + 1]), -p])
+    return centre, 0.25 * float(np.min(np.abs(others - centre)))
+
+
+def edge_shapes(
+    g1: Complex, g2: Complex, apart: Complex, across: Real, sign: int
+) -> tuple[Complex, Complex]:
+    """Return branch 1 at places, 1 at the edge, and what branch 2 is more than it.
+
+    `apart` is g2 - g1. The change is a sum without cancellation: far out in s the branches are
+    nearly the same.
+    """
+    places = 0.5 - np.abs(across[:, np.newaxis])
+    side = np.where(across < 0, sign, 1)[:, np.newaxis]
+    g1, g2, apart = (a[:, np.newaxis] for a in (g1, g2, apart))
+    near, far = np.exp(-g1 * places), sign * np.exp(-g1 * (1 - places))
+    through = sign * np.exp(-g1)
+    one = (near + far) / (1 + through)
+    change = near * np.expm1(-apart * places) + far * np.expm1(-apart * (1 - places))
+    change = (change - one * through * np.expm1(-apart)) / (1 + sign * np.exp(-g2))
+    return side * one, side * change
+
+
+def grips(
+    g1: Complex, g2: Complex, k2: Complex, hold: Complex, sign: int
+) -> tuple[Complex, Complex]:
+    """Return g2 T2 - g1 T1 + 2 k^2 / kappa, free of cancellation, and g2 T2 + g2^2 / kappa."""
+    half = np.array(0.5)
+    end1, end2 = shape(g1, half, sign), shape(g2, half, sign)
+    grip = 2 * k2 / (g1 + g2) - sign * (g2 * np.exp(-g2) / end2 - g1 * np.exp(-g1) / end1)
+    steep: Complex = g2 * shape(g2, half, -sign) / end2
+    return 2 * k2 * hold + grip, steep + hold * g2 * g2

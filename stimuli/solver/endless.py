@@ -1,0 +1,328 @@
+"""The field of one load in an endless strip at given bending wavenumbers, in units of its width."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.solver.contour import contour
+from stimuli.solver.guided import Guided, guided
+from stimuli.solver.source import Part, Task, far_clearance, inside_excess, transformed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.solver.contour import Contour
+    from stimuli.solver.source import Source
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+
+_LEAST_DISTANCE: Final = 1e-8
+"""Distances from a disc's centre are kept above this part of its radius: the two logarithms that
+cancel there differ by less than rounding."""
+
+_EXTRA_WAVES: Final = 6
+_FAINTEST: Final = 30.0
+"""Nepers over which a wave that comes in from afar dies out before it counts."""
+
+_LEAST_ROOM: Final = 1e-6
+_TINY: Final = 0.02
+"""Rounding grows as this over the size of a small load in widths."""
+
+_FOLLOWING: Final = 8
+"""Pairs of waves beyond the known ones that the estimates of the error look at."""
+
+_CLOSEST: Final = 0.1
+"""Relative distance of two waves below which their sum may be taken on a circle about both."""
+
+_CAUTION, _UNSIGNED = 4.0, 0.1
+"""What the sum of the errors of all waves and the sum of their amounts are multiplied with."""
+
+_TIGHT: Final = 1e-6
+_DOUBLE: Final = 40.0
+"""Relative distance below which a pair acts on the error as one double wave, and its factor."""
+
+_CIRCLE: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
+_EPS: Final = 6 * float(np.finfo(np.float64).eps)
+"""Rounding error of a few operations."""
+
+_CANCELLATION: Final = 6.0
+"""Rounding of the waves grows as this times p W / (k W)^2 at low frequencies, where the branches
+cancel."""
+
+_EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Waves:
+    """The known waves of one symmetry, and about the next ones, with what the load makes of them.
+
+    Attributes
+    ----------
+    known : Guided
+        Waves that are summed.
+    every : Guided
+        These and those that follow, for the estimate of the error.
+    strength : ndarray of complex128, shape (n_frequencies, n_every)
+        i Phi / N.
+    """
+
+    known: Guided
+    every: Guided
+    strength: Complex
+
+    @classmethod
+    def of(cls, task: Task, sign: int) -> _Waves:
+        """Return the waves of a load."""
+        known, k = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign), task.k
+        every = known.followed(k[:, np.newaxis], _FOLLOWING)
+        norms = every.norms(known.p.shape[1])
+        strength = 1j * every.excited(k[:, np.newaxis], task.source) / norms
+        return cls(known=known, every=every, strength=strength)
+
+    def terms(self, task: Task) -> Complex:
+        """Return each wave at the points, shape (n_frequencies, n_every, n_points)."""
+        along = task.source.along(self.every.p[..., np.newaxis], task.distance)
+        return self.strength[..., np.newaxis] * self.every.shapes(task.across) * along
+
+    def incoming(self, task: Task) -> _Waves | None:
+        """Return the waves that propagate as they come in from afar, with opposite residues."""
+        p, reach = self.known.p, float(np.max(task.distance)) + task.source.half_length
+        running = (p.real > p.imag) & (p.imag * reach < _FAINTEST)
+        if not np.any(running):
+            return None
+        some = np.any(running, axis=0)
+        n = p.shape[1]
+        strength = np.where(running, -self.strength[:, :n], 0.0)[:, some]
+        back = replace(
+            self.known,
+            p=np.where(running, -p, 1j)[:, some],
+            g1=self.known.g1[:, some],
+            g2=self.known.g2[:, some],
+        )
+        return _Waves(known=back, every=back, strength=strength)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sum:
+    """The part of one symmetry: its value, the known part of its error, and the rest's amount."""
+
+    value: Complex
+    drift: Complex
+    error: Real
+
+
+def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Part:
+    """Return D U / W^2 of a load at points, equations (47) to (50).
+
+    Parameters
+    ----------
+    task : Task
+        Load, points, wavenumbers and wanted error.
+    signs : tuple of int
+        Symmetries about the centre line that are computed: +1 symmetric, -1 antisymmetric.
+    skip : bool
+        Whether the integral is left out where the guided waves are enough.
+
+    Returns
+    -------
+    Part
+
+    Examples
+    --------
+    A point force and a point of the strip may be exchanged:
+
+    >>> from stimuli.solver.source import Source
+    >>> from stimuli.solver.across import Span
+    >>> def at(y0, y):
+    ...     source = Source(span=Span(centre=y0))
+    ...     task = Task(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), source=source,
+    ...                 distance=np.array([0.4]), across=np.array([y]), rtol=1e-10)
+    ...     return solved(task).value
+    >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
+    True
+    """
+    value, drift = np.zeros((2, task.k.size, task.distance.size), dtype=np.complex128)
+    error = np.zeros(value.shape)
+    far = (task.clearance >= far_clearance(task.rtol)) & skip
+    for sign in signs:
+        waves = _Waves.of(task, sign)
+        for points, method in ((far, _far), (~far, _near)):
+            if np.any(points):
+                part = method(task if np.all(points) else task.at(points), waves)
+                value[:, points] += part.value
+                drift[:, points] += part.drift
+                error[:, points] += part.error
+    error += _CAUTION * np.abs(drift.real if task.lossless else drift)
+    source = task.source
+    if source.radius:
+        apart = _clipped(source, np.hypot(task.distance, task.across - source.span.centre))
+        excess = inside_excess(task.k, source.radius, apart, moment=source.moment)
+        value, error = value + excess, error + 8 * _EPS * np.abs(excess)
+    return Part(value=value, error=error)
+
+
+def n_waves(k: Complex) -> int:
+    """Return how many guided waves of one symmetry are found: all that propagate and some."""
+    return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
+
+
+def _far(task: Task, waves: _Waves) -> _Sum:
+    """Return the sum over all known guided waves, equation (47)."""
+    every, n = waves.terms(task), waves.known.p.shape[1]
+    used = np.ones(waves.known.p.shape, dtype=np.bool_)
+    terms = _together(every[:, :n], task, waves.known, used)
+    error = _rounding(task, waves.known, terms)
+    return _Sum(value=terms.sum(axis=1), drift=every[:, n:].sum(axis=1), error=error)
+
+
+def _near(task: Task, waves: _Waves) -> _Sum:
+    """Return the guided waves below a path and the integral along it, (47) and (48)."""
+    source, modes = task.source, waves.known
+    sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
+    finest = min(size for size in sizes if size > 0)
+    rtol = task.rtol * _room(task) ** 2
+    nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
+    path = contour(
+        modes.p,
+        rtol * math.exp(-float(np.max(np.abs(task.k))) * source.radius),
+        finest=finest,
+        nearest=0.0 if source.radius else nearest,
+        mirrored=task.lossless,
+        fall=1 if source.moment else 2,
+    )
+    every = waves.terms(task)
+    alone = every[:, : modes.p.shape[1]]
+    below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
+    terms = _together(alone, task, modes, below)
+    leaked = _leaked(task, path, waves, every=every, terms=terms)
+    rest = _integral(task, path, modes.sign)
+    terms = np.where(below[..., np.newaxis], terms, 0.0)
+    pairs = np.abs(leaked[:, :-1] + leaked[:, 1:])
+    amount = np.minimum(pairs[:, ::2].sum(axis=1), pairs[:, 1::2].sum(axis=1))
+    error = rest.error + _UNSIGNED * amount + _rounding(task, modes, terms)
+    error += _EPS * _TINY / finest * np.abs(rest.value)
+    return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
+
+
+def _room(task: Task) -> float:
+    """Return how near to an edge load and points are, 1 for a quarter of the width.
+
+    There sums cancel as its square, and waves of high order count.
+    """
+    inner = np.abs(task.across[np.abs(task.across) < 0.5])  # noqa: PLR2004 - the edges are at rest
+    nearest = 0.5 - max(float(np.max(inner, initial=0.0)), abs(task.source.span.centre))
+    return float(np.clip(4 * nearest, _LEAST_ROOM, 1.0))
+
+
+def _leaked(task: Task, path: Contour, waves: _Waves, *, every: Complex, terms: Complex) -> Complex:
+    """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
+    modes = waves.known
+    pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
+    if np.any(pair):
+        tight = np.zeros(modes.p.shape, dtype=np.bool_)
+        tight[:, 1:] = pair
+        tight[:, :-1] |= pair
+        n = terms.shape[1]
+        every[:, :n] = np.where(tight[..., np.newaxis], _DOUBLE * terms, every[:, :n])
+    leaked = every * path.leak(waves.every.p)[..., np.newaxis]
+    back = waves.incoming(task)
+    if back is not None:  # they lie on the other side of the path
+        mirrored = back.terms(task) * path.leak(back.every.p)[..., np.newaxis]
+        leaked = np.concatenate([leaked, mirrored], axis=1)
+    return leaked
+
+
+def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]) -> Complex:
+    """Return the terms with the sum of close pairs in the place of the first of each, (51)."""
+    close = np.abs(np.diff(modes.p, axis=1)) < _close(task.rtol) * np.abs(modes.p[:, 1:])
+    rows, first = np.nonzero(close & used[:, 1:])
+    if not rows.size:
+        return alone
+    p, pairs = modes.p[rows], np.arange(rows.size)
+    one, two = p[pairs, first], p[pairs, first + 1]
+    centre, apart = (one + two) / 2, np.abs(one - two)
+    others = np.concatenate([p, -p], axis=1)
+    others[pairs, first] = others[pairs, first + 1] = np.inf
+    free = 0.25 * np.min(np.abs(others - centre[:, np.newaxis]), axis=1)
+    radius = np.minimum(free[:, np.newaxis], 3 / (task.distance + 1e-9))
+    turn = radius[:, np.newaxis] * _CIRCLE[:, np.newaxis]
+    s = centre[:, np.newaxis, np.newaxis] + turn
+    k, hold = (a[rows, np.newaxis, np.newaxis] for a in (task.k, task.hold))
+    kernel, _ = transformed(s, k, hold, source=task.source, across=task.across, sign=modes.sign)
+    ring = 1j * np.mean(kernel * turn * task.source.along(s, task.distance), axis=1)
+    merged = radius > 2 * apart[:, np.newaxis]
+    terms = alone.copy()
+    terms[rows, first] = np.where(merged, ring, terms[rows, first])
+    terms[rows, first + 1] = np.where(merged, 0.0, terms[rows, first + 1])
+    return terms
+
+
+def _close(rtol: float) -> float:
+    """Return the relative distance of two waves below which rounding shows in their sum."""
+    return float(min(_CLOSEST, math.sqrt(1e5 * _EPS / rtol)))
+
+
+def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
+    """Return the rounding error of the waves."""
+    p = modes.p
+    k2 = np.abs(task.k[:, np.newaxis]) ** 2
+    apart = np.full(p.shape, np.inf)
+    apart[:, 1:] = np.abs(np.diff(p, axis=1))
+    apart[:, :-1] = np.minimum(apart[:, :-1], apart[:, 1:])
+    size = np.abs(p)
+    pairing = 1 + size / np.maximum(apart, 1e-12 * size)
+    relative = _EPS * (2 * pairing + _CANCELLATION * size / k2)
+    relative += 2 * _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
+    turning = (_EPS * pairing * size)[..., np.newaxis] * task.distance
+    return np.asarray((np.abs(terms) * (relative[..., np.newaxis] + turning)).sum(axis=1))
+
+
+def _integral(task: Task, path: Contour, sign: int) -> Part:
+    """Return the integral along the path, equation (48)."""
+    s = path.s[..., np.newaxis]
+    k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
+    kernel, size = transformed(s, k, hold, source=task.source, across=task.across, sign=sign)
+    logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
+    if task.source.radius:
+        kernel, logarithm = _without_logarithm(kernel, path, task, sign)
+    along = task.source.along(s, task.distance) * path.weight[..., np.newaxis]
+    terms = kernel * along
+    value = terms.sum(axis=1)
+    if path.mirrored:
+        value = value.real + 0j
+    ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
+    lost = 4 * (size * np.abs(along[:, ::4])).sum(axis=1) + np.abs(logarithm)
+    return Part(value=value + logarithm, error=4 * ends + _EPS * lost)
+
+
+def _without_logarithm(
+    kernel: Complex, path: Contour, task: Task, sign: int
+) -> tuple[Complex, Complex]:
+    """Take the logarithm at a disc's centre out of the kernel, equation (49)."""
+    from scipy.special import kv
+
+    source = task.source
+    one, two = source.branch_weights(task.k)
+    strength = ((one - two) / (4 * task.k**2))[:, np.newaxis]
+    m = path.ceiling[:, np.newaxis]
+    root = np.sqrt(path.s**2 + m * m)[..., np.newaxis]
+    logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
+    for part, apart in (
+        (1, task.across - source.span.centre),
+        (sign, task.across + source.span.centre),
+    ):
+        spread = np.exp(-root * np.abs(apart)) / (2 * root)
+        kernel = kernel - part * strength[..., np.newaxis] * spread
+        r = _clipped(source, np.hypot(task.distance, apart))
+        logarithm += part * strength * kv(0, m * r) / (2 * np.pi)
+    return kernel, logarithm
+
+
+def _clipped(source: Source, apart: Real) -> Real:
+    return np.maximum(apart, _LEAST_DISTANCE * source.radius)

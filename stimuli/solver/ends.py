@@ -1,0 +1,211 @@
+"""What the two free short ends of a finite strip add to the field, in units of its width.
+
+Each end turns the waves of a load back: those that leave it and those that arrive leave no bending
+moment and no shear force there. Between simple supports the guided waves are enough, each order
+across the strip by itself; between edges that are held the corners need more, see
+`stimuli.solver.fitted`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.solver.across import shape
+from stimuli.solver.endless import n_waves
+from stimuli.solver.fitted import fitted
+from stimuli.solver.guided import Guided, guided
+from stimuli.solver.source import Ends, Part, Task
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+    Real = NDArray[np.float64]
+
+
+_EPS: Final = float(np.finfo(np.float64).eps)
+_MOST_WAVES: Final = 48
+"""Most waves of one symmetry that decay and are summed; nearer to an end they are not used."""
+
+_STEP: Final = math.pi
+"""Least mean increase of the decay from one wave of a symmetry to the next."""
+
+_SPARE: Final = 6.0
+_SOFTEST: Final = 1e18
+"""1 / (kappa W) that stands for a simple support where the guided waves are not enough."""
+
+_HELD_WAVES: Final = 2
+"""Guided waves between held edges beyond those of the endless strip."""
+
+_STRONGEST: Final = 30.0
+"""Bound of what the ends make of a wave that decays, relative to it."""
+
+_NO_NULL: Final = 0.3
+"""Distance from a load in widths below which the field has no nulls."""
+
+
+def reflected(task: Task, ends: Ends, signs: tuple[int, ...]) -> Part:
+    """Return what the ends add to D U / W^2, equations (54) to (58).
+
+    Parameters
+    ----------
+    task : Task
+        Load, places across, wavenumbers and wanted error; its distances are not used.
+    ends : Ends
+        The ends, and where the pairs are along the strip.
+    signs : tuple of int
+        Symmetries about the centre line that are computed.
+
+    Returns
+    -------
+    Part
+        Shape (n_frequencies, n_pairs).
+
+    Examples
+    --------
+    A load and a point may be exchanged:
+
+    >>> from stimuli.solver.source import Source
+    >>> from stimuli.solver.across import Span
+    >>> def at(y0, y, x0, x):
+    ...     task = Task(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), rtol=1e-8,
+    ...                 source=Source(span=Span(centre=y0)), distance=np.array([abs(x - x0)]),
+    ...                 across=np.array([y]))
+    ...     ends = Ends(length=2.0, poisson_ratio=0.3, load=np.array([x0]), point=np.array([x]),
+    ...                 direct=np.array([0]))
+    ...     return reflected(task, ends, (1, -1)).value
+    >>> bool(abs(at(0.1, -0.3, 0.2, 0.7) / at(-0.3, 0.1, 0.7, 0.2) - 1) < 1e-6)
+    True
+    """
+    value = np.zeros((task.k.size, task.across.size), dtype=np.complex128)
+    error = np.zeros(value.shape)
+    supported = bool(np.all(np.isinf(task.hold)))
+    wanted = _wanted(task, ends) if supported else 0
+    enough = supported and wanted <= _MOST_WAVES
+    count = n_waves(task.k) + (wanted if enough else _HELD_WAVES)
+    soft = replace(task, exact_hold=np.full_like(task.exact_hold, _SOFTEST))
+    for sign in signs:
+        waves = guided(task.exact_k, task.exact_hold, count, sign)
+        if enough:
+            part = _turned_back(task, ends, waves)
+        else:
+            part = fitted(soft if supported else task, ends, waves)
+        value, error = value + part.value, error + part.error
+    return Part(value=value, error=error)
+
+
+def faintness(task: Task, ends: Ends, signs: tuple[int, ...]) -> Real:
+    """Return how much the ends can add to the field as a part of it.
+
+    Section 7 of docs/model.md: 30 exp(-d), d the decay of the slowest wave over the detour.
+
+    Parameters
+    ----------
+    task : Task
+        As for `reflected`, with the distance of each pair.
+    ends : Ends
+        The ends, and where the pairs are along the strip.
+    signs : tuple of int
+        Symmetries about the centre line that are computed.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_frequencies, n_pairs)
+        Where waves propagate without loss, at least 30.
+
+    Examples
+    --------
+    Waves that decay over several widths to either end are not worth the trouble:
+
+    >>> from stimuli.solver.source import Source
+    >>> from stimuli.solver.across import Span
+    >>> task = Task(exact_k=np.array([1 + 0j]), exact_hold=np.array([0j]), rtol=1e-6,
+    ...             source=Source(span=Span(centre=0.0)), distance=np.array([0.0]),
+    ...             across=np.array([0.0]))
+    >>> middle = np.array([0.0])
+    >>> faint = [faintness(task, Ends(length=length, poisson_ratio=0.3, load=middle, point=middle,
+    ...                               direct=np.array([0])), (1,)) for length in (1.0, 5.0)]
+    >>> bool(faint[0] > 0.1), bool(faint[1] < 1e-6)
+    (True, True)
+    """
+    detour = ends.detours(task.source.half_length + task.source.radius)
+    decay = np.full(task.k.size, np.inf)
+    for sign in signs:
+        waves = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign)
+        decay = np.minimum(decay, waves.p.imag[:, 0])
+    nulls = np.maximum(math.log(1e3) - decay[:, np.newaxis] * task.distance, 0.0)
+    nulls[:, task.distance < _NO_NULL] = 0.0
+    return np.asarray(_STRONGEST * np.exp(nulls - decay[:, np.newaxis] * detour))
+
+
+def _wanted(task: Task, ends: Ends) -> int:
+    """Return how many waves that decay reach the wanted error between supported edges."""
+    source = task.source
+    way = float(np.min(ends.length - np.abs(ends.load + ends.point)))
+    way = max(way - source.half_length, 1e-9)
+    return int(min((math.log(1 / task.rtol) + _SPARE) / (_STEP * way), 1e6))
+
+
+def _turned_back(task: Task, ends: Ends, waves: Guided) -> Part:
+    """Return the waves that the ends turn back, at the points, of one symmetry."""
+    leaving, arriving, scale = _works(waves, ends.poisson_ratio)
+    loads, which = np.unique(ends.load, return_inverse=True)
+    p = waves.p[..., np.newaxis]
+    strength = 1j * waves.excited(task.k[:, np.newaxis], task.source) / waves.norms() / scale
+    right, left = (
+        strength[..., np.newaxis] * task.source.along(p, ends.length / 2 + side * loads)
+        for side in (-1, 1)
+    )
+    across = waves.shapes(task.across) * scale[..., np.newaxis]
+    passed = np.exp(1j * p * ends.length)
+    towards = np.exp(1j * p * (ends.length / 2 - ends.point))
+    away = np.exp(1j * p * (ends.length / 2 + ends.point))
+    n_fewer = _fewer(waves.p.shape[1])
+    value = np.zeros((task.k.size, task.across.size), dtype=np.complex128)
+    fewer, size = value.copy(), np.zeros(value.shape)
+    for mirror in (1, -1):
+        matrix = leaving + mirror * arriving * np.swapaxes(passed, 1, 2)
+        pushed = -arriving @ ((right + mirror * left) / 2)
+        seen = across * (towards + mirror * away)
+        terms = np.linalg.solve(matrix, pushed)[..., which] * seen
+        value += terms.sum(axis=1)
+        size += np.abs(terms).sum(axis=1)
+        some = np.linalg.solve(matrix[:, :n_fewer, :n_fewer], pushed[:, :n_fewer])
+        fewer += (some[..., which] * seen[:, :n_fewer]).sum(axis=1)
+    error = np.abs(value - fewer) + 1e2 * _EPS * size
+    return Part(value=value, error=error)
+
+
+def _fewer(count: int) -> int:
+    """Return the number of waves of the coarser model: even, not to part a pair."""
+    return 2 * max(int(0.375 * count), 1)
+
+
+def _works(waves: Guided, poisson_ratio: float) -> tuple[Complex, Complex, Real]:
+    """Return the virtual works of leaving and arriving waves on leaving ones, and the scale.
+
+    Row n, column m: int (V_m phi_n + i p_n M_m phi_n) dY at an end, equation (55).
+    """
+    p = waves.p
+    nodes, weights = np.polynomial.legendre.leggauss(2 * (p.shape[1] + 12) + 16)
+    across, weights = (nodes + 1) / 4, weights / 2
+    shapes, slopes = waves.shapes(across), _slopes(waves, across)
+    scale = 1 / np.sqrt(np.abs(shapes) ** 2 @ weights)
+    shapes, slopes = shapes * scale[..., np.newaxis], slopes * scale[..., np.newaxis]
+    mass = (shapes * weights) @ np.swapaxes(shapes, 1, 2)
+    bent = -(slopes * weights) @ np.swapaxes(slopes, 1, 2)
+    row, column = p[..., np.newaxis], p[:, np.newaxis]
+    shear = 1j * column * ((2 - poisson_ratio) * bent - column**2 * mass)
+    moment = poisson_ratio * bent - column**2 * mass
+    return 1j * row * moment - shear, 1j * row * moment + shear, scale
+
+
+def _slopes(waves: Guided, across: Real) -> Complex:
+    """Return the derivatives of the shapes across the strip, (n_frequencies, n_modes, n_places)."""
+    g1, g2, end = waves.g1[..., np.newaxis], waves.g2[..., np.newaxis], np.array(0.5)
+    steep1, steep2 = (g * shape(g, across, -waves.sign) for g in (g1, g2))
+    return shape(g1, end, waves.sign) * steep2 - shape(g2, end, waves.sign) * steep1

@@ -1,0 +1,326 @@
+"""One load in widths: what is asked of the solver for it, and its transform along the strip."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.solver.across import Span, crossing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+    Exact = NDArray[np.clongdouble]
+    Real = NDArray[np.float64]
+
+
+_SERIES_TERMS: Final = 12
+_SERIES_REACH: Final = 3.0
+"""Largest |k R| of the power series."""
+
+
+def inside_excess(k: Complex, radius: float, distance: Real, *, moment: bool) -> Complex:
+    """Return D U of a disc less that of its replacement by a source at its centre, (44), (50).
+
+    Parameters
+    ----------
+    k : ndarray of complex128, shape (n_frequencies,)
+        Bending wavenumber times the width.
+    radius : float
+        Radius R in widths.
+    distance : ndarray of float64, shape (n_points,)
+        Distances r > 0 from the centre in widths.
+    moment : bool
+        Moment patch or pressure.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n_frequencies, n_points)
+        0 for r >= R. Both branches solve (lap +- k^2) w = -1 with w = dw/dr = 0 at r = R.
+
+    Examples
+    --------
+    Without curvature nor value at the rim, the excess of a pressure is biharmonic inside:
+
+    >>> excess = inside_excess(np.array([1e-3 + 0j]), 1.0, np.array([0.999, 2.0]), moment=False)
+    >>> bool(abs(excess[0, 0]) < 1e-12), complex(excess[0, 1])
+    (True, 0j)
+    """
+    value = np.zeros((k.size, distance.size), dtype=np.complex128)
+    inside = np.flatnonzero(distance < radius)
+    if not inside.size:
+        return value
+    ratio = distance[inside] / radius
+    small = np.abs(k) * radius < _SERIES_REACH
+    for method, rows in ((_series, np.flatnonzero(small)), (_closed, np.flatnonzero(~small))):
+        if rows.size:
+            value[np.ix_(rows, inside)] = method(k[rows], radius, ratio, moment=moment)
+    return value
+
+
+def _series(k: Complex, radius: float, ratio: Real, *, moment: bool) -> Complex:
+    """Return the power series in k^4: w = w_0 -+ k^2 w_1 + k^4 w_2 ..., lap w_(j+1) = w_j."""
+    terms = _rim_terms(ratio)
+    power, first = (k * radius) ** 4, 0 if moment else 1
+    scale = radius ** (2 if moment else 4)
+    total = np.zeros((k.size, ratio.size), dtype=np.complex128)
+    for j in range(_SERIES_TERMS - 2 + first, -1, -2):
+        total = total * power[:, np.newaxis] + terms[j]
+    return -scale * total
+
+
+def _rim_terms(ratio: Real) -> Real:
+    """Return w_j / R^(2j+2) at r / R, shape (_SERIES_TERMS, n_points)."""
+    plain, logged = _rim_polynomials()
+    even = ratio ** (2 * np.arange(_SERIES_TERMS + 1)[:, np.newaxis])
+    value: Real = plain @ even + (logged @ even) * np.log(ratio)
+    return value
+
+
+@lru_cache(maxsize=1)
+def _rim_polynomials() -> tuple[Real, Real]:
+    """Return the powers of (r / R)^2 in each w_j, those alone and those times ln(r / R).
+
+    w_0 solves lap w = -1, and all vanish with their slope at the rim.
+    """
+    alone, times_log = np.zeros((2, _SERIES_TERMS, _SERIES_TERMS + 1))
+    powers = 2 * np.arange(_SERIES_TERMS + 1)
+    plain, logged = np.zeros((2, _SERIES_TERMS + 1))
+    plain[1] = -0.25
+    for j in range(_SERIES_TERMS):
+        value, slope = plain.sum(), (powers * plain + logged).sum()
+        plain[0] -= value
+        logged[0] -= slope
+        alone[j], times_log[j] = plain, logged
+        square = (powers + 2.0) ** 2
+        raised_log = logged / square
+        raised = (plain - 2 * (powers + 2) * raised_log) / square
+        plain, logged = (np.concatenate([[0.0], a[:-1]]) for a in (raised, raised_log))
+    return alone, times_log
+
+
+def _closed(k: Complex, radius: float, ratio: Real, *, moment: bool) -> Complex:
+    """Return the same in Bessel functions, for large discs."""
+    from scipy.special import hankel1, iv, jv, kv
+
+    z, k2 = (k * radius)[:, np.newaxis], (k * k)[:, np.newaxis]
+    zr = z * ratio
+    one = -1 + 0.5j * np.pi * z * (hankel1(1, z) * jv(0, zr) - jv(1, z) * hankel1(0, zr))
+    two = 1 - z * (kv(1, z) * iv(0, zr) + iv(1, z) * kv(0, zr))
+    return -(one + two) / (2 * k2) if moment else (one - two) / (2 * k2 * k2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A load in units of the width, at x = 0.
+
+    Attributes
+    ----------
+    span : Span
+        Where it acts across the strip; a disc is a point at its centre, equation (44).
+    half_length : float
+        Half of its length along the strip, 0 for a point and a disc.
+    radius : float
+        Radius of a disc, else 0.
+    moment : bool
+        Whether it is a moment patch, else a force or pressure.
+    """
+
+    span: Span
+    half_length: float = 0.0
+    radius: float = 0.0
+    moment: bool = False
+
+    def branch_weights(self, k: Complex) -> tuple[Complex, Complex]:
+        """Return what the load makes of plane waves of either branch, equations (42) and (44)."""
+        one, two = disc_weights(k, self.radius) if self.radius else (1 + 0 * k, 1 + 0 * k)
+        return (-k * k * one, k * k * two) if self.moment else (one, two)
+
+    def along(self, s: Complex, distance: Real) -> Complex:
+        """Return the load's factor for waves exp(i s |x|) at a distance from its centre, (43)."""
+        c = self.half_length
+        if c == 0:
+            return np.exp(1j * s * distance)
+        turn = 1j * s
+        value: Complex = np.exp(turn * np.maximum(distance - c, 0.0)) * np.expm1(2 * c * turn)
+        inside = np.flatnonzero(distance < c)
+        if inside.size:
+            ways = c - distance[inside], c + distance[inside]
+            some = np.broadcast_to(turn, value.shape)[..., inside]
+            value[..., inside] = np.expm1(some * ways[0]) + np.expm1(some * ways[1])
+        return value / turn
+
+
+def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
+    """Return the integrals of plane waves of both branches over a disc, equation (44).
+
+    Examples
+    --------
+    Long waves see the area only:
+
+    >>> weights = disc_weights(np.array([1e-6 + 0j]), 0.5)
+    >>> bool(np.allclose(weights, np.pi / 4))
+    True
+    """
+    from scipy.special import iv, jv
+
+    return 2 * np.pi * radius * jv(1, k * radius) / k, 2 * np.pi * radius * iv(1, k * radius) / k
+
+
+def transformed(
+    s: Complex, k: Complex, hold: Complex, *, source: Source, across: Real, sign: int
+) -> tuple[Complex, Real]:
+    """Return D U^ of one symmetry along the complex s plane, equations (39) to (42).
+
+    Parameters
+    ----------
+    s : ndarray of complex128, shape (..., n_s, n_places or 1)
+        Wavenumbers along the strip times the width, none of them a pole.
+    k : ndarray of complex128
+        Bending wavenumber times the width; not small, (39) cancels as k^-2.
+    hold : ndarray of complex128
+        1 / (kappa W): 0 for clamped, infinite for simply supported edges.
+    source : Source
+        The load; only its span, its radius and its kind are used.
+    across : ndarray of float64
+        Places Y.
+    sign : int
+        +1 for the symmetric part, -1 for the antisymmetric one.
+
+    Returns
+    -------
+    value : ndarray of complex128
+        The transform in units of the width, all arguments broadcast.
+    terms : ndarray of float64
+        Amount of the terms whose sum it is, for every fourth s: what rounding counts.
+    """
+    k2 = k * k
+    g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)
+    one, two = source.branch_weights(k)
+    first, second = (crossing(g, across, source.span, sign) for g in (g1, g2))
+    part1, part2 = one * first.kernel, two * second.kernel
+    value: Complex = part1 - part2
+    terms: Real = np.abs(part1[..., ::4, :]) + np.abs(part2[..., ::4, :])
+    if not np.all(np.isinf(hold)):
+        psi1, psi2 = first.shape / first.end, second.shape / second.end
+        load1, load2 = one * first.load / first.end, two * second.load / second.end
+        grip1, grip2 = g1 * first.fall / first.end, g2 * second.fall / second.end
+        grip = 2 * (2 * k2 * hold + 2 * k2 / (g1 + g2) - sign * (grip2 - grip1))
+        psi, load = psi2 - psi1, (load2 - load1) / grip
+        value -= psi * load
+        lost = np.abs(load1 / grip) + np.abs(load) * (np.abs(grip1 / grip))
+        terms += (np.abs(psi1 * load) + np.abs(psi) * lost)[..., ::4, :]
+    return value / (2 * k2), terms / np.abs(2 * k2)
+
+
+_LEAST_SPREAD: Final = 12.0
+"""Decay per width of the last known wave against the first: 12.2 at the least, over all edges."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Task:
+    """What is asked of one load, in units of the width.
+
+    Attributes
+    ----------
+    exact_k : ndarray of complex, shape (n_frequencies,)
+        Bending wavenumbers times the width, not small; long double counts near a cut-off.
+    exact_hold : ndarray of complex, shape (n_frequencies,)
+        1 / (kappa W): 0 for clamped, infinite for simply supported edges.
+    source : Source
+        The load.
+    distance, across : ndarray of float64, shape (n_points,)
+        |x| from the load's centre and Y of each point.
+    rtol : float
+        Wanted relative error.
+    """
+
+    exact_k: Exact | Complex
+    exact_hold: Exact | Complex
+    source: Source
+    distance: Real
+    across: Real
+    rtol: float
+    k: Complex = field(init=False)
+    """Bending wavenumbers in double precision."""
+
+    hold: Complex = field(init=False)
+    """1 / (kappa W) in double precision."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "k", self.exact_k.astype(np.complex128))
+        object.__setattr__(self, "hold", self.exact_hold.astype(np.complex128))
+
+    def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Task:
+        """Return the task for some of its points."""
+        return replace(self, distance=self.distance[points], across=self.across[points])
+
+    @property
+    def clearance(self) -> Real:
+        """Distance along the strip from the load's end, negative beside it."""
+        return self.distance - self.source.half_length - self.source.radius
+
+    @property
+    def lossless(self) -> bool:
+        """Whether the field is real but for propagating waves."""
+        held = self.hold[np.isfinite(self.hold)]
+        return not (np.any(self.k.imag) or np.any(held.imag))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Part:
+    """Values with an estimate of their error, both of shape (n_frequencies, n_points)."""
+
+    value: Complex
+    error: Real
+
+
+def far_clearance(rtol: float) -> float:
+    """Return the distance from a load in widths beyond which the guided waves are enough.
+
+    Examples
+    --------
+    >>> round(far_clearance(1e-6), 2)
+    1.48
+    """
+    return (math.log(1 / rtol) + 4) / _LEAST_SPREAD
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ends:
+    """The ends of a strip, and where loads and points are between them, in widths.
+
+    Attributes
+    ----------
+    length : float
+        Length of the strip; x = 0 is its middle.
+    poisson_ratio : float
+        Poisson's ratio.
+    load, point : ndarray of float64, shape (n_pairs,)
+        Their x.
+    direct : ndarray of int, shape (n_pairs,)
+        Which of a job's places relative to the load each pair is.
+    """
+
+    length: float
+    poisson_ratio: float
+    load: Real
+    point: Real
+    direct: NDArray[np.intp]
+
+    def at(self, pairs: NDArray[np.bool_]) -> Ends:
+        """Return the ends with some of the pairs."""
+        return replace(
+            self, load=self.load[pairs], point=self.point[pairs], direct=self.direct[pairs]
+        )
+
+    def detours(self, reach: float) -> Real:
+        """Return by how much the shortest way over an end is longer than the direct one."""
+        most = np.maximum(self.load + reach, self.point)
+        least = np.minimum(self.load - reach, self.point)
+        return np.maximum(self.length - 2 * np.maximum(most, -least), 0.0)

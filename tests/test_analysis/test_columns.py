@@ -1,0 +1,361 @@
+"""Tables made elsewhere: MAP.toml, defaults, units, refusals."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+
+from analysis import ColumnMap, ResultFileError, load_column_map, read_trials
+from analysis.reading.load import read_inputs
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LEAST = "participant,side,level_vpp,response\n"
+
+
+def read(folder: Path, table: str, columns: ColumnMap | None = None) -> pd.DataFrame:
+    path = folder / "table.csv"
+    path.write_text(table, encoding="utf-8")
+    return read_trials([path], columns or ColumnMap())
+
+
+def refused(folder: Path, table: str, columns: ColumnMap | None = None) -> ResultFileError:
+    with pytest.raises(ResultFileError) as caught:
+        read(folder, table, columns)
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+def load(folder: Path, text: str) -> ColumnMap:
+    path = folder / "MAP.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_column_map(path)
+
+
+def test_four_columns_are_enough_and_the_rest_has_its_default(tmp_path: Path) -> None:
+    trials = read(tmp_path, LEAST + "007,left,60,left\n007,both,60,left\n007,none,,none\n")
+    assert trials["participant"].tolist() == ["007"] * 3
+    assert trials["kind"].tolist() == ["single", "both", "blank"]
+    assert trials["trial"].tolist() == [1, 2, 3]
+    assert trials["correct"].tolist() == [True, False, True]
+    constants = {"session": "01", "condition": "main", "attempt": 1, "block": 1, "status": "ok"}
+    constants |= {"anticipated": False, "simulated": False, "schema": 1}
+    for name, value in constants.items():
+        assert trials[name].tolist() == [value] * 3, name
+    for name in ("rt_s", "onset_s", "foreperiod_s", "noise_ok", "level_left_vpp", "peak_left_um"):
+        assert trials[name].isna().all(), name
+    assert trials["study_sha256"].tolist() == ["n/a"] * 3
+
+
+def test_trials_are_numbered_within_participant_and_session_across_files(tmp_path: Path) -> None:
+    header = "participant,session,side,level_vpp,response\n"
+    one, two = tmp_path / "1.csv", tmp_path / "2.csv"
+    one.write_text(header + "a,1,left,60,left\nb,1,left,60,left\na,1,left,60,left\n")
+    two.write_text(header + "a,1,left,60,left\na,2,left,60,left\n")
+    assert read_trials([one, two], ColumnMap())["trial"].tolist() == [1, 1, 2, 3, 1]
+
+
+def test_columns_words_constants_and_units_are_translated(tmp_path: Path) -> None:
+    columns = load(
+        tmp_path,
+        """
+        [columns]
+        participant = "Subject"
+        level_vpp = "amplitude"
+        response = "key"
+        rt_s = "time"
+        [values.response]
+        l = "left"
+        "" = "timeout"
+        [constant]
+        side = "left"
+        block = 2
+        [units]
+        rt_s = "ms"
+        level_vpp = "mV-peak"
+        """,
+    )
+    table = "Subject,amplitude,key,time,colour\n01,30000,l,612.5,red\n01,30000,,,blue\n"
+    trials = read(tmp_path, table, columns)
+    assert trials["level_vpp"].tolist() == [60.0, 60.0]
+    assert trials["response"].tolist() == ["left", "timeout"]
+    assert trials["rt_s"].dropna().tolist() == [0.6125]
+    assert trials["side"].tolist() == ["left", "left"]
+    assert trials["block"].tolist() == [2, 2]
+    assert "colour" not in trials
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "written", "read_as"),
+    [
+        ("rt_s", "s", "0.612", 0.612),
+        ("rt_s", "ms", "612", 0.612),
+        ("rt_s", "us", "612000", 0.612),
+        ("level_vpp", "V", "60", 60.0),
+        ("level_vpp", "mV", "60000", 60.0),
+        ("level_vpp", "V-peak", "30", 60.0),
+        ("level_vpp", "mV-peak", "30000", 60.0),
+    ],
+)
+def test_units_come_out_exact(
+    tmp_path: Path, column: str, unit: str, written: str, read_as: float
+) -> None:
+    cells = {"participant": "1", "side": "left", "level_vpp": "60", "response": "left", "rt_s": "1"}
+    cells[column] = written
+    table = ",".join(cells) + "\n" + ",".join(cells.values()) + "\n"
+    assert read(tmp_path, table, ColumnMap(units={column: unit}))[column].tolist() == [read_as]
+
+
+def test_one_column_of_theirs_may_serve_two_of_ours(tmp_path: Path) -> None:
+    columns = ColumnMap(
+        columns={"kind": "stim", "side": "stim", "detected": "felt"},
+        values={"kind": {"0": "blank", "1": "single"}, "side": {"0": "none", "1": "right"}},
+    )
+    table = (
+        "participant,stim,level_vpp,felt\n1,1,2.5,1\n1,1,2.5,0\n1,0,0,0\n1,0,,1\n1,1,2.5,timeout\n"
+    )
+    trials = read(tmp_path, table, columns)
+    assert trials["kind"].tolist() == ["single", "single", "blank", "blank", "single"]
+    assert trials["response"].tolist() == ["right", "none", "none", "right", "timeout"]
+
+
+def test_a_felt_blank_needs_a_table_with_one_side(tmp_path: Path) -> None:
+    table = "participant,side,level_vpp,detected\n1,left,60,1\n1,right,60,1\n1,none,0,1\n"
+    error = refused(tmp_path, table)
+    assert error.line == 4
+    assert "stimuli at left, right: which side was answered?" in str(error)
+
+
+def test_an_unanswered_trial_of_zeros_and_ones_must_be_explained(tmp_path: Path) -> None:
+    table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,\n"
+    assert refused(tmp_path, table).line == 3
+    columns = ColumnMap(values={"detected": {"": "timeout"}})
+    assert read(tmp_path, table, columns)["response"].tolist() == ["left", "timeout"]
+
+
+TWO_ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
+
+
+@pytest.mark.parametrize(
+    ("columns", "response"),
+    [
+        ({"detected": "detected"}, "left"),
+        ({"response": "response"}, "right"),
+        ({"response": ""}, "left"),
+        ({"detected": ""}, "right"),
+    ],
+)
+def test_of_two_answers_the_map_names_the_source(
+    tmp_path: Path, columns: dict[str, str], response: str
+) -> None:
+    assert read(tmp_path, TWO_ANSWERS, ColumnMap(columns=columns))["response"].tolist() == [
+        response
+    ]
+
+
+def test_two_answers_without_a_named_source_are_refused(tmp_path: Path) -> None:
+    error = refused(tmp_path, TWO_ANSWERS)
+    assert error.line == 1
+    assert "response and detected both tell the answer" in str(error)
+    for name, table in (
+        ("detected", "participant,side,level_vpp,response\n1,left,60,left\n"),
+        ("response", "participant,side,level_vpp,detected\n1,left,60,1\n"),
+    ):
+        constant = ColumnMap(constant={name: {"detected": "0", "response": "none"}[name]})
+        assert "both tell the answer" in str(refused(tmp_path, table, constant))
+
+
+def test_a_word_of_theirs_stands_for_a_value_in_our_unit(tmp_path: Path) -> None:
+    columns = ColumnMap(
+        values={"level_vpp": {"low": "60", "1000": "95"}}, units={"level_vpp": "mV"}
+    )
+    table = LEAST + "1,left,low,left\n1,left,130000,left\n1,left,1000,left\n"
+    assert read(tmp_path, table, columns)["level_vpp"].tolist() == [60.0, 130.0, 95.0]
+
+
+def test_a_column_with_an_empty_source_is_not_taken(tmp_path: Path) -> None:
+    table = "participant,trial,side,level_vpp,response\n1,a,left,60,left\n1,a,left,60,none\n"
+    assert refused(tmp_path, table).line == 2
+    trials = read(tmp_path, table, load(tmp_path, '[columns]\ntrial = ""\n'))
+    assert trials["trial"].tolist() == [1, 2]
+    columns = ColumnMap(columns={"trial": "", "side": ""}, constant={"side": "right"})
+    assert read(tmp_path, table, columns)["side"].tolist() == ["right", "right"]
+    assert "no column side" in str(refused(tmp_path, table, ColumnMap(columns={"side": ""})))
+
+
+def test_a_constant_level_is_that_of_the_stimuli(tmp_path: Path) -> None:
+    table = "participant,side,response\n1,left,left\n1,none,none\n"
+    levels = read(tmp_path, table, ColumnMap(constant={"level_vpp": "60"}))["level_vpp"]
+    assert levels.iloc[0] == 60.0
+    assert levels.isna().tolist() == [False, True]
+
+
+def offered(trials: pd.DataFrame) -> list[bool | None]:
+    return [None if value is pd.NA else bool(value) for value in trials["none_offered"]]
+
+
+def test_one_answer_none_shows_that_it_was_offered_in_its_file_and_condition(
+    tmp_path: Path,
+) -> None:
+    header = "participant,side,level_vpp,response,condition\n"
+    (tmp_path / "2.csv").write_text(header + "2,left,60,left,a\n")
+    (tmp_path / "1.csv").write_text(
+        header + "1,left,60,none,a\n1,left,60,left,a\n1,left,60,left,b\n"
+    )
+    trials = read_trials([tmp_path / "1.csv", tmp_path / "2.csv"], ColumnMap())
+    assert offered(trials) == [True, True, None, None]
+
+
+def test_a_table_that_says_yes_or_no_offered_none(tmp_path: Path) -> None:
+    table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,1\n"
+    assert offered(read(tmp_path, table)) == [True, True]
+
+
+@pytest.mark.parametrize("level", ["1e-7", "1.1e6", "1e300"])
+def test_a_level_that_no_actuator_has_is_refused(tmp_path: Path, level: str) -> None:
+    error = refused(tmp_path, LEAST + f"1,left,60,left\n1,left,{level},left\n")
+    assert error.line == 3
+    assert "it must be a number from 1e-06 to 1e+06" in str(error)
+
+
+def test_the_bounds_of_levels_are_in_our_unit(tmp_path: Path) -> None:
+    table = LEAST + "1,left,1000000000,left\n"
+    columns = ColumnMap(units={"level_vpp": "mV"})
+    assert read(tmp_path, table, columns)["level_vpp"].tolist() == [1e6]
+
+
+def test_a_time_beside_a_time_out_is_no_reaction_time(tmp_path: Path) -> None:
+    table = "participant,side,level_vpp,response,rt_s\n1,left,60,timeout,1.5\n1,left,60,left,0.5\n"
+    assert read(tmp_path, table)["rt_s"].isna().tolist() == [True, False]
+
+
+def test_a_spreadsheets_byte_order_mark_is_read_over(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(LEAST + "1,left,60,left\n", encoding="utf-8-sig")
+    assert read_trials([path], ColumnMap())["participant"].tolist() == ["1"]
+
+
+def test_the_map_is_listed_among_the_inputs(tmp_path: Path) -> None:
+    columns = load(tmp_path, '[constant]\nside = "left"\n')
+    (tmp_path / "t.csv").write_text("participant,level_vpp,response\n1,60,left\n")
+    assert [i.name for i in read_inputs([tmp_path / "t.csv"], columns).inputs] == [
+        "MAP.toml",
+        "t.csv",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "columns", "line", "words"),
+    [
+        ("a,b\n1,2\n", {}, 1, "no column participant, side, level_vpp, response; the map must"),
+        ("participant,side,level_vpp\n1,left,60\n", {}, 1, "no column response;"),
+        (LEAST + "1,left,60,left\n", {"columns": {"rt_s": "time"}}, 1, "no column 'time', named"),
+        (LEAST + "1,left,60,left\n", {"constant": {"side": "left"}}, 1, "map has a constant"),
+        (LEAST + "1,left,60,l\n", {}, 2, "column 'response' holds 'l'"),
+        (LEAST + "1,left,,left\n", {}, 2, "column 'level_vpp' is n/a"),
+        (LEAST + ",left,60,left\n", {}, 2, "column 'participant' is empty"),
+        (LEAST + "1,left,60,\n", {}, 2, "column 'response' is n/a; it must be an answer"),
+        ("p,side,level_vpp,response\nx,up,60,left\n", {"columns": {"participant": "p"}}, 2, "'up'"),
+        (
+            "participant,s,level_vpp,response\n1,up,60,left\n",
+            {"columns": {"side": "s"}},
+            2,
+            "(side)",
+        ),
+        (LEAST + "1,left,1e999,left\n", {"units": {"level_vpp": "V-peak"}}, 2, "holds '1e999'"),
+        (LEAST + "1,left,60;1\n", {}, 2, "too few fields"),
+    ],
+)
+def test_a_table_that_does_not_fit_its_map_is_refused(
+    tmp_path: Path, table: str, columns: dict[str, Any], line: int, words: str
+) -> None:
+    error = refused(tmp_path, table, ColumnMap(**columns))
+    assert error.line == line
+    assert words in str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[tabel]\ndetected = "k"', "[tabel] is not a section of a map, allowed [columns]"),
+        ('[axis]\nx_scale = "ln"', "[axis] x_scale: allowed log10, linear, got 'ln'"),
+        ('[axis]\nx = "linear"', "[axis] x: allowed x_scale, unit"),
+        ('[axis]\nunit = ""', "[axis] unit: printable text of 1 to 16, got ''"),
+        ("[axis]\nunit = 5", "[axis] unit: printable text of 1 to 16, got 5"),
+        ("[axis]\nx_scale = []", "[axis] x_scale: allowed log10, linear, got []"),
+        ("[constant]\nlevel_vpp = -5", "[constant] level_vpp: allowed a number above 0"),
+        ('columns = "a"', "[columns] is not a section"),
+        ('[columns]\ncolour = "c"', "[columns] colour: not a column of trials.csv"),
+        ("[columns]\nside = 1", "[columns] side: must be text in quotation marks, got 1"),
+        ('[values]\nside = "left"', '[values] side: must be a table of "theirs" = "ours"'),
+        ("[values.side]\nl = 1", '[values] side: must be a table of "theirs" = "ours"'),
+        ('[values.side]\nl = "up"', "[values.side] 'l': allowed left, right, both or none"),
+        ('[values.colour]\nl = "up"', "[values] colour: not a column"),
+        ('[constant]\nside = "up"', "[constant] side: allowed left, right, both or none, got 'up'"),
+        ("[constant]\nlevel_vpp = nan", "[constant] level_vpp: allowed a number above 0"),
+        ("[constant]\nlevel_vpp = [60]", "[constant] level_vpp: must be text"),
+        ('[constant]\nside = "left"\n[columns]\nside = "s"', "[columns] already says where"),
+        ('[units]\nrt_s = "h"', "[units] rt_s: allowed s, ms, us, got 'h'"),
+        ('[units]\nlevel_vpp = "Vrms"', "[units] level_vpp: allowed V, mV, V-peak, mV-peak"),
+        ('[units]\nside = "ms"', "[units] side: allowed no unit but its own, got 'ms'"),
+        ('[columns]\nresponse = "a"\ndetected = "b"', "detected: allowed only without response"),
+        ('[constant]\nrt_s = 1\n[units]\nrt_s = "ms"', "[units] rt_s: a constant is in our unit"),
+        ("[columns\n", "MAP.toml: "),
+        ("a = " + "[" * 100_000, "MAP.toml: "),
+        ("x" * 1_000_001, "it has at most 1000000 bytes"),
+    ],
+)
+def test_a_map_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=r"MAP\.toml: ") as caught:
+        load(tmp_path, text)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("section", ["columns", "constant", "units", "values"])
+def test_a_map_made_in_python_is_held_to_the_same_types(section: str) -> None:
+    sections: dict[str, Any] = {section: {"rt_s": 5}}
+    with pytest.raises(ValueError, match=rf"\[{section}\] rt_s: must be .* got 5"):
+        ColumnMap(**sections)
+
+
+def test_a_map_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "MAP.toml")
+    with pytest.raises(ValueError, match=r"MAP\.toml: not a regular file"):
+        load_column_map(tmp_path / "MAP.toml")
+
+
+def test_a_map_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "MAP.toml").write_bytes(b"# caf\xe9\n")
+    with pytest.raises(ValueError, match=r"MAP\.toml: "):
+        load_column_map(tmp_path / "MAP.toml")
+
+
+def test_a_linear_axis_has_levels_of_any_sign(tmp_path: Path) -> None:
+    text = LEAST + "1,left,-60,left\n1,left,0,none\n1,left,1e7,left\n1,none,0,none\n"
+    (tmp_path / "t.csv").write_text(text)
+    columns = ColumnMap(axis={"x_scale": "linear", "unit": "deg"})
+    loaded = read_inputs([tmp_path / "t.csv"], columns)
+    assert loaded.trials["level_vpp"].tolist()[:3] == [-60.0, 0.0, 1e7]
+    assert loaded.trials["level_vpp"].isna().tolist() == [False, False, False, True]
+    assert (loaded.axis.x_scale, loaded.axis.unit) == ("linear", "deg")
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("1,left,-60,left", "column 'level_vpp' holds '-60'"),
+        ("1,left,nan,left", "column 'level_vpp' holds 'nan'; allowed: a finite number or n/a"),
+        ("1,left,,left", "column 'level_vpp' is n/a; it must be a number where there is"),
+        ("1,none,-60,none", "column 'level_vpp' is -60; it must be 0 or n/a where there is no"),
+    ],
+)
+def test_levels_of_the_other_axis_are_refused(tmp_path: Path, row: str, words: str) -> None:
+    axis = {} if words.endswith("'-60'") else {"x_scale": "linear"}
+    error = refused(tmp_path, f"{LEAST}{row}\n", ColumnMap(axis=axis))
+    assert error.line == 2
+    assert words in str(error)

@@ -1,0 +1,203 @@
+"""Tables of counts: the numbers of their trials, without the trials; what they cannot have."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from analysis import ColumnMap, ResultFileError, read_trials, write_analysis
+from analysis.answers.detection import levels_of, participants_of
+from analysis.reading.load import read_inputs
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from analysis.reading.load import Loaded
+
+TABLE = {"detected": "k", "presented": "n", "group": ["participant", "vibration"]}
+MAP = ColumnMap(columns={"level_vpp": "level"}, table=TABLE, axis={"x_scale": "linear"})
+HEADER = "participant,vibration,level,k,n\n"
+KNOWN = ["condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"]
+
+
+def read(folder: Path, text: str, columns: ColumnMap = MAP) -> Loaded:
+    path = folder / "t.csv"
+    path.write_text(text, encoding="utf-8")
+    return read_inputs([path], columns)
+
+
+def test_groups_of_their_columns_are_the_conditions(tmp_path: Path) -> None:
+    cells = read(tmp_path, HEADER + "AK,0,1.0,3,40\nAK,32,-1.0,4,40\n").cells
+    assert cells is not None
+    assert cells[["condition", "level_vpp", "participant", "detected"]].to_numpy().tolist() == [
+        ["vibration=0", 1.0, "AK", 3],
+        ["vibration=32", -1.0, "AK", 4],
+    ]
+
+
+@settings(
+    deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    st.dictionaries(
+        st.tuples(st.sampled_from("ABC"), st.sampled_from([-50, 0, 50])),
+        st.tuples(st.integers(0, 4), st.integers(0, 4)),
+        min_size=1,
+    ).filter(lambda cells: any(sum(counts) for counts in cells.values()))
+)
+def test_counts_give_the_tables_of_the_trials_they_stand_for(
+    tmp_path: Path, cells: dict[tuple[str, int], tuple[int, int]]
+) -> None:
+    counted, trials = HEADER, "participant,side,level,felt\n"
+    for (person, level), (hits, misses) in cells.items():
+        counted += f"{person},0,{level},{hits},{hits + misses}\n"
+        trials += f"{person},left,{level},1\n" * hits + f"{person},left,{level},0\n" * misses
+    of_counts = read(tmp_path, counted).cells
+    assert of_counts is not None
+    (tmp_path / "trials.csv").write_text(trials)
+    columns = {"level_vpp": "level", "detected": "felt"}
+    condition = {"condition": "vibration=0"}
+    of_trials = write_analysis(
+        [tmp_path / "trials.csv"], tmp_path / "out", figures=False,
+        columns=ColumnMap(columns=columns, constant=condition, axis={"x_scale": "linear"}),
+    )  # fmt: skip
+    same = [*KNOWN, "p_pooled", "group_low", "group_high"]
+    pd.testing.assert_frame_equal(levels_of(of_counts)[same], of_trials.levels[same])
+    pd.testing.assert_frame_equal(participants_of(of_counts), of_trials.participants)
+
+
+def test_cells_are_summed_over_sessions_and_sides(tmp_path: Path) -> None:
+    text = "participant,session,side,level_vpp,k,n\n1,1,left,60,1,2\n1,1,right,60,0,3\n"
+    columns = ColumnMap(table={"detected": "k", "presented": "n"})
+    cells = read(tmp_path, text + "1,2,left,60,4,4\n", columns).cells
+    assert cells is not None
+    assert cells[["detected", "presented"]].to_numpy().tolist() == [[5, 9]]
+
+
+def test_a_thousand_million_trials_take_no_more_room_than_one(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(HEADER + "A,0,60,900000000,1000000000\nA,0,70,0,0\nB,0,60,7,10\n")
+    analysis = write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
+    assert analysis.levels[["detected", "presented"]].to_numpy().tolist() == [
+        [900000007, 1000000010]
+    ]
+    assert len(analysis.participants) == 2
+    assert analysis.counts.trials == 1000000010
+
+
+def test_what_counts_do_not_tell_is_not_given(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(HEADER + "A,0,60,9,10\n")
+    analysis = write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
+    [level] = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"]
+    unknown = ("over_report", "mislocalised", "timeouts", "p_answered")
+    assert [level[name] for name in unknown] == [None] * 4
+    assert level["detected_any"] == 9
+    assert analysis.warnings == ()
+    forced = ColumnMap(columns=MAP.columns, axis=MAP.axis, table={**TABLE, "none_offered": False})
+    analysis = write_analysis([path], tmp_path / "out", columns=forced, figures=False)
+    assert analysis.detected_any is None
+
+
+def test_counts_are_no_trials() -> None:
+    with pytest.raises(ValueError, match=r"columns must be a map of trials, got one with \[table"):
+        read_trials(["t.csv"], MAP)
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("A,0,60,2.5,10", "column 'k' holds '2.5'; allowed: a whole number of at least 0"),
+        ("A,0,60,-1,10", "column 'k' holds '-1'; allowed: a whole number of at least 0"),
+        ("A,0,60,nan,10", "column 'k' holds 'nan'; allowed: a whole number"),
+        ("A,0,60,,10", "column 'k' is empty; allowed: a whole number"),
+        ("A,0,60,n/a,10", "column 'k' holds 'n/a'"),
+        ("A,0,60,3,-1", "column 'n' holds '-1'"),
+        ("A,0,60,11,10", "column 'detected' is 11; it must be at most what was presented, column"),
+        ("A,0,60,1,0", "column 'detected' is 1; it must be at most"),
+        ("A,0,60,1,1000000000001", "column 'presented' is 1000000000001; it must be at most 1e+12"),
+        ("A,0,,1,10", "column 'level_vpp' is n/a; it must be a number where there is a stimulus"),
+        ("A,0,inf,1,10", "column 'level (level_vpp)' holds 'inf'"),
+        ("all,0,60,1,10", "column 'participant' is all; it must be another name"),
+        (",0,60,1,10", "column 'participant' is empty"),
+        (f"A,{'x' * 65},60,1,10", "column 'condition' holds"),
+        ("A,0,55,1,10", "level_vpp 55.0: told already at"),
+    ],
+)
+def test_counts_that_cannot_be_are_refused_with_their_line(
+    tmp_path: Path, row: str, words: str
+) -> None:
+    with pytest.raises(ResultFileError) as caught:
+        read(tmp_path, f"{HEADER}A,0,55,1,10\n{row}\n")
+    assert caught.value.line == 3
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_level_of_0_has_no_place_on_a_logarithmic_axis(tmp_path: Path) -> None:
+    columns = ColumnMap(columns=MAP.columns, table=TABLE)
+    with pytest.raises(ResultFileError, match=r":2: column 'level_vpp' is 0; it must be a number"):
+        read(tmp_path, HEADER + "A,0,0,1,10\n", columns)
+
+
+def test_a_table_in_which_nothing_was_presented_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ResultFileError, match="nothing was presented in any row"):
+        read(tmp_path, HEADER + "A,0,60,0,0\n")
+
+
+def test_a_cell_told_in_two_files_is_refused(tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text(HEADER + "A,0,60,1,10\n")
+    with pytest.raises(ResultFileError, match=r"b\.csv:2: .* told already at .*a\.csv:2"):
+        read_inputs([tmp_path / "a.csv", tmp_path / "b.csv"], MAP)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"table": {"detected": "k"}}, r"\[table\] needs detected and presented"),
+        ({"table": {**TABLE, "groups": []}}, r"\[table\] needs detected and presented"),
+        ({"table": {**TABLE, "group": "p"}}, r"\[table\] group: must be a list of columns"),
+        ({"table": {**TABLE, "group": [1]}}, r"\[table\]: names of columns must be text"),
+        ({"table": {**TABLE, "presented": "k"}}, r"each column may be named once, got k, k"),
+        ({"table": {**TABLE, "none_offered": "no"}}, r"none_offered: true or false, got 'no'"),
+        ({"table": TABLE, "columns": {"rt_s": "t"}}, r"\[columns\] rt_s: with \[table\] allowed"),
+        ({"table": TABLE, "constant": {"condition": "x"}}, "it is the condition already"),
+    ],
+)
+def test_a_map_of_counts_that_cannot_be_meant_is_refused(
+    sections: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        ColumnMap(**sections)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("participant,vibration,level,k\nA,0,60,1\n", "no column 'n', named by [table]"),
+        ("participant,level,k,n\nA,60,1,2\n", "no column 'vibration', named by [table]"),
+        ("p,vibration,level,k,n\nA,0,60,1,2\n", "no column 'participant', named by [table]"),
+        ("participant,vibration,k,n\nA,0,1,2\n", "no column 'level', named by the map"),
+    ],
+)
+def test_a_table_without_what_the_map_names_is_refused(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    with pytest.raises(ResultFileError) as caught:
+        read(tmp_path, text)
+    assert caught.value.line == 1
+    assert words in str(caught.value)
+
+
+def test_a_table_of_counts_is_never_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "levels.csv"
+    path.write_text(HEADER + "A,0,60,1,10\n")
+    with pytest.raises(ValueError, match="out_dir must not hold what is analysed"):
+        write_analysis([path], tmp_path, columns=MAP, figures=False)
+    assert [one.name for one in tmp_path.iterdir()] == ["levels.csv"]

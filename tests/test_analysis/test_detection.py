@@ -1,0 +1,310 @@
+"""What counts, what is left out, and the laws of the tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis import level_table, proportion_ci
+from analysis.answers.counting import REASONS, excluded_table, offers_none, reasons
+from analysis.answers.detection import (
+    LEVEL_COLUMNS,
+    blank_table,
+    both_table,
+    check_order,
+    detected_any,
+    participant_table,
+)
+
+ONE = {
+    "participant": "1",
+    "condition": "main",
+    "kind": "single",
+    "side": "left",
+    "level_vpp": 60.0,
+    "response": "left",
+    "status": "ok",
+    "anticipated": False,
+    "noise_ok": None,
+    "none_offered": True,
+}
+MIRROR = {"left": "right", "right": "left"}
+SIDE_OF = {"both": "both", "blank": "none"}
+
+
+def table(*rows: dict[str, Any]) -> pd.DataFrame:
+    return pd.DataFrame([ONE | row for row in rows]).astype({"noise_ok": "boolean"})
+
+
+def answered(*responses: str | None, **same: Any) -> pd.DataFrame:
+    return table(*({"response": response} | same for response in responses))
+
+
+def test_only_the_own_side_is_detected() -> None:
+    answers = ("left", "left", "right", "both", "none", "timeout", "invalid")
+    levels = level_table(answered(*answers)).iloc[0]
+    assert (levels["detected"], levels["presented"]) == (2, 7)
+    assert (levels["mislocalised"], levels["over_report"], levels["timeouts"]) == (1, 1, 1)
+    assert levels["p_pooled"] == 2 / 7
+    assert levels["p_answered"] == 2 / 5
+
+
+def test_answered_only_is_nothing_where_nobody_answered() -> None:
+    assert math.isnan(level_table(answered("timeout", "invalid")).iloc[0]["p_answered"])
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"kind": "practice"}, "practice"),
+        ({"kind": "control"}, "control"),
+        ({"status": "device_error"}, "device_error"),
+        ({"status": "indeterminate"}, "indeterminate"),
+        ({"status": "aborted", "response": None}, "aborted"),
+        ({"status": "voided"}, "voided"),
+        ({"anticipated": True}, "anticipated"),
+        ({"noise_ok": False}, "unmasked"),
+        ({"kind": "practice", "status": "voided", "noise_ok": False}, "practice"),
+    ],
+)
+def test_what_does_not_count_is_left_out_with_its_reason(
+    change: dict[str, Any], reason: str
+) -> None:
+    trials = table({}, change, change | {"participant": "2"})
+    assert reasons(trials).tolist() == ["", reason, reason]
+    assert level_table(trials)["presented"].tolist() == [1]
+    listed = excluded_table(trials).to_numpy().tolist()
+    assert listed == [["1", reason, 1], ["2", reason, 1]]
+
+
+@pytest.mark.parametrize("noise", [True, None])
+def test_masked_and_unknown_noise_count(*, noise: bool | None) -> None:
+    assert level_table(table({"noise_ok": noise}))["presented"].tolist() == [1]
+
+
+def test_every_reason_is_listed_in_reasons() -> None:
+    assert set(REASONS) == {
+        *("practice", "control", "device_error", "indeterminate", "aborted", "voided"),
+        *("anticipated", "unmasked"),
+    }
+
+
+def test_a_trial_that_is_neither_counted_nor_listed_stops_everything() -> None:
+    with pytest.raises(RuntimeError, match="neither"):
+        excluded_table(table({}, {"kind": "unheard of"}))
+
+
+def test_the_mean_is_unweighted_and_the_pooled_p_is_not() -> None:
+    trials = pd.concat(
+        [
+            answered(*["left"] * 9, "none", participant="a"),
+            answered("none", "none", participant="b"),
+        ],
+        ignore_index=True,
+    )
+    levels = level_table(trials).iloc[0]
+    assert levels["p_mean"] == 0.45
+    assert levels["p_pooled"] == 9 / 12
+    assert (levels["p_min"], levels["p_max"]) == (0.0, 0.9)
+
+
+def test_one_participant_has_no_group_interval() -> None:
+    assert level_table(answered("left", "none"))[["group_low", "group_high"]].isna().all(axis=None)
+
+
+def test_conditions_and_levels_are_never_pooled() -> None:
+    trials = table({}, {"condition": "bare"}, {"level_vpp": 95.0}, {"condition": "bare"})
+    levels = level_table(trials)
+    assert levels[["condition", "level_vpp", "presented"]].to_numpy().tolist() == [
+        ["bare", 60.0, 2],
+        ["main", 60.0, 1],
+        ["main", 95.0, 1],
+    ]
+
+
+def test_both_and_blank_trials_are_never_in_the_level_table() -> None:
+    both = {"kind": "both", "side": "both", "response": "both"}
+    blank = {"kind": "blank", "side": "none", "level_vpp": math.nan, "response": "left"}
+    trials = table({}, both, blank)
+    assert level_table(trials)["presented"].tolist() == [1]
+    assert participant_table(trials)["presented"].tolist() == [1]
+
+
+def test_a_both_finger_trial_is_noticed_only_by_both() -> None:
+    answers = ("both", "both", "left", "right", "right", "none", "timeout", "invalid")
+    noticed = both_table(answered(*answers, kind="both", side="both"))
+    assert noticed["participant"].tolist() == ["1", "all"]
+    last = noticed.iloc[-1]
+    assert (last["noticed"], last["left_only"], last["right_only"]) == (2, 1, 2)
+    assert (last["low"], last["high"]) == proportion_ci(2, 8)
+
+
+def test_24_of_25_noticed_is_the_papers_row() -> None:
+    trials = pd.concat(
+        [answered(*["both"] * 5, kind="both", side="both", participant=str(p)) for p in range(5)],
+        ignore_index=True,
+    )
+    trials.loc[7, "response"] = "left"
+    last = both_table(trials).iloc[-1]
+    assert (last["noticed"], last["presented"], last["p"]) == (24, 25, 0.96)
+    assert (round(last["low"], 3), round(last["high"], 3)) == (0.805, 0.993)
+
+
+def test_a_false_alarm_is_any_of_left_right_both() -> None:
+    blank = {"kind": "blank", "side": "none", "level_vpp": math.nan}
+    answers = ("left", "right", "right", "both", "none", "none", "timeout", "invalid")
+    last = blank_table(answered(*answers, **blank)).iloc[-1]
+    assert last[["left", "right", "both", "presented", "p"]].tolist() == [1, 2, 1, 8, 0.5]
+
+
+def test_tables_of_kinds_that_did_not_occur_are_empty_but_have_their_columns() -> None:
+    trials = table({})
+    assert list(both_table(trials).columns) == [
+        *("participant", "noticed", "presented", "p", "low", "high", "left_only", "right_only"),
+    ]
+    assert list(blank_table(trials).columns) == [
+        *("participant", "left", "right", "both", "presented", "p", "low", "high"),
+    ]
+    assert len(both_table(trials)) == len(blank_table(trials)) == 0
+    nothing = level_table(table({"kind": "practice"}))
+    assert (len(nothing), tuple(nothing.columns)) == (0, LEVEL_COLUMNS)
+
+
+def test_several_conditions_have_a_last_row_each() -> None:
+    both = {"kind": "both", "side": "both", "response": "both"}
+    trials = table(both, both | {"condition": "bare"}, both | {"participant": "2"})
+    assert both_table(trials)[["condition", "participant", "presented"]].to_numpy().tolist() == [
+        ["bare", "1", 1],
+        ["bare", "all", 1],
+        ["main", "1", 1],
+        ["main", "2", 1],
+        ["main", "all", 2],
+    ]
+
+
+def test_felt_at_all_is_counted_where_none_was_offered() -> None:
+    answers = ("left", "right", "both", "none", "timeout", "invalid")
+    assert detected_any(answered(*answers))["detected_any"].tolist() == [3]
+
+
+@pytest.mark.parametrize("offered", [False, None])
+def test_felt_at_all_is_refused_where_none_was_not_offered(*, offered: bool | None) -> None:
+    trials = table({}, {"none_offered": offered})
+    assert not offers_none(trials)
+    with pytest.raises(ValueError, match='must offer "none"'):
+        detected_any(trials)
+
+
+def test_an_impossible_mean_stops() -> None:
+    check_order(0.5, 0.5, 0.5)
+    for p_min, p_mean, p_max in ((0.9, 0.87, 1.0), (0.5, 0.9, 0.8), (0.5, math.nan, 0.8)):
+        with pytest.raises(RuntimeError, match="internal error"):
+            check_order(p_min, p_mean, p_max)
+
+
+@st.composite
+def studies(draw: st.DrawFn) -> pd.DataFrame:
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    size = draw(st.integers(1, 60))
+    kinds = rng.choice(["single", "both", "blank", "practice"], size, p=[0.7, 0.1, 0.1, 0.1])
+    sides = [SIDE_OF.get(kind, rng.choice(["left", "right"])) for kind in kinds]
+    words = ["left", "right", "both", "none", "timeout", "invalid"]
+    return table(
+        *(
+            {
+                "participant": str(rng.integers(1, 5)),
+                "condition": str(rng.choice(["main", "bare"])),
+                "kind": kind,
+                "side": side,
+                "level_vpp": math.nan if side == "none" else float(rng.choice([60, 95, 130])),
+                "response": str(rng.choice(words)),
+                "status": str(rng.choice(["ok", "voided"], p=[0.9, 0.1])),
+                "noise_ok": bool(rng.random() > 0.1),
+            }
+            for kind, side in zip(kinds, sides, strict=True)
+        )
+    )
+
+
+fast = settings(deadline=None, max_examples=25)
+
+
+def every_table(trials: pd.DataFrame) -> list[pd.DataFrame]:
+    made = [level_table, participant_table, both_table, blank_table, excluded_table]
+    return [make(trials) for make in made]
+
+
+def assert_same(one: pd.DataFrame, other: pd.DataFrame) -> None:
+    pd.testing.assert_frame_equal(one, other, check_exact=True)
+
+
+@fast
+@given(studies(), st.randoms(use_true_random=False))
+def test_the_order_of_trials_changes_nothing(trials: pd.DataFrame, random: Any) -> None:
+    order = list(range(len(trials)))
+    random.shuffle(order)
+    shuffled = trials.iloc[order].reset_index(drop=True)
+    for one, other in zip(every_table(trials), every_table(shuffled), strict=True):
+        assert_same(one, other)
+
+
+@fast
+@given(studies())
+def test_the_names_of_participants_change_no_number(trials: pd.DataFrame) -> None:
+    names = {"1": "z", "2": "b", "3": "007", "4": "A"}
+    renamed = trials.assign(participant=trials["participant"].map(names))
+    assert_same(level_table(trials), level_table(renamed))
+    one, other = participant_table(trials), participant_table(renamed)
+    one["participant"] = one["participant"].map(names)
+    key = ["participant", "condition", "level_vpp"]
+    assert_same(one.sort_values(key).reset_index(drop=True), other)
+    for make in (both_table, blank_table):
+        assert_same(
+            make(trials).drop(columns="participant").iloc[-1:].reset_index(drop=True),
+            make(renamed).drop(columns="participant").iloc[-1:].reset_index(drop=True),
+        )
+
+
+@fast
+@given(studies())
+def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
+    mirrored = trials.replace({"side": MIRROR, "response": MIRROR})
+    assert_same(level_table(trials), level_table(mirrored))
+    assert_same(participant_table(trials), participant_table(mirrored))
+    swap = {"left_only": "right_only", "right_only": "left_only"}
+    there = both_table(mirrored).rename(columns=swap)
+    assert_same(both_table(trials), there[both_table(trials).columns])
+    there = blank_table(mirrored).rename(columns=MIRROR)
+    assert_same(blank_table(trials), there[blank_table(trials).columns])
+
+
+@fast
+@given(studies())
+def test_every_trial_is_counted_or_listed(trials: pd.DataFrame) -> None:
+    level, _, both, blank, excluded = every_table(trials)
+    totals = [t.loc[t["participant"].eq("all"), "presented"].sum() for t in (both, blank)]
+    counted = level["presented"].sum() + sum(totals)
+    assert counted + excluded["trials"].sum() == len(trials)
+
+
+@fast
+@given(studies())
+def test_means_lie_within_and_answers_add_up(trials: pd.DataFrame) -> None:
+    levels = level_table(trials)
+    assert (levels["p_min"] <= levels["p_mean"]).all()
+    assert (levels["p_mean"] <= levels["p_max"]).all()
+    assert (levels["p_min"] <= levels["p_pooled"]).all()
+    assert (levels["p_pooled"] <= levels["p_max"]).all()
+    parts = levels[["detected", "over_report", "mislocalised", "timeouts"]].sum(axis=1)
+    assert (parts <= levels["presented"]).all()
+    people = participant_table(trials, "jeffreys")
+    assert (people["low"] <= people["p"]).all()
+    assert (people["p"] <= people["high"]).all()
+    by_level = people.groupby(["condition", "level_vpp"])[["detected", "presented"]].sum()
+    assert by_level.to_numpy().tolist() == levels[["detected", "presented"]].to_numpy().tolist()

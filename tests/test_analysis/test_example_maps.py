@@ -1,0 +1,73 @@
+"""The maps of docs/examples for published data: they read what those tables look like.
+
+The rows are a few of each table, named in its map; the data sets themselves stay where they are.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from analysis import ColumnMap, load_column_map, read_trials
+from analysis.answers.detection import blank_table, level_table
+from analysis.reading.load import read_inputs
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+GRUND = "ID,block,trial,stim_type,stim_step,intensity,resp1,resp1_t,resp1_btn\n"
+
+
+def load(name: str) -> ColumnMap:
+    return load_column_map(EXAMPLES / f"{name}-columns.toml")
+
+
+def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
+    rows = ("1,1,1,1,1.0,2.6,0,0.6899,2", "1,1,2,1,1.0,2.6,1,0.37,1", "1,2,1,1,1.0,2.6,0,1.5,0",
+            "1,2,2,0,0.0,2.6,1,0.5,1", "1,2,3,0,0.0,2.6,0,1.5,-1")  # fmt: skip
+    (tmp_path / "t.csv").write_text(GRUND + "\n".join(rows) + "\n")
+    trials = read_trials([tmp_path / "t.csv"], load("grund2022"))
+    assert trials["response"].tolist() == ["none", "left", "timeout", "left", "timeout"]
+    assert trials["rt_s"].isna().tolist() == [False, False, True, False, True]
+    level = level_table(trials).iloc[0]
+    assert level[["level_vpp", "detected", "presented", "timeouts"]].tolist() == [1, 1, 3, 1]
+    assert level["p_answered"] == 1 / 2
+    assert blank_table(trials)[["left", "presented"]].iloc[-1].tolist() == [1, 2]
+
+
+def test_quickpsy_has_levels_below_0(tmp_path: Path) -> None:
+    text = "participant,cond,trial,phase,resp\nParticipant1,cond1,1.0,-150.0,0\n"
+    (tmp_path / "t.csv").write_text(f"{text}Participant1,cond2,2.0,-50.0,1\n")
+    loaded = read_inputs([tmp_path / "t.csv"], load("quickpsy"))
+    assert loaded.axis.x_scale == "linear"
+    levels = level_table(loaded.trials)[["condition", "level_vpp", "detected", "presented"]]
+    assert levels.to_numpy().tolist() == [["cond1", -150.0, 0, 1], ["cond2", -50.0, 1, 1]]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "cells"),
+    [
+        (
+            "hsp1942",
+            "participant,session,level,p,N,k\nSH,R1,46.9,0.0,35,0\nSH,R1,73.1,9.4,35,3\n",
+            [["session=R1", 46.9, "SH", 0, 35], ["session=R1", 73.1, "SH", 3, 35]],
+        ),
+        (
+            "miranda2008",
+            "level,k,n\n0.1,0,3\n0.3,0,5\n",
+            [["main", 0.1, "one", 0, 3], ["main", 0.3, "one", 0, 5]],
+        ),
+        (
+            "dallmann2015",
+            "participant,vibration,level,k,n,slower\nMI,0,1.0,0,40,40\nMA,0,1.0,1,40,39\n",
+            [["vibration=0", 1.0, "MA", 1, 40], ["vibration=0", 1.0, "MI", 0, 40]],
+        ),
+    ],
+)
+def test_tables_of_counts_give_their_cells(
+    tmp_path: Path, name: str, text: str, cells: list[list[object]]
+) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    read = read_inputs([tmp_path / "t.csv"], load(name)).cells
+    assert read is not None
+    told = read[["condition", "level_vpp", "participant", "detected", "presented"]]
+    assert told.to_numpy().tolist() == cells

@@ -1,0 +1,78 @@
+"""The deviance and its bootstrap: uniform under the model, small for what no function gives."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from analysis import GuessRate, PsychometricFit
+from analysis.thresholds.fit import fit_many
+from analysis.thresholds.goodness import bootstrap_p, deviance_p
+from analysis.thresholds.likelihood import Tables, fit_lapsing
+from analysis.thresholds.probit import deviance
+from experiment.terms.observer import psychometric
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LEVELS = [60.0, 85.0, 110.0, 140.0, 200.0]
+U = np.log(np.array(LEVELS) / 60) / np.log(200 / 60)
+
+
+def tables(detected: NDArray[np.float64], guess_rate: float = 0.0) -> Tables:
+    return Tables(
+        u=np.broadcast_to(U, detected.shape),
+        detected=detected,
+        presented=np.full(detected.shape, 30.0),
+        guess_rate=np.full(len(detected), guess_rate),
+    )
+
+
+@pytest.mark.parametrize("guess", [0.0, 0.5])
+def test_p_is_uniform_under_the_model(guess: float) -> None:
+    """Of 400 values, the share below 0.05, 0.25, 0.5 has a standard error of at most 2.5 %."""
+    p = psychometric(LEVELS, threshold_vpp=105, sigma=0.12, guess_rate=guess, lapse_rate=0.02)
+    k = np.random.default_rng(1).binomial(30, p, (400, 5)).astype(float)
+    drawn = tables(k, guess)
+    best = fit_lapsing(drawn, np.tile([0.5, -1.0, 0.02], (400, 1)))
+    values = bootstrap_p(drawn, best, seed=2)
+    assert ((values > 0) & (values <= 1)).all()
+    for share, sd in ((0.05, 0.011), (0.25, 0.022), (0.5, 0.025)):
+        assert (values <= share).mean() == pytest.approx(share, abs=3.5 * sd)
+
+
+def test_a_table_that_no_function_gives_has_the_least_p() -> None:
+    drawn = tables(np.array([[2.0, 25, 6, 28, 29]]))
+    best = fit_lapsing(drawn, np.array([[0.4, -1.0, 0.02]]))
+    assert bootstrap_p(drawn, best, seed=1)[0] == pytest.approx(1 / 500)
+    assert bootstrap_p(drawn, best, seed=1, replicates=49)[0] == pytest.approx(1 / 50)
+
+
+def test_neither_order_nor_company_nor_empty_levels_matter() -> None:
+    k = np.array([[2.0, 14, 22, 28, 29], [1, 10, 15, 28, 28], [5, 10, 20, 25, 30]])
+    x, n = np.tile(np.log10(LEVELS), (3, 1)), np.full((3, 5), 30.0)
+    guesses = [GuessRate(mean=0.0)] * 3
+    fits = fit_many(x, k, n, guesses=guesses)
+    values = deviance_p(x, k, n, fits=fits, guesses=guesses, seed=5)
+    again = deviance_p(x[::-1], k[::-1], n[::-1], fits=fits[::-1], guesses=guesses, seed=5)
+    assert again[::-1].tolist() == values.tolist()
+    padded = [np.pad(one, ((0, 0), (0, 2)), constant_values=0.0) for one in (x, k, n)]
+    assert deviance_p(*padded, fits=fits, guesses=guesses, seed=5).tolist() == values.tolist()
+    other = deviance_p(x, k, n, fits=fits, guesses=guesses, seed=6)
+    assert other.tolist() != values.tolist()
+
+
+def test_a_fit_without_a_threshold_has_no_p() -> None:
+    x, k = np.log10([LEVELS]), np.full((1, 5), 30.0)
+    guesses = [GuessRate(mean=0.0)]
+    none = [PsychometricFit(status="threshold_below_levels")]
+    assert np.isnan(deviance_p(x, k, k, fits=none, guesses=guesses, seed=1)).all()
+
+
+def test_the_deviance_is_zero_where_the_proportions_are_met_and_ignores_empty_places() -> None:
+    k, n = np.array([[0.0, 7, 30, 0]]), np.array([[30.0, 30, 30, 0]])
+    p = np.array([[0.0, 7 / 30, 1.0, 0.3]])
+    assert deviance(k, n, p, 1 - p)[0] == pytest.approx(0, abs=1e-12)
+    assert deviance(k, n, np.full((1, 4), 0.5), np.full((1, 4), 0.5))[0] > 10

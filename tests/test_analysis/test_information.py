@@ -1,0 +1,144 @@
+"""Mutual information: known values, known bias, and p that only the counts decide."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.answers.information import information
+
+few = settings(deadline=None, max_examples=15)
+counts = st.lists(
+    st.lists(st.integers(0, 12), min_size=16, max_size=16), min_size=1, max_size=3
+).map(lambda rows: np.array(rows, dtype=np.int64).reshape(-1, 4, 4))
+MIRROR = [1, 0, 2, 3]
+
+
+def table(*rows: tuple[int, ...]) -> Any:
+    filled = np.zeros((1, 4, 4), dtype=np.int64)
+    for row, values in enumerate(rows):
+        filled[0, row, : len(values)] = values
+    return filled
+
+
+def test_a_published_table_gives_its_information() -> None:
+    # Near-threshold and null trials, felt or not: M. Grund et al., J. Neurosci. 42 (2022) 643-656.
+    _, found = information(table((8007, 8035), (497, 7545)))
+    assert found.trials == 24084
+    assert found.plugin_bits == pytest.approx(0.159008507271803, abs=1e-13)
+    assert found.miller_madow_bits == pytest.approx(0.158978555954728, abs=1e-13)
+    assert found.stimulus_bits == pytest.approx(0.918876036288604, abs=1e-13)
+    assert found.p == 0.001
+
+
+def test_independent_counts_carry_nothing() -> None:
+    _, found = information(table((6, 2), (3, 1)))
+    assert found.plugin_bits == pytest.approx(0, abs=1e-15)
+    assert found.miller_madow_bits is not None
+    assert found.miller_madow_bits < 0
+    assert found.p == 1
+
+
+def test_always_one_answer_carries_nothing_for_certain() -> None:
+    _, found = information(table((5,), (5,)))
+    assert (found.plugin_bits, found.miller_madow_bits, found.p) == (0, 0, 1)
+
+
+@pytest.mark.parametrize(
+    ("only", "reason"), [((), "no trial was answered"), (((3, 1),), "one kind of stimulus only")]
+)
+def test_what_the_data_do_not_contain_is_not_given(only: Any, reason: str) -> None:
+    (one,), together = information(table(*only))
+    assert one == together
+    assert (one.reason, one.plugin_bits, one.miller_madow_bits, one.p) == (reason, None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "shares", "plug_in", "miller_madow"),
+    [
+        ((75, 75, 5), (0.48, 0.48, 0.04), 0.0188, 0.0048),
+        # (3 - 1) (3 - 1) / (2 * 155 ln 2), which Miller and Madow take off
+        ((52, 52, 51), (1 / 3, 1 / 3, 1 / 3), 4 / (310 * math.log(2)), 0.0),
+    ],
+)
+def test_without_information_its_estimates_are_biased_as_known(
+    sizes: tuple[int, ...], shares: tuple[float, ...], plug_in: float, miller_madow: float
+) -> None:
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(400):
+        _, one = information(table(*(tuple(rng.multinomial(n, shares)) for n in sizes)))
+        found.append((one.plugin_bits or 0.0, one.miller_madow_bits or 0.0))
+    assert np.mean(found, axis=0) == pytest.approx([plug_in, miller_madow], abs=0.002)
+
+
+def test_p_is_uniform_where_there_is_no_information() -> None:
+    rng = np.random.default_rng(2)
+    ps = []
+    for _ in range(300):
+        rows = [tuple(rng.multinomial(25, [0.5, 0.3, 0.2])) for _ in range(2)]
+        ps.append(information(table(*rows))[1].p)
+    for level in (0.05, 0.2, 0.5):
+        assert np.mean(np.array(ps) <= level) == pytest.approx(level, abs=0.07)
+
+
+def test_participants_who_only_differ_from_each_other_carry_no_information() -> None:
+    likes_left, likes_right = table((18, 2), (9, 1)), table((1, 9), (2, 18))
+    each, together = information(np.concatenate([likes_left, likes_right]))
+    assert together.plugin_bits is not None
+    assert together.plugin_bits > 0.05
+    assert together.p is not None
+    assert together.p > 0.2
+    assert [one.plugin_bits for one in each] == pytest.approx([0, 0], abs=1e-15)
+
+
+@few
+@given(counts, st.integers(0, 3))
+def test_neither_order_nor_sides_change_a_value(tables: Any, seed: int) -> None:
+    each, together = information(tables, seed)
+    backwards, same = information(tables[::-1], seed)
+    assert (backwards[::-1], same) == (each, together)
+    mirrored = tables[:, MIRROR][:, :, MIRROR]
+    assert information(mirrored, seed) == (each, together)
+
+
+def test_equal_participants_are_not_drawn_alike() -> None:
+    one = table((7, 3), (4, 6))
+    _, alone = information(one)
+    _, twice = information(np.concatenate([one] * 4))
+    assert alone.p is not None
+    assert twice.p is not None
+    assert twice.p < 0.03 < alone.p
+
+
+@given(counts)
+@few
+def test_information_lies_within_its_limits(tables: Any) -> None:
+    _, found = information(tables)
+    if not found.reason:
+        assert found.plugin_bits is not None
+        assert found.stimulus_bits is not None
+        assert 0 <= found.plugin_bits <= found.stimulus_bits + 1e-12
+        assert found.p is not None
+        assert 0 < found.p <= 1
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [np.zeros((4, 4), np.int64), np.zeros((1, 4, 3), np.int64), np.zeros((1, 4, 4)),
+     np.full((1, 4, 4), -1)],
+)  # fmt: skip
+def test_other_tables_are_refused(wrong: Any) -> None:
+    with pytest.raises(ValueError, match="tables must"):
+        information(wrong)
+
+
+@pytest.mark.parametrize("seed", [-1, True, 0.5])
+def test_another_seed_is_refused(seed: Any) -> None:
+    with pytest.raises(ValueError, match="seed must be a whole number"):
+        information(table((1, 2), (2, 1)), seed)

@@ -1,0 +1,230 @@
+"""Intervals of proportions: published values, laws, limits, refusals."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis import group_interval, proportion_ci
+from analysis.definitions import METHODS
+
+# k, n, limits: statsmodels 0.14, proportion_confint, methods wilson, jeffreys and beta.
+STATSMODELS = [
+    ("wilson", 2, 13, 0.04325817835808121, 0.42234631019482544),
+    ("wilson", 33, 50, 0.521538260502326, 0.775630507774999),
+    ("wilson", 8007, 16042, 0.4913911484363846, 0.5068638511489062),
+    ("jeffreys", 2, 13, 0.03341157295356806, 0.40900530177481076),
+    ("jeffreys", 33, 50, 0.5226459236571399, 0.7794249068986815),
+    ("jeffreys", 497, 8042, 0.056694881606322405, 0.06722153971982399),
+    ("clopper-pearson", 2, 13, 0.019206671982528477, 0.45447105567655777),
+    ("clopper-pearson", 0, 5, 0.0, 0.5218237501049815),
+    ("clopper-pearson", 497, 8042, 0.05663520255935584, 0.06728616162900178),
+]
+# Newcombe (1998), Statistics in Medicine 17, 857-872, table I, methods 3 (score) and 5 (exact).
+NEWCOMBE = [
+    ("wilson", 81, 263, 0.2553, 0.3662),
+    ("wilson", 15, 148, 0.0624, 0.1605),
+    ("wilson", 0, 20, 0.0000, 0.1611),
+    ("wilson", 1, 29, 0.0061, 0.1718),
+    ("clopper-pearson", 81, 263, 0.2527, 0.3676),
+    ("clopper-pearson", 15, 148, 0.0578, 0.1617),
+    ("clopper-pearson", 0, 20, 0.0000, 0.1684),
+    ("clopper-pearson", 1, 29, 0.0009, 0.1776),
+]
+counts = st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
+fast = settings(deadline=None, max_examples=60)
+
+
+@pytest.mark.parametrize(("method", "k", "n", "low", "high"), STATSMODELS)
+def test_the_limits_are_those_of_statsmodels(
+    method: str, k: int, n: int, low: float, high: float
+) -> None:
+    assert proportion_ci(k, n, method) == pytest.approx((low, high), abs=1e-13)
+
+
+@pytest.mark.parametrize(("method", "k", "n", "low", "high"), NEWCOMBE)
+def test_the_limits_are_those_published_by_newcombe(
+    method: str, k: int, n: int, low: float, high: float
+) -> None:
+    assert proportion_ci(k, n, method) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_24_of_25_both_finger_trials_leave_room_from_081_to_099() -> None:
+    low, high = proportion_ci(24, 25)
+    assert (round(low, 3), round(high, 3)) == (0.805, 0.993)
+
+
+def test_59_blanks_without_a_false_alarm_bound_the_rate_at_5_percent_one_sided() -> None:
+    assert 1 - 0.05 ** (1 / 59) < 0.05 < 1 - 0.05 ** (1 / 58)
+    assert proportion_ci(0, 72, "clopper-pearson")[1] < 0.05
+
+
+@fast
+@given(counts, st.sampled_from(METHODS))
+def test_every_interval_contains_its_proportion_and_mirrors(kn: tuple[int, int], m: str) -> None:
+    k, n = kn
+    low, high = proportion_ci(k, n, m)
+    assert 0 <= low <= k / n <= high <= 1
+    mirrored_low, mirrored_high = proportion_ci(n - k, n, m)
+    assert (1 - mirrored_high, 1 - mirrored_low) == pytest.approx((low, high), abs=1e-12)
+
+
+@fast
+@given(counts)
+def test_wilson_solves_the_score_equation(kn: tuple[int, int]) -> None:
+    k, n = kn
+    z = 1.959963984540054
+    for limit in proportion_ci(k, n):
+        assert n * (k / n - limit) ** 2 == pytest.approx(z**2 * limit * (1 - limit), abs=1e-9)
+
+
+@fast
+@given(counts, st.sampled_from(METHODS))
+def test_more_detections_of_as_many_stimuli_move_both_limits_up(
+    kn: tuple[int, int], m: str
+) -> None:
+    k, n = kn
+    if k < n:
+        below, above = proportion_ci(k, n, m), proportion_ci(k + 1, n, m)
+        assert below[0] < above[0]
+        assert below[1] < above[1] or above[1] == below[1] == 1
+
+
+@fast
+@given(counts)
+def test_the_exact_interval_holds_jeffreys(kn: tuple[int, int]) -> None:
+    exact, jeffreys = (proportion_ci(*kn, m) for m in ("clopper-pearson", "jeffreys"))
+    assert exact[0] <= jeffreys[0]
+    assert jeffreys[1] <= exact[1]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_limits_at_none_and_all_are_exactly_0_and_1(method: str) -> None:
+    assert proportion_ci(0, 30, method)[0] == 0.0
+    assert proportion_ci(30, 30, method)[1] == 1.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_without_a_trial_nothing_is_known(method: str) -> None:
+    assert proportion_ci(0, 0, method) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_arrays_give_what_single_numbers_give(method: str) -> None:
+    k, n = np.arange(4)[:, None], np.array([3, 30, 300])
+    low, high = proportion_ci(k, n, method)
+    each = [[proportion_ci(int(a), int(b), method) for b in n] for a in k.ravel()]
+    assert np.array_equal(np.stack([low, high], axis=-1), each)
+
+
+def wald(k: Any, n: int) -> tuple[Any, Any]:
+    half = 1.959963984540054 * np.sqrt(k / n * (1 - k / n) / n)
+    return k / n - half, k / n + half
+
+
+@pytest.mark.parametrize(
+    ("method", "expected"),
+    [("wilson", 0.953), ("jeffreys", 0.951), ("clopper-pearson", 0.973), ("wald", 0.876)],
+)
+def test_coverage_at_30_trials_is_as_documented(method: str, expected: float) -> None:
+    # Mean of the exact coverage over p = .001, .002, ... .999, as docs/statistics.md tells it.
+    k = np.arange(31)
+    low, high = wald(k, 30) if method == "wald" else proportion_ci(k, 30, method)
+    p = np.linspace(0.001, 0.999, 999)[:, None]
+    weights = np.array([math.comb(30, int(i)) for i in k]) * p**k * (1 - p) ** (30 - k)
+    coverage = (weights * ((low <= p) & (p <= high))).sum(axis=1).mean()
+    assert coverage == pytest.approx(expected, abs=0.0005)
+    documented = (Path(__file__).parents[2] / "docs" / "statistics.md").read_text(encoding="utf-8")
+    assert f"{expected:.3f}".removeprefix("0") in documented
+
+
+@pytest.mark.parametrize(
+    ("k", "n", "words"),
+    [
+        (4, 3, "detected must be at most presented"),
+        (-1, 3, "detected must be whole numbers of at least 0, got -1"),
+        (1.5, 3, "detected must be whole"),
+        (math.nan, 3, "detected must be whole"),
+        (1, math.inf, "presented must be whole"),
+        (True, 3, "detected must be whole numbers of at least 0, got True"),
+        ("1", 3, "detected must be whole numbers of at least 0, got '1'"),
+        (None, 3, "detected must be whole"),
+        ([1, 2], [3, 4, 5], "must have a shape that fits"),
+        ([1, 9], [3, 3], "at most presented"),
+    ],
+)
+def test_impossible_counts_are_refused(k: Any, n: Any, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        proportion_ci(k, n)
+
+
+def test_an_unknown_method_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"method must be one of wilson.*got 'wald'"):
+        proportion_ci(1, 2, "wald")
+
+
+def test_one_participant_has_no_group_interval() -> None:
+    assert all(map(math.isnan, group_interval([15], [30])))
+
+
+def test_the_group_interval_is_the_score_interval_at_n_eff_and_t() -> None:
+    k, n = [5, 15, 25], [30, 30, 30]
+    p, t = 0.5, 0.95 / math.sqrt(2 * 0.975 * 0.025)  # t(2) at 97.5 %, in closed form
+    between = np.var([5 / 30, 15 / 30, 25 / 30], ddof=1) / 3
+    n_eff = 90 / (between / (p * (1 - p) / 90))
+    for limit in group_interval(k, n):
+        assert n_eff * (p - limit) ** 2 == pytest.approx(t**2 * limit * (1 - limit), rel=1e-9)
+
+
+def test_alike_participants_have_a_design_effect_of_one() -> None:
+    t = 2.7764451051977987  # t(4) at 97.5 %
+    for limit in group_interval([12] * 5, [30] * 5):
+        assert 150 * (0.4 - limit) ** 2 == pytest.approx(t**2 * limit * (1 - limit), rel=1e-9)
+
+
+@pytest.mark.parametrize(("k", "exact"), [(0, 0), (30, 1)])
+def test_the_group_interval_reaches_0_or_1_where_everybody_does(k: int, exact: int) -> None:
+    limits = group_interval([k] * 5, [30] * 5)
+    assert limits[exact] == exact
+    assert 0.04 < abs(limits[1 - exact] - exact) < 0.06
+
+
+@fast
+@given(st.lists(counts, min_size=2, max_size=8))
+def test_the_group_interval_ignores_the_order_and_is_wider_than_the_pooled_one(
+    cells: list[tuple[int, int]],
+) -> None:
+    k, n = (list(column) for column in zip(*cells, strict=True))
+    group = group_interval(k, n)
+    assert group == group_interval(k[::-1], n[::-1])
+    pooled = proportion_ci(sum(k), sum(n))
+    assert group[0] <= pooled[0] <= pooled[1] <= group[1]
+
+
+def test_the_group_interval_covers_where_the_pooled_one_does_not() -> None:
+    rng = np.random.default_rng(11)
+    hits = dict.fromkeys(("group", "pooled"), 0)
+    studies, truth = 400, 0.75
+    for _ in range(studies):
+        p = rng.beta(truth * 12, (1 - truth) * 12, size=5)
+        k, n = rng.binomial(30, p), np.full(5, 30)
+        low, high = group_interval(k, n)
+        hits["group"] += low <= truth <= high
+        low, high = proportion_ci(int(k.sum()), 150)
+        hits["pooled"] += low <= truth <= high
+    assert hits["group"] / studies > 0.92
+    assert hits["pooled"] / studies < 0.80
+
+
+@pytest.mark.parametrize(
+    ("k", "n"), [([], []), ([0], [0]), ([1, 0], [2, 0]), ([[1]], [[2]]), ([3, 1], [2, 2])]
+)
+def test_a_group_without_counts_is_refused(k: Any, n: Any) -> None:
+    with pytest.raises(ValueError, match="presented"):
+        group_interval(k, n)

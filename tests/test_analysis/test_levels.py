@@ -1,0 +1,235 @@
+"""Levels placed on a participant's function: laws, expected precision, refusals, the command."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner, Result
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis.thresholds.levels import (
+    FELT,
+    Function,
+    LevelsError,
+    expected_error_db,
+    place_levels,
+    placed,
+)
+from experiment.session.simulate import simulate_study
+from experiment.study.read import paper_study, read_levels
+from experiment.terms.observer import psychometric
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from experiment.study.study import Study
+
+PAPER = (60.0, 95.0, 130.0, 165.0, 200.0)
+WIDE = (20.0, 40.0, 60.0, 80.0, 100.0, 130.0, 160.0, 200.0)
+PILOT = """
+[design]
+levels_vpp = [20, 40, 60, 80, 100, 130, 160, 200]
+trials_per_side = 40
+both_trials = 0
+order = "balanced"
+responses = ["left", "right", "both", "none"]
+foreperiod_s = [0.01, 0.02]
+
+[simulation]
+threshold_vpp = 85.0
+threshold_sd_db = 0.0
+sigma = 0.1
+lapse_rate = 0.0
+false_alarm_rate = 0.0
+"""
+TYPICAL = Function(threshold_vpp=62.0, sigma=0.08, lapse_rate=0.02, guess_rate=0.5)
+
+
+def pilot(detected: list[int], *, n: int = 5, **same: Any) -> pd.DataFrame:
+    rows = [
+        (level, answer)
+        for level, k in zip(WIDE, detected, strict=True)
+        for answer in ["left"] * k + ["none"] * (n - k)
+    ]
+    constant: dict[str, Any] = {
+        "participant": "P7",
+        "condition": "main",
+        "kind": "single",
+        "side": "left",
+        "status": "ok",
+        "anticipated": False,
+        "noise_ok": None,
+        "none_offered": True,
+    }
+    table = pd.DataFrame(rows, columns=["level_vpp", "response"])
+    return table.assign(**(constant | same)).astype({"noise_ok": "boolean"})
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(main, ["levels", *(str(one) for one in arguments)])
+
+
+@pytest.fixture
+def folder(tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str) -> Path:
+    """A pilot session of one simulated participant whose threshold is 85 V."""
+    burst = quick_study_text.split("[design]", maxsplit=1)[0]
+    study = make_study(burst + PILOT)
+    assert len(list(simulate_study(study, tmp_path / "pilot", participants=1, seed=11))) == 1
+    return tmp_path / "pilot"
+
+
+def owner(folder: Path) -> str:
+    (session,) = folder.glob("sub-*")
+    return session.name.removeprefix("sub-")
+
+
+@given(st.floats(5, 100), st.floats(0.02, 0.3), st.floats(0, 0.5))
+def test_each_level_is_felt_as_often_as_it_should_be(
+    threshold_vpp: float, sigma: float, guess_rate: float
+) -> None:
+    one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=guess_rate)
+    levels = placed(one, 1000.0)
+    felt = psychometric(
+        levels, threshold_vpp=threshold_vpp, sigma=sigma, guess_rate=0, lapse_rate=0
+    )
+    assert felt == pytest.approx(FELT, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
+
+
+@settings(max_examples=50)
+@given(st.floats(1, 250), st.floats(0.02, 0.3))
+def test_levels_are_increasing_and_within_what_can_be_set_or_refused(
+    threshold_vpp: float, sigma: float
+) -> None:
+    one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=0.0)
+    try:
+        levels = placed(one, 200.0)
+    except LevelsError:
+        assert threshold_vpp * 10 ** (0.675 * sigma) > 200 or threshold_vpp * sigma < 0.5
+        return
+    assert len(levels) == 5
+    assert (np.diff(levels) > 0).all()
+    assert levels[0] >= 0.1
+    assert levels[-1] <= 200
+
+
+def test_the_papers_levels_find_one_threshold_to_1_3_db_and_placed_levels_to_half_of_that() -> None:
+    """150 stimuli; a forced choice with a threshold near the paper's lowest level."""
+    fixed = expected_error_db(TYPICAL, PAPER, 150)
+    near = expected_error_db(TYPICAL, placed(TYPICAL, 200.0), 150)
+    assert fixed == pytest.approx(1.3, abs=0.25)
+    assert near == pytest.approx(0.47, abs=0.06)
+
+
+def test_more_trials_make_the_error_smaller_by_their_root() -> None:
+    levels = placed(TYPICAL, 200.0)
+    errors = [expected_error_db(TYPICAL, levels, trials) for trials in (300, 1200)]
+    assert errors[0] / errors[1] == pytest.approx(2, rel=0.2)
+    assert expected_error_db(TYPICAL, levels, 300) == errors[0]
+
+
+def test_one_level_finds_no_threshold() -> None:
+    assert math.isnan(expected_error_db(TYPICAL, [60.0], 150))
+
+
+def test_a_pilot_places_levels_around_its_threshold() -> None:
+    found = place_levels(pilot([0, 0, 1, 2, 4, 5, 5, 5]), "P7", paper_study())
+    assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
+    assert found.felt == pytest.approx(FELT, abs=0.01)
+    assert found.error_db < found.fixed_error_db
+    assert (found.trials, found.fixed_levels_vpp) == (150, PAPER)
+
+
+def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
+    found = place_levels(pilot([0, 0, 0, 2, 5, 5, 5, 5]), "P7", paper_study())
+    assert found.levels_vpp[0] < 80 < found.levels_vpp[-1]
+    low, high = found.threshold_limits_vpp
+    assert 60 < low < found.function.threshold_vpp < high < 100
+
+
+@pytest.mark.parametrize(
+    ("trials", "said"),
+    [
+        (pilot([5] * 8), "threshold_below_levels .< 20 V."),
+        (pilot([0] * 8), "threshold_above_levels .> 200 V."),
+        (pilot([2, 3, 2, 3, 2, 3, 2, 3]), "flat"),
+        (pilot([5, 5, 4, 3, 2, 1, 0, 0]), "decreasing"),
+        (pilot([1, 3, 2, 4, 3, 4, 5, 4], none_offered=False), "cannot place levels|only as"),
+        (pilot([0, 1, 0, 1, 1, 1, 2, 3]), "threshold_above_levels|only as|too close"),
+        (pilot([0] * 8).assign(participant="other"), "got conditions: none"),
+        (pilot([0, 0, 1, 2, 4, 5, 5, 5], kind="practice"), "got conditions: none"),
+        (
+            pd.concat([pilot([0, 0, 1, 2, 4, 5, 5, 5], condition=name) for name in ("a", "b")]),
+            "got conditions: a, b",
+        ),
+    ],
+)
+def test_a_pilot_that_cannot_place_levels_is_refused(trials: pd.DataFrame, said: str) -> None:
+    with pytest.raises(LevelsError, match=said):
+        place_levels(trials, "P7", paper_study())
+
+
+def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
+    one = Function(threshold_vpp=185.0, sigma=0.1, lapse_rate=0.0, guess_rate=0.0)
+    with pytest.raises(LevelsError, match="too close to an end of the levels that can be set"):
+        placed(one, 200.0)
+    assert placed(one, 220.0)[-1] == 220.0
+
+
+def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None:
+    target, name = tmp_path / "levels.toml", owner(folder)
+    result = run(folder, "--participant", name, "--write", target)
+    assert (result.exit_code, result.stderr) == (0, "")
+    levels = read_levels(target, name)
+    assert len(levels) == 5
+    assert levels[0] < 85 < levels[-1]
+    assert "dB with these levels" in result.stdout
+    assert "dB with 20 40 60 80 100 130 160 200 V" in result.stdout
+    again = run(folder, "--participant", name)
+    assert again.stdout == result.stdout[: len(again.stdout)]
+
+
+def test_a_file_that_exists_is_never_written_over(folder: Path, tmp_path: Path) -> None:
+    target = tmp_path / "levels.toml"
+    target.write_text("mine")
+    result = run(folder, "--participant", owner(folder), "--write", target)
+    assert result.exit_code == 2
+    assert result.stderr == f"error: --write must be a new file; got {target}, which exists\n"
+    assert target.read_text() == "mine"
+
+
+def test_the_study_to_be_run_sets_ceiling_and_levels_to_compare_with(
+    folder: Path, tmp_path: Path
+) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text("[design]\nlevels_vpp = [60, 90]\n[device]\nceiling_vpp = 90\n")
+    result = run(folder, "--participant", owner(folder), "--study", study)
+    assert result.exit_code == 2
+    assert "too close to an end of the levels that can be set, 0.1 to 90 V" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere", "--participant", "1"], "nowhere: no such file or folder"),
+        (["nowhere"], "Missing option '--participant'"),
+    ],
+)
+def test_bad_usage_is_one_line(arguments: list[str], said: str) -> None:
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_participant_without_a_pilot_is_refused_by_name(folder: Path) -> None:
+    result = run(folder, "--participant", "nobody")
+    assert result.exit_code == 2
+    assert result.stderr == f"error: --participant must be one of {owner(folder)}; got nobody\n"

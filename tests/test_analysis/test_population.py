@@ -1,0 +1,144 @@
+"""The population model: recovery of what is known, and where it is refused."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.thresholds.people import people_of, people_of_counts
+from analysis.thresholds.population import METHOD, PopulationThreshold, population_thresholds
+from experiment.terms.observer import psychometric
+
+LEVELS = [60.0, 80.0, 100.0, 125.0, 160.0]
+
+
+def study(
+    *,
+    people: int = 10,
+    between_db: float = 2.0,
+    seed: int = 1,
+    n: int = 30,
+    **same: Any,
+) -> pd.DataFrame:
+    """Return the trials of people whose thresholds scatter about 100 V."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for number in range(people):
+        truth = 100.0 * 10 ** (between_db * rng.standard_normal() / 20)
+        p = psychometric(LEVELS, threshold_vpp=truth, sigma=0.1, guess_rate=0, lapse_rate=0)
+        for level, k in zip(LEVELS, rng.binomial(n, p), strict=True):
+            answers = ["left"] * k + ["none"] * (n - k)
+            rows += [(str(number), level, answer) for answer in answers]
+    table = pd.DataFrame(rows, columns=["participant", "level_vpp", "response"])
+    constant: dict[str, Any] = {
+        "condition": "main",
+        "kind": "single",
+        "side": "left",
+        "status": "ok",
+        "anticipated": False,
+        "noise_ok": None,
+        "none_offered": True,
+    }
+    return table.assign(**(constant | same)).astype({"noise_ok": "boolean"})
+
+
+def only(trials: pd.DataFrame) -> PopulationThreshold:
+    (found,) = population_thresholds(people_of(trials))
+    return found
+
+
+def test_the_threshold_and_spread_of_a_population_are_found() -> None:
+    found = only(study(people=40, between_db=2.0, seed=3))
+    assert found.reason == ""
+    error_db = 20 * math.log10(found.threshold_vpp / 100)
+    assert error_db == pytest.approx(0, abs=3 * 2.1 / math.sqrt(40))
+    assert 20 * found.between_sd == pytest.approx(2.0, abs=3 * 2.0 / math.sqrt(80))
+    low, high = found.threshold_limits_vpp
+    assert low < found.threshold_vpp < high
+
+
+def test_its_limits_cover_the_threshold_of_the_population() -> None:
+    """Of 60 studies of five people; the share has a standard error of 3 to 5 %."""
+    limits = [only(study(people=5, seed=seed)).threshold_limits_vpp for seed in range(60)]
+    assert np.mean([low < 100 < high for low, high in limits]) > 0.85
+
+
+def test_more_people_narrow_the_limits() -> None:
+    spans = []
+    for people in (4, 16):
+        low, high = only(study(people=people, seed=4)).threshold_limits_vpp
+        spans.append(math.log10(high / low))
+    assert spans[1] < spans[0]
+
+
+def test_each_condition_has_its_own() -> None:
+    two = pd.concat([study(seed=1), study(seed=2, condition="plate B")])
+    assert [one.condition for one in population_thresholds(people_of(two))] == ["main", "plate B"]
+    alone = only(study(seed=1))
+    assert population_thresholds(people_of(two))[0] == alone
+
+
+def test_people_who_are_alike_are_no_failure_to_converge() -> None:
+    everybody = study(people=9, between_db=0.0, n=40, seed=2)
+    found = only(everybody)
+    assert found.reason == ""
+    assert found.between_sd < 0.01
+    assert found.threshold_limits_vpp[0] < 100 < found.threshold_limits_vpp[1]
+
+
+def test_more_trials_than_the_model_can_hold_are_told() -> None:
+    table = pd.DataFrame(
+        {
+            "participant": ["1", "1", "2", "2"],
+            "condition": "main",
+            "level_vpp": [60.0, 95.0] * 2,
+            "detected": [10**8, 9 * 10**8] * 2,
+            "presented": 10**9,
+            "none_offered": True,
+        }
+    )
+    (found,) = population_thresholds(people_of_counts(table))
+    assert "takes each trial by itself" in found.reason
+
+
+def test_order_and_names_make_no_difference() -> None:
+    trials = study(seed=5)
+    shuffled = trials.sample(frac=1, random_state=np.random.default_rng(1))
+    assert only(shuffled) == only(trials)
+
+
+@pytest.mark.parametrize(
+    ("trials", "said"),
+    [
+        (study(people=1), "one participant tells nothing of others"),
+        (study(none_offered=False), "a guess rate is 0.5, above 0.03"),
+        (study(level_vpp=60.0), "one level only"),
+        (study(response="left"), "nothing is missed above a level"),
+        (study(response="none"), "nothing is missed above a level"),
+    ],
+)
+def test_where_the_model_does_not_hold_it_says_why_and_gives_no_number(
+    trials: pd.DataFrame, said: str
+) -> None:
+    found = only(trials)
+    assert said in found.reason
+    assert math.isnan(found.threshold_vpp)
+    assert all(math.isnan(limit) for limit in found.threshold_limits_vpp)
+
+
+def test_statsmodels_is_imported_by_nothing_else() -> None:
+    code = (
+        "import sys, analysis.thresholds.table, analysis.thresholds.population; "
+        "print('statsmodels' in sys.modules)"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout
+    assert said.strip() == "False"
+    assert "statsmodels" in METHOD

@@ -1,0 +1,162 @@
+"""Two-parameter probit fits: published values, laws, and tables that have none."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.special import log_ndtr, ndtr
+
+from analysis import probit_mle
+from analysis.thresholds.probit import fit_lines, increasing_exists
+
+# x, detected, presented; mu, sigma and deviance by statsmodels 0.14 and 40-digit arithmetic, which
+# agree. Hecht, Shlaer & Pirenne (1942), quanta at the cornea, in the R package MPDiR, on the axis
+# ln(quanta); Miranda & Henson (2008), in the R package modelfree; Dallmann et al. (2015), speed in
+# cm/s, all participants together, with 0 and 32 Hz, in the R package MixedPsy.
+QUANTA = {
+    "SH/R1": [46.9, 73.1, 113.8, 177.4, 276.1, 421.7],
+    "SS/R1": [24.1, 37.6, 58.6, 91.0, 141.9, 221.3],
+    "MHP/R1": [37.6, 58.6, 91.0, 141.9, 221.3, 342.8],
+}
+FLASH = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.9, 1.1, 1.3]
+SPEED = [1.0, 3.5, 6.0, 8.5, 11.0, 13.5, 16.0]
+PUBLISHED: list[tuple[Any, list[int], Any, float, float, float]] = [
+    (np.log(QUANTA["SH/R1"]), [0, 3, 12, 26, 35, 35], 35,
+     4.874159236599045, 0.37444493924413164, 2.7810146983896575),
+    (np.log(QUANTA["SS/R1"]), [0, 2, 9, 27, 47, 50], 50,
+     4.415424322678962, 0.38695327096225235, 2.366426691834527),
+    (np.log(QUANTA["MHP/R1"]), [3, 3, 12, 33, 44, 50], 50,
+     4.766049454525097, 0.5261396242499573, 8.139545888880319),
+    (FLASH, [0, 0, 0, 2, 2, 2, 2, 3, 4, 18], [3, 3, 5, 13, 10, 20, 14, 11, 5, 20],
+     0.9458634718178631, 0.3384550465993306, 6.606213787201392),
+    (SPEED, [15, 41, 88, 196, 265, 312, 338], 360,
+     8.561165514905884, 4.361884745009525, 9.366203174465305),
+    (SPEED, [40, 54, 118, 165, 257, 301, 334], 360,
+     8.410582261709207, 5.307713589287506, 10.564642504510195),
+]  # fmt: skip
+LEVELS = [60.0, 95.0, 130.0, 165.0, 200.0]
+tables = st.lists(st.integers(0, 30), min_size=5, max_size=5)
+
+
+def rises(detected: list[int], presented: int = 30) -> bool:
+    """Whether a table overlaps and its line goes up."""
+    k, n, x = np.array([detected], float), np.full((1, 5), float(presented)), np.array([LEVELS])
+    u = (x - 60) / 140
+    exists = bool(increasing_exists(u, k, n)[0] and increasing_exists(-u, k, n)[0])
+    return exists and bool(fit_lines(u, k, n).slope[0] > 1e-3)
+
+
+@pytest.mark.parametrize(("x", "detected", "presented", "mu", "sigma", "deviance"), PUBLISHED)
+def test_the_fit_is_that_of_an_independent_implementation(
+    x: Any, detected: list[int], presented: Any, mu: float, sigma: float, deviance: float
+) -> None:
+    fit = probit_mle(x, detected, np.broadcast_to(presented, len(detected)))
+    assert (fit.mu, fit.sigma, fit.deviance) == pytest.approx((mu, sigma, deviance), rel=1e-11)
+
+
+@given(tables)
+def test_the_score_is_zero_at_the_fit(detected: list[int]) -> None:
+    assume(rises(detected))
+    fit = probit_mle(LEVELS, detected, [30] * 5)
+    z = (np.array(LEVELS) - fit.mu) / fit.sigma
+    log_density = -z * z / 2 - math.log(2 * math.pi) / 2
+    felt, missed = (np.exp(log_density - log_ndtr(side)) for side in (z, -z))
+    score = np.array(detected) * felt - (30 - np.array(detected)) * missed
+    assert score.sum() == pytest.approx(0, abs=1e-9)
+    assert (score * z).sum() == pytest.approx(0, abs=1e-9 * (1 + np.abs(z).max()) ** 2)
+
+
+@given(tables, st.floats(-1e3, 1e3), st.floats(1e-3, 1e3))
+def test_the_fit_shifts_and_scales_with_the_axis(
+    detected: list[int], shift: float, factor: float
+) -> None:
+    assume(rises(detected))
+    here = probit_mle(LEVELS, detected, [30] * 5)
+    there = probit_mle(np.array(LEVELS) * factor + shift, detected, [30] * 5)
+    size = factor * (abs(here.mu) + here.sigma) + abs(shift)
+    assert there.mu == pytest.approx(here.mu * factor + shift, abs=1e-8 * size)
+    assert there.sigma == pytest.approx(here.sigma * factor, rel=1e-7)
+    assert there.deviance == pytest.approx(here.deviance, abs=1e-8)
+
+
+@given(tables)
+def test_a_mirrored_table_has_the_mirrored_fit(detected: list[int]) -> None:
+    assume(rises(detected))
+    here = probit_mle(LEVELS, detected, [30] * 5)
+    there = probit_mle([-x for x in LEVELS], [30 - k for k in detected], [30] * 5)
+    assert (-there.mu, there.sigma) == pytest.approx((here.mu, here.sigma), rel=1e-9)
+
+
+@given(tables, st.permutations(range(5)))
+def test_order_empty_levels_and_split_levels_make_no_difference(
+    detected: list[int], order: list[int]
+) -> None:
+    assume(rises(detected))
+    here = probit_mle(LEVELS, detected, [30] * 5)
+    mixed = [(LEVELS[i], detected[i], 30) for i in order]
+    split = [(x, part, 15) for x, k, _ in mixed for part in (min(k, 15), k - min(k, 15))]
+    with_empty = [*split, (1e9, 0, 0)]
+    assert probit_mle(*zip(*with_empty, strict=True)) == here
+
+
+def test_many_fits_are_the_single_ones() -> None:
+    rng = np.random.default_rng(1)
+    u = np.linspace(0, 1, 5)
+    k = rng.binomial(30, ndtr((u - 0.4) / 0.3), (200, 5)).astype(float)
+    x, n = np.broadcast_to(u, k.shape), np.full(k.shape, 30.0)
+    together = fit_lines(x, k, n)
+    alone = [fit_lines(x[i : i + 1], k[i : i + 1], n[i : i + 1]) for i in range(200)]
+    assert together.slope == pytest.approx([one.slope[0] for one in alone], rel=1e-12)
+
+
+def test_counts_of_a_billion_give_back_the_function_that_made_them() -> None:
+    n = 10**9
+    k = np.round(n * ndtr((np.log10(LEVELS) - 2) / 0.1))
+    fit = probit_mle(np.log10(LEVELS), k, [n] * 5)
+    assert (fit.mu, fit.sigma) == pytest.approx((2, 0.1), abs=1e-8)
+
+
+def test_an_axis_that_begins_at_a_million_loses_only_the_digits_of_its_numbers() -> None:
+    here, there = (probit_mle([s, s + 1, s + 2], [5, 20, 29], [30] * 3) for s in (0.0, 1e6))
+    assert there.mu - 1e6 == pytest.approx(here.mu, abs=1e-9)
+    assert there.deviance == pytest.approx(here.deviance, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("levels", "detected", "presented", "said"),
+    [
+        (LEVELS, [30] * 5, [30] * 5, "must overlap"),
+        (LEVELS, [0] * 5, [30] * 5, "must overlap"),
+        (LEVELS, [0, 0, 0, 30, 30], [30] * 5, "must overlap"),
+        (LEVELS, [0, 0, 9, 30, 30], [30] * 5, "must overlap"),
+        (LEVELS, [15] * 5, [30] * 5, "must rise"),
+        (LEVELS, [27] * 5, [30] * 5, "must rise"),
+        ([0.1, 0.2, 0.3], [26, 27, 26], [30] * 3, "must rise"),
+        (list(map(str, LEVELS)), [1, 2, 3, 4, 5], [30] * 5, "x must be finite numbers"),
+        (LEVELS, [29, 24, 15, 6, 1], [30] * 5, "must rise"),
+        (LEVELS, [30, 30, 15, 0, 0], [30] * 5, "must rise"),
+        ([60, 60], [3, 4], [30] * 2, "at least two levels"),
+        (LEVELS, [1, 2, 3, 4, 5], [30, 0, 0, 0, 0], "at most presented"),
+        (LEVELS, [1, 0, 0, 0, 0], [30, 0, 0, 0, 0], "at least two levels"),
+        (LEVELS, [0] * 5, [0] * 5, "at least one stimulus"),
+        (LEVELS, [31, 0, 0, 0, 0], [30] * 5, "at most presented"),
+        (LEVELS, [-1, 0, 0, 0, 0], [30] * 5, "whole numbers"),
+        (LEVELS, [1.5, 0, 0, 0, 0], [30] * 5, "whole numbers"),
+        (LEVELS, [math.nan, 0, 0, 0, 0], [30] * 5, "whole numbers"),
+        (LEVELS, [True] * 5, [30] * 5, "whole numbers"),
+        ([*LEVELS[:4], math.nan], [1, 2, 3, 4, 5], [30] * 5, "x must be finite"),
+        ([*LEVELS[:4], math.inf], [1, 2, 3, 4, 5], [30] * 5, "x must be finite"),
+        (LEVELS[:4], [1, 2, 3, 4, 5], [30] * 5, "of one length"),
+        ([LEVELS], [[1, 2, 3, 4, 5]], [[30] * 5], "of one length"),
+    ],
+)
+def test_tables_without_a_likeliest_increasing_function_are_refused(
+    levels: Any, detected: Any, presented: Any, said: str
+) -> None:
+    with pytest.raises(ValueError, match=said):
+        probit_mle(levels, detected, presented)

@@ -1,0 +1,86 @@
+"""The text of a CSV file: chunks with their lines, and every malformed byte with its line."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis import ResultFileError
+from analysis.reading.text import CHUNK_ROWS, MAX_LINE_BYTES, Chunk, text_chunks
+
+BROKEN: list[tuple[bytes, int, str]] = [
+    (b"", 1, "the file is empty"),
+    (b"\n", 1, "the file is empty, or its first line is not a header"),
+    (b"a,b\n", 1, "a header and no trials below it"),
+    (b"a,b,a\n1,2,3\n", 1, "the header names column 'a' twice"),
+    (b"a;b\n1;2\n", 1, "separated by semicolons; only commas"),
+    (b"a\tb\n1\t2\n", 1, "separated by tabs"),
+    (b"a|b|c,d\n", 1, "separated by vertical bars"),
+    ("a,b\n".encode("utf-8-sig"), 1, "byte order mark.*UTF-8 without BOM"),
+    ("a,b\n1,2\n".encode("utf-16"), 1, "UTF-16; save it as UTF-8"),
+    ("a,b\n1,2\n".encode("utf-16-be"), 1, "a NUL byte"),
+    ("\ufeffa,b\n1,2\n".encode("utf-16-be"), 1, "UTF-16; save it as UTF-8"),
+    ("a,b\n1,2\n".encode("utf-32"), 1, "UTF-32; save it as UTF-8"),
+    ("\ufeffa,b\n1,2\n".encode("utf-32-be"), 1, "UTF-32; save it as UTF-8"),
+    (b"a,b\n1,2\n3,\xe9\n", 3, "byte 0xe9 is not UTF-8"),
+    (b"a,b\n1,2\n3,\xf0\x9f\n", 3, "byte 0xf0 is not UTF-8"),
+    (b"a,b\n1,2\n\0,4\n", 3, "a NUL byte"),
+    (b"a,b\n1,2\n3\n", 3, "too few fields: 1, not 2"),
+    (b"a,b\n1,2\n3,4,5\n", 3, "too many fields: 3, not 2"),
+    (b"a,b\n1,2\n\n3,4\n", 3, "an empty line; each row has 2 fields"),
+    (b'a,b\n1,2\n"3,4\n5,6\n', 3, "a quotation mark is never closed"),
+    (b'a,b\n1,2\n"3"x,4\n', 3, "not a well-formed CSV record"),
+    (b"a,b\r1,2\r", 1, "not a well-formed CSV record"),
+    (b"a,b\n1,2\n" + b"x" * (MAX_LINE_BYTES + 1), 3, "longer than 65536 bytes"),
+    (b'a,b\n1,"' + b"x\n" * 200_000, 2, "not a well-formed CSV record"),
+]
+
+
+def read(stream: io.BytesIO, *, bom_allowed: bool = False) -> list[Chunk]:
+    _, chunks = text_chunks(stream, "t.csv", bom_allowed=bom_allowed)
+    return list(chunks)
+
+
+@pytest.mark.parametrize(("raw", "line", "words"), BROKEN, ids=[b[2][:30] for b in BROKEN])
+def test_a_malformed_file_is_refused_with_its_line(raw: bytes, line: int, words: str) -> None:
+    with pytest.raises(ResultFileError, match=words) as caught:
+        read(io.BytesIO(raw))
+    assert (caught.value.file, caught.value.line) == ("t.csv", line)
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_is_read_beyond_the_fault() -> None:
+    stream = io.BytesIO(b"a,b\n" + b"x" * 10_000_000)
+    with pytest.raises(ResultFileError, match="longer than"):
+        read(stream)
+    assert stream.tell() < 2 * MAX_LINE_BYTES
+
+
+def test_rows_keep_the_line_on_which_they_begin() -> None:
+    [(lines, rows)] = read(io.BytesIO(b'a,b\n1,"x\ny"\n2,z\n'))
+    assert (lines, rows) == ([2, 4], [["1", "x\ny"], ["2", "z"]])
+
+
+def test_a_last_line_without_an_end_is_read() -> None:
+    [(_, rows)] = read(io.BytesIO(b"a,b\n1,2"))
+    assert rows == [["1", "2"]]
+
+
+def test_chunks_are_bounded_and_together_are_the_file() -> None:
+    number = 2 * CHUNK_ROWS + 1
+    raw = b"a,b\n" + b"1,2\n" * number
+    sizes = [len(rows) for _, rows in read(io.BytesIO(raw))]
+    assert sizes == [CHUNK_ROWS, CHUNK_ROWS, 1]
+
+
+@settings(deadline=None, max_examples=300)
+@given(raw=st.binary(max_size=200), mark=st.booleans())
+def test_any_bytes_are_a_table_or_a_refusal(raw: bytes, *, mark: bool) -> None:
+    with contextlib.suppress(ResultFileError):
+        for lines, rows in read(io.BytesIO(raw), bom_allowed=mark):
+            assert len(lines) == len(rows)
+            assert all(isinstance(cell, str) for row in rows for cell in row)

@@ -1,0 +1,176 @@
+"""An emulated device in this process, on a virtual clock: every byte of the wire, no waiting.
+
+For tests and trials of what lies between a session and a device: the link, the faults of a line
+and the endpoint are those of real processes; only the line itself is a pair of buffers.
+"""
+
+from __future__ import annotations
+
+from typing import IO, TYPE_CHECKING, Final
+
+from device.driver import LinkError
+from device.emulate.emulator import Emulator, Nature
+from device.emulate.truth import Truth
+from device.wire.channels import BEAT_EVERY_S
+from device.wire.link import FrameLink
+
+if TYPE_CHECKING:
+    from device.clock import VirtualClock
+    from device.emulate.faults import Faults
+
+_LEAST_STEP_S: Final = 1e-7
+
+
+class Buffers:
+    """A line that is two buffers: the emulator's `Line` and, on the other side, a host's bytes."""
+
+    name = "in process"
+
+    def __init__(self) -> None:
+        self.connected = False
+        self.to_device = bytearray()
+        self.to_host = bytearray()
+
+    def connect(self, *, connected: bool) -> None:
+        """Begin or end a connection; nothing is left on the line."""
+        self.connected = connected
+        self.to_device.clear()
+        self.to_host.clear()
+
+    def read(self, timeout_s: float) -> bytes | None:
+        """Return what has arrived; None while no host is connected."""
+        if not self.connected:
+            return None
+        data = bytes(self.to_device)
+        self.to_device.clear()
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send bytes, if there is a host."""
+        if self.connected:
+            self.to_host += data
+
+    def drop(self) -> None:
+        """Lose the host."""
+        self.connect(connected=False)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class InProcess:
+    """An emulator and the link to it, both on one virtual clock.
+
+    Parameters
+    ----------
+    clock : VirtualClock
+        Of host and device. Let time pass by `wait`, which keeps the heart beating.
+    nature : Nature
+        What the device is.
+    faults : Faults
+        What goes wrong.
+    truth : file
+        What the device really did, as JSON lines.
+
+    Attributes
+    ----------
+    link : FrameLink
+        To the device.
+    emulator : Emulator
+        The device.
+    beating : bool
+        Whether the host's heart beats.
+
+    Examples
+    --------
+    >>> import io
+    >>> import numpy as np
+    >>> from device.emulate.emulator import Nature
+    >>> from device.emulate.faults import Faults, FaultScript
+    >>> from device.limits import Limits
+    >>> from device.core.output import OutputStage
+    >>> from device.clock import VirtualClock
+    >>> device = InProcess(VirtualClock(),
+    ...                    nature=Nature(limits=Limits(ceiling_vpp=200.0), output=OutputStage()),
+    ...                    faults=Faults(FaultScript(drop=0.01), np.random.default_rng(1)),
+    ...                    truth=io.StringIO())
+    >>> device.link.hello().model
+    'emulator'
+    """
+
+    def __init__(
+        self, clock: VirtualClock, *, nature: Nature, faults: Faults, truth: IO[str]
+    ) -> None:
+        self._clock = clock
+        self._buffers = Buffers()
+        self.emulator = Emulator(self._buffers, nature, faults, Truth(truth), clock)
+        self._beat_due_s = clock.now_s()
+        self.beating = True
+        self.link = FrameLink(self._connect, clock)
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass."""
+        until_s = self._clock.now_s() + duration_s
+        while (left_s := until_s - self._clock.now_s()) > 0.0:
+            self._step(left_s)
+        self.emulator.turn(0.0)
+
+    def _step(self, at_most_s: float) -> None:
+        """Go to what is due next."""
+        self.emulator.turn(0.0)
+        beat_in_s = self._beat_due_s - self._clock.now_s()
+        if beat_in_s <= 0.0:
+            self._beat_due_s = self._clock.now_s() + BEAT_EVERY_S
+            if self.beating and self._buffers.connected:
+                self.link.beat()
+            return
+        step_s = min(at_most_s, beat_in_s, self.emulator.due_in_s)
+        self._clock.wait(max(step_s, _LEAST_STEP_S))
+
+    def _connect(self) -> _Channel:
+        self._buffers.connect(connected=True)
+        return _Channel(self._buffers, self)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what reaches the host within a time."""
+        until_s = self._clock.now_s() + timeout_s
+        self.emulator.turn(0.0)
+        while not self._buffers.to_host and self._buffers.connected:
+            left_s = until_s - self._clock.now_s()
+            if left_s <= 0.0:
+                break
+            self._step(left_s)
+        data = bytes(self._buffers.to_host)
+        self._buffers.to_host.clear()
+        return data
+
+    def hung_up(self) -> None:
+        """Have the device notice that the host is gone."""
+        self._buffers.connect(connected=False)
+        self.emulator.turn(0.0)
+
+
+class _Channel:
+    """The host's side of one connection."""
+
+    def __init__(self, buffers: Buffers, device: InProcess) -> None:
+        self._buffers = buffers
+        self._device = device
+
+    def write(self, data: bytes) -> None:
+        self._require_line()
+        self._buffers.to_device += data
+
+    def read(self, timeout_s: float) -> bytes:
+        self._require_line()
+        data = self._device.read(timeout_s)
+        if not data:
+            self._require_line()
+        return data
+
+    def close(self) -> None:
+        self._device.hung_up()
+
+    def _require_line(self) -> None:
+        if not self._buffers.connected:
+            raise LinkError("the line is gone")

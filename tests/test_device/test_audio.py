@@ -1,0 +1,413 @@
+"""Sound cards: frames as the callback hands them out, on a virtual clock and on a null sink."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.clock import MonotonicClock, VirtualClock
+from device.driver import FloatArray, LimitExceeded, LinkError, Outcome, Refusal, RefusedError
+from device.limits import Limits
+from device.sound.audio import AudioDevice, audio_device
+from device.sound.stream import Callback, in_a_thread, open_stream, sound_cards, stderr_kept
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from device.sound.player import Frames
+    from tests.conftest import NullSink
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+RATE_HZ = 48_000.0
+FULL_SCALE_V = 125.0
+LATENCY_S = 0.02
+BUFFER = 64
+CONFIRM = "--confirm-hardware"
+
+BURST: FloatArray = np.sin(2 * np.pi * np.arange(97) / 96)
+BURST[-1] = 0.0
+SILENCE: FloatArray = np.zeros_like(BURST)
+
+
+@dataclass(slots=True)
+class Card(VirtualClock):
+    """A sound card and the clock that drives it: to wait is to let it take buffers."""
+
+    callback: Callback | None = None
+    active: bool = True
+    latency: float = LATENCY_S
+    played: list[Frames] = field(default_factory=list)
+    trouble: Callable[[int], bool] = lambda _: False
+    at_buffer: Callable[[int], None] = lambda _: None
+    _now_s: float = 0.0
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def connect(self, callback: Callback) -> Card:
+        self.callback, self.active = callback, True
+        return self
+
+    def close(self) -> None:
+        self.callback, self.active = None, False
+
+    def wait(self, duration_s: float) -> None:
+        until_s = self._now_s + duration_s
+        while self._now_s < until_s:
+            self._now_s += BUFFER / RATE_HZ
+            if self.callback is not None and self.active:
+                self._take(self.callback)
+
+    def _take(self, callback: Callback) -> None:
+        self.at_buffer(len(self.played))
+        out = np.full((BUFFER, 2), 99, dtype=np.int16)
+        timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
+        status = SimpleNamespace(output_underflow=self.trouble(len(self.played)))
+        callback(out, BUFFER, timing, status)
+        self.played.append(out)
+
+    def frames(self) -> Frames:
+        return np.concatenate(self.played)
+
+
+def device_on(card: Card, limits: Limits = LIMITS) -> AudioDevice:
+    return AudioDevice(
+        card.connect,
+        limits=limits,
+        clock=card,
+        volts_full_scale=FULL_SCALE_V,
+        sample_rate_hz=RATE_HZ,
+        name="card",
+    )
+
+
+def live_on(card: Card) -> AudioDevice:
+    device = device_on(card)
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.load(1, SILENCE, BURST)
+    device.load(2, np.append(np.tile(BURST[:-1], 100), 0.0), np.zeros(9601))
+    device.enable()
+    device.set_levels(100.0, 100.0)
+    card.wait(0.1)
+    card.played.clear()
+    return device
+
+
+@pytest.fixture
+def card() -> Card:
+    return Card()
+
+
+def play(device: AudioDevice, token: int, slot: int = 0) -> Outcome:
+    device.arm(token, slot, time_to_live_s=1.0)
+    return device.fire(token).outcome
+
+
+def codes(level_vpp: float) -> Frames:
+    volts = np.trunc(np.trunc(BURST * 32767) * level_vpp / 2 / FULL_SCALE_V)
+    return volts.astype(np.int16)
+
+
+@pytest.mark.parametrize("slot", [0, 1])
+def test_a_burst_comes_out_on_its_channel_frame_by_frame(card: Card, slot: int) -> None:
+    device = live_on(card)
+    assert play(device, 1, slot) is Outcome.FIRED
+    frames = card.frames()
+    assert np.array_equal(frames[:97, slot], codes(100.0))
+    assert not frames[:, 1 - slot].any()
+    assert not frames[97:].any()
+
+
+def test_between_bursts_it_plays_zeros_and_counts_them(card: Card) -> None:
+    device = live_on(card)
+    before = device.frames
+    card.wait(1.0)
+    assert device.frames - before == card.frames().shape[0] >= RATE_HZ
+    assert not card.frames().any()
+
+
+def test_the_onset_interval_is_the_latency_that_was_told(card: Card) -> None:
+    device = live_on(card)
+    device.arm(1, 0, time_to_live_s=1.0)
+    asked_s = card.now_s()
+    told = device.fire(1)
+    assert told.host_before_s >= asked_s
+    assert told.host_after_s - told.host_before_s == pytest.approx(LATENCY_S + BUFFER / RATE_HZ)
+    assert told.uncertainty_s >= (told.host_after_s - told.host_before_s) / 2
+    assert card.now_s() >= told.host_after_s
+
+
+def test_the_same_token_again_plays_nothing_more(card: Card) -> None:
+    device = live_on(card)
+    device.arm(1, 0, time_to_live_s=1.0)
+    told = device.fire(1)
+    card.wait(0.1)
+    assert device.fire(1) == told == device.query(1)
+    assert np.count_nonzero(np.diff(np.sign(np.abs(card.frames()[:, 0]).astype(int))) > 0) <= 2
+
+
+def gap_at(buffer: int) -> Callable[[int], bool]:
+    return lambda index: index == buffer
+
+
+def test_a_gap_during_the_burst_or_before_it_is_heard_is_indeterminate(card: Card) -> None:
+    for bad in range(1, 6):
+        device = live_on(card)
+        card.trouble = gap_at(bad)
+        assert play(device, 1) is Outcome.INDETERMINATE
+        assert device.underruns == 1
+        card.trouble = lambda _: False
+        card.wait(0.1)
+        assert play(device, 2) is Outcome.FIRED
+        device.close()
+
+
+def test_a_gap_before_the_burst_does_not_matter(card: Card) -> None:
+    device = live_on(card)
+    card.trouble = lambda index: index == 0
+    assert play(device, 1) is Outcome.FIRED
+    assert device.underruns == 1
+
+
+def test_a_card_that_takes_nothing_leaves_the_burst_open(card: Card) -> None:
+    device = live_on(card)
+    device.arm(1, 0, time_to_live_s=1.0)
+    card.active = False
+    assert device.fire(1).outcome is Outcome.INDETERMINATE
+    with pytest.raises(LinkError):
+        device.arm(2, 0, time_to_live_s=1.0)
+
+
+def test_a_stop_in_the_burst_silences_it_from_the_next_buffer_on(card: Card) -> None:
+    device = live_on(card)
+    card.at_buffer = lambda index: device.stop() if index == 10 else None
+    assert play(device, 1, slot=2) is Outcome.INDETERMINATE
+    assert card.frames()[: 10 * BUFFER].any()
+    assert not card.frames()[10 * BUFFER :].any()
+    with pytest.raises(RefusedError) as refused:
+        device.arm(2, 0, time_to_live_s=1.0)
+    assert refused.value.code is Refusal.SAFE_STATE
+    device.enable()
+    card.wait(1.0)
+    assert play(device, 3) is Outcome.FIRED
+
+
+def test_a_stop_before_the_first_frame_means_that_nothing_came_out(card: Card) -> None:
+    device = live_on(card)
+    card.at_buffer = lambda index: device.stop() if index == 0 else None
+    assert play(device, 1) is Outcome.NOT_FIRED
+    assert not card.frames().any()
+
+
+def test_nothing_is_let_through_before_it_is_enabled(card: Card) -> None:
+    device = device_on(card)
+    device.open()
+    device.load(0, BURST, BURST)
+    with pytest.raises(RefusedError) as refused:
+        device.arm(1, 0, time_to_live_s=1.0)
+    assert refused.value.code is Refusal.NOT_ENABLED
+
+
+def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
+    device = device_on(card, Limits(ceiling_vpp=400.0))
+    assert device.open().ceiling_vpp == 2 * FULL_SCALE_V
+    device.load(0, BURST, SILENCE)
+    with pytest.raises(LimitExceeded):
+        device.set_levels(2 * FULL_SCALE_V + 1.0, 0.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    level_vpp=st.floats(0.0, 300.0), peak=st.floats(0.01, 1.0), ceiling_vpp=st.floats(1.0, 300.0)
+)
+def test_no_frame_is_above_the_ceiling(level_vpp: float, peak: float, ceiling_vpp: float) -> None:
+    card = Card()
+    device = device_on(card, Limits(ceiling_vpp=ceiling_vpp))
+    device.open()
+    device.load(0, peak * BURST, peak * BURST)
+    device.enable()
+    try:
+        device.set_levels(level_vpp, level_vpp)
+        device.arm(1, 0, time_to_live_s=1.0)
+    except RefusedError:
+        card.wait(0.1)
+        assert not card.frames().any()
+        return
+    device.fire(1)
+    volts = np.abs(card.frames().astype(float)).max() / 32767 * FULL_SCALE_V
+    assert 2 * volts <= min(ceiling_vpp, level_vpp * peak) * (1 + 1e-9)
+
+
+def test_what_a_sound_card_cannot_promise_is_told(card: Card) -> None:
+    assert any("loopback" in sentence for sentence in device_on(card).cannot)
+
+
+def test_a_card_that_cannot_be_started_is_closed_and_told_in_one_line(
+    card: Card, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class UnpluggedError(Exception):
+        pass
+
+    class Opened(Card):
+        def start(self) -> None:
+            raise UnpluggedError("no such device")
+
+    opened = Opened()
+    library = SimpleNamespace(PortAudioError=UnpluggedError, OutputStream=lambda **_: opened)
+    monkeypatch.setitem(sys.modules, "sounddevice", library)
+    with pytest.raises(LinkError, match=r"^cannot start the sound card default: no such device$"):
+        open_stream(lambda *_: None, card="", sample_rate_hz=RATE_HZ, latency="low")
+    assert not opened.active
+
+
+# --- real sound: PortAudio into PulseAudio's null sink, recorded from its monitor
+
+
+def _holds(recorded: Frames, wanted: Frames) -> bool:
+    """Tell whether the recording holds these frames, shape (n, 2), without a change."""
+    first = np.flatnonzero(wanted.any(axis=1))[0]
+    starts = np.flatnonzero(np.all(recorded == wanted[first], axis=1)) - first
+    return any(
+        start >= 0 and np.array_equal(recorded[start : start + len(wanted)], wanted)
+        for start in starts
+    )
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int) -> None:
+    null_sink.listen()
+    device = audio_device(
+        "pulse",
+        limits=LIMITS,
+        clock=MonotonicClock(),
+        volts_full_scale=FULL_SCALE_V,
+        sample_rate_hz=RATE_HZ,
+    )
+    assert "pulse" in sound_cards()
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.load(1, SILENCE, BURST)
+    device.enable()
+    device.set_levels(100.0, 100.0)
+    wanted = np.zeros((97, 2), dtype=np.int16)
+    wanted[:, side] = codes(100.0)
+
+    def heard() -> bool:
+        recorded = null_sink.recorded()
+        return not recorded[:, 1 - side].any() and _holds(recorded, wanted)
+
+    fired = []
+    for token in range(1, 21):
+        fired.append(play(device, token, side) is Outcome.FIRED)
+        MonotonicClock().wait(0.1)
+        if fired[-1] and heard():
+            break
+    device.close()
+    assert any(fired)
+    assert device.frames > 0
+    assert null_sink.until(heard)
+
+
+STUDY = """
+[burst]
+window = "hann"
+[device]
+driver = "audio"
+port = "pulse"
+volts_full_scale = 125
+least_interval_s = 0.01
+[design]
+trials_per_side = 3
+both_trials = 1
+foreperiod_s = [0.05, 0.06]
+minimum_break_s = 0
+[simulation]
+reaction_time_s = 0.151
+reaction_time_spread = 0
+"""
+
+
+def bursts_in(recorded: Frames) -> list[tuple[float, float]]:
+    """Return the peak-to-peak volts of each burst, left and right."""
+    sounding = np.flatnonzero(recorded.any(axis=1))
+    pieces = np.split(sounding, np.flatnonzero(np.diff(sounding) > RATE_HZ * 0.02) + 1)
+    volts = [
+        np.ptp(recorded[piece].astype(float), axis=0) / 32767 * FULL_SCALE_V for piece in pieces
+    ]
+    return [(float(left), float(right)) for left, right in volts]
+
+
+def test_a_session_of_run_comes_out_of_a_null_sink(null_sink: NullSink, tmp_path: Path) -> None:
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(STUDY, encoding="utf-8")
+    exact = []
+    for participant in ("01", "02", "03", "04"):  # a busy machine may lose or split what it plays
+        null_sink.listen()
+        words = ["run", str(study), "--participant", participant, "--responder", "simulated"]
+        result = CliRunner().invoke(main, [*words, "--out", str(out), "--seed", "7", CONFIRM])
+        assert result.exit_code == 0, result.output
+        assert "this device cannot bring its outputs to zero" in result.stdout
+        folder = out / f"sub-{participant}" / "ses-01"
+        header = json.loads((folder / "header.json").read_text(encoding="utf-8"))
+        assert header["hardware_confirmed"]["how"] == CONFIRM
+        assert not header["device_identity"]["emulated"]
+        with (folder / "trials.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert sum(row["status"] == "ok" for row in rows) == 7
+        expected = [(float(r["level_left_vpp"]), float(r["level_right_vpp"])) for r in rows]
+        exact.append(_comes_out(null_sink, expected))
+        if exact[-1]:
+            break
+    assert any(exact)
+
+
+def _comes_out(null_sink: NullSink, expected: list[tuple[float, float]]) -> bool:
+    """Tell whether these bursts were recorded, none above its level."""
+
+    def heard() -> list[tuple[float, float]]:
+        return bursts_in(null_sink.recorded())
+
+    if not null_sink.until(lambda: len(heard()) >= len(expected)) or len(heard()) > len(expected):
+        return False
+    short_v = np.array(expected) - np.array(heard())
+    return bool((short_v >= 0).all() and (short_v < 0.02).all())
+
+
+def test_the_program_ends_although_the_sound_system_hangs() -> None:
+    hang = (
+        "import time; from device.sound.stream import in_a_thread; "
+        "in_a_thread(lambda: time.sleep(600))"
+    )
+    subprocess.run([sys.executable, "-c", hang], check=True, timeout=60)
+
+
+def test_an_error_in_the_thread_is_raised_where_the_result_is_taken() -> None:
+    with pytest.raises(ZeroDivisionError):
+        in_a_thread(lambda: 1 / 0).result(timeout=10)
+
+
+def test_what_is_turned_away_from_standard_error_is_given_back(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    with stderr_kept():
+        away = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(away, 2)
+        os.close(away)
+        os.write(2, b"unheard")
+    os.write(2, b"heard")
+    assert capfd.readouterr().err == "heard"

@@ -1,0 +1,804 @@
+"""One contract for every device: whatever passes these tests can stand behind a session.
+
+Each test runs on every implementation that `IMPLEMENTATIONS` lists, and with ``--device-url`` on
+real hardware, whose bursts nobody can read: there the device's own answers stand for them. The
+device's ceiling and the study's are 200 Vpp, the least interval is 10 ms, the largest duty a half.
+Where time is real, no test waits for more than a few seconds, and what has to happen in time has
+seconds to happen.
+"""
+
+import base64
+import json
+import math
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import count, pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+from device.clock import Clock, MonotonicClock, VirtualClock
+from device.core.core import DeviceCore
+from device.core.host import HostDriver
+from device.core.messages import Arm, Levels, Load, to_codes, to_microseconds, to_millivolts
+from device.core.output import Emission, OutputStage
+from device.core.states import State
+from device.core.tokens import Exchange, Record, delivery
+from device.driver import (
+    BurstDevice,
+    Delivery,
+    FloatArray,
+    Identity,
+    LimitExceeded,
+    Outcome,
+    Refusal,
+    RefusedError,
+)
+from device.emulate.generator import EmulatedGenerator, LocalChannel
+from device.emulate.mock import MockDevice
+from device.limits import Limits
+from device.scpi.generator import GeneratorDevice
+from device.sound.audio import AudioDevice
+from device.sound.stream import Callback
+from device.wire.channels import open_channel
+from device.wire.link import FrameLink
+
+Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01, max_duty=0.5)
+BEAT_US = 100_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rig:
+    """An implementation with what a test needs around it."""
+
+    device: BurstDevice
+    clock: Clock
+    silence: Callable[[], None]
+    emitted: Callable[[], tuple[Emission, ...]] | None
+    rate_hz: float = 48_000.0
+    longest: int = 65_536
+    in_real_time: bool = False
+
+    @property
+    def long_s(self) -> float:
+        """Duration of a long burst."""
+        return 1.2 if self.in_real_time else 1.0
+
+    @property
+    def idle_s(self) -> float:
+        """As long as a host may be idle: where it can be waited for, an hour."""
+        return 1.2 if self.in_real_time else 3600.0
+
+    @property
+    def time_to_live_s(self) -> float:
+        """Long enough for any machine to fire within."""
+        return 5.0 if self.in_real_time else 0.1
+
+    def came_out(self, *tokens: int) -> tuple[Emission, ...]:
+        """Return all bursts, which are those of `tokens`; nothing where they cannot be read."""
+        if self.emitted is None:
+            outcomes = [self.device.query(token).outcome for token in tokens]
+            assert outcomes == [Outcome.FIRED] * len(tokens)
+            return ()
+        emissions = self.emitted()
+        assert [emission.token for emission in emissions] == list(tokens)
+        return emissions
+
+
+class BareCore:
+    """A core behind the protocol with nothing checked on the way."""
+
+    cannot = ()
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._over: list[Emission] = []
+        self._stopped = threading.Event()
+        self._beat_us = 0
+        self._beating = True
+        self._core = DeviceCore(
+            boot_id=1, limits=LIMITS, output=OutputStage(), sink=self._over.append
+        )
+
+    def silence(self) -> None:
+        self._now_us()
+        self._beating = False
+
+    def emitted(self) -> tuple[Emission, ...]:
+        self._now_us()
+        playing = self._core.playing
+        return (*self._over, playing) if playing else tuple(self._over)
+
+    def _now_us(self) -> int:
+        now_us = round(self._clock.now_s() * 1e6)
+        while self._beating and self._beat_us + BEAT_US <= now_us:
+            self._beat_us += BEAT_US
+            self._core.beat(self._beat_us)
+        if self._stopped.is_set():
+            self._stopped.clear()
+            self._core.stop(now_us)
+        self._core.advance(now_us)
+        return now_us
+
+    def open(self) -> Identity:
+        return Identity(
+            model="core",
+            serial_number="core",
+            boot_id=1,
+            protocol_version="1.0",
+            sample_rate_hz=48_000.0,
+            bits=16,
+            channels=2,
+            ceiling_vpp=LIMITS.ceiling_vpp,
+            longest_waveform=LIMITS.longest_waveform,
+            emulated=True,
+        )
+
+    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
+        codes = to_codes(left, 16), to_codes(right, 16)
+        self._core.load(self._now_us(), Load(slot=slot, left=codes[0], right=codes[1]))
+
+    def enable(self) -> None:
+        self._core.enable(self._now_us())
+
+    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
+        left_mvpp, right_mvpp = to_millivolts(left_vpp), to_millivolts(right_vpp)
+        message = Levels(left_mvpp=left_mvpp, right_mvpp=right_mvpp)
+        self._core.set_levels(self._now_us(), message)
+
+    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
+        time_to_live_us = to_microseconds(time_to_live_s)
+        message = Arm(token=token, slot=slot, time_to_live_us=time_to_live_us)
+        self._core.arm(self._now_us(), message)
+
+    def fire(self, token: int) -> Delivery:
+        return self._deliver(self._core.fire(self._now_us(), token))
+
+    def disarm(self, token: int) -> None:
+        self._core.disarm(self._now_us(), token)
+
+    def query(self, token: int) -> Delivery:
+        return self._deliver(self._core.query(self._now_us(), token))
+
+    def stop(self) -> None:
+        self._stopped.set()
+
+    def close(self) -> None:
+        self.stop()
+        self._now_us()
+
+    def _deliver(self, record: Record) -> Delivery:
+        now_s = self._clock.now_s()
+        return delivery(
+            Exchange(
+                record=record,
+                boot_id=1,
+                host_before_s=now_s,
+                host_after_s=now_s,
+                device_us=self._core.now_us,
+                resolution_s=0.0,
+                retries=0,
+            )
+        )
+
+
+def core_rig(_: pytest.FixtureRequest) -> Rig:
+    clock = VirtualClock()
+    bare = BareCore(clock)
+    return Rig(device=bare, clock=clock, silence=bare.silence, emitted=bare.emitted)
+
+
+def mock_rig(_: pytest.FixtureRequest) -> Rig:
+    clock = VirtualClock(start_s=3.0)
+    mock = MockDevice(clock, limits=LIMITS, device_limits=LIMITS, drift_ppm=40.0, offset_s=17.0)
+    return Rig(device=mock, clock=clock, silence=mock.silence, emitted=lambda: mock.emitted)
+
+
+def link_to(port: str) -> FrameLink:
+    clock = MonotonicClock()
+    return FrameLink(lambda: open_channel(port, clock), clock)
+
+
+def silence(link: FrameLink) -> None:
+    """End the heartbeat of a link."""
+    assert link._heart is not None
+    link._heart.end()
+
+
+def read_truth(truth: Path) -> tuple[Emission, ...]:
+    """Return the bursts of a truth file, cut where they were cut."""
+    events = [json.loads(line) for line in truth.read_text(encoding="utf-8").splitlines()]
+    cuts_us = {e["token"]: round(e["t_s"] * 1e6) for e in events if e["event"] == "cut"}
+    bursts = (emission_of(event) for event in events if event["event"] == "burst")
+    return tuple(
+        burst.cut(cuts_us[burst.token]) if burst.token in cuts_us else burst for burst in bursts
+    )
+
+
+def emission_of(event: dict[str, Any]) -> Emission:
+    left_v, right_v = np.frombuffer(base64.b64decode(event["volts"]), dtype="<f8").reshape(2, -1)
+    return Emission(
+        token=event["token"],
+        start_us=round(event["t_s"] * 1e6),
+        left_v=left_v,
+        right_v=right_v,
+        level_left_vpp=event["levels_mv"][0] / 1000,
+        level_right_vpp=event["levels_mv"][1] / 1000,
+        sample_rate_hz=EMULATED_RATE_HZ,
+    )
+
+
+def emulator_rig(kind: str) -> Callable[[pytest.FixtureRequest], Rig]:
+    def make(request: pytest.FixtureRequest) -> Rig:
+        emulate: Emulate = request.getfixturevalue("emulate")
+        port, truth, _ = emulate(
+            kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, least_interval_s=0.01
+        )
+        link, clock = link_to(port), MonotonicClock()
+
+        def emitted() -> tuple[Emission, ...]:
+            if link.state is not State.CLOSED:
+                link.ping()
+            return read_truth(truth)
+
+        return Rig(
+            device=HostDriver(link, limits=LIMITS, clock=clock),
+            clock=clock,
+            silence=lambda: silence(link),
+            emitted=emitted,
+            in_real_time=True,
+        )
+
+    return make
+
+
+class FreshTokens(HostDriver):
+    """A driver whose tokens 1, 2, ... are ones that its device never saw."""
+
+    def __init__(self, link: FrameLink, clock: MonotonicClock) -> None:
+        super().__init__(link, limits=LIMITS, clock=clock)
+        self._base = round(clock.now_s() * 1e6) * 1000
+        self.longest_load = 0
+
+    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
+        super().load(slot, left, right)
+        self.longest_load = max(self.longest_load, len(left))
+
+    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
+        super().arm(self._fresh(token), slot, time_to_live_s=time_to_live_s)
+
+    def fire(self, token: int) -> Delivery:
+        return self._plain(super().fire(self._fresh(token)))
+
+    def disarm(self, token: int) -> None:
+        super().disarm(self._fresh(token))
+
+    def query(self, token: int) -> Delivery:
+        return self._plain(super().query(self._fresh(token)))
+
+    def _fresh(self, token: int) -> int:
+        return token + self._base if 0 < token < 1000 else token
+
+    def _plain(self, told: Delivery) -> Delivery:
+        return replace(told, token=told.token - self._base)
+
+
+def hardware_rig(request: pytest.FixtureRequest) -> Rig:
+    link, clock = link_to(request.config.getoption("--device-url")), MonotonicClock()
+    return Rig(
+        device=FreshTokens(link, clock),
+        clock=clock,
+        silence=lambda: silence(link),
+        emitted=None,
+        in_real_time=True,
+    )
+
+
+def generator_rig(_: pytest.FixtureRequest) -> Rig:
+    clock = VirtualClock(start_s=3.0)
+    over: list[Emission] = []
+    generator = EmulatedGenerator(over.append)
+    device = GeneratorDevice(
+        lambda: LocalChannel(generator, clock),
+        limits=LIMITS,
+        clock=clock,
+        amplifier_gain=1 / GENERATOR_LEVEL,
+        sample_rate_hz=48_000.0,
+    )
+    return Rig(
+        device=device,
+        clock=clock,
+        silence=lambda: None,
+        emitted=lambda: tuple(at_actuator(burst) for burst in over),
+    )
+
+
+GENERATOR_LEVEL = 1 / 32
+"""Volts of the generator per volt at the actuator: exact in binary, so that volts are too."""
+
+
+def at_actuator(burst: Emission) -> Emission:
+    left_v, right_v = burst.left_v / GENERATOR_LEVEL, burst.right_v / GENERATOR_LEVEL
+    return replace(burst, left_v=left_v, right_v=right_v)
+
+
+class SoundCard(VirtualClock):
+    """A sound card without a cable, and the clock by which it takes a millisecond at a time."""
+
+    active = True
+    latency = 0.005
+    buffer = 48
+    take: Callback | None = None
+
+    def connect(self, callback: Callback) -> "SoundCard":
+        self.take = callback
+        return self
+
+    def start(self) -> None:
+        """Begin; the clock does the rest."""
+
+    def close(self) -> None:
+        self.take = None
+
+    def wait(self, duration_s: float) -> None:
+        until_s = self.now_s() + duration_s
+        timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
+        while self.now_s() < until_s:
+            super().wait(min(self.buffer / 48_000.0, until_s - self.now_s()))
+            if self.take is not None:
+                out = np.zeros((self.buffer, 2), dtype=np.int16)
+                self.take(out, self.buffer, timing, SimpleNamespace(output_underflow=False))
+
+
+def audio_rig(_: pytest.FixtureRequest) -> Rig:
+    card = SoundCard(start_s=3.0)
+    device = AudioDevice(
+        card.connect,
+        limits=LIMITS,
+        clock=card,
+        volts_full_scale=125.0,
+        sample_rate_hz=48_000.0,
+        name="card",
+    )
+    return Rig(device=device, clock=card, silence=lambda: None, emitted=None)
+
+
+EMULATED_RATE_HZ = 4000.0
+"""Low, so that a long burst has few samples to upload."""
+
+IMPLEMENTATIONS = {
+    "core": core_rig,
+    "mock": mock_rig,
+    "pty": emulator_rig("pty"),
+    "tcp": emulator_rig("tcp"),
+    "generator": generator_rig,
+    "audio": audio_rig,
+}
+
+WAITS = "fire returns when the burst is over: it is not known earlier that it came out"
+NO_WATCHDOG = "it has none of its own: the driver says so before a session"
+DOES_NOT_APPLY = {
+    (name, test): reason
+    for name in ("generator", "audio")
+    for test, reason in (
+        ("test_no_burst_is_armed_while_one_plays", WAITS),
+        ("test_a_stop_cuts_the_burst_and_only_enable_undoes_it", WAITS),
+        (
+            "test_without_a_heartbeat_the_output_goes_to_zero_within_half_a_second",
+            NO_WATCHDOG,
+        ),
+    )
+}
+"""Which part of the contract an implementation cannot keep, and why."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run every test of this file on every implementation."""
+    if "implementation" in metafunc.fixturenames:
+        names = list(IMPLEMENTATIONS)
+        if metafunc.config.getoption("--device-url"):
+            names.append("hardware")
+        metafunc.parametrize("implementation", names)
+
+
+@pytest.fixture
+def rig(implementation: str, request: pytest.FixtureRequest) -> Iterator[Rig]:
+    reason = DOES_NOT_APPLY.get((implementation, request.function.__name__))
+    if implementation in {"generator", "audio"} and "playing" in request.node.name:
+        reason = WAITS
+    if reason is not None:
+        pytest.skip(reason)
+    made = IMPLEMENTATIONS.get(implementation, hardware_rig)(request)
+    identity = made.device.open()
+    longest = min(made.longest, identity.longest_waveform)
+    yield replace(made, rate_hz=identity.sample_rate_hz, longest=longest)
+    made.device.close()
+    if isinstance(made.device, FreshTokens):
+        longest_s = made.device.longest_load / identity.sample_rate_hz
+        made.clock.wait(2.0 * longest_s + 0.1)
+
+
+BURST = np.sin(2 * np.pi * np.arange(97) / 96)
+BURST[-1] = 0.0
+SILENCE = np.zeros_like(BURST)
+LONG, SHORT = 4, 5
+"""Slots of a long and a short burst."""
+
+
+def load_long(rig: Rig, slot: int = LONG) -> None:
+    """Load a burst that is long enough to do something while it plays: to the left."""
+    n_periods = round(rig.long_s * rig.rate_hz / 96)
+    if n_periods * 96 + 1 > rig.longest:
+        pytest.skip("the device holds no burst that is long enough")
+    samples = np.append(np.tile(BURST[:-1], n_periods), 0.0)
+    rig.device.load(slot, samples, 0 * samples)
+
+
+@pytest.fixture
+def live(rig: Rig) -> Rig:
+    """Live at 100 Vpp; slot 0 plays left, 1 right, 2 both, 3 nothing."""
+    for slot, pair in enumerate([(1, 0), (0, 1), (1, 1), (0, 0)]):
+        rig.device.load(slot, pair[0] * BURST, pair[1] * BURST)
+    rig.device.enable()
+    rig.device.set_levels(100.0, 100.0)
+    return rig
+
+
+def code_of(call: Callable[[], object]) -> Refusal:
+    with pytest.raises(RefusedError) as refused:
+        call()
+    return refused.value.code
+
+
+def play(rig: Rig, token: int, slot: int = 0) -> Delivery:
+    rig.device.arm(token, slot, time_to_live_s=rig.time_to_live_s)
+    return rig.device.fire(token)
+
+
+# --- the way of a trial
+
+
+@pytest.mark.parametrize(("slot", "levels_vpp"), [(0, (100, 0)), (1, (0, 100)), (2, (100, 100))])
+def test_a_burst_comes_out_where_and_as_loud_as_it_was_asked_for(
+    live: Rig, slot: int, levels_vpp: tuple[float, float]
+) -> None:
+    felt = play(live, 1, slot)
+    assert felt.outcome is Outcome.FIRED
+    assert (felt.level_left_vpp, felt.level_right_vpp) == levels_vpp
+    for emission in live.came_out(1):
+        assert (felt.token, felt.device_us) == (emission.token, emission.start_us)
+        for volts, level_vpp in zip((emission.left_v, emission.right_v), levels_vpp, strict=True):
+            assert np.abs(volts - BURST * level_vpp / 2).max() < 0.01
+            assert np.abs(volts).max() <= level_vpp / 2
+
+
+def test_a_blank_is_fired_like_any_other_burst_and_emits_zeros(live: Rig) -> None:
+    felt = play(live, 1, slot=3)
+    assert (felt.outcome, felt.level_left_vpp, felt.level_right_vpp) == (Outcome.FIRED, 0, 0)
+    for emission in live.came_out(1):
+        assert not emission.left_v.any()
+        assert not emission.right_v.any()
+
+
+def test_the_host_interval_holds_the_onset(live: Rig) -> None:
+    before_s = live.clock.now_s()
+    felt = play(live, 1)
+    assert before_s <= felt.host_before_s <= felt.host_after_s <= live.clock.now_s()
+    assert felt.uncertainty_s >= (felt.host_after_s - felt.host_before_s) / 2
+
+
+# --- states
+
+
+READY: dict[str, Callable[[Rig], object]] = {
+    "idle": lambda rig: None,
+    "loaded": lambda rig: rig.device.load(0, BURST, SILENCE),
+    "live": lambda rig: rig.device.enable(),
+    "armed": lambda rig: rig.device.arm(1, 0, time_to_live_s=rig.time_to_live_s),
+    "playing": lambda rig: rig.device.fire(1),
+}
+LEGAL = {
+    "idle": {"load", "levels"},
+    "loaded": {"load", "levels", "enable"},
+    "live": {"load", "levels", "enable", "arm"},
+    "armed": {"fire"},
+    "playing": set[str](),
+    "safe": {"load", "levels", "enable"},
+}
+REASON = {
+    "idle": Refusal.NOTHING_LOADED,
+    "loaded": Refusal.NOT_ENABLED,
+    "live": Refusal.NOT_ARMED,
+    "armed": Refusal.ALREADY_ARMED,
+    "playing": Refusal.BUSY,
+    "safe": Refusal.SAFE_STATE,
+}
+STEPS: dict[str, Callable[[BurstDevice], object]] = {
+    "load": lambda device: device.load(0, BURST, SILENCE),
+    "levels": lambda device: device.set_levels(10.0, 10.0),
+    "enable": lambda device: device.enable(),
+    "arm": lambda device: device.arm(2, 0, time_to_live_s=0.1),
+    "fire": lambda device: device.fire(1),
+}
+
+
+def bring(rig: Rig, state: str) -> None:
+    for name, prepare in READY.items():
+        prepare(rig)
+        if (name, state) == ("loaded", "playing"):
+            load_long(rig, slot=0)
+        if name == state or (state, name) == ("safe", "live"):
+            break
+    if state == "safe":
+        rig.device.stop()
+
+
+@pytest.mark.parametrize("state", LEGAL)
+@pytest.mark.parametrize("step", STEPS)
+def test_each_state_takes_its_own_steps_and_refuses_the_rest_with_its_reason(
+    rig: Rig, implementation: str, state: str, step: str
+) -> None:
+    if implementation == "hardware" and state in {"idle", "loaded"}:
+        pytest.skip("a device comes into this state only when it is switched on")
+    bring(rig, state)
+    if step in LEGAL[state]:
+        STEPS[step](rig.device)
+    elif (state, step) != ("playing", "fire"):
+        assert code_of(lambda: STEPS[step](rig.device)) is REASON[state]
+
+
+def test_after_its_burst_the_device_is_live_again(live: Rig) -> None:
+    for token in (1, 2, 3):
+        assert play(live, token).outcome is Outcome.FIRED
+        live.clock.wait(0.1)
+    live.came_out(1, 2, 3)
+
+
+# --- refusals
+
+
+def changed(index: int, value: float) -> FloatArray:
+    samples = BURST.copy()
+    samples[index] = value
+    return samples
+
+
+BAD_STEPS: list[tuple[Refusal, Callable[[BurstDevice], object]]] = [
+    (Refusal.BAD_SLOT, lambda d: d.load(8, BURST, SILENCE)),
+    (Refusal.WAVEFORM_EMPTY, lambda d: d.load(0, BURST[:0], BURST[:0])),
+    (Refusal.WAVEFORM_TOO_LONG, lambda d: d.load(0, np.zeros(65537), np.zeros(65537))),
+    (Refusal.LENGTHS_DIFFER, lambda d: d.load(0, BURST, SILENCE[1:])),
+    (Refusal.OUT_OF_RANGE, lambda d: d.load(0, SILENCE, changed(20, 1.01))),
+    (Refusal.EDGES_NOT_ZERO, lambda d: d.load(0, changed(0, 0.01), SILENCE)),
+    (Refusal.EDGES_NOT_ZERO, lambda d: d.load(0, SILENCE, changed(-1, -0.01))),
+    (Refusal.DC, lambda d: d.load(0, np.abs(BURST), SILENCE)),
+    (Refusal.BAD_LEVEL, lambda d: d.set_levels(-1.0, 10.0)),
+    (Refusal.BAD_LEVEL, lambda d: d.set_levels(10.0, float("nan"))),
+    (Refusal.CEILING, lambda d: d.set_levels(200.001, 0.0)),
+    (Refusal.CEILING, lambda d: d.set_levels(0.0, 200.001)),
+    (Refusal.BAD_TOKEN, lambda d: d.arm(0, 0, time_to_live_s=0.1)),
+    (Refusal.BAD_TOKEN, lambda d: d.arm(2**64, 0, time_to_live_s=0.1)),
+    (Refusal.BAD_SLOT, lambda d: d.arm(9, -1, time_to_live_s=0.1)),
+    (Refusal.EMPTY_SLOT, lambda d: d.arm(9, 7, time_to_live_s=0.1)),
+    (Refusal.BAD_TIME_TO_LIVE, lambda d: d.arm(9, 0, time_to_live_s=0.0)),
+    (Refusal.BAD_TIME_TO_LIVE, lambda d: d.arm(9, 0, time_to_live_s=10.1)),
+    (Refusal.TOKEN_SPENT, lambda d: d.arm(1, 0, time_to_live_s=0.1)),
+    (Refusal.NOT_ARMED, lambda d: d.fire(9)),
+    (Refusal.BAD_TOKEN, lambda d: d.disarm(0)),
+    (Refusal.BAD_TOKEN, lambda d: d.query(-1)),
+]
+
+
+@pytest.mark.parametrize(("code", "call"), BAD_STEPS)
+def test_a_refused_step_says_why_and_changes_nothing(
+    live: Rig, code: Refusal, call: Callable[[BurstDevice], object]
+) -> None:
+    first = play(live, 1)
+    live.clock.wait(0.1)
+    assert code_of(lambda: call(live.device)) is code
+    assert live.device.query(1).device_us == first.device_us
+    play(live, 2)
+    for one, two in pairwise(live.came_out(1, 2)):
+        assert np.array_equal(one.left_v, two.left_v)
+        assert np.array_equal(one.right_v, two.right_v)
+
+
+def test_the_ceiling_holds_for_the_product_of_peak_and_level(live: Rig) -> None:
+    live.device.load(5, 0.5 * BURST, SILENCE)
+    live.device.set_levels(400.0, 200.0)
+    with pytest.raises(LimitExceeded) as refused:
+        live.device.arm(1, 0, time_to_live_s=0.1)
+    assert refused.value.code is Refusal.CEILING
+    assert play(live, 1, slot=5).level_left_vpp == 400.0
+    for emission in live.came_out(1):
+        assert np.ptp(emission.left_v) <= 200.0
+
+
+def test_the_ceiling_itself_is_played(live: Rig) -> None:
+    live.device.set_levels(200.0, 200.0)
+    assert play(live, 1, slot=2).level_right_vpp == 200.0
+    for emission in live.came_out(1):
+        assert np.ptp(emission.right_v) == 200.0
+
+
+# --- exactly once
+
+
+def test_the_same_token_again_gives_the_same_record_and_no_other_burst(live: Rig) -> None:
+    felt = play(live, 1)
+    for wait_s in (0.0, 0.001, 0.5, live.idle_s):
+        live.clock.wait(wait_s)
+        again = live.device.fire(1)
+        assert again.outcome is Outcome.FIRED
+        assert (again.device_us, again.level_left_vpp) == (felt.device_us, felt.level_left_vpp)
+        assert live.device.query(1).device_us == felt.device_us
+    live.came_out(1)
+
+
+def test_a_late_fire_cannot_fire(live: Rig) -> None:
+    live.device.arm(1, 0, time_to_live_s=0.2)
+    live.clock.wait(0.21)
+    for _ in range(2):
+        assert code_of(lambda: live.device.fire(1)) is Refusal.EXPIRED
+    assert live.device.query(1).outcome is Outcome.NOT_FIRED
+    live.came_out()
+
+
+def test_an_armed_token_has_no_outcome_yet(live: Rig) -> None:
+    live.device.arm(1, 0, time_to_live_s=live.time_to_live_s)
+    assert live.device.query(1).outcome is Outcome.INDETERMINATE
+    assert live.device.fire(1).outcome is Outcome.FIRED
+
+
+@pytest.mark.parametrize("armed_before", [True, False])
+def test_a_disarmed_token_is_not_fired_for_good(live: Rig, *, armed_before: bool) -> None:
+    if armed_before:
+        live.device.arm(1, 0, time_to_live_s=live.time_to_live_s)
+    live.device.disarm(1)
+    assert live.device.query(1).outcome is Outcome.NOT_FIRED
+    with pytest.raises(RefusedError):
+        live.device.fire(1)
+    assert code_of(lambda: live.device.arm(1, 0, time_to_live_s=0.2)) is Refusal.TOKEN_SPENT
+    live.came_out()
+
+
+def test_disarming_a_fired_token_leaves_its_record(live: Rig) -> None:
+    felt = play(live, 1)
+    live.device.disarm(1)
+    assert live.device.query(1).device_us == felt.device_us
+
+
+def test_another_token_than_the_armed_one_does_not_fire(live: Rig) -> None:
+    live.device.arm(1, 0, time_to_live_s=live.time_to_live_s)
+    assert code_of(lambda: live.device.fire(2)) is Refusal.WRONG_TOKEN
+    assert live.device.fire(1).outcome is Outcome.FIRED
+
+
+# --- rests
+
+
+def test_no_burst_is_armed_while_one_plays(live: Rig) -> None:
+    load_long(live)
+    play(live, 1, LONG)
+    assert code_of(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.BUSY
+
+
+@pytest.mark.parametrize(("slot", "code"), [(SHORT, Refusal.LEAST_INTERVAL), (LONG, Refusal.DUTY)])
+def test_a_burst_too_soon_is_refused_and_stays_armed(live: Rig, slot: int, code: Refusal) -> None:
+    load_long(live)
+    live.device.load(SHORT, BURST[::8], SILENCE[::8])
+    short_s = BURST[::8].size / live.rate_hz
+    rest_s, least_s = short_s + 0.001, short_s + 0.01
+    if slot == LONG:
+        rest_s, least_s = 1.3 * live.long_s, 2 * live.long_s
+    first = play(live, 1, slot)
+    live.clock.wait(max(0.0, first.host_after_s + rest_s - live.clock.now_s()))
+    live.device.arm(2, slot, time_to_live_s=10.0)
+    codes = []
+    try:
+        second = live.device.fire(2)
+    except RefusedError as error:
+        codes = [error.code]
+        live.clock.wait(least_s - rest_s + 0.005)
+        second = live.device.fire(2)
+    assert codes == [code] or (live.in_real_time and not codes)
+    assert second.outcome is Outcome.FIRED
+    assert onset_us(second) - onset_us(first) >= (least_s - 1e-3) * 1e6
+
+
+def onset_us(felt: Delivery) -> int:
+    assert felt.device_us is not None
+    return felt.device_us
+
+
+# --- safety
+
+
+def test_a_live_host_may_be_idle_for_as_long_as_it_likes(live: Rig) -> None:
+    live.clock.wait(live.idle_s)
+    assert play(live, 1).outcome is Outcome.FIRED
+
+
+def test_without_a_heartbeat_the_output_goes_to_zero_within_half_a_second(live: Rig) -> None:
+    load_long(live)
+    play(live, 1, LONG)
+    live.clock.wait(0.25)
+    live.silence()
+    live.clock.wait(0.75 if live.in_real_time else 0.5)
+    for cut in live.came_out(1):
+        assert cut.cut_us is not None
+        after_s = (cut.cut_us - cut.start_us) * 1e-6
+        assert 0.3 < after_s < live.long_s
+        assert live.in_real_time or 0.5 < after_s <= 0.75 + 1e-4
+        assert not cut.left_v[math.ceil(after_s * live.rate_hz) :].any()
+    assert code_of(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.SAFE_STATE
+
+
+def test_a_stop_cuts_the_burst_and_only_enable_undoes_it(live: Rig) -> None:
+    load_long(live)
+    play(live, 1, LONG)
+    live.clock.wait(0.5)
+    live.device.stop()
+    for cut in live.came_out(1):
+        assert cut.cut_us is not None
+        after_s = (cut.cut_us - cut.start_us) * 1e-6
+        assert 0.5 - 1e-3 < after_s < live.long_s
+        assert live.in_real_time or after_s < 0.5 + 1e-3
+        first_zero = math.ceil(after_s * live.rate_hz)
+        assert not cut.left_v[first_zero:].any()
+        assert cut.left_v[: first_zero - 10].any()
+    assert code_of(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.SAFE_STATE
+    live.clock.wait(2.0 * live.long_s)
+    live.device.enable()
+    assert play(live, 2).outcome is Outcome.FIRED
+
+
+def test_a_stop_aborts_what_is_armed(live: Rig) -> None:
+    live.device.arm(1, 0, time_to_live_s=10.0)
+    live.device.stop()
+    assert code_of(lambda: live.device.fire(1)) is Refusal.SAFE_STATE
+    assert live.device.query(1).outcome is Outcome.NOT_FIRED
+    live.device.enable()
+    assert code_of(lambda: live.device.fire(1)) is Refusal.ABORTED
+    live.came_out()
+
+
+@pytest.mark.parametrize("state", LEGAL)
+def test_stops_are_welcome_in_every_state_any_number_of_times(rig: Rig, state: str) -> None:
+    bring(rig, state)
+    for _ in range(2):
+        rig.device.stop()
+        rig.device.stop()
+        rig.device.close()
+    rig.device.open()
+    assert code_of(lambda: rig.device.arm(5, 0, time_to_live_s=0.1)) is Refusal.SAFE_STATE
+    rig.device.load(0, BURST, SILENCE)
+    rig.device.enable()
+    rig.clock.wait(2.0 * rig.long_s + 0.1 if state == "playing" else 0.1)
+    assert play(rig, 5).outcome is Outcome.FIRED
+
+
+def play_until_refused(rig: Rig, tokens: Iterator[int]) -> None:
+    for token in tokens:
+        play(rig, token)
+        rig.clock.wait(0.1)
+
+
+def test_a_stop_from_other_threads_is_never_lost(live: Rig) -> None:
+    tokens = count(1)
+    for _ in range(20):
+        threads = [threading.Thread(target=live.device.stop) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        with pytest.raises(RefusedError):
+            play_until_refused(live, tokens)
+        for thread in threads:
+            thread.join()
+        live.device.enable()
+        live.clock.wait(0.1)

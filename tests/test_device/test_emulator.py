@@ -1,0 +1,408 @@
+"""Emulators in processes of their own: bytes over a pty and TCP, and hosts that die."""
+
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+from device.clock import MonotonicClock
+from device.core.host import HostDriver
+from device.driver import LinkError, Outcome, RefusedError
+from device.emulate.emulator import SERIAL_NUMBER
+from device.limits import Limits
+from device.wire.channels import SocketChannel, open_channel
+from device.wire.frames import MAKER
+from device.wire.link import FrameLink
+from device.wire.serial import identify, serial_device
+
+Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+BURST = np.sin(2 * np.pi * np.arange(25) / 24)
+BURST[-1] = 0.0
+SILENCE = np.zeros_like(BURST)
+LINES = pytest.mark.parametrize("kind", ["pty", "tcp"])
+SOON_S = 20.0
+
+
+def device_at(port: str, *, answer_within_s: float = 0.025) -> HostDriver:
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(port, clock), clock, answer_within_s=answer_within_s)
+    return HostDriver(link, limits=LIMITS, clock=clock)
+
+
+def make_ready(device: HostDriver) -> int:
+    boot_id = device.open().boot_id
+    device.load(0, BURST, SILENCE)
+    device.enable()
+    return boot_id
+
+
+def events(truth: Path) -> list[dict[str, Any]]:
+    lines = truth.read_text(encoding="utf-8").splitlines(keepends=True)
+    return [json.loads(line) for line in lines if line.endswith("\n")]
+
+
+def wait_for(truth: Path, event: str) -> dict[str, Any]:
+    """Return the first event of a kind in the truth file, once it is there."""
+    give_up_s = time.monotonic() + SOON_S
+    while time.monotonic() < give_up_s:
+        for fact in events(truth):
+            if fact["event"] == event:
+                return fact
+        time.sleep(0.005)
+    pytest.fail(f"no {event!r} in {SOON_S} s: {events(truth)}")
+
+
+# --- trials over real lines
+
+
+class Trials:
+    """Trials over a real line; what the host was told, by token."""
+
+    def __init__(self, port: str, *, answer_within_s: float = 0.003) -> None:
+        self.device = device_at(port, answer_within_s=answer_within_s)
+        self.boot_id = 0
+        self.reopen()
+        self.said: dict[int, tuple[Outcome, tuple[int, int]]] = {}
+        self.counts: Counter[str] = Counter()
+
+    def reopen(self) -> None:
+        for _ in range(50):
+            self.device.close()
+            try:
+                self.boot_id = make_ready(self.device)
+            except (LinkError, RefusedError):
+                continue
+            return
+        pytest.fail("the device cannot be reached any more")
+
+    def trial(self, token: int) -> None:
+        boot_id = self.boot_id
+        level_vpp = 1 + token % 200
+        try:
+            self.device.set_levels(level_vpp, level_vpp)
+            self.device.arm(token, 0, time_to_live_s=5.0)
+            felt = self.device.fire(token)
+        except RefusedError as error:
+            self.said[token] = Outcome.NOT_FIRED, (0, 0)
+            self.counts[f"not fired, {error.code.name}"] += 1
+            self.reopen()
+            return
+        except LinkError:
+            self.counts["lost"] += 1
+            self.reopen()
+            self.device.disarm(token)
+            felt = self.device.query(token)
+        outcome = felt.outcome if felt.boot_id == boot_id else Outcome.INDETERMINATE
+        levels_mv = round(felt.level_left_vpp * 1000), round(felt.level_right_vpp * 1000)
+        self.said[token] = outcome, levels_mv
+        self.counts[outcome.value] += 1
+        self.counts["retries"] += felt.retries
+
+    def check(self, truth: Path) -> None:
+        bursts = [fact for fact in events(truth) if fact["event"] == "burst"]
+        emitted = {burst["token"]: tuple(burst["levels_mv"]) for burst in bursts}
+        assert len(emitted) == len(bursts)
+        for token, (outcome, levels_mv) in self.said.items():
+            if outcome is Outcome.FIRED:
+                assert emitted[token] == levels_mv
+            elif outcome is Outcome.NOT_FIRED:
+                assert token not in emitted
+
+
+BAD_LINES = {
+    "noise": ("drop=0.01,corrupt=0.01", 160),
+    "duplicates, delays and stalls": (
+        "duplicate=0.1,delay=0.1,delay_s=0.02,stall=0.02,stall_s=0.02",
+        90,
+    ),
+    "resets and lost lines": ("reset=0.01,disconnect=0.01", 90),
+}
+
+
+@LINES
+@pytest.mark.parametrize("name", BAD_LINES)
+def test_what_the_host_says_over_a_real_line_is_what_was_emitted(
+    emulate: Emulate, kind: str, name: str
+) -> None:
+    script, n_trials = BAD_LINES[name]
+    port, truth, _ = emulate(kind, faults=script)
+    began_s = time.monotonic()
+    trials = Trials(port)
+    for token in range(1, n_trials + 1):
+        trials.trial(token)
+        time.sleep(0.008)
+    trials.device.close()
+    trials.check(truth)
+    counts = dict(trials.counts)
+    print(f"{kind}, {name}: {n_trials} trials, {time.monotonic() - began_s:.1f} s, {counts}")
+    if name != "resets and lost lines":
+        assert trials.counts["indeterminate"] <= 0.01 * n_trials
+
+
+def test_a_tcp_line_lost_at_any_byte_of_a_trial_leaves_no_trial_wrong(emulate: Emulate) -> None:
+    counts: Counter[str] = Counter()
+    ready_bytes = bytes_until_ready(emulate)
+    for n_bytes in range(1, 200):
+        port, truth, _ = emulate("tcp", faults=f"disconnect_at={ready_bytes + n_bytes}")
+        trials = Trials(port, answer_within_s=1.0)
+        trials.trial(1)
+        time.sleep(0.01)
+        trials.trial(2)
+        trials.device.close()
+        trials.check(truth)
+        counts += trials.counts
+    print(f"cut at every byte: {dict(counts)}")
+    assert counts["fired"] > counts["lost"] > 0
+
+
+def bytes_until_ready(emulate: Emulate) -> int:
+    """Count what the line carries, both ways, before the first trial."""
+    carried = 0
+
+    class Counting(SocketChannel):
+        def write(self, data: bytes) -> None:
+            nonlocal carried
+            carried += len(data)
+            super().write(data)
+
+        def read(self, timeout_s: float) -> bytes:
+            nonlocal carried
+            data = super().read(timeout_s)
+            carried += len(data)
+            return data
+
+    port, _, _ = emulate("tcp")
+    clock = MonotonicClock()
+    link = FrameLink(lambda: Counting(port), clock, answer_within_s=1.0)
+    make_ready(HostDriver(link, limits=LIMITS, clock=clock))
+    ready = carried
+    link.hang_up()
+    return ready
+
+
+# --- hosts that die
+
+
+HOST = """
+import sys, time
+import numpy as np
+from device.clock import MonotonicClock
+from device.limits import Limits
+from device.wire.serial import serial_device
+
+burst = np.sin(2 * np.pi * np.arange(25) / 24)
+burst[-1] = 0.0
+limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+device = serial_device(sys.argv[1], limits=limits, clock=MonotonicClock())
+device.open()
+device.load(0, burst, burst)
+device.enable()
+device.set_levels(100.0, 100.0)
+device.arm(1, 0, time_to_live_s=10.0)
+print("armed", flush=True)
+time.sleep(600)
+"""
+
+
+def host_on(port: str) -> subprocess.Popen[str]:
+    """Start a host that arms a token and then does nothing but beat."""
+    command = [sys.executable, "-c", HOST, port]
+    host = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert host.stdout is not None
+    assert host.stdout.readline() == "armed\n"
+    return host
+
+
+def finish(host: subprocess.Popen[str]) -> None:
+    host.kill()
+    host.communicate()
+
+
+def monotonic_of(truth: Path, fact: dict[str, Any]) -> float:
+    """Return when something happened on the machine's clock."""
+    return float(wait_for(truth, "boot")["began_s"] + fact["t_s"])
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@LINES
+def test_a_killed_host_leaves_a_device_that_survives_with_its_outputs_at_zero(
+    emulate: Emulate, kind: str
+) -> None:
+    port, truth, pid = emulate(kind)
+    host = host_on(port)
+    killed_s = time.monotonic()
+    host.kill()
+    off = wait_for(truth, "off")
+    host.communicate()
+    took_s = monotonic_of(truth, off) - killed_s
+    print(f"{kind}: outputs at zero {took_s * 1e3:.1f} ms after kill -9")
+    assert off["cause"] == "line"
+    assert is_alive(pid)
+    device = device_at(port)
+    make_ready(device)
+    assert device.query(1).outcome is Outcome.NOT_FIRED
+    device.close()
+
+
+@LINES
+def test_a_host_that_stands_still_is_noticed_by_the_watchdog(emulate: Emulate, kind: str) -> None:
+    port, truth, pid = emulate(kind)
+    host = host_on(port)
+    try:
+        host.send_signal(signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        off = wait_for(truth, "off")
+        took_s = monotonic_of(truth, off) - stopped_s
+        print(f"{kind}: outputs at zero {took_s * 1e3:.0f} ms after the host stood still")
+        assert off["cause"] == "watchdog"
+        assert wait_for(truth, "watchdog")["t_s"] == off["t_s"]
+        assert took_s > 0.35
+        assert is_alive(pid)
+    finally:
+        finish(host)
+
+
+def test_a_host_that_is_idle_keeps_its_output_on(emulate: Emulate) -> None:
+    port, truth, _ = emulate("pty")
+    device = device_at(port)
+    make_ready(device)
+    time.sleep(1.2)
+    device.set_levels(50.0, 50.0)
+    assert [fact["event"] for fact in events(truth)] == ["boot", "on"]
+    device.close()
+
+
+@LINES
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_emulator_that_is_asked_to_end_puts_its_outputs_at_zero_first(
+    emulate: Emulate, kind: str, number: int
+) -> None:
+    port, truth, pid = emulate(kind)
+    host = host_on(port)
+    try:
+        os.kill(pid, number)
+        assert wait_for(truth, "off")["cause"] == "end"
+        give_up_s = time.monotonic() + SOON_S
+        while is_alive(pid) and time.monotonic() < give_up_s:
+            time.sleep(0.01)
+        assert not is_alive(pid)
+    finally:
+        finish(host)
+
+
+@LINES
+def test_a_port_has_one_host_and_the_second_is_refused(emulate: Emulate, kind: str) -> None:
+    port, truth, _ = emulate(kind)
+    first, second = device_at(port), device_at(port)
+    make_ready(first)
+    with pytest.raises(LinkError):
+        second.open()
+    first.set_levels(100.0, 100.0)
+    first.arm(1, 0, time_to_live_s=5.0)
+    assert first.fire(1).outcome is Outcome.FIRED
+    first.close()
+    make_ready(second)
+    second.close()
+    assert [fact["token"] for fact in events(truth) if fact["event"] == "burst"] == [1]
+
+
+def test_a_host_that_does_not_read_cannot_block_the_device(emulate: Emulate) -> None:
+    port, truth, pid = emulate("tcp")
+    host = host_on(port)
+    finish(host)
+    wait_for(truth, "off")
+    deaf = SocketChannel(port)
+    for _ in range(2000):
+        deaf.write(b"\0*IDN?\n" * 100)
+    device = device_at(port)
+    with pytest.raises(LinkError):
+        device.open()
+    deaf.close()
+    assert is_alive(pid)
+    make_ready(device)
+    device.close()
+
+
+# --- who is there
+
+
+@LINES
+def test_a_device_says_who_it_is_in_plain_text_and_in_frames(emulate: Emulate, kind: str) -> None:
+    port, _, _ = emulate(kind)
+    clock = MonotonicClock()
+    terminal = open_channel(port, clock)
+    terminal.write(b"*IDN?\r\n")
+    said, give_up_s = b"", time.monotonic() + SOON_S
+    while not said.endswith(b"\n") and time.monotonic() < give_up_s:
+        said += terminal.read(0.1)
+    terminal.close()
+    assert said.decode().split(",")[0] == MAKER
+    assert said.decode().split(",")[2] == SERIAL_NUMBER
+    identity = identify(port)
+    assert identity is not None
+    assert (identity.model, identity.emulated) == ("emulator", True)
+
+
+def test_what_is_no_device_of_this_kind_has_no_identity() -> None:
+    ours, theirs = os.openpty()
+    name = os.ttyname(theirs)
+    os.close(theirs)
+    try:
+        assert identify(name) is None
+        readable, _, _ = select.select([ours], [], [], 0.0)
+        assert readable == [ours]
+    finally:
+        os.close(ours)
+
+
+def test_waiting_costs_an_emulator_little(emulate: Emulate) -> None:
+    port, _, pid = emulate("pty")
+    host = host_on(port)
+    try:
+        ticks = os.sysconf("SC_CLK_TCK")
+
+        def spent_s(of_pid: int) -> float:
+            user, system = Path(f"/proc/{of_pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
+            return (int(user) + int(system)) / ticks
+
+        if not Path("/proc/self/stat").exists():
+            pytest.skip("no /proc to read processor times from")
+        before_s, host_before_s = spent_s(pid), spent_s(host.pid)
+        time.sleep(2.0)
+        print(f"live and idle for 2 s: emulator {spent_s(pid) - before_s:.2f} s of a processor,")
+        print(f"host with its heartbeat {spent_s(host.pid) - host_before_s:.2f} s")
+    finally:
+        finish(host)
+
+
+def test_a_modelled_baud_rate_takes_its_time(emulate: Emulate) -> None:
+    port, _, _ = emulate("pty", baud=115_200)
+    device = serial_device(port, limits=LIMITS, clock=MonotonicClock())
+    make_ready(device)
+    device.set_levels(100.0, 100.0)
+    device.arm(1, 0, time_to_live_s=5.0)
+    felt = device.fire(1)
+    assert felt.host_after_s > felt.host_before_s
+    took_s = (felt.host_after_s - felt.host_before_s) / (1 + felt.retries)
+    print(f"fire at a modelled 115200 baud: {took_s * 1e3:.1f} ms")
+    assert felt.outcome is Outcome.FIRED
+    device.close()

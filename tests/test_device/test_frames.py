@@ -1,0 +1,372 @@
+"""The wire format: frames out of anything, golden frames, and the page that states it all."""
+
+import json
+import re
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from device.core.core import WATCHDOG_US, DeviceCore
+from device.core.messages import Arm, Levels
+from device.core.output import OutputStage
+from device.core.tokens import Fate, Record
+from device.driver import Identity, Refusal, Rejected
+from device.limits import Limits
+from device.wire import codec, frames
+from device.wire.codec import FATES, STATES, Kind
+from device.wire.endpoint import Endpoint
+from device.wire.frames import LONGEST_PAYLOAD, Decoder, Frame, encode
+
+TESTS = Path(__file__).parents[1]
+GOLDEN = json.loads((TESTS / "golden_frames.json").read_text(encoding="utf-8"))
+PAGE = (TESTS.parent / "docs" / "protocol.md").read_text(encoding="utf-8")
+
+some_frame = st.builds(
+    Frame,
+    kind=st.integers(0, 255),
+    sequence=st.integers(0, 0xFFFF),
+    payload=st.binary(max_size=LONGEST_PAYLOAD),
+)
+
+
+def fed_in_pieces(data: bytes, cuts: list[int]) -> tuple[list[Frame], Decoder]:
+    decoder, found, begin = Decoder(), [], 0
+    for cut in sorted({min(cut, len(data)) for cut in cuts} | {len(data)}):
+        found += decoder.feed(data[begin:cut])
+        begin = cut
+    return found, decoder
+
+
+# --- the decoder
+
+
+@settings(max_examples=200)
+@given(frame=some_frame)
+def test_a_frame_survives_the_wire(frame: Frame) -> None:
+    coded = encode(frame)
+    assert Decoder().feed(coded) == [frame]
+    assert 0 not in coded[1:-1]
+    assert len(coded) <= LONGEST_PAYLOAD + 8 + 3
+
+
+@settings(max_examples=500)
+@given(data=st.binary(max_size=600), cuts=st.lists(st.integers(0, 600), max_size=8))
+@example(data=bytes(range(256)) * 2, cuts=[1, 2, 3])
+@example(data=b"\xff" * 600, cuts=[300])
+def test_any_bytes_are_read_without_an_error_and_in_bounded_memory(
+    data: bytes, cuts: list[int]
+) -> None:
+    _, decoder = fed_in_pieces(data, cuts)
+    assert len(decoder._piece) <= LONGEST_PAYLOAD + 8 + 1
+    ping = Frame(kind=2, sequence=1, payload=b"after the noise")
+    assert decoder.feed(encode(ping))[-1] == ping
+
+
+@settings(max_examples=300)
+@given(
+    sent=st.lists(some_frame, max_size=5),
+    noise=st.lists(st.binary(max_size=300), min_size=6, max_size=6),
+    cuts=st.lists(st.integers(0, 2500), max_size=8),
+)
+def test_every_whole_frame_between_noise_is_found(
+    sent: list[Frame], noise: list[bytes], cuts: list[int]
+) -> None:
+    data = noise[0] + b"".join(
+        encode(frame) + after for frame, after in zip(sent, noise[1:], strict=False)
+    )
+    found, _ = fed_in_pieces(data, cuts)
+    remaining = iter(found)
+    assert all(frame in remaining for frame in sent)
+
+
+@settings(max_examples=300)
+@given(frame=some_frame, where=st.integers(0, 200), flip=st.integers(1, 255))
+def test_a_frame_with_one_wrong_byte_is_dropped(frame: Frame, where: int, flip: int) -> None:
+    coded = bytearray(encode(frame))
+    coded[where % len(coded)] ^= flip
+    decoder = Decoder()
+    assert decoder.feed(bytes(coded) + b"\x00") == []
+    assert decoder.feed(encode(frame)) == [frame]
+
+
+def test_memory_stays_bounded_over_a_stream_without_delimiters() -> None:
+    decoder = Decoder()
+    for _ in range(1000):
+        decoder.feed(b"\x55" * 997)
+        assert len(decoder._piece) <= LONGEST_PAYLOAD + 9
+    assert decoder.dropped == 0
+    assert decoder.feed(b"\x00") == []
+    assert decoder.dropped == 1
+
+
+def make_frame(*, kind: int = 1, sequence: int = 1, payload: bytes = b"") -> Frame:
+    return Frame(kind=kind, sequence=sequence, payload=payload)
+
+
+def test_two_million_random_bytes_hold_no_frame() -> None:
+    decoder = Decoder()
+    data = np.random.default_rng(7).integers(0, 256, size=2_000_000, dtype=np.uint8)
+    assert decoder.feed(data.tobytes()) == []
+    assert decoder.dropped > 5000
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"kind": 256}, {"kind": -1}, {"sequence": 65536}, {"payload": bytes(LONGEST_PAYLOAD + 1)}],
+)
+def test_a_frame_that_does_not_fit_the_wire_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        make_frame(**wrong)
+
+
+# --- an endpoint under any bytes
+
+
+def endpoint() -> Endpoint:
+    facts = GOLDEN["device"]
+    limits = Limits(ceiling_vpp=facts["ceiling_vpp"], least_interval_s=facts["least_interval_s"])
+    output = OutputStage(sample_rate_hz=facts["sample_rate_hz"], bits=facts["bits"])
+    core = DeviceCore(
+        boot_id=facts["boot_id"], limits=limits, output=output, sink=lambda burst: None
+    )
+    identity = Identity(
+        model=facts["model"],
+        serial_number=facts["serial_number"],
+        boot_id=facts["boot_id"],
+        protocol_version=f"{frames.VERSION}.{frames.MINOR}",
+        sample_rate_hz=facts["sample_rate_hz"],
+        bits=facts["bits"],
+        channels=2,
+        ceiling_vpp=facts["ceiling_vpp"],
+        longest_waveform=facts["longest_waveform"],
+        emulated=facts["emulated"],
+    )
+    return Endpoint(core, identity)
+
+
+@settings(max_examples=300)
+@given(data=st.binary(max_size=400))
+def test_an_endpoint_takes_any_bytes(data: bytes) -> None:
+    device = endpoint()
+    device.receive(1, data)
+    ping = encode(Frame(kind=2, sequence=1, payload=codec.for_boot(device.core.boot_id)))
+    assert len(Decoder().feed(device.receive(2, b"\0" + ping))) == 1
+
+
+@settings(max_examples=500)
+@given(
+    kind=st.sampled_from(sorted(Kind)) | st.integers(0, 255),
+    content=st.binary(max_size=60),
+    meant=st.booleans(),
+)
+def test_any_payload_in_a_whole_frame_is_answered_or_dropped(
+    kind: int, content: bytes, *, meant: bool
+) -> None:
+    device = endpoint()
+    payload = codec.for_boot(device.core.boot_id) + content if meant else content
+    frame = Frame(kind=kind, sequence=3, payload=payload)
+    answers = Decoder().feed(device.receive(1, encode(frame)))
+    silent = kind == Kind.BEAT or kind >= codec.ANSWER
+    assert len(answers) == (0 if silent else 1)
+    for answer in answers:
+        assert (answer.kind, answer.sequence) == (kind | codec.ANSWER, 3)
+        codec.read_answer(answer.payload)
+
+
+@pytest.mark.parametrize("ending", [b"\n", b"\r\n"])
+@pytest.mark.parametrize(
+    "before", [b"", b"\0", b"hello?\r\n", encode(Frame(kind=2, sequence=1, payload=b""))]
+)
+def test_a_terminal_is_told_who_is_there(before: bytes, ending: bytes) -> None:
+    device = endpoint()
+    device.receive(1, before)
+    for byte in b"*IDN?" + ending[:-1]:
+        assert device.receive(2, bytes([byte])) == b""
+    said = device.receive(3, ending[-1:])
+    facts = GOLDEN["device"]
+    expected = f"tactstrip,{facts['model']},{facts['serial_number']},protocol 1.0\n"
+    assert said == expected.encode()
+
+
+@settings(max_examples=300)
+@given(
+    kind=st.integers(0, 127),
+    head=st.binary(max_size=30),
+    tail=st.binary(max_size=30),
+    cuts=st.lists(st.integers(0, 100), max_size=4),
+)
+def test_a_question_in_plain_text_inside_a_frame_is_no_question(
+    kind: int, head: bytes, tail: bytes, cuts: list[int]
+) -> None:
+    payload = head + b"\n*IDN?\n" + tail
+    coded = encode(Frame(kind=kind, sequence=1, payload=payload))
+    line = endpoint()._text
+    begin = 0
+    for cut in [*sorted(cuts), len(coded)]:
+        assert line.feed(coded[begin:cut]) == b""
+        begin = max(begin, cut)
+
+
+def test_a_plain_question_between_frames_disturbs_neither() -> None:
+    device = endpoint()
+    ping = [
+        encode(Frame(kind=2, sequence=n, payload=codec.for_boot(device.core.boot_id)))
+        for n in (1, 2)
+    ]
+    said = device.receive(1, ping[0] + b"*IDN?\n" + ping[1])
+    assert [answer.sequence for answer in Decoder().feed(said)] == [1, 2]
+    assert b"tactstrip," in said
+
+
+# --- golden frames
+
+
+def test_the_golden_frames_are_what_an_endpoint_answers() -> None:
+    device = endpoint()
+    for exchange in GOLDEN["exchanges"]:
+        asked = bytes.fromhex(exchange["question"])
+        answered = device.receive(exchange["at_us"], asked).hex(" ")
+        assert answered == exchange["answer"], exchange["meaning"]
+
+
+@pytest.mark.parametrize("exchange", GOLDEN["exchanges"], ids=lambda e: e["meaning"][:60])
+def test_the_golden_frames_are_what_they_are_said_to_be(exchange: dict[str, Any]) -> None:
+    (question,) = Decoder().feed(bytes.fromhex(exchange["question"]))
+    known = {int(kind): kind.name for kind in Kind}
+    assert known.get(question.kind, "unknown") == exchange["type"]
+    if exchange["answer"]:
+        (answer,) = Decoder().feed(bytes.fromhex(exchange["answer"]))
+        assert (answer.kind, answer.sequence) == (question.kind | 0x80, question.sequence)
+        said = codec.read_answer(answer.payload)
+        assert (said.refusal.name if said.refusal else None) == exchange["refusal"]
+        assert (said.state.value, said.device_us) == (exchange["state"], exchange["at_us"])
+
+
+def test_the_golden_frames_hold_every_type_and_every_refusal_of_the_wire() -> None:
+    types = {exchange["type"] for exchange in GOLDEN["exchanges"]}
+    assert types == {kind.name for kind in Kind} | {"unknown"}
+    refusals = {exchange["refusal"] for exchange in GOLDEN["exchanges"]} - {None}
+    on_the_host = set(GOLDEN["refusals_of_hosts_only"])
+    assert refusals == {refusal.name for refusal in Refusal} - on_the_host
+
+
+@pytest.mark.parametrize("noise", GOLDEN["no_frames"], ids=lambda n: n["meaning"])
+def test_what_is_no_golden_frame_gets_no_answer(noise: dict[str, Any]) -> None:
+    assert endpoint().receive(1, bytes.fromhex(noise["bytes"])) == b""
+
+
+# --- values of the messages
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        codec.read_arm,
+        codec.read_levels,
+        codec.read_token,
+        codec.read_begin,
+        codec.read_data,
+        codec.read_commit,
+        codec.read_record,
+        codec.read_answer,
+        codec.read_hello,
+        codec.split_boot,
+    ],
+)
+@settings(max_examples=60)
+@given(content=st.binary(max_size=LONGEST_PAYLOAD))
+def test_a_content_is_read_or_refused_as_such(read: Any, content: bytes) -> None:
+    codes = set()
+    try:
+        read(content)
+    except Rejected as refused:
+        codes.add(refused.code)
+    assert codes <= {Refusal.BAD_MESSAGE, Refusal.BAD_TOKEN, Refusal.BAD_SLOT}
+
+
+@given(
+    token=st.integers(1, 2**64 - 1),
+    slot=st.integers(0, 7),
+    level=st.integers(0, 2**32 - 1),
+    fate=st.sampled_from(Fate),
+)
+def test_what_is_packed_is_read_again(token: int, slot: int, level: int, fate: Fate) -> None:
+    arm = Arm(token=token, slot=slot, time_to_live_us=level)
+    assert codec.read_arm(codec.pack_arm(arm)) == arm
+    levels = Levels(left_mvpp=level, right_mvpp=0)
+    assert codec.read_levels(codec.pack_levels(levels)) == levels
+    assert codec.read_token(codec.pack_token(token)) == token
+    start_us = 5 if fate is Fate.FIRED else None
+    record = Record(token=token, fate=fate, start_us=start_us, levels_mvpp=(level, 1))
+    assert codec.read_record(codec.pack_record(record)) == record
+
+
+# --- the page
+
+
+def table_of(heading: str) -> list[list[str]]:
+    """Return the rows of the first table under a heading, without its head."""
+    section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("|")][2:]
+    return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows]
+
+
+def test_the_page_lists_the_types_with_their_numbers() -> None:
+    listed = {row[1]: int(row[0], 16) for row in table_of("Messages")}
+    assert listed == {kind.name: int(kind) for kind in Kind}
+
+
+LAYOUTS = {
+    "HELLO": codec._NONCE,
+    "PING": struct.Struct("<"),
+    "BEGIN": codec._BEGIN,
+    "COMMIT": codec._COMMIT,
+    "LEVEL": codec._LEVELS,
+    "OUTPUT": struct.Struct("<"),
+    "ARM": codec._ARM,
+    "DISARM": codec._TOKEN,
+    "FIRE": codec._TOKEN,
+    "QUERY": codec._TOKEN,
+    "STOP": struct.Struct("<"),
+    "BEAT": struct.Struct("<"),
+}
+SIZES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8}
+
+
+def size_of(layout: str) -> int:
+    """Return the bytes of a layout such as `token u64, slot u8, name 16 bytes`."""
+    sizes = [SIZES[kind] for kind in re.findall(r"\b(u8|u16|u32|u64)\b", layout)]
+    return sum(sizes) + sum(int(count) for count in re.findall(r"(\d+) bytes", layout))
+
+
+def test_the_page_states_the_layouts() -> None:
+    rows = {row[1]: row for row in table_of("Messages")}
+    for name, layout in LAYOUTS.items():
+        assert size_of(rows[name][3]) == layout.size, name
+    assert size_of(rows["HELLO"][4]) == codec._IDENTITY.size
+    assert size_of(rows["FIRE"][4]) == size_of(rows["QUERY"][4]) == codec._RECORD.size
+    assert f"1 to {codec.LONGEST_DATA}" in rows["DATA"][3]
+
+
+@pytest.mark.parametrize(
+    ("heading", "names"),
+    [("States", [s.value for s in STATES]), ("Fates", [f.value for f in FATES])],
+)
+def test_the_page_numbers_states_and_fates(heading: str, names: list[str]) -> None:
+    assert [(int(row[0]), row[1]) for row in table_of(heading)] == list(enumerate(names))
+
+
+def test_the_page_lists_the_refusals() -> None:
+    listed = [(int(row[0]), row[1], row[2]) for row in table_of("Refusals")]
+    assert listed == [(int(refusal), refusal.name, refusal.text) for refusal in Refusal]
+
+
+def test_the_page_states_version_and_times() -> None:
+    assert f"version {frames.VERSION}.{frames.MINOR}" in PAGE
+    assert f"at most {LONGEST_PAYLOAD} bytes" in PAGE
+    assert f"{WATCHDOG_US // 1000} ms" in PAGE

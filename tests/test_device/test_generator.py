@@ -1,0 +1,696 @@
+"""Generators: bytes as they go over the line, and what happens when the line or they fail."""
+
+import csv
+import io
+import json
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.clock import MonotonicClock, VirtualClock
+from device.core.output import Emission
+from device.driver import (
+    BurstDevice,
+    FloatArray,
+    LinkError,
+    Outcome,
+    Refusal,
+    RefusedError,
+    SettingError,
+)
+from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator, LocalChannel
+from device.emulate.instrument import Reader
+from device.emulate.lines import PtyLine, TcpLine
+from device.emulate.mock import MockDevice
+from device.limits import Limits
+from device.scpi.dialects import DIALECTS, KEYSIGHT, RIGOL, dialect_of
+from device.scpi.generator import GeneratorDevice, generator_device, identify_generator
+from device.scpi.line import PATIENCE_S
+from experiment.apparatus.noise import SilentNoise
+from experiment.apparatus.rig import mock_device
+from experiment.apparatus.slots import host_limits
+from experiment.archive.folders import SessionFolder
+from experiment.operator.requests import StopSignal
+from experiment.session.conduct import begin
+from experiment.session.setting import Setting
+from experiment.session.simulate import simulated_responder
+from experiment.study.physics import study_gains
+from experiment.study.read import paper_study
+from experiment.trial.draw import draw_plan
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+GAIN = 27.5
+RATE_HZ = 48_000.0
+NO_ERROR = b'+0,"No error"\n'
+
+CODES = [0, 10, 2570, 32767, -2570, -32767, -10, 0]
+"""Their bytes hold 0x0A alone, doubled, and at either place."""
+
+WAVE: FloatArray = np.clip((np.array(CODES) + 0.25 * np.sign(CODES)) / 32767, -1.0, 1.0)
+SILENCE: FloatArray = np.zeros_like(WAVE)
+
+
+class Recorder(LocalChannel):
+    """A channel that notes every line and can lose answers."""
+
+    def __init__(self, generator: EmulatedGenerator, clock: VirtualClock) -> None:
+        super().__init__(generator, clock)
+        self.written = b""
+        self.before: Callable[[bytes], None] = lambda _: None
+        self.change: Callable[[bytes], bytes] = lambda answer: answer
+
+    def write(self, data: bytes) -> None:
+        self.before(data)
+        self.written += data
+        super().write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        return self.change(super().read(timeout_s))
+
+    def taken(self) -> bytes:
+        written, self.written = self.written, b""
+        return written
+
+
+@dataclass(slots=True)
+class Bench:
+    """A generator device with an emulated generator behind it."""
+
+    limits: Limits = LIMITS
+    gain: float = GAIN
+    clock: VirtualClock = field(default_factory=VirtualClock)
+    out: list[Emission] = field(default_factory=list)
+    generator: EmulatedGenerator = field(init=False)
+    channel: Recorder = field(init=False)
+    device: GeneratorDevice = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.generator = EmulatedGenerator(self.out.append)
+        self.channel = Recorder(self.generator, self.clock)
+        self.device = GeneratorDevice(
+            lambda: self.channel,
+            limits=self.limits,
+            clock=self.clock,
+            amplifier_gain=self.gain,
+            sample_rate_hz=RATE_HZ,
+        )
+
+    def live(self) -> "Bench":
+        self.device.open()
+        self.device.load(0, WAVE, SILENCE)
+        self.device.load(1, SILENCE, WAVE)
+        self.device.enable()
+        self.device.set_levels(60.0, 60.0)
+        return self
+
+    def play(self, token: int, slot: int = 0) -> Outcome:
+        self.clock.wait(0.1)
+        self.device.arm(token, slot, time_to_live_s=1.0)
+        return self.device.fire(token).outcome
+
+
+def lines(*texts: str) -> bytes:
+    return "".join(f"{text}\n" for text in texts).encode()
+
+
+# --- bytes
+
+
+BLOCK = b"#216" + np.array(CODES, dtype="<i2").tobytes()
+ZEROS = b"#216" + bytes(16)
+
+
+def test_the_waveform_of_these_tests_has_line_feeds_inside_its_block() -> None:
+    assert BLOCK.count(b"\n") == 3
+
+
+def channel_setup(channel: int, name: str) -> bytes:
+    return b"".join(
+        (
+            lines(
+                f"SOUR{channel}:VOLT:LIM:STAT OFF",
+                f"OUTP{channel}:LOAD INF",
+                f"SOUR{channel}:VOLT:UNIT VPP",
+                f"SOUR{channel}:DATA:VOL:CLE",
+            ),
+            f"SOUR{channel}:DATA:ARB:DAC {name},".encode() + ZEROS + b"\n",
+            lines(
+                f"SOUR{channel}:FUNC:ARB {name}",
+                f"SOUR{channel}:FUNC:ARB:SRAT 48000",
+                f"SOUR{channel}:FUNC:ARB:FILT OFF",
+                f"SOUR{channel}:FUNC ARB",
+                f"SOUR{channel}:VOLT:OFFS 0",
+                f"SOUR{channel}:VOLT 7.2727272",
+                f"SOUR{channel}:VOLT:RANG:AUTO OFF",
+                f"SOUR{channel}:VOLT:LIM:HIGH 3.6363637",
+                f"SOUR{channel}:VOLT:LIM:LOW -3.6363637",
+                f"SOUR{channel}:VOLT:LIM:STAT ON",
+                f"SOUR{channel}:BURS:MODE TRIG",
+                f"SOUR{channel}:BURS:NCYC 1",
+                f"SOUR{channel}:BURS:PHAS 0",
+                f"TRIG{channel}:SOUR BUS",
+                f"SOUR{channel}:BURS:STAT ON",
+                "SYST:ERR?",
+            ),
+        )
+    )
+
+
+def read_back(channel: int) -> bytes:
+    return lines(
+        f"OUTP{channel}:LOAD?",
+        f"SOUR{channel}:VOLT:LIM:HIGH?",
+        f"SOUR{channel}:VOLT:LIM:LOW?",
+        f"SOUR{channel}:VOLT:LIM:STAT?",
+        f"SOUR{channel}:VOLT:OFFS?",
+        f"SOUR{channel}:FUNC?",
+        f"SOUR{channel}:FUNC:ARB:FILT?",
+        f"SOUR{channel}:FUNC:ARB:SRAT?",
+        f"SOUR{channel}:BURS:MODE?",
+        f"SOUR{channel}:BURS:NCYC?",
+        f"SOUR{channel}:BURS:STAT?",
+        f"TRIG{channel}:SOUR?",
+    )
+
+
+def test_the_set_up_byte_for_byte() -> None:
+    bench = Bench()
+    bench.device.open()
+    assert bench.channel.taken() == b"".join(
+        (
+            lines("", "*IDN?"),
+            lines("*RST", "*CLS", "OUTP1 OFF", "OUTP2 OFF", "FORM:BORD SWAP", "SYST:ERR?"),
+            channel_setup(1, "T1"),
+            channel_setup(2, "T2"),
+            read_back(1),
+            read_back(2),
+        )
+    )
+
+
+def test_an_upload_byte_for_byte_with_line_feeds_inside() -> None:
+    bench = Bench()
+    bench.device.open()
+    bench.channel.taken()
+    bench.device.load(0, WAVE, SILENCE)
+    assert bench.channel.taken() == b"SOUR1:DATA:ARB:DAC T3," + BLOCK + b"\n" + lines("SYST:ERR?")
+    bench.device.load(2, WAVE, WAVE)
+    assert bench.channel.taken() == b"SOUR2:DATA:ARB:DAC T4," + BLOCK + b"\n" + lines("SYST:ERR?")
+
+
+def trial(names: tuple[str, str]) -> bytes:
+    said = [
+        (
+            f"SOUR{channel}:FUNC:ARB {name}",
+            f"SOUR{channel}:FUNC:ARB:SRAT 48000",
+            f"SOUR{channel}:VOLT 2.1818181",
+        )
+        for channel, name in enumerate(names, start=1)
+    ]
+    asked = [
+        (
+            f"OUTP{channel}:LOAD?",
+            f"SOUR{channel}:FUNC:ARB?",
+            f"SOUR{channel}:FUNC:ARB:SRAT?",
+            f"SOUR{channel}:VOLT?",
+        )
+        for channel in (1, 2)
+    ]
+    return lines(
+        *said[0], *said[1], *asked[0], *asked[1], "SYST:ERR?", "*TRG", "*OPC?", "SYST:ERR?"
+    )
+
+
+def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands() -> None:
+    bench = Bench().live()
+    bench.channel.taken()
+    bench.play(1, slot=0)
+    assert bench.channel.taken() == trial(("T3", "T2"))
+    bench.play(2, slot=1)
+    assert bench.channel.taken() == trial(("T1", "T4"))
+
+
+def test_what_comes_out_is_the_waveform_at_the_level() -> None:
+    bench = Bench().live()
+    bench.play(1)
+    (burst,) = bench.out
+    assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
+    assert not burst.right_v.any()
+
+
+def test_the_same_commands_in_the_other_dialects_fill_in_without_code() -> None:
+    for dialect in DIALECTS:
+        for command in (*dialect.channel_load, *dialect.channel_setup, *dialect.select):
+            filled = command.format(
+                channel=2, name="T1", rate="48000", volts="1.0", high="1.0", low="-1.0"
+            )
+            assert "{" not in filled
+    assert dialect_of("Rigol Technologies,DG1032Z,DG1ZA0,03.01.12") is RIGOL
+    assert dialect_of(IDENTITY) is KEYSIGHT
+
+
+class Parrot:
+    """An instrument that takes every setting and says it back."""
+
+    def __init__(self, identity: str) -> None:
+        self._reader = Reader()
+        self._settings = {"*IDN": identity, "*OPC": "1", "SYST:ERR": '0,"No error"'}
+        self._answers = b""
+        self.headers: list[str] = []
+
+    def write(self, data: bytes) -> None:
+        for unit in self._reader.feed(data):
+            self.headers.append(unit.header)
+            if unit.header.endswith("?"):
+                self._answers += f"{self._settings[unit.header[:-1]]}\n".encode()
+            else:
+                self._settings[unit.header] = unit.argument.replace("INF", "9.900000E+37")
+
+    def read(self, timeout_s: float) -> bytes:
+        answers, self._answers = self._answers, b""
+        return answers
+
+    def close(self) -> None:
+        """Stay as it is."""
+
+
+def test_a_make_that_keeps_one_waveform_is_given_both_before_each_trigger() -> None:
+    parrot, clock = Parrot("Rigol Technologies,DG1032Z,DG1ZA0,03.01.12"), VirtualClock()
+    device = GeneratorDevice(
+        lambda: parrot, limits=LIMITS, clock=clock, amplifier_gain=GAIN, sample_rate_hz=RATE_HZ
+    )
+    device.open()
+    device.load(0, WAVE, SILENCE)
+    device.enable()
+    device.set_levels(60.0, 60.0)
+    for token in (1, 2):
+        parrot.headers.clear()
+        clock.wait(0.1)
+        device.arm(token, 0, time_to_live_s=1.0)
+        assert device.fire(token).outcome is Outcome.FIRED
+        said = [header for header in parrot.headers if not header.endswith("?")]
+        assert said[0::4][:2] == ["SOUR1:DATA:DAC", "SOUR2:DATA:DAC"]
+        assert said[-2:] == ["SOUR1:BURS:TRIG", "SOUR2:BURS:TRIG"]
+    assert any("at once" in sentence for sentence in device.cannot)
+
+
+# --- refusals before anything is played
+
+
+def answering(question: bytes, answer: bytes) -> Callable[[Bench], None]:
+    """Have the answer to one question replaced."""
+
+    def prepare(bench: Bench) -> None:
+        last = [b""]
+
+        def before(data: bytes) -> None:
+            last[0] = data
+
+        def change(told: bytes) -> bytes:
+            return answer if told and last[0].endswith(question + b"\n") else told
+
+        bench.channel.before, bench.channel.change = before, change
+
+    return prepare
+
+
+@pytest.mark.parametrize(
+    ("question", "answer"),
+    [
+        (b"OUTP1:LOAD?", b"+5.00000000000000E+01\n"),
+        (b"OUTP2:LOAD?", b"+1.00000000000000E+04\n"),
+        (b"SOUR1:VOLT:LIM:HIGH?", b"+1.00000000000000E+01\n"),
+        (b"SOUR2:VOLT:LIM:LOW?", b"-1.00000000000000E+01\n"),
+        (b"SOUR2:VOLT:LIM:STAT?", b"0\n"),
+        (b"SOUR1:FUNC:ARB:SRAT?", b"+4.00000000000000E+04\n"),
+        (b"SOUR1:FUNC:ARB:FILT?", b"NORM\n"),
+        (b"TRIG2:SOUR?", b"IMM\n"),
+        (b"SYST:ERR?", b'-113,"Undefined header"\n'),
+    ],
+)
+def test_a_setting_that_was_not_taken_is_refused_and_nothing_is_switched_on(
+    question: bytes, answer: bytes
+) -> None:
+    bench = Bench()
+    answering(question, answer)(bench)
+    with pytest.raises(SettingError):
+        bench.device.open()
+    assert bench.generator.outputs_on == (False, False)
+    with pytest.raises(RefusedError) as closed:
+        bench.device.enable()
+    assert closed.value.code is Refusal.NOT_OPEN
+
+
+@pytest.mark.parametrize(
+    ("question", "answer"),
+    [
+        (b"OUTP1:LOAD?", b"+5.00000000000000E+01\n"),
+        (b"SOUR1:FUNC:ARB?", b'"T1"\n'),
+        (b"SOUR2:VOLT?", b"+2.50000000000000E+00\n"),
+        (b"SYST:ERR?", b'-222,"Data out of range"\n'),
+    ],
+)
+def test_a_trial_that_was_not_set_up_is_not_triggered(question: bytes, answer: bytes) -> None:
+    bench = Bench().live()
+    answering(question, answer)(bench)
+    with pytest.raises(SettingError):
+        bench.play(1)
+    assert b"*TRG" not in bench.channel.written
+    assert bench.out == []
+    bench.channel.change = lambda told: told
+    assert bench.device.query(1).outcome is Outcome.NOT_FIRED
+    assert bench.play(2) is Outcome.FIRED
+
+
+def test_what_answers_otherwise_is_no_generator() -> None:
+    bench = Bench()
+    answering(b"*IDN?", b"Agilent Technologies,33521B,MY50000000,1.0\n")(bench)
+    with pytest.raises(LinkError, match="two channels"):
+        bench.device.open()
+
+
+def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence() -> None:
+    bench = Bench().live()
+    bench.device.set_levels(0.01, 0.01)
+    with pytest.raises(RefusedError) as refused:
+        bench.play(1)
+    assert refused.value.code is Refusal.BAD_LEVEL
+    bench.device.set_levels(0.0, 0.0)
+    assert bench.play(2) is Outcome.FIRED
+    assert not bench.out[0].left_v.any()
+
+
+# --- the trigger
+
+
+def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out() -> None:
+    bench = Bench().live()
+    lost = [True]
+
+    def before(data: bytes) -> None:
+        lost[0] = lost[0] and b"*IDN?" not in data
+
+    def change(told: bytes) -> bytes:
+        return b"" if lost[0] and b"*TRG" in bench.channel.written else told
+
+    bench.channel.taken()
+    bench.channel.before, bench.channel.change = before, change
+    began_s = bench.clock.now_s()
+    bench.device.arm(1, 0, time_to_live_s=1.0)
+    told = bench.device.fire(1)
+    assert told.outcome is Outcome.INDETERMINATE
+    assert bench.clock.now_s() - began_s >= PATIENCE_S
+    assert bench.device.fire(1) == told
+    assert bench.device.query(1) == told
+    assert bench.channel.written.count(b"*TRG") == 1
+    assert [burst.token for burst in bench.out] == [1]
+    assert bench.play(2) is Outcome.FIRED
+    assert len(bench.out) == 2
+
+
+def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer() -> None:
+    bench = Bench().live()
+    held = [b""]
+
+    def change(told: bytes) -> bytes:
+        if b"*IDN?" in bench.channel.written:
+            early, held[0] = held[0], b""
+            return early + told
+        held[0] += told
+        return b""
+
+    bench.device.arm(1, 0, time_to_live_s=1.0)
+    bench.channel.taken()
+    bench.channel.change = change
+    assert bench.device.fire(1).outcome is Outcome.INDETERMINATE
+    assert bench.play(2, slot=1) is Outcome.FIRED
+    assert [burst.level_right_vpp > 0 for burst in bench.out] == [False, True]
+
+
+def test_a_line_that_breaks_with_the_trigger_leaves_it_open() -> None:
+    bench = Bench().live()
+
+    def before(data: bytes) -> None:
+        if b"*TRG" in data:
+            raise LinkError("unplugged")
+
+    bench.channel.before = before
+    assert bench.play(1) is Outcome.INDETERMINATE
+    assert bench.device.query(1).outcome is Outcome.INDETERMINATE
+
+
+def test_a_trigger_that_the_generator_reports_as_ignored_is_indeterminate() -> None:
+    bench = Bench().live()
+    bench.clock.wait(0.1)
+    bench.device.arm(1, 0, time_to_live_s=1.0)
+    bench.channel.write(lines("TRIG1:SOUR IMM", "TRIG2:SOUR IMM"))
+    assert bench.device.fire(1).outcome is Outcome.INDETERMINATE
+    assert bench.out == []
+
+
+def test_another_run_says_not_fired_for_its_own_boot_id_only() -> None:
+    bench = Bench().live()
+    bench.play(1)
+    later = Bench(clock=bench.clock).live()
+    told = later.device.query(1)
+    assert told.outcome is Outcome.NOT_FIRED
+    assert told.boot_id != bench.device.query(1).boot_id
+
+
+# --- ceiling
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    peak=st.floats(0.001, 1.0),
+    level_vpp=st.floats(0.0, 1e3),
+    gain=st.floats(0.5, 100.0),
+    level_gain=st.floats(0.1, 10.0),
+    ceiling_vpp=st.floats(1.0, 400.0),
+)
+def test_nothing_above_the_ceiling_comes_out(
+    peak: float, level_vpp: float, gain: float, level_gain: float, ceiling_vpp: float
+) -> None:
+    bench = Bench(limits=Limits(ceiling_vpp=ceiling_vpp, gain=level_gain), gain=gain)
+    wave = np.array([0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0]) * peak
+    try:
+        bench.device.open()
+        bench.device.load(0, wave, -wave)
+        bench.device.enable()
+        bench.device.set_levels(level_vpp, level_vpp)
+        bench.play(1)
+    except (RefusedError, SettingError):
+        assert bench.out == []
+        return
+    (burst,) = bench.out
+    for volts in (burst.left_v, burst.right_v):
+        assert 2 * np.abs(volts).max() * gain <= ceiling_vpp * (1 + 1e-12)
+        assert 2 * np.abs(volts).max() * gain <= level_vpp * level_gain * peak * (1 + 1e-12)
+
+
+# --- stop
+
+
+def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminate() -> None:
+    bench = Bench().live()
+    long = np.concatenate((np.tile(WAVE[:-1], 4000), [0.0]))
+    bench.device.load(2, long, SILENCE_OF_LONG)
+    bench.clock.wait(0.1)
+    bench.device.arm(1, 2, time_to_live_s=1.0)
+    stopper = threading.Thread(target=bench.device.stop)
+
+    def change(told: bytes) -> bytes:
+        if bench.clock.now_s() > 0.4 and stopper.ident is None:
+            stopper.start()
+            stopper.join()
+        return told
+
+    bench.channel.change = change
+    assert bench.device.fire(1).outcome is Outcome.INDETERMINATE
+    assert bench.out[0].cut_us is not None
+    assert bench.generator.outputs_on == (False, False)
+    with pytest.raises(RefusedError) as refused:
+        bench.device.arm(2, 0, time_to_live_s=1.0)
+    assert refused.value.code is Refusal.SAFE_STATE
+
+
+SILENCE_OF_LONG = np.zeros(4000 * (WAVE.size - 1) + 1)
+
+
+def test_a_stop_inside_an_upload_is_sent_again_and_holds() -> None:
+    bench = Bench().live()
+    upload = b"SOUR1:DATA"
+
+    def before(data: bytes) -> None:
+        if upload in data:
+            bench.channel.before = lambda _: None
+            bench.channel.written += b"-"
+            bench.device.stop()
+            bench.generator.receive(round(bench.clock.now_s() * 1e6), lines("OUTP1 ON", "OUTP2 ON"))
+
+    bench.channel.before = before
+    bench.device.load(2, -WAVE, SILENCE)
+    assert bench.generator.outputs_on == (False, False)
+    with pytest.raises(RefusedError):
+        bench.device.arm(1, 0, time_to_live_s=1.0)
+
+
+def test_a_stop_just_before_the_trigger_leaves_it_unsent() -> None:
+    bench = Bench().live()
+    bench.clock.wait(0.1)
+    bench.device.arm(1, 0, time_to_live_s=1.0)
+    bench.channel.taken()
+    bench.device.stop()
+    with pytest.raises(RefusedError):
+        bench.device.fire(1)
+    assert b"*TRG" not in bench.channel.written
+    assert bench.device.query(1).outcome is Outcome.NOT_FIRED
+
+
+def test_what_a_generator_cannot_promise_is_told() -> None:
+    bench = Bench()
+    bench.device.open()
+    assert any("dies" in sentence for sentence in bench.device.cannot)
+    assert MockDevice(VirtualClock(), limits=LIMITS).cannot == ()
+
+
+# --- the emulator
+
+
+@pytest.mark.parametrize(
+    ("command", "error"),
+    [
+        (b"VOLTS 2", b"-113"),
+        (b"SOUR1:VOLT 50", b"-222"),
+        (b"SOUR1:VOLT two", b"-224"),
+        (b"SOUR1:FUNC:ARB NONE", b"+785"),
+        (b"SOUR1:DATA:ARB:DAC a,#13abc", b"-161"),
+        (b"*TRG", b"-211"),
+        (b"SOUR1:VOLT:LIM:STAT ON;:OUTP1:LOAD INF", b"-221"),
+    ],
+)
+def test_the_emulator_refuses_what_a_generator_refuses(command: bytes, error: bytes) -> None:
+    generator = EmulatedGenerator(print)
+    answer = generator.receive(0, command + b"\nSYST:ERR?\nSYST:ERR?\n").splitlines()
+    assert answer[0].startswith(error)
+    assert answer[1] + b"\n" == NO_ERROR
+
+
+def test_the_emulators_load_changes_the_display_and_not_the_terminals() -> None:
+    generator = EmulatedGenerator(print)
+    asked = b"SOUR1:VOLT 1;:SOUR1:VOLT?;:OUTP1:LOAD INF;:SOUR1:VOLT?\n"
+    first, second = generator.receive(0, asked).splitlines()
+    assert float(second) == 2 * float(first)
+
+
+@settings(deadline=None, max_examples=100)
+@given(data=st.binary(max_size=200), cut=st.integers(0, 300))
+def test_a_block_arrives_whole_however_it_is_cut(data: bytes, cut: int) -> None:
+    samples = data + bytes(len(data) % 2) + bytes(16)
+    command = b"SOUR1:DATA:ARB:DAC a," + f"#3{len(samples):03d}".encode() + samples + b"\n"
+    generator = EmulatedGenerator(print)
+    answers = generator.receive(0, command[:cut])
+    answers += generator.receive(
+        0, command[cut:] + b"SYST:ERR?\nSOUR1:FUNC:ARB a;:SOUR1:FUNC:ARB?\n"
+    )
+    assert answers == NO_ERROR + b'"A"\n'
+
+
+@settings(deadline=None, max_examples=100)
+@given(data=st.binary(max_size=300))
+def test_no_bytes_break_the_emulator(data: bytes) -> None:
+    generator = EmulatedGenerator(lambda _: None)
+    generator.receive(0, data)
+    generator.receive(1, b"\n" * 2)
+
+
+@pytest.mark.parametrize("make_line", [lambda: TcpLine(0), PtyLine], ids=["tcp", "pty"])
+def test_the_truth_file_says_what_the_driver_was_told(
+    make_line: Callable[[], TcpLine | PtyLine],
+) -> None:
+    line, truth = make_line(), io.StringIO()
+    emulator = GeneratorEmulator(line, truth, amplifier_gain=GAIN)
+    over = threading.Event()
+
+    def serve() -> None:
+        while not over.is_set():
+            emulator.turn()
+
+    server = threading.Thread(target=serve)
+    server.start()
+    device: BurstDevice = generator_device(
+        line.name,
+        limits=LIMITS,
+        clock=MonotonicClock(),
+        amplifier_gain=GAIN,
+        sample_rate_hz=RATE_HZ,
+    )
+    try:
+        assert identify_generator(line.name) == IDENTITY
+        assert device.open().emulated
+        device.load(0, WAVE, SILENCE)
+        device.enable()
+        device.set_levels(130.0, 130.0)
+        device.arm(1, 0, time_to_live_s=5.0)
+        before_s = time.time()
+        told = device.fire(1)
+        after_s = time.time()
+        device.close()
+    finally:
+        over.set()
+        server.join()
+        line.close()
+    facts = [json.loads(text) for text in truth.getvalue().splitlines()]
+    (burst,) = [fact for fact in facts if fact["event"] == "burst"]
+    assert told.outcome is Outcome.FIRED
+    assert (told.level_left_vpp, told.level_right_vpp) == (130.0, 0.0)
+    assert (burst["channels"], burst["levels_mv"]) == ([1, 0], [130_000, 0])
+    assert max(burst["peak_v"]) <= 65.0
+    assert (burst["token"], burst["number"]) == (None, 1)
+    assert before_s - 0.01 < burst["wall_s"] < after_s
+    assert facts[-1]["event"] == "off"
+
+
+def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_understood() -> None:
+    bench = Bench().live()
+    now_us = round(bench.clock.now_s() * 1e6)
+    bench.generator.receive(now_us, b"*OPC?;SOUR1:DATA:ARB:DAC z,#3194abc")
+    bench.generator.hang_up()
+    assert bench.generator.outputs_on == (True, True)
+    assert bench.generator.receive(now_us, b"*IDN?\n").decode().strip() == IDENTITY
+
+
+# --- a session
+
+
+COLUMNS = ("trial", "side", "response", "correct", "level_left_vpp", "level_right_vpp", "status")
+
+
+def test_a_paper_session_gives_the_same_answers_as_the_mock(tmp_path: Path) -> None:
+    study = paper_study()
+    plan = draw_plan(study, participant="01", session="01", seed=5, gains=study_gains(study))
+    tables = []
+    for name in ("mock", "generator"):
+        clock = VirtualClock()
+        bench = Bench(limits=host_limits(study.device), clock=clock)
+        device: BurstDevice = mock_device(study, clock) if name == "mock" else bench.device
+        folder = SessionFolder(tmp_path / name, "01", "01", durable=False)
+        setting = Setting(
+            device=device,
+            responder=simulated_responder(study, plan, clock),
+            noise=SilentNoise(study.masking),
+            clock=clock,
+            stop=StopSignal(),
+        )
+        assert begin(folder, plan, setting).finished
+        with folder.trials_path.open(newline="") as file:
+            tables.append([[row[key] for key in COLUMNS] for row in csv.DictReader(file)])
+    assert tables[0] == tables[1]
+    assert len(tables[1]) == 155 == len(bench.out)

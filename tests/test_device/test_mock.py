@@ -1,0 +1,288 @@
+"""The mock: host and device each check for themselves, and the log equals what was emitted."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.clock import MonotonicClock, VirtualClock
+from device.core.output import OutputStage
+from device.driver import (
+    BurstDevice,
+    LimitExceeded,
+    LinkError,
+    Outcome,
+    Refusal,
+    RefusedError,
+    Rejected,
+    StateError,
+)
+from device.emulate.mock import MockDevice
+from device.limits import Limits
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+BURST = np.sin(2 * np.pi * np.arange(97) / 96)
+BURST[-1] = 0.0
+SILENCE = np.zeros_like(BURST)
+
+
+def live_mock(clock: VirtualClock, **options: Any) -> MockDevice:
+    device = MockDevice(clock, limits=LIMITS, **options)
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.enable()
+    device.set_levels(100.0, 100.0)
+    return device
+
+
+def code_of(call: Callable[[], object], kind: type[RefusedError] = RefusedError) -> Refusal:
+    with pytest.raises(kind) as refused:
+        call()
+    return refused.value.code
+
+
+# --- identity and clocks
+
+
+def test_it_says_that_it_is_emulated_and_what_it_can_do() -> None:
+    stage = OutputStage(sample_rate_hz=44_100.0, bits=14)
+    limits = Limits(ceiling_vpp=150.0, longest_waveform=1000)
+    device = MockDevice(VirtualClock(), limits=LIMITS, device_limits=limits, output=stage)
+    identity = device.open()
+    assert identity.emulated
+    assert (identity.sample_rate_hz, identity.bits, identity.channels) == (44_100.0, 14, 2)
+    assert (identity.ceiling_vpp, identity.longest_waveform) == (150.0, 1000)
+
+
+def test_the_same_seed_gives_the_same_boot_ids() -> None:
+    def boot_ids(seed: int) -> list[int]:
+        rng = np.random.default_rng(seed)
+        device = MockDevice(VirtualClock(), limits=LIMITS, rng=rng)
+        first = device.open().boot_id
+        device.reset()
+        return [first, device.open().boot_id]
+
+    assert boot_ids(4) == boot_ids(4)
+    assert len({*boot_ids(4), *boot_ids(5)}) == 4
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    now_s=st.floats(0.0, 1e5), drift_ppm=st.floats(-1000.0, 1000.0), offset_s=st.floats(0.0, 1e6)
+)
+def test_the_devices_clock_is_the_hosts_with_drift_and_offset(
+    now_s: float, drift_ppm: float, offset_s: float
+) -> None:
+    clock = VirtualClock(start_s=now_s)
+    device = live_mock(clock, drift_ppm=drift_ppm, offset_s=offset_s)
+    clock.wait(1.0)
+    device.arm(1, 0, time_to_live_s=0.1)
+    felt = device.fire(1)
+    wanted_s = (now_s + 1.0) * (1 + drift_ppm * 1e-6) + offset_s
+    assert felt.device_us is not None
+    assert felt.device_us * 1e-6 == pytest.approx(wanted_s, abs=2e-6)
+    assert felt.host_before_s == felt.host_after_s == clock.now_s()
+    assert felt.uncertainty_s == 0.0
+
+
+def test_an_onset_asked_for_later_is_still_the_hosts_time_of_the_onset() -> None:
+    clock = VirtualClock(start_s=10.0)
+    device = live_mock(clock, drift_ppm=50.0)
+    device.arm(1, 0, time_to_live_s=0.1)
+    device.fire(1)
+    clock.wait(100.0)
+    told = device.query(1)
+    assert told.host_before_s <= 10.0 <= told.host_after_s
+    assert told.uncertainty_s == pytest.approx(0.01, rel=1e-3)
+
+
+def test_on_a_real_clock_the_interval_and_its_uncertainty_hold_the_onset() -> None:
+    clock = MonotonicClock()
+    device = MockDevice(clock, limits=LIMITS)
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.enable()
+    device.arm(1, 0, time_to_live_s=5.0)
+    before_s = clock.now_s()
+    felt = device.fire(1)
+    assert felt.device_us is not None
+    assert before_s <= felt.host_before_s <= felt.host_after_s <= clock.now_s()
+    middle_s = (felt.host_before_s + felt.host_after_s) / 2
+    assert abs(felt.device_us * 1e-6 - middle_s) <= felt.uncertainty_s + 1e-6
+
+
+# --- what is refused before anything is sent
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda d: d.load(0, BURST, SILENCE),
+        lambda d: d.enable(),
+        lambda d: d.set_levels(1.0, 1.0),
+        lambda d: d.arm(1, 0, time_to_live_s=0.1),
+        lambda d: d.fire(1),
+        lambda d: d.disarm(1),
+        lambda d: d.query(1),
+    ],
+)
+@pytest.mark.parametrize("closed_again", [False, True])
+def test_nothing_is_sent_to_a_device_that_is_not_open(
+    call: Callable[[BurstDevice], object], *, closed_again: bool
+) -> None:
+    device = MockDevice(VirtualClock(), limits=LIMITS)
+    if closed_again:
+        device.open()
+        device.close()
+    assert code_of(lambda: call(device), StateError) is Refusal.NOT_OPEN
+
+
+def test_illegal_steps_are_the_hosts_to_refuse_and_the_rest_the_devices() -> None:
+    clock = VirtualClock()
+    device = MockDevice(clock, limits=LIMITS)
+    device.open()
+    assert code_of(device.open, StateError) is Refusal.ALREADY_OPEN
+    assert code_of(device.enable, StateError) is Refusal.NOTHING_LOADED
+    device.load(0, BURST, SILENCE)
+    assert code_of(lambda: device.fire(1), StateError) is Refusal.NOT_ENABLED
+    device.enable()
+    device.silence()
+    clock.wait(1.0)
+    unheard = code_of(lambda: device.arm(1, 0, time_to_live_s=0.1), Rejected)
+    known = code_of(lambda: device.arm(1, 0, time_to_live_s=0.1), StateError)
+    assert unheard is known is Refusal.SAFE_STATE
+
+
+def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
+    clock = VirtualClock()
+    low = Limits(ceiling_vpp=120.0, least_interval_s=0.005)
+    for limits, device_limits in ((low, LIMITS), (LIMITS, low)):
+        device = MockDevice(clock, limits=limits, device_limits=device_limits)
+        device.open()
+        device.load(0, BURST, BURST)
+        device.set_levels(120.0, 120.0)
+        with pytest.raises(LimitExceeded, match="is above the ceiling"):
+            device.set_levels(120.001, 0.0)
+
+
+def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:
+    clock = VirtualClock()
+    strict = Limits(ceiling_vpp=120.0, least_interval_s=1.0)
+    device = MockDevice(clock, limits=strict)
+    device.open()
+    device.load(0, BURST, SILENCE)
+    device.load(1, 0.5 * BURST, SILENCE)
+    device.enable()
+    device.set_levels(150.0, 0.0)
+    assert code_of(lambda: device.arm(1, 0, time_to_live_s=5.0)) is Refusal.CEILING
+    device.arm(1, 1, time_to_live_s=5.0)
+    device.fire(1)
+    clock.wait(0.9)
+    device.arm(2, 1, time_to_live_s=5.0)
+    assert code_of(lambda: device.fire(2), LimitExceeded) is Refusal.LEAST_INTERVAL
+    assert device.query(2).outcome is Outcome.INDETERMINATE
+    clock.wait(0.2)
+    assert device.fire(2).outcome is Outcome.FIRED
+
+
+def test_a_level_one_step_above_the_ceiling_is_refused_though_its_millivolts_are_not() -> None:
+    device = live_mock(VirtualClock())
+    device.set_levels(200.0, 200.0)
+    above_vpp = math.nextafter(200.0, math.inf)
+    assert code_of(lambda: device.set_levels(above_vpp, 200.0)) is Refusal.CEILING
+
+
+def test_samples_that_are_not_finite_never_leave_the_host() -> None:
+    device = live_mock(VirtualClock())
+    for bad in (math.nan, math.inf):
+        samples = BURST.copy()
+        samples[3] = bad
+        with pytest.raises(Rejected, match="a sample is not finite: left"):
+            device.load(0, samples, SILENCE)
+
+
+def test_what_is_no_waveform_is_refused_by_name() -> None:
+    device = live_mock(VirtualClock())
+    strange: Any = ["0", "1", "0"]
+    with pytest.raises(ValueError, match="right must be a one-dimensional array of real numbers"):
+        device.load(0, BURST, strange)
+
+
+def test_a_device_opened_anew_plays_nothing_that_this_host_did_not_load_and_set() -> None:
+    clock = VirtualClock()
+    device = live_mock(clock)
+    device.close()
+    device.open()
+    device.enable()
+    assert code_of(lambda: device.arm(1, 0, time_to_live_s=0.1)) is Refusal.EMPTY_SLOT
+    device.load(0, BURST, BURST)
+    device.arm(1, 0, time_to_live_s=0.1)
+    assert device.fire(1).level_left_vpp == 0.0
+
+
+@pytest.mark.parametrize(("option", "value"), [("drift_ppm", 2e5), ("offset_s", math.nan)])
+def test_a_clock_that_cannot_be_is_refused_by_name(option: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{option} must be a number"):
+        live_mock(VirtualClock(), **{option: value})
+
+
+# --- power cycles
+
+
+def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> None:
+    clock = VirtualClock()
+    device = live_mock(clock)
+    old_boot_id = device.query(9).boot_id
+    device.arm(1, 0, time_to_live_s=0.1)
+    device.fire(1)
+    clock.wait(0.1)
+    device.arm(2, 0, time_to_live_s=0.1)
+    device.reset()
+    for told in (device.fire(2), device.query(2), device.query(1)):
+        assert told.outcome is Outcome.INDETERMINATE
+        assert told.boot_id != old_boot_id
+    with pytest.raises(LinkError, match="restarted"):
+        device.arm(3, 0, time_to_live_s=0.1)
+    assert len(device.emitted) == 1
+
+
+def test_after_a_power_cycle_even_a_disarmed_token_may_have_fired_before_it() -> None:
+    device = live_mock(VirtualClock())
+    device.arm(1, 0, time_to_live_s=0.1)
+    device.fire(1)
+    device.reset()
+    device.disarm(1)
+    assert device.query(1).outcome is Outcome.INDETERMINATE
+    device.open()
+    assert device.query(1).outcome is Outcome.INDETERMINATE
+
+
+def test_a_device_that_restarted_can_be_opened_and_used_again() -> None:
+    clock = VirtualClock()
+    device = live_mock(clock)
+    before = device.query(1).boot_id
+    device.reset()
+    assert device.open().boot_id != before
+    device.load(0, BURST, SILENCE)
+    device.enable()
+    device.arm(5, 0, time_to_live_s=0.1)
+    clock.wait(0.2)
+    assert device.query(5).outcome is Outcome.NOT_FIRED
+    device.arm(6, 0, time_to_live_s=0.1)
+    assert device.fire(6).outcome is Outcome.FIRED
+
+
+def test_losing_power_cuts_the_burst_that_plays() -> None:
+    clock = VirtualClock()
+    device = live_mock(clock)
+    device.arm(1, 0, time_to_live_s=0.1)
+    device.fire(1)
+    clock.wait(0.001)
+    device.reset()
+    (cut,) = device.emitted
+    assert cut.cut_us == 1000
+    assert not cut.left_v[48:].any()

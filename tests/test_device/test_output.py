@@ -1,0 +1,176 @@
+"""Output stage: never above what was checked, never beyond the rail, never faster than the slew."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.core.messages import Levels, full_scale, to_codes
+from device.core.output import Emission, OutputStage
+from device.driver import FloatArray, LimitExceeded
+from device.limits import Limits, check_ceiling
+
+
+def render(
+    stage: OutputStage, samples: FloatArray, levels_mvpp: tuple[int, int], limits: Limits
+) -> FloatArray:
+    codes = to_codes(np.array((samples, samples)), stage.bits)
+    levels = Levels(left_mvpp=levels_mvpp[0], right_mvpp=levels_mvpp[1])
+    return stage.render(codes, levels=levels, limits=limits)
+
+
+def sine(n_samples: int = 97) -> FloatArray:
+    samples = np.sin(2 * np.pi * np.arange(n_samples) / (n_samples - 1))
+    samples[-1] = 0.0
+    return samples
+
+
+def highest_level_mvpp(peak: float, limits: Limits) -> int:
+    """The highest level in millivolts that passes the check, or the one below."""
+    level_mvpp = int(limits.ceiling_vpp / (peak * limits.gain) * 1000)
+    try:
+        check_ceiling(peak, level_mvpp / 1000, limits)
+    except LimitExceeded:
+        level_mvpp -= 1
+        check_ceiling(peak, level_mvpp / 1000, limits)
+    return level_mvpp
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    peak=st.floats(0.01, 1.0),
+    limits=st.builds(Limits, ceiling_vpp=st.floats(1.0, 300.0), gain=st.floats(0.1, 10.0)),
+    stage=st.builds(OutputStage, bits=st.integers(4, 24), rail_v=st.floats(10.0, 200.0)),
+    part=st.floats(0.0, 1.0) | st.just(1.0),
+)
+def test_whatever_passes_the_check_stays_within_half_the_ceiling_to_the_last_bit(
+    peak: float, limits: Limits, stage: OutputStage, part: float
+) -> None:
+    samples = peak * sine(9)
+    level_mvpp = int(part * highest_level_mvpp(float(np.abs(samples).max()), limits))
+    volts = render(stage, samples, (level_mvpp, level_mvpp), limits)
+    assert np.abs(volts).max() <= min(limits.ceiling_vpp / 2, stage.rail_v)
+    assert np.ptp(volts) <= limits.ceiling_vpp
+
+
+def test_the_ceiling_itself_is_reached_exactly() -> None:
+    volts = render(OutputStage(), sine(), (200_000, 200_000), Limits(ceiling_vpp=200.0))
+    assert (volts.max(), volts.min()) == (100.0, -100.0)
+
+
+@settings(deadline=None, max_examples=100)
+@given(level_mvpp=st.integers(1000, 200_000), bits=st.integers(8, 24))
+def test_the_volts_follow_waveform_and_level_within_two_steps_of_the_converter(
+    level_mvpp: int, bits: int
+) -> None:
+    stage = OutputStage(bits=bits)
+    volts = render(stage, sine(), (level_mvpp, 2 * level_mvpp), Limits(ceiling_vpp=400.0))
+    step_v = stage.rail_v / full_scale(bits)
+    wanted_v = sine() * level_mvpp / 2000
+    assert np.abs(volts[0] - wanted_v).max() <= 2 * step_v
+    assert np.all(np.abs(volts[0]) <= np.abs(wanted_v) * (1 + 1e-12) + 1e-12)
+    assert np.allclose(volts[0] / step_v, np.rint(volts[0] / step_v), atol=1e-6)
+    assert np.all((volts[:, 0] == 0.0) & (volts[:, -1] == 0.0))
+
+
+def test_gain_counts_like_level() -> None:
+    louder = render(OutputStage(), sine(), (100_000, 0), Limits(ceiling_vpp=200.0, gain=2.0))
+    level = render(OutputStage(), sine(), (200_000, 0), Limits(ceiling_vpp=200.0))
+    assert np.array_equal(louder, level)
+    assert not louder[1].any()
+
+
+def test_beyond_the_rail_the_amplifier_saturates() -> None:
+    volts = render(OutputStage(rail_v=60.0), sine(), (200_000, 100_000), Limits(ceiling_vpp=200.0))
+    assert (volts[0].max(), volts[0].min()) == (60.0, -60.0)
+    assert volts[1].max() == pytest.approx(50.0, abs=0.01)
+
+
+def test_the_default_slew_lets_the_papers_burst_pass_unchanged() -> None:
+    limits = Limits(ceiling_vpp=200.0)
+    fast = render(OutputStage(slew_v_s=1e12), sine(), (200_000, 200_000), limits)
+    assert np.array_equal(render(OutputStage(), sine(), (200_000, 200_000), limits), fast)
+
+
+@pytest.mark.parametrize("slew_v_s", [2e5, 5e4, 1e4])
+def test_a_slow_amplifier_never_changes_faster_than_its_slew_and_ends_at_zero(
+    slew_v_s: float,
+) -> None:
+    stage, limits = OutputStage(slew_v_s=slew_v_s), Limits(ceiling_vpp=200.0)
+    volts = render(stage, sine(), (200_000, 100_000), limits)
+    wanted = render(OutputStage(), sine(), (200_000, 100_000), limits)
+    step_v = slew_v_s / stage.sample_rate_hz
+    assert np.abs(np.diff(volts, prepend=0.0)).max() <= step_v * (1 + 1e-12)
+    assert volts.shape[1] >= wanted.shape[1]
+    assert not volts[:, -1].any()
+    assert np.abs(volts).max() <= np.abs(wanted).max()
+
+
+def test_what_was_rendered_cannot_be_written_to() -> None:
+    volts = render(OutputStage(), sine(), (1000, 1000), Limits(ceiling_vpp=200.0))
+    with pytest.raises(ValueError, match="read-only"):
+        volts[0, 0] = 1.0
+
+
+def emission(n_samples: int = 96, sample_rate_hz: float = 48_000.0) -> Emission:
+    volts = np.ones(n_samples)
+    return Emission(
+        token=1,
+        start_us=1000,
+        left_v=volts,
+        right_v=2 * volts,
+        level_left_vpp=2.0,
+        level_right_vpp=4.0,
+        sample_rate_hz=sample_rate_hz,
+    )
+
+
+@settings(deadline=None, max_examples=100)
+@given(n_samples=st.integers(1, 500), cut_us=st.integers(1000, 20_000))
+def test_a_cut_burst_is_zero_from_the_first_sample_that_begins_at_or_after_the_cut(
+    n_samples: int, cut_us: int
+) -> None:
+    whole = emission(n_samples)
+    cut = whole.cut(cut_us)
+    begin_us = 1000 + np.arange(n_samples) * 1e6 / 48_000
+    before = begin_us < cut_us - 1e-6
+    assert np.array_equal(cut.left_v, whole.left_v * before)
+    assert np.array_equal(cut.right_v, whole.right_v * before)
+    assert (cut.cut_us, cut.token, cut.start_us) == (cut_us, 1, 1000)
+    assert whole.left_v.all()
+
+
+def test_a_burst_lasts_its_samples_and_cannot_be_cut_before_it_began() -> None:
+    assert emission(96).duration_us == 2000
+    assert emission(97).duration_us == 2021
+    with pytest.raises(ValueError, match="at_us must be 1000 or later, got 999"):
+        emission().cut(999)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("sample_rate_hz", 0.0),
+        ("bits", 1),
+        ("bits", 25),
+        ("bits", 16.0),
+        ("rail_v", -1.0),
+        ("slew_v_s", 99.0),
+    ],
+)
+def test_an_output_stage_that_cannot_be_is_refused_by_name(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=f"{field} must be .*, got {value!r}"):
+        OutputStage(**{field: value})  # type: ignore[arg-type]  # wrong types are the point
+
+
+def test_channels_of_different_lengths_are_no_burst() -> None:
+    with pytest.raises(ValueError, match="left_v and right_v must be rows of one length"):
+        Emission(
+            token=1,
+            start_us=0,
+            left_v=np.zeros(2),
+            right_v=np.zeros(3),
+            level_left_vpp=0.0,
+            level_right_vpp=0.0,
+            sample_rate_hz=48e3,
+        )

@@ -1,0 +1,91 @@
+"""Tokens: what is forgotten is never taken for what never was."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.core.tokens import OUTCOMES, Exchange, Fate, Record, TokenHistory, delivery
+from device.driver import Outcome
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    tokens=st.lists(st.integers(1, 40), unique=True, max_size=30),
+    capacity=st.integers(1, 10),
+    asked=st.integers(1, 40),
+)
+def test_no_token_that_was_here_is_ever_said_to_be_new(
+    tokens: list[int], capacity: int, asked: int
+) -> None:
+    history = TokenHistory(capacity)
+    for token in tokens:
+        history.keep(Record(token=token, fate=Fate.EXPIRED))
+    record = history.find(asked)
+    if asked in tokens[-capacity:]:
+        assert record == Record(token=asked, fate=Fate.EXPIRED)
+    else:
+        assert record is None
+        fate = history.absent(asked).fate
+        assert fate in (Fate.UNKNOWN, Fate.NEVER_ARMED)
+        assert fate is Fate.UNKNOWN or asked not in tokens
+
+
+@settings(deadline=None, max_examples=100)
+@given(steps=st.lists(st.integers(1, 5), min_size=1, max_size=50), capacity=st.integers(1, 10))
+def test_counting_upwards_keeps_the_answer_for_a_new_token_certain(
+    steps: list[int], capacity: int
+) -> None:
+    history, token = TokenHistory(capacity), 0
+    for step in steps:
+        token += step
+        assert history.absent(token).fate is Fate.NEVER_ARMED
+        history.keep(Record(token=token, fate=Fate.EXPIRED))
+
+
+def test_every_fate_has_an_outcome_and_only_certain_ones_are_not_fired() -> None:
+    assert set(OUTCOMES) == set(Fate)
+    unsure = {fate for fate, outcome in OUTCOMES.items() if outcome is Outcome.INDETERMINATE}
+    assert unsure == {Fate.ARMED, Fate.UNKNOWN}
+    assert [fate for fate in Fate if OUTCOMES[fate] is Outcome.FIRED] == [Fate.FIRED]
+
+
+@pytest.mark.parametrize("fate", list(Fate))
+def test_a_record_has_an_onset_just_if_it_fired(fate: Fate) -> None:
+    start_us = None if fate is Fate.FIRED else 5
+    with pytest.raises(ValueError, match="start_us must be given if FIRED and only then"):
+        Record(token=1, fate=fate, start_us=start_us)
+
+
+def exchange(record: Record, *, device_us: int, interval_s: float = 0.002) -> Exchange:
+    return Exchange(
+        record=record,
+        boot_id=3,
+        host_before_s=10.0,
+        host_after_s=10.0 + interval_s,
+        device_us=device_us,
+        resolution_s=1e-6,
+        retries=2,
+    )
+
+
+def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> None:
+    fired = Record(token=9, fate=Fate.FIRED, start_us=77, levels_mvpp=(64_100, 0))
+    told = delivery(exchange(fired, device_us=77))
+    assert (told.outcome, told.device_us, told.boot_id, told.retries) == (Outcome.FIRED, 77, 3, 2)
+    assert (told.level_left_vpp, told.level_right_vpp) == (64.1, 0.0)
+    assert (told.host_before_s, told.host_after_s) == (10.0, 10.002)
+    assert told.uncertainty_s == pytest.approx(0.001 + 1e-6)
+
+
+def test_an_onset_asked_for_later_is_carried_back_with_more_uncertainty() -> None:
+    fired = Record(token=9, fate=Fate.FIRED, start_us=1_000_000)
+    told = delivery(exchange(fired, device_us=5_000_000))
+    assert told.host_before_s == pytest.approx(6.0 - 4e-4, abs=1e-6)
+    assert told.host_after_s == pytest.approx(6.002 + 4e-4, abs=1e-6)
+    assert told.uncertainty_s == pytest.approx(0.001 + 1e-6 + 4e-4)
+
+
+def test_what_did_not_fire_has_neither_onset_nor_levels() -> None:
+    told = delivery(exchange(Record(token=9, fate=Fate.ABORTED), device_us=5))
+    assert (told.outcome, told.device_us) == (Outcome.NOT_FIRED, None)
+    assert (told.level_left_vpp, told.level_right_vpp) == (0.0, 0.0)

@@ -1,0 +1,408 @@
+"""`tactstrip field`: its tables are the library's values, its figures say what they show."""
+
+from __future__ import annotations
+
+import csv
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from experiment.commands.field import field
+from experiment.preview.field import (
+    Drive,
+    PlateBand,
+    PlateMap,
+    level_db,
+    plate_band,
+    plate_map,
+    plate_of,
+)
+from experiment.preview.field_figure import render
+from experiment.preview.field_report import field_csv, field_text, metres
+from experiment.study.physics import field_strip, loads_of
+from experiment.study.read import paper_study, study_from_text
+from stimuli import Fingertip, ForceRectangle, Scene, displacement
+
+if TYPE_CHECKING:
+    from experiment.study.study import Study
+
+OFF_CENTRE = """
+[strip]
+edge = "simply-supported"
+width_mm = 40
+length_mm = "endless"
+[[actuator]]
+side = "left"
+x_mm = -30
+diameter_mm = 25
+[[actuator]]
+side = "right"
+shape = "rectangle"
+x_mm = 30
+y_mm = 12
+length_x_mm = 6
+length_y_mm = 18
+"""
+
+
+@pytest.fixture(autouse=True)
+def in_a_folder_with_the_papers_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("study.toml").write_text("", encoding="utf-8")
+
+
+def study_map(study: Study, frequency_hz: float) -> PlateMap:
+    return plate_map(plate_of(study), frequency_hz)
+
+
+def study_band(
+    study: Study, band_hz: tuple[float, float], *, n_frequencies: int = 500
+) -> PlateBand:
+    return plate_band(plate_of(study), band_hz, n_frequencies=n_frequencies)
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner().invoke(field, ["study.toml", *arguments])
+
+
+def table(name: str) -> list[dict[str, str]]:
+    with Path(name).open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def files() -> list[str]:
+    return sorted(path.name for path in Path().iterdir())
+
+
+def at_volts(found: PlateMap | PlateBand) -> PlateMap | PlateBand:
+    drive = Drive(
+        names=("left", "right"),
+        units=("N m/m", "N m/m"),
+        amplitudes=(0.13, 0.13),
+        bases=("measured", "predicted"),
+        level_vpp=200.0,
+    )
+    return replace(found, plate=replace(found.plate, drive=drive))
+
+
+# --- what is computed -----------------------------------------------------------------------------
+
+
+def test_the_paper_plate_confines_a_tone_of_its_burst() -> None:
+    found = study_map(paper_study(), 500.0)
+    for driven, x_m in enumerate((-0.035, 0.035)):
+        assert found.peak_of(driven)[1:] == pytest.approx((x_m, 0.0125), abs=1e-12)
+        assert found.level_db(driven, 1 - driven) < -80
+
+
+def test_a_map_ends_with_the_plate_and_has_its_edges_at_rest() -> None:
+    found = study_map(paper_study(), 500.0)
+    assert (found.x_m[0], found.x_m[-1]) == pytest.approx((-0.1, 0.1), abs=1e-15)
+    assert (found.y_m[0], found.y_m[-1]) == (0.0, 0.025)
+    assert not found.displacement_m[:, :, [0, -1]].any()
+    longer = study_map(study_from_text("[strip]\nlength_mm = 900", "s"), 500.0)
+    assert 0.135 < longer.x_m[-1] < 0.15
+
+
+def test_a_band_leaves_out_only_what_is_infinite() -> None:
+    whole = study_band(paper_study(), (100.0, 2900.0), n_frequencies=29)
+    assert whole.frequencies_hz.tolist() == [100.0 * n for n in range(1, 29)]
+    assert whole.left_out_hz == (2900.0,)
+    lossless = study_band(paper_study(), (100.0, 2850.0), n_frequencies=29)
+    assert lossless.left_out_hz == ()
+    assert lossless.frequencies_hz.size == 29
+
+
+def test_only_waves_that_the_actuators_make_have_their_cutoff_marked() -> None:
+    centred = study_band(paper_study(), (0.0, 20_000.0), n_frequencies=9)
+    strip = paper_study().strip
+    assert centred.cutoffs_hz == (strip.cutoff_hz(1), strip.cutoff_hz(3))
+    study = study_from_text(OFF_CENTRE, "s")
+    assert study_band(study, (1000.0, 7000.0), n_frequencies=9).cutoffs_hz == (
+        study.strip.cutoff_hz(2),
+        study.strip.cutoff_hz(3),
+    )
+
+
+def test_the_drive_scales_every_displacement_and_no_level() -> None:
+    plate = plate_of(paper_study())
+    left, right = plate.drive.amplitudes
+    driven = replace(plate, drive=replace(plate.drive, amplitudes=(0.5 * left, 2.0 * right)))
+    asked_m, scaled_m = (found.at_fingers_m([300.0]) for found in (plate, driven))
+    assert np.allclose(scaled_m, asked_m * np.array([0.5, 2.0])[:, None, None], rtol=1e-14)
+
+
+def test_the_measured_displacement_comes_out_at_the_highest_level() -> None:
+    at_m = plate_of(paper_study()).at_fingers_m([300.0])[:, :, 0]
+    assert np.abs(np.diag(at_m)) == pytest.approx(2 * 2.6e-6, rel=1e-4)
+
+
+def test_without_a_known_displacement_the_field_is_per_unit_load() -> None:
+    drive = plate_of(study_from_text(OFF_CENTRE, "s")).drive
+    assert (drive.basis, drive.amplitudes) == ("per unit load of 1 N m/m", (1.0, 1.0))
+
+
+def test_a_level_is_the_other_finger_against_the_own_one() -> None:
+    assert level_db(2.0, [2.0, 0.2j, -20.0]) == pytest.approx([0.0, -20.0, 20.0])
+    assert level_db(1.0, 0.0) < -1000
+
+
+def test_a_plate_with_loss_has_a_field_at_its_cutoff_too() -> None:
+    study = paper_study()
+    lossy = replace(study.strip, material=replace(study.strip.material, loss_factor=0.01))
+    found = study_band(replace(study, strip=lossy), (100.0, 2900.0), n_frequencies=29)
+    assert found.left_out_hz == ()
+    assert np.argmax(np.abs(found.at_fingers_m[0, 0])) == 28
+
+
+def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
+    plate = plate_of(paper_study())
+    motor = ForceRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.004, length_y_m=0.01)
+    drive = Drive(
+        names=("left", "right", "motor"),
+        units=("N m/m", "N m/m", "N"),
+        amplitudes=(1.0, 1.0, 1.0),
+        bases=(),
+        level_vpp=None,
+    )
+    three = replace(
+        plate,
+        loads=(*plate.loads, motor),
+        drive=drive,
+        fingertips=(*plate.fingertips, Fingertip(x_m=0.0, y_m=0.0125)),
+    )
+    assert [three.others_of(driven) for driven in range(3)] == [(1,), (0,), (0, 1)]
+    found, band = plate_map(three, 500.0), plate_band(three, (100.0, 3000.0), n_frequencies=9)
+    told = field_text(found, "s").splitlines()
+    assert told[-1].startswith("motor driven   ")
+    assert re.search(r"um per N at .*; left finger (.*) dB, right finger \1 dB$", told[-1])
+    assert "per unit load of 1 N m/m or 1 N" in told[2]
+    assert "motor_driven_at_left_abs_um_per_unit_load" in field_csv(band)
+    svg = render(band, "svg").decode()
+    assert "|u| (µm per unit load)" in svg
+    assert "other finger, the right of two" in svg
+    assert "motor actuator driven" in render(found, "svg").decode()
+
+
+# --- the files ------------------------------------------------------------------------------------
+
+
+def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition() -> None:
+    result = run()
+    assert result.exit_code == 0, result.stderr
+    assert files() == ["field.png", "study.toml"]
+    assert Path("field.png").read_bytes().startswith(b"\x89PNG")
+    for told in (
+        "map            500 Hz",
+        "measured, at 200 Vpp",
+        "short ends are left out",
+        "5.25 um at x = -35, y = 12.5 mm; right finger -90.8 dB",
+        "field.png written",
+    ):
+        assert told in result.stdout
+
+
+def test_the_table_of_a_map_has_the_librarys_values() -> None:
+    assert run("--frequency-hz", "3300", "--out", "map.csv").exit_code == 0
+    rows = table("map.csv")
+    assert len(rows) == 401 * 51
+    study = paper_study()
+    for row in rows[700::3001]:
+        place = (float(row["x_mm"]) / 1e3, float(row["y_mm"]) / 1e3)
+        scene = Scene(strip=field_strip(study), loads=loads_of(study), points_m=(place,))
+        per_load_um = 1e6 * displacement(scene, [3300.0], rtol=1e-8)[0, :, 0]
+        expected_um = per_load_um * np.array(plate_of(study).drive.amplitudes)
+        for name, u_um in zip(("left", "right"), expected_um, strict=True):
+            re_um, im_um, abs_um = (
+                float(row[f"{name}_driven_{part}_um"]) for part in ("re", "im", "abs")
+            )
+            assert complex(re_um, im_um) == pytest.approx(u_um, rel=1e-4)
+            assert abs_um == pytest.approx(abs(u_um), rel=1e-4)
+    assert {row["frequency_hz"] for row in rows} == {"3300.0"}
+    assert {row["basis"] for row in rows} == {"measured, at 200 Vpp; endless strip"}
+
+
+def test_the_table_of_a_band_has_the_librarys_values_in_full_precision() -> None:
+    assert run("--band", "100", "3000", "--out", "band.csv").exit_code == 0
+    rows = table("band.csv")
+    found = study_band(paper_study(), (100.0, 3000.0))
+    assert [float(row["frequency_hz"]) for row in rows] == found.frequencies_hz.tolist()
+    for i, driven in enumerate(("left", "right")):
+        for j, finger in enumerate(("left", "right")):
+            name = f"{driven}_driven_at_{finger}_{{}}_um"
+            u_um = np.array(
+                [float(r[name.format("re")]) + 1j * float(r[name.format("im")]) for r in rows]
+            )
+            assert np.array_equal(u_um, found.at_fingers_m[i, j] * 1e6)
+
+
+def test_a_band_says_where_the_other_finger_comes_near_and_what_is_left_out() -> None:
+    result = run("--band", "500", "2900", "--out", "band.svg")
+    assert result.exit_code == 0, result.stderr
+    assert "499 frequencies" in result.stdout
+    assert "left out       2900 Hz, a cut-off" in result.stdout
+    assert "above -20 dB first at 28" in result.stdout
+    quiet = run("--band", "100", "1000", "--out", "quiet.csv")
+    assert "above -20 dB nowhere" in quiet.stdout
+
+
+def test_the_ending_may_be_in_capitals() -> None:
+    assert run("--band", "100", "200", "--out", "BAND.CSV").exit_code == 0
+    assert len(table("BAND.CSV")) == 500
+
+
+# --- the figures ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "basis", "unit"),
+    [("", "measured, at 200 Vpp", "µm"), (OFF_CENTRE, "per unit load of 1 N m/m", "µm per N m/m")],
+    ids=["paper", "off-centre"],
+)
+def test_a_map_names_its_axes_its_unit_its_cutoff_and_its_basis(
+    text: str, basis: str, unit: str
+) -> None:
+    svg = render(study_map(study_from_text(text, "s"), 3000.0), "svg").decode()
+    for told in (
+        "displacement at 3000 Hz; cut-off",
+        "x along the plate, from its middle (mm)",
+        "y (mm)",
+        "|u| (dB re the panel's largest)",
+        basis,
+        "left actuator driven: largest",
+        unit,
+        "fingertip's contact",
+        "−20 dB, the masking limit",
+    ):
+        assert told in svg
+
+
+def test_a_band_names_its_axes_its_unit_its_cutoffs_and_its_basis() -> None:
+    svg = render(study_band(paper_study(), (100.0, 5000.0)), "svg").decode()
+    for told in (
+        "displacement at the fingers; cut-off 2900 Hz (measured), elastic edges",
+        "Frequency (Hz)",
+        "|u| (µm)",
+        "measured, at 200 Vpp",
+        "above the actuator",
+        "other finger",
+        "2900 Hz",
+    ):
+        assert told in svg
+
+
+def test_figures_have_the_same_bytes_on_every_run() -> None:
+    for found in (study_map(paper_study(), 500.0), study_band(paper_study(), (100.0, 5000.0))):
+        for file_type in ("png", "svg"):
+            assert render(found, file_type) == render(found, file_type)
+
+
+def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -> None:
+    found = at_volts(study_map(paper_study(), 500.0))
+    head, first, *_ = field_csv(found).splitlines()
+    assert "left_driven_abs_um," in head
+    assert "per_unit_load" not in head
+    assert "left measured, right predicted, at 200 Vpp" in first
+    told = field_text(found, "study.toml")
+    svg = render(found, "svg").decode()
+    for text in (told, svg):
+        assert "left measured, right predicted, at 200 Vpp" in text
+        assert "N m/m" not in text
+
+
+@pytest.mark.parametrize(
+    ("size_m", "told"),
+    [(2.6e-6, "2.6 um"), (3.65e-3, "3.65 mm"), (7.96e-10, "796 pm"), (0.0, "0 pm")],
+)
+def test_a_displacement_has_a_prefix_that_suits_it(size_m: float, told: str) -> None:
+    assert metres(size_m) == told
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--frequency-hz", "nan"], "frequency_hz must be a finite number >= 0, got nan"),
+        (["--frequency-hz=-1"], "frequency_hz must be a finite number >= 0, got -1.0"),
+        (["--frequency-hz", "1e9"], "frequencies from 0 to"),
+        (["--frequency-hz", "2900"], "must not hold a cut-off of a strip without loss"),
+        (["--band", "500", "100"], "band must be two frequencies LO < HI"),
+        (["--band", "500", "500"], "band must be two frequencies LO < HI"),
+        (["--band", "nan", "100"], "band must be two frequencies LO < HI"),
+        (["--band", "0", "inf"], "band must be two frequencies LO < HI"),
+        (["--band", "0", "1e9"], "frequencies from 0 to"),
+        (["--band", "1", "2", "--frequency-hz", "3"], "give one of them"),
+        (["--out", "field.pdf"], "--out must end in .png, .svg, .csv; got field.pdf"),
+        (["--out", "field"], "--out must end in .png, .svg, .csv; got field"),
+        (["--out", "nowhere/field.png"], "nowhere/field.png: No such file or directory"),
+    ],
+)
+def test_bad_input_is_one_line_and_changes_nothing(arguments: list[str], told: str) -> None:
+    result = run(*arguments)
+    assert result.exit_code == 2
+    assert told in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert len(result.stderr) < 250
+    assert result.stdout == ""
+    assert files() == ["study.toml"]
+
+
+@pytest.mark.parametrize("name", ["old.png", "old.svg", "old.csv"])
+def test_an_existing_file_is_left_alone(name: str) -> None:
+    Path(name).write_text("mine", encoding="utf-8")
+    result = run("--out", name)
+    assert result.exit_code == 2
+    assert (
+        result.stderr
+        == f"error: {name} exists and is left as it is; name another file with --out\n"
+    )
+    assert Path(name).read_text(encoding="utf-8") == "mine"
+
+
+def test_a_dangling_link_is_not_followed() -> None:
+    Path("field.png").symlink_to("elsewhere.png")
+    assert run().exit_code == 2
+    assert not Path("elsewhere.png").exists()
+
+
+def test_a_missing_study_is_one_line() -> None:
+    result = CliRunner().invoke(field, ["nowhere.toml"])
+    assert result.exit_code == 2
+    assert result.stderr == "error: nowhere.toml: No such file or directory\n"
+    assert files() == ["study.toml"]
+
+
+def test_a_write_that_fails_leaves_no_file_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("experiment.commands.field._content", lambda *_: "no bytes")
+    result = run()
+    assert isinstance(result.exception, TypeError)
+    assert files() == ["study.toml"]
+
+
+def test_a_table_imports_no_matplotlib() -> None:
+    program = (
+        "import sys\nfrom experiment.commands.field import field\n"
+        "field(['study.toml', '--out', 'field.csv'], standalone_mode=False)\n"
+        "print('matplotlib' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "False"
+
+
+def test_the_headline_has_the_numbers_of_the_map() -> None:
+    found = study_map(study_from_text(OFF_CENTRE, "s"), 3000.0)
+    for driven, line in enumerate(field_text(found, "s").splitlines()[-2:]):
+        told = re.search(r"([-\d.]+) dB$", line)
+        assert told is not None
+        assert float(told[1]) == pytest.approx(found.level_db(driven, 1 - driven), abs=0.05)

@@ -1,0 +1,311 @@
+"""The gain matrix: what it tells, how it is computed, and that it is sealed once and for all."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from experiment.study.physics import chosen_burst, study_gains
+from experiment.study.read import paper_study, study_from_text
+from experiment.study.study import StudyError
+from experiment.terms.gains import (
+    OWN_FINGER_ONLY,
+    ConditionGains,
+    FingerGains,
+    gains_from_json,
+    significant,
+)
+from experiment.terms.record import format_value
+from experiment.trial.draw import draw_plan
+from experiment.trial.plan import PlanError, plan_from_json
+from stimuli import MomentDisc, Scene, displacement
+
+if TYPE_CHECKING:
+    from experiment.study.study import Study
+
+SHORT = "[design]\nlevels_vpp = [80, 160]\ntrials_per_side = 2\nboth_trials = 1\n"
+MEASURED = "measured_displacement_um = {um}\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n"
+LAYERS = (
+    "piezo_thickness_mm = 0.25\npiezo_youngs_modulus_gpa = 62.1\npiezo_poisson_ratio = 0.34\n"
+    "piezo_d31_pm_v = -180\n"
+)
+
+
+def discs(left: str = "", right: str = "", more: str = "") -> str:
+    return (
+        f'[[actuator]]\nside = "left"\nx_mm = -35\ndiameter_mm = 12.8\n{left}'
+        f'[[actuator]]\nside = "right"\nx_mm = 35\ndiameter_mm = 12.8\n{right}{more}'
+    )
+
+
+def gains_of(text: str) -> ConditionGains:
+    (gains,) = study_gains(study_from_text(text, "s.toml"))
+    return gains
+
+
+@pytest.fixture(scope="module")
+def paper() -> ConditionGains:
+    (gains,) = study_gains(paper_study())
+    return gains
+
+
+# --- what a matrix tells --------------------------------------------------------------------------
+
+
+def test_amplitudes_of_two_actuators_add() -> None:
+    gains = FingerGains(left=(0.03, 0.001), right=(0.002, 0.02), basis="measured")
+    left_um, right_um = gains.amplitudes(100.0, 50.0)
+    assert left_um == pytest.approx(3.05)
+    assert right_um == pytest.approx(1.2)
+    assert gains.amplitudes(0.0, 0.0) == (0.0, 0.0)
+
+
+@settings(deadline=None, max_examples=200)
+@given(value=st.floats(1e-9, 1e9), last_bit=st.integers(-1, 1))
+def test_a_rounded_number_has_four_digits_and_hides_the_last_bit(
+    value: float, last_bit: int
+) -> None:
+    shown = format_value(significant(value)).lower().split("e")[0].replace(".", "")
+    assert len(shown.strip("0")) <= 4
+    assert significant(value) == pytest.approx(value, rel=5.1e-4)
+    neighbour = math.nextafter(value, math.inf if last_bit > 0 else 0.0) if last_bit else value
+    assert abs(significant(neighbour) - significant(value)) <= 1.1e-3 * value
+    assert significant(significant(value)) == significant(value)
+
+
+def test_a_matrix_of_known_displacements_is_in_um_and_takes_the_weaker_basis() -> None:
+    matrix = ConditionGains(
+        condition="main",
+        actuators=("left", "right", "far"),
+        bases=("measured", "predicted", None),
+        per_vpp=((0.03, 0.002, 0.1), (0.001, 0.02, 0.2), (0.1, 0.1, 1.0)),
+    )
+    assert matrix.fingers() == FingerGains(
+        left=(0.03, 0.002),
+        right=(0.001, 0.02),
+        basis="predicted",
+        bases=("measured", "predicted"),
+    )
+    assert replace(matrix, bases=("measured", "measured", None)).fingers().basis == "measured"
+    assert matrix.level_db(1, 0) == pytest.approx(20 * math.log10(1 / 30))
+    assert matrix.level_db(0, 2) == pytest.approx(-20.0)
+
+
+def test_without_one_displacement_the_matrix_of_the_fingers_is_relative() -> None:
+    matrix = ConditionGains(
+        condition="main",
+        actuators=("left", "right"),
+        bases=("measured", None),
+        per_vpp=((0.02, 0.1), (0.001, 1.0)),
+    )
+    fingers = matrix.fingers()
+    assert fingers == FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None)
+    assert fingers.peaks_um(100.0, 0.0) is None
+
+
+def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> None:
+    gains = FingerGains(left=(0.03, 0.001), right=(0.002, 0.02), basis="measured")
+    other = gains.with_crosstalk(-20.0)
+    assert other.left == pytest.approx((0.03, 0.002))
+    assert other.right == pytest.approx((0.003, 0.02))
+    assert OWN_FINGER_ONLY.with_crosstalk(-200.0).amplitudes(100.0, 0.0)[1] < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"actuators": ("right", "left")}, "actuators must begin with left, right"),
+        ({"bases": ("measured",)}, "per_vpp must have a row and a column for each"),
+        ({"per_vpp": ((1.0, 0.1),)}, "per_vpp must have a row and a column for each"),
+        ({"per_vpp": ((1.0, 0.1), (0.1,))}, "per_vpp must have a row and a column for each"),
+        ({"bases": ("guessed", None)}, "bases must be of measured, predicted"),
+        ({"per_vpp": ((0.0, 0.1), (0.1, 1.0))}, r"per_vpp\[0\]\[0\] must be a finite number > 0"),
+        ({"per_vpp": ((1.0, -0.1), (0.1, 1.0))}, r"per_vpp\[0\]\[1\] must be a finite number >= 0"),
+        ({"per_vpp": ((1.0, 0.1), (math.nan, 1.0))}, r"per_vpp\[1\]\[0\] must be a finite number"),
+    ],
+)
+def test_an_impossible_matrix_is_refused_by_name(changed: dict[str, object], said: str) -> None:
+    whole = {
+        "condition": "main",
+        "actuators": ("left", "right"),
+        "bases": (None, None),
+        "per_vpp": ((1.0, 0.1), (0.1, 1.0)),
+    }
+    with pytest.raises(ValueError, match=said):
+        gains_from_json(whole | changed)
+
+
+# --- how it is computed ---------------------------------------------------------------------------
+
+
+def test_the_papers_two_discs_are_mirror_images(paper: ConditionGains) -> None:
+    (ll, lr), (rl, rr) = paper.per_vpp
+    assert (ll, lr) == (rr, rl)
+    assert paper.bases == ("measured", "measured")
+    assert paper.actuators == ("left", "right")
+
+
+def test_the_papers_burst_does_about_what_the_measured_sine_did(paper: ConditionGains) -> None:
+    # 2.6 um of amplitude at 100 Vpp and 300 Hz (paper, section III-B): the plate follows its load
+    # up to a few hundred hertz, so the burst of 500 Hz moves it by a few per cent more
+    assert 1.0 < paper.per_vpp[0][0] * 100.0 / 2.6 < 1.1
+
+
+def test_the_other_finger_of_the_paper_is_masked(paper: ConditionGains) -> None:
+    # 31.9 dB is the drop 70 mm away at one point, peak to peak; peaks over an area differ a little
+    assert -35.0 < paper.level_db(1, 0) < -26.0
+
+
+def test_gains_are_proportional_to_what_was_measured() -> None:
+    weak, strong = (
+        gains_of(discs(MEASURED.format(um=um), MEASURED.format(um=2.6))) for um in (1.3, 2.6)
+    )
+    assert strong.per_vpp[0][0] == pytest.approx(2 * weak.per_vpp[0][0], rel=1e-3)
+    assert strong.per_vpp[1][0] == pytest.approx(2 * weak.per_vpp[1][0], rel=1e-3)
+    assert strong.level_db(1, 0) == pytest.approx(weak.level_db(1, 0), abs=0.02)
+    assert strong.per_vpp[0][1] == weak.per_vpp[0][1]
+
+
+def test_a_slow_measurement_is_the_static_displacement_of_a_slow_burst() -> None:
+    # far below the cut-off the plate follows the drive: the peak is that of the sine
+    text = discs(MEASURED.format(um=2.6), MEASURED.format(um=2.6)).replace("_hz = 300", "_hz = 50")
+    gains = gains_of(text + "[burst]\nfrequency_hz = 50\nwindow = 'hann'\n")
+    assert gains.per_vpp[0][0] * 100.0 == pytest.approx(2.6, rel=1e-2)
+
+
+def test_layers_predict_and_say_so() -> None:
+    gains = gains_of(discs(LAYERS, LAYERS))
+    assert gains.bases == ("predicted", "predicted")
+    # catalogue data are good to a factor of about two; a measured disc does 0.027 um per Vpp
+    assert 0.005 < gains.per_vpp[0][0] < 0.1
+
+
+def test_without_a_displacement_the_level_in_db_is_the_same(paper: ConditionGains) -> None:
+    gains = gains_of(discs())
+    assert gains.bases == (None, None)
+    assert gains.per_vpp[0][0] == gains.per_vpp[1][1] == 1.0
+    assert gains.level_db(1, 0) == pytest.approx(paper.level_db(1, 0), abs=0.01)
+
+
+def test_a_windowed_burst_is_played_with_the_same_peak() -> None:
+    # the device scales every burst to a peak of 1, and so does the matrix
+    text = "[burst]\nfrequency_hz = 100\nwindow = '{}'\n"
+    plain, hann = (gains_of(text.format(window)) for window in ("none", "hann"))
+    assert hann.per_vpp[0][0] == pytest.approx(plain.per_vpp[0][0], rel=0.05)
+
+
+def test_a_window_quiets_the_other_finger(paper: ConditionGains) -> None:
+    assert gains_of("[burst]\nwindow = 'hann'").level_db(1, 0) < paper.level_db(1, 0) - 6
+
+
+def test_a_third_actuator_changes_nothing_for_the_two(paper: ConditionGains) -> None:
+    known = MEASURED.format(um=2.6)
+    more = '[[actuator]]\nside = "other"\nname = "mid"\nx_mm = 0\ndiameter_mm = 10\n'
+    gains = gains_of(discs(known, known, more))
+    assert gains.actuators == ("left", "right", "mid")
+    assert [row[:2] for row in gains.per_vpp[:2]] == [
+        pytest.approx(row, rel=1e-3) for row in paper.per_vpp
+    ]
+    assert gains.bases[2] is None
+    assert gains.per_vpp[2][2] == 1.0
+
+
+def test_a_motor_pushes_and_its_measured_displacement_counts() -> None:
+    motor = (
+        '[[actuator]]\nside = "{}"\nshape = "motor"\nx_mm = {}\nlength_x_mm = 8\nlength_y_mm = 8\n'
+        + MEASURED.format(um=5)
+    )
+    gains = gains_of(motor.format("left", -35) + motor.format("right", 35))
+    assert gains.bases == ("measured", "measured")
+    assert 1.0 < gains.per_vpp[0][0] * 100.0 / 5 < 1.15
+
+
+def test_a_wider_fingertip_feels_at_least_as_much(paper: ConditionGains) -> None:
+    known = MEASURED.format(um=2.6)
+    wide = gains_of(discs(known + "finger_diameter_mm = 16\n", known))
+    assert wide.per_vpp[0][0] >= paper.per_vpp[0][0]
+    assert wide.per_vpp[0][1] > paper.per_vpp[0][1]
+    assert wide.per_vpp[1] == pytest.approx(paper.per_vpp[1], rel=1e-3)
+
+
+def test_a_displacement_measured_above_the_cutoff_tells_no_load() -> None:
+    text = discs(MEASURED.format(um=2.6), MEASURED.format(um=2.6)).replace("= 300", "= 3000")
+    with pytest.raises(StudyError, match="displacement of the left actuator: frequency_hz must"):
+        study_gains(study_from_text(text, "s.toml"))
+
+
+def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
+    study = study_from_text('[burst]\nwindow = "auto"\nwanted_level_db = -35', "s.toml")
+    (condition,) = study.conditions
+    (gains,) = study_gains(study)
+    assert max(gains.level_db(1, 0), gains.level_db(0, 1)) <= -35.0 + 0.05
+    assert condition.auto is not None
+    assert condition.burst.duration_s >= condition.auto.stated_s == 0.002
+    with pytest.raises(ValueError, match="condition main must have window = auto"):
+        chosen_burst(study, replace(condition, auto=None))
+
+
+def test_a_level_that_no_window_reaches_is_refused_in_one_line() -> None:
+    text = '[burst]\nfrequency_hz = 2800\ncycles = 19\nwindow = "auto"\nwanted_level_db = -190'
+    with pytest.raises(StudyError, match="condition main: window = auto") as caught:
+        study_from_text(text, "s.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_the_field_that_the_measured_value_is_tied_to_is_that_of_the_disc() -> None:
+    # an independent way: displacement per unit moment at 300 Hz scales to 2.6 um
+    study = paper_study()
+    strip = replace(study.strip, length_m=None)
+    disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    sine_300, sine_400 = np.abs(displacement(scene, [300.0, 400.0])[:, 0, 0])
+    (gains,) = study_gains(study)
+    # the spectrum of the burst peaks between the two
+    assert gains.per_vpp[0][0] / 0.026 == pytest.approx(sine_400 / sine_300, rel=0.05)
+
+
+# --- sealed into the plan -------------------------------------------------------------------------
+
+
+def sealed(study: Study, gains: tuple[ConditionGains, ...]) -> str:
+    return draw_plan(study, participant="01", session="01", seed=1, gains=gains).to_json()
+
+
+def test_a_plan_keeps_its_matrix_to_the_last_digit(paper: ConditionGains) -> None:
+    plan = plan_from_json(sealed(study_from_text(SHORT, "s.toml"), (paper,)))
+    assert plan.gains == (paper,)
+    assert plan.gains_of("main") == paper.fingers()
+    assert plan.gains_of("unknown") == OWN_FINGER_ONLY
+
+
+def test_a_changed_matrix_breaks_the_seal(paper: ConditionGains) -> None:
+    contents = json.loads(sealed(study_from_text(SHORT, "s.toml"), (paper,)))
+    contents["gains"][0]["per_vpp"][0][0] *= 2
+    with pytest.raises(PlanError, match="changed after it was sealed"):
+        plan_from_json(json.dumps(contents))
+
+
+def test_a_plan_without_a_matrix_is_one_of_the_first_schema() -> None:
+    text = sealed(study_from_text(SHORT, "s.toml"), ())
+    contents = json.loads(text)
+    assert contents["schema"] == 1
+    assert "gains" not in contents
+    assert plan_from_json(text).gains == ()
+
+
+def test_a_plan_of_a_later_schema_is_refused(paper: ConditionGains) -> None:
+    contents = json.loads(sealed(study_from_text(SHORT, "s.toml"), (paper,)))
+    assert contents["schema"] == 2
+    with pytest.raises(PlanError, match="schema must be 1 or 2; got 3"):
+        plan_from_json(json.dumps(contents | {"schema": 3}))
+
+
+def test_the_same_study_has_the_same_matrix_again(paper: ConditionGains) -> None:
+    assert study_gains(paper_study()) == (paper,)

@@ -1,0 +1,131 @@
+"""The journal: what is written comes back, and damage is never taken for a record."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from experiment.archive.journal import Journal, JournalError, JournalWriteError, read_journal
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "journal.jsonl"
+
+
+def write(path: Path, *events: str) -> None:
+    with Journal(path, now_s=lambda: 1.25, wall_s=lambda: 2.0) as journal:
+        for event in events:
+            journal.append(event, {"note": "é\n\u2028", "value": 0.1}, sync=True)
+
+
+def test_what_is_appended_is_read_back(path: Path) -> None:
+    write(path, "first", "second")
+    write(path, "third")
+    entries = read_journal(path).entries
+    assert [entry.event for entry in entries] == ["first", "second", "third"]
+    assert entries[2].facts == {"note": "é\n\u2028", "value": 0.1}
+    assert (entries[0].t_s, entries[0].wall_s) == (1.25, 2.0)
+
+
+def test_a_line_is_one_json_object_with_schema_number_and_checksum(path: Path) -> None:
+    write(path, "first")
+    line = path.read_text(encoding="utf-8")
+    assert re.fullmatch(r'\{"crc":"[0-9a-f]{8}","schema":1,"seq":1,"event":"first",.*\}\n', line)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_changed_byte_is_found_with_its_line(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    path = tmp_path_factory.mktemp("journal") / "journal.jsonl"
+    write(path, "first", "second", "third")
+    raw = bytearray(path.read_bytes())
+    place = data.draw(st.integers(0, len(raw) - 2))
+    raw[place] ^= 1 << data.draw(st.integers(0, 7))
+    path.write_bytes(raw)
+    line = raw[:place].count(b"\n") + 1
+    with pytest.raises(JournalError, match=rf"journal\.jsonl:{line}: "):
+        read_journal(path)
+    with pytest.raises(JournalError):
+        Journal(path, now_s=lambda: 0.0)
+    assert path.read_bytes() == raw
+    assert [p.name for p in path.parent.iterdir()] == ["journal.jsonl"]
+
+
+def test_a_missing_and_a_repeated_line_are_found(path: Path) -> None:
+    write(path, "first", "second", "third")
+    lines = path.read_bytes().splitlines(keepends=True)
+    for damaged, line in (([lines[0], lines[2]], 2), ([lines[0], lines[0], lines[1]], 2)):
+        path.write_bytes(b"".join(damaged))
+        with pytest.raises(JournalError, match=rf":{line}: seq must be {line}"):
+            read_journal(path)
+
+
+def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> None:
+    write(path, "first", "second")
+    whole = path.read_bytes()
+    start = whole.index(b"\n") + 1
+    for number, end in enumerate(range(start + 1, len(whole)), start=1):
+        path.write_bytes(whole[:end])
+        with Journal(path, now_s=lambda: 0.0) as journal:
+            assert [entry.event for entry in journal.entries] == ["first"]
+            assert journal.torn_file == path.with_name(f"journal.torn-{number}")
+            assert journal.torn_file.read_bytes() == whole[start:end]
+            journal.append("third")
+        assert [entry.event for entry in read_journal(path).entries] == ["first", "third"]
+
+
+def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="file size limits are a POSIX feature")
+    del resource
+    program = """
+import resource, sys, pathlib
+from experiment.archive.journal import Journal, JournalWriteError
+with Journal(pathlib.Path(sys.argv[1]), now_s=lambda: 0.0) as journal:
+    journal.append("first")
+    resource.setrlimit(resource.RLIMIT_FSIZE, (130, 130))
+    for _ in range(2):
+        try:
+            journal.append("second", {"padding": "x" * 200})
+        except JournalWriteError as error:
+            print(error)
+"""
+    path = tmp_path / "journal.jsonl"
+    told = subprocess.run(
+        [sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert "cannot be written" in told[0]
+    assert "not written after an earlier failure" in told[1]
+    reading = read_journal(path)
+    assert [entry.event for entry in reading.entries] == ["first"]
+    assert reading.torn
+
+
+def test_a_journal_that_cannot_be_opened_is_said(path: Path) -> None:
+    if os.geteuid() == 0:
+        path = path / "not-a-folder" / "journal.jsonl"
+        path.parent.parent.write_text("a file in the way", encoding="utf-8")
+    else:
+        path.parent.chmod(0o500)
+    with pytest.raises(JournalWriteError, match="cannot be written"):
+        Journal(path, now_s=lambda: 0.0)
+
+
+def test_no_number_that_json_does_not_know_is_written(path: Path) -> None:
+    with Journal(path, now_s=lambda: 0.0) as journal:
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            journal.append("first", {"value": float("nan")})
+        journal.append("second")
+    assert [entry.event for entry in read_journal(path).entries] == ["second"]

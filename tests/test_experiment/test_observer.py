@@ -1,0 +1,416 @@
+"""The observer: answers follow the psychometric function, and the masking of section V."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from experiment.study.physics import study_gains
+from experiment.study.read import paper_study
+from experiment.study.sections.simulation import Simulation
+from experiment.terms.gains import FingerGains
+from experiment.terms.observer import (
+    FASTEST_ANSWER_S,
+    NO_ANSWER,
+    Observer,
+    draw_observer,
+    psychometric,
+)
+
+FORCED = ("left", "right", "both")
+WITH_NONE = ("left", "right", "both", "none")
+IDEAL = Observer(
+    threshold_vpp=60.0,
+    sigma=0.1,
+    lapse_rate=0.0,
+    false_alarm_rate=0.0,
+    side_bias=0.5,
+    guess_both=0.0,
+    crosstalk_db=-200.0,
+    reaction_time_s=0.5,
+    reaction_time_spread=0.2,
+)
+
+
+def shares(
+    observer: Observer,
+    levels_vpp: tuple[float, float],
+    responses: tuple[str, ...],
+    *,
+    trials: int = 4000,
+    seed: int = 1,
+) -> dict[str | None, float]:
+    rng = np.random.default_rng(seed)
+    answers = [observer.answer(*levels_vpp, responses, rng, 60.0).response for _ in range(trials)]
+    return {word: answers.count(word) / trials for word in (*responses, None)}
+
+
+def assert_binomial(share: float, probability: float, trials: int = 4000) -> None:
+    # five standard deviations: one test in a million fails by chance
+    assert abs(share - probability) <= 5 * math.sqrt(probability * (1 - probability) / trials)
+
+
+# --- the psychometric function --------------------------------------------------------------------
+
+
+def test_the_function_runs_from_the_guess_rate_to_one_minus_the_lapse_rate() -> None:
+    p = psychometric(
+        [0.0, 1e-300, 60.0, 1e6, 1e300],
+        threshold_vpp=60.0,
+        sigma=0.1,
+        guess_rate=0.5,
+        lapse_rate=0.04,
+    )
+    assert p.tolist() == [0.5, 0.5, 0.73, 0.96, 0.96]
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    level=st.floats(1.0, 1e3),
+    factor=st.floats(1e-3, 1e3),
+    sigma=st.floats(0.01, 2.0),
+    guess=st.floats(0.0, 0.6),
+    lapse=st.floats(0.0, 0.3),
+)
+def test_only_the_ratio_of_level_and_threshold_counts(
+    level: float, factor: float, sigma: float, guess: float, lapse: float
+) -> None:
+    p = psychometric(
+        [level, factor * level],
+        threshold_vpp=[60.0, factor * 60.0],
+        sigma=sigma,
+        guess_rate=guess,
+        lapse_rate=lapse,
+    )
+    assert p[0] == pytest.approx(p[1], rel=1e-9)
+    assert guess - 1e-15 <= p[0] <= 1 - lapse + 1e-15  # the sum of the three is rounded
+
+
+def test_the_function_rises_with_the_level_and_broadcasts() -> None:
+    p = psychometric(
+        np.geomspace(20, 200, 50)[:, None],
+        threshold_vpp=[50.0, 60.0, 70.0],
+        sigma=0.1,
+        guess_rate=0.0,
+        lapse_rate=0.0,
+    )
+    assert p.shape == (50, 3)
+    assert np.all(np.diff(p, axis=0) > 0)
+    assert np.all(np.diff(p, axis=1) < 0)
+
+
+def test_it_is_the_normal_distribution_of_the_logarithm() -> None:
+    # Phi(1) = 0.8413447460685429 (Abramowitz and Stegun, table 26.1)
+    p = psychometric(60 * 10**0.1, threshold_vpp=60, sigma=0.1, guess_rate=0, lapse_rate=0)
+    assert float(p) == pytest.approx(0.8413447460685429, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"level_vpp": -1.0}, "level_vpp must be 0 or more"),
+        ({"level_vpp": math.nan}, "level_vpp must hold finite real numbers"),
+        ({"level_vpp": "60"}, "level_vpp must hold finite real numbers"),
+        ({"level_vpp": True}, "level_vpp must hold finite real numbers"),
+        ({"threshold_vpp": 0.0}, "threshold_vpp must be above 0"),
+        ({"threshold_vpp": math.inf}, "threshold_vpp must hold finite real numbers"),
+        ({"sigma": 0.0}, "sigma must be above 0"),
+        ({"guess_rate": 1.1}, "guess_rate must be from 0 to 1"),
+        ({"lapse_rate": 0.6}, "lapse_rate must be from 0 to 1 - guess_rate"),
+    ],
+)
+def test_the_function_refuses_what_is_no_probability(changed: dict[str, float], said: str) -> None:
+    arguments = {
+        "level_vpp": 60.0,
+        "threshold_vpp": 60.0,
+        "sigma": 0.1,
+        "guess_rate": 0.5,
+        "lapse_rate": 0.0,
+    }
+    level_vpp, *_ = (arguments | changed).values()
+    others = {key: value for key, value in (arguments | changed).items() if key != "level_vpp"}
+    with pytest.raises(ValueError, match=said):
+        psychometric(level_vpp, **others)
+
+
+# --- answers --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("level_vpp", [40.0, 55.0, 60.0, 70.0, 95.0, 200.0])
+def test_a_forced_choice_follows_the_function_with_a_guess_rate_of_one_half(
+    level_vpp: float,
+) -> None:
+    observer = replace(IDEAL, lapse_rate=0.06)
+    # a lapse picks one of three answers: two of three are wrong; the rest guess or feel
+    expected = psychometric(
+        level_vpp,
+        threshold_vpp=60.0,
+        sigma=0.1,
+        guess_rate=0.94 * 0.5 + 0.06 / 3,
+        lapse_rate=0.06 * 2 / 3,
+    )
+    assert_binomial(shares(observer, (level_vpp, 0.0), FORCED)["left"], float(expected))
+
+
+def test_with_none_offered_the_guess_rate_is_half_the_false_alarm_rate() -> None:
+    observer = replace(IDEAL, false_alarm_rate=0.2)
+    found = shares(observer, (55.0, 0.0), WITH_NONE)
+    expected = psychometric(55.0, threshold_vpp=60, sigma=0.1, guess_rate=0.1, lapse_rate=0)
+    assert_binomial(found["left"], float(expected))
+    assert_binomial(found["none"], 0.8 * (1 - observer.felt_probability(55.0 / 60.0)))
+
+
+def test_the_threshold_is_recovered_from_simulated_answers() -> None:
+    levels_vpp = np.geomspace(40, 90, 5)
+    found = [shares(IDEAL, (v, 0.0), WITH_NONE, trials=2000)["left"] for v in levels_vpp]
+    thresholds_vpp = np.linspace(50, 70, 201)
+    misfit = [
+        np.sum(
+            (psychometric(levels_vpp, threshold_vpp=t, sigma=0.1, guess_rate=0, lapse_rate=0)
+             - found) ** 2
+        )
+        for t in thresholds_vpp
+    ]  # fmt: skip
+    assert thresholds_vpp[int(np.argmin(misfit))] == pytest.approx(60.0, abs=1.0)
+
+
+def test_nothing_felt_in_a_forced_choice_is_a_fair_guess() -> None:
+    found = shares(IDEAL, (0.0, 0.0), FORCED)
+    assert_binomial(found["left"], 0.5)
+    assert found["both"] == 0.0
+    assert found[None] == 0.0
+
+
+def test_nothing_felt_with_none_offered_is_none() -> None:
+    assert shares(IDEAL, (0.0, 0.0), WITH_NONE, trials=300)["none"] == 1.0
+
+
+def test_side_bias_and_guesses_of_both_are_as_stated() -> None:
+    observer = replace(IDEAL, side_bias=0.8, guess_both=0.25)
+    found = shares(observer, (0.0, 0.0), FORCED)
+    assert_binomial(found["both"], 0.25)
+    assert_binomial(found["left"], 0.75 * 0.8)
+
+
+def test_both_strong_stimuli_are_both_where_it_is_offered_and_the_stronger_where_not() -> None:
+    assert shares(IDEAL, (900.0, 1000.0), FORCED, trials=300)["both"] == 1.0
+    assert shares(IDEAL, (900.0, 1000.0), ("left", "right"), trials=300)["right"] == 1.0
+    assert_binomial(shares(IDEAL, (900.0, 900.0), ("left", "right"))["right"], 0.5)
+
+
+def test_mirrored_stimuli_give_mirrored_answers() -> None:
+    observer = replace(IDEAL, side_bias=0.7, guess_both=0.1, lapse_rate=0.1, crosstalk_db=-10.0)
+    mirror = replace(observer, side_bias=0.3)
+    here = shares(observer, (65.0, 50.0), FORCED, trials=20_000)
+    there = shares(mirror, (50.0, 65.0), FORCED, trials=20_000, seed=2)
+    for word, mirrored in (("left", "right"), ("right", "left"), ("both", "both")):
+        assert abs(here[word] - there[mirrored]) < 5 * math.sqrt(0.5 / 20_000)
+
+
+def test_a_finger_20_db_below_the_other_feels_nothing_and_one_19_9_db_below_does() -> None:
+    for crosstalk_db, answer in ((-19.9, "both"), (-20.0, "left"), (-20.1, "left")):
+        observer = replace(IDEAL, crosstalk_db=crosstalk_db)
+        assert shares(observer, (1e6, 0.0), FORCED, trials=100)[answer] == 1.0
+    assert shares(IDEAL, (1e6, 0.99e5), FORCED, trials=100)["left"] == 1.0
+    assert shares(IDEAL, (1e6, 1.01e5), FORCED, trials=100)["both"] == 1.0
+
+
+@settings(deadline=None, max_examples=30)
+@given(level_vpp=st.floats(1e3, 1e6))
+def test_crosstalk_of_exactly_20_db_is_masked_at_every_level(level_vpp: float) -> None:
+    observer = replace(IDEAL, crosstalk_db=-20.0)
+    assert shares(observer, (0.0, level_vpp), FORCED, trials=5)["right"] == 1.0
+
+
+def test_crosstalk_adds_and_makes_one_strong_side_both() -> None:
+    observer = replace(IDEAL, crosstalk_db=-10.0)
+    assert shares(observer, (1000.0, 0.0), FORCED, trials=100)["both"] == 1.0
+    # below threshold on its own, above it with what comes from the other side
+    helped = replace(IDEAL, sigma=0.001, crosstalk_db=-6.0)
+    assert shares(helped, (50.0, 50.0), FORCED, trials=100)["both"] == 1.0
+    assert shares(helped, (50.0, 0.0), WITH_NONE, trials=100)["none"] == 1.0
+
+
+# --- displacements at the fingers -----------------------------------------------------------------
+
+PLATE = FingerGains(left=(0.02, 0.001), right=(0.001, 0.02), basis="measured")
+
+
+def shares_on(
+    gains: FingerGains, observer: Observer, levels_vpp: tuple[float, float], trials: int = 4000
+) -> dict[str | None, float]:
+    rng = np.random.default_rng(1)
+    answers = [
+        observer.answer(*levels_vpp, WITH_NONE, rng, 60.0, gains=gains).response
+        for _ in range(trials)
+    ]
+    return {word: answers.count(word) / trials for word in WITH_NONE}
+
+
+def test_a_threshold_in_micrometres_is_met_by_the_displacement() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2, crosstalk_db=None)
+    # 60 Vpp at 0.02 um per Vpp are 1.2 um
+    assert_binomial(shares_on(PLATE, observer, (60.0, 0.0))["left"], 0.5)
+    twice = FingerGains(left=(0.04, 0.0), right=(0.0, 0.02), basis="predicted")
+    assert_binomial(shares_on(twice, observer, (30.0, 0.0))["left"], 0.5)
+    expected = 1 - observer.felt_probability(0.5)
+    assert_binomial(shares_on(twice, observer, (0.0, 30.0))["none"], expected)
+
+
+def test_a_threshold_in_volts_is_that_of_the_own_finger() -> None:
+    observer = replace(IDEAL, crosstalk_db=None)
+    uneven = FingerGains(left=(0.04, 0.0), right=(0.0, 0.01), basis="measured")
+    assert_binomial(shares_on(uneven, observer, (60.0, 0.0))["left"], 0.5)
+    assert_binomial(shares_on(uneven, observer, (0.0, 60.0))["right"], 0.5)
+
+
+def test_the_threshold_may_be_stated_either_way() -> None:
+    volts = replace(IDEAL, crosstalk_db=None)
+    um = replace(volts, threshold_vpp=None, threshold_um=60.0 * 0.02)
+    for levels_vpp in ((55.0, 0.0), (0.0, 70.0), (60.0, 60.0)):
+        assert shares_on(PLATE, volts, levels_vpp, 300) == shares_on(PLATE, um, levels_vpp, 300)
+
+
+def test_masking_compares_displacements_not_levels() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2, crosstalk_db=None)
+    weak_left = FingerGains(left=(0.002, 0.0), right=(0.0, 0.02), basis="measured")
+    # 20 dB of displacement at equal levels: the left finger feels nothing
+    assert shares_on(weak_left, observer, (1e4, 1e4), 100)["right"] == 1.0
+    assert shares_on(weak_left, observer, (1.1e4, 1e4), 100)["both"] == 1.0
+
+
+def test_a_stated_crosstalk_overrides_that_of_the_plate() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2, crosstalk_db=None)
+    loud = FingerGains(left=(0.02, 0.01), right=(0.01, 0.02), basis="measured")
+    assert shares_on(loud, observer, (1e4, 0.0), 100)["both"] == 1.0
+    quiet = replace(observer, crosstalk_db=-40.0)
+    assert shares_on(loud, quiet, (1e4, 0.0), 100)["left"] == 1.0
+
+
+def test_micrometres_without_a_displacement_are_refused() -> None:
+    observer = replace(IDEAL, threshold_vpp=None, threshold_um=1.2)
+    with pytest.raises(ValueError, match="threshold_um must meet gains in um"):
+        observer.answer(60.0, 0.0, FORCED, np.random.default_rng(0), 3.0)
+
+
+@pytest.mark.parametrize("thresholds", [(None, None), (1.2, 60.0)])
+def test_an_observer_has_one_threshold(thresholds: tuple[float | None, float | None]) -> None:
+    with pytest.raises(ValueError, match="threshold_um or threshold_vpp must be given, not both"):
+        replace(IDEAL, threshold_um=thresholds[0], threshold_vpp=thresholds[1])
+
+
+def test_a_lapse_picks_any_answer_offered() -> None:
+    found = shares(replace(IDEAL, lapse_rate=1.0), (200.0, 0.0), WITH_NONE)
+    for word in WITH_NONE:
+        assert_binomial(found[word], 0.25)
+
+
+def test_the_same_seed_gives_the_same_answers() -> None:
+    observer = replace(IDEAL, lapse_rate=0.1)
+    first, second = (
+        [observer.answer(55.0, 0.0, FORCED, rng, 3.0) for _ in range(100)]
+        for rng in (np.random.default_rng(5), np.random.default_rng(5))
+    )
+    assert first == second
+
+
+def test_reactions_are_slower_to_weak_stimuli_and_never_impossibly_fast() -> None:
+    rng = np.random.default_rng(3)
+    observer = replace(IDEAL, reaction_time_spread=1.5)
+    times = {
+        level_vpp: [observer.answer(level_vpp, 0.0, FORCED, rng, 1e9).rt_s for _ in range(2000)]
+        for level_vpp in (40.0, 60.0, 200.0)
+    }
+    medians = [float(np.median(np.array(found, dtype=float))) for found in times.values()]
+    assert medians[0] > medians[1] > medians[2]
+    assert medians[2] == pytest.approx(0.5, rel=0.1)
+    assert min(t for found in times.values() for t in found if t is not None) > FASTEST_ANSWER_S
+
+
+def test_a_reaction_longer_than_the_window_is_no_answer() -> None:
+    slow = replace(IDEAL, reaction_time_s=10.0, reaction_time_spread=0.0)
+    assert slow.answer(200.0, 0.0, FORCED, np.random.default_rng(0), 9.9) == NO_ANSWER
+    assert slow.answer(200.0, 0.0, FORCED, np.random.default_rng(0), 10.1).response == "left"
+
+
+@pytest.mark.parametrize(
+    ("levels_vpp", "responses"),
+    [
+        ((-1.0, 0.0), FORCED),
+        ((math.nan, 0.0), FORCED),
+        ((0.0, math.inf), FORCED),
+        ((60.0, 0.0), ("left",)),
+        ((60.0, 0.0), ("left", "right", "up")),
+    ],
+)
+def test_an_impossible_trial_is_refused(
+    levels_vpp: tuple[float, float], responses: tuple[str, ...]
+) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        IDEAL.answer(*levels_vpp, responses, np.random.default_rng(0), 3.0)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"threshold_vpp": 0.0},
+        {"threshold_vpp": math.nan},
+        {"sigma": math.nan},
+        {"lapse_rate": 1.1},
+        {"side_bias": -0.1},
+        {"guess_both": True},
+        {"crosstalk_db": 1.0},
+        {"reaction_time_s": FASTEST_ANSWER_S},
+        {"reaction_time_spread": "0.3"},
+    ],
+)
+def test_an_impossible_observer_is_refused_by_name(changed: dict[str, float]) -> None:
+    (name,) = changed
+    with pytest.raises(ValueError, match=f"{name} must be"):
+        replace(IDEAL, **changed)
+
+
+# --- the population -------------------------------------------------------------------------------
+
+
+def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
+    rng = np.random.default_rng(4)
+    population = Simulation(median=IDEAL, threshold_sd_db=2.0)
+    drawn = [draw_observer(population.median, population.threshold_sd_db, rng) for _ in range(4000)]
+    level_db = 20 * np.log10([(observer.threshold_vpp or 0.0) / 60.0 for observer in drawn])
+    assert abs(np.mean(level_db)) < 5 * 2.0 / math.sqrt(4000)
+    assert np.std(level_db) == pytest.approx(2.0, rel=0.06)
+    assert {replace(observer, threshold_vpp=60.0) for observer in drawn} == {IDEAL}
+
+
+def test_thresholds_in_micrometres_are_drawn_alike() -> None:
+    um = replace(IDEAL, threshold_vpp=None, threshold_um=1.5)
+    drawn = [draw_observer(median, 2.0, np.random.default_rng(7)) for median in (IDEAL, um)]
+    volts, micrometres = drawn[0].threshold_vpp, drawn[1].threshold_um
+    assert volts is not None
+    assert micrometres is not None
+    assert micrometres / 1.5 == pytest.approx(volts / 60.0)
+
+
+def test_the_default_population_gives_a_table_like_the_papers() -> None:
+    # paper, table I: 60 V below the rest, means of 0.86 and above; here 60 V is lower
+    rng = np.random.default_rng(0)
+    people = paper_study().simulation
+    observers = [draw_observer(people.median, people.threshold_sd_db, rng) for _ in range(100)]
+    (condition,) = study_gains(paper_study())
+    gains = condition.fingers()
+    means = [
+        np.mean([
+            observer.answer(level_vpp, 0.0, FORCED, rng, 3.0, gains=gains).response == "left"
+            for observer in observers for _ in range(15)
+        ])
+        for level_vpp in paper_study().design.levels_vpp
+    ]  # fmt: skip
+    assert 0.6 < means[0] < 0.85
+    assert min(means[1:]) > 0.9
+    assert means[0] < min(means[1:]) - 0.1

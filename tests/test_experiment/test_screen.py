@@ -1,0 +1,482 @@
+"""A person at a window: real windows under Xvfb, real keys by xdotool, real processes killed."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import importlib.util
+import json
+import os
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from experiment.archive.folders import SessionFolder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+REQUIRED = os.environ.get("TACTSTRIP_SCREEN") == "required"
+LONGEST_S = 40.0
+SHORT = """
+[design]
+levels_vpp = [80, 160]
+trials_per_side = 1
+both_trials = 1
+foreperiod_s = [0.3, 0.4]
+
+[masking]
+noise = "none"
+
+[burst]
+window = "hann"
+"""
+STUDY = """
+[design]
+levels_vpp = [80, 160]
+trials_per_side = 3
+both_trials = 1
+break_every = 4
+practice_trials = 2
+responses = ["left", "right", "both", "none"]
+foreperiod_s = [0.6, 0.7]
+response_window_s = 1.0
+minimum_break_s = 1
+
+[masking]
+noise = "none"
+
+[burst]
+window = "hann"
+"""
+TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()")
+WINDOW = """
+[screen]
+full_screen = false
+"""
+
+
+def missing() -> str | None:
+    """Say what a participant's window lacks here."""
+    tools = [tool for tool in ("Xvfb", "xdotool") if shutil.which(tool) is None]
+    packages = [name for name in ("psychopy", "Xlib") if importlib.util.find_spec(name) is None]
+    return f"not installed: {', '.join(tools + packages)}" if tools or packages else None
+
+
+@contextlib.contextmanager
+def x_server(home: Path) -> Iterator[tuple[subprocess.Popen[bytes], dict[str, str]]]:
+    """A screen of its own, and the environment of who uses it."""
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x720x24"]
+    command += ["-nolisten", "tcp", "-noreset"]
+    with subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL) as server:
+        os.close(write)
+        with os.fdopen(read) as told:
+            number = told.readline().strip()
+        environment = os.environ | {"DISPLAY": f":{number}", "HOME": str(home)}
+        try:
+            yield server, environment | {"OPENBLAS_NUM_THREADS": "1", "PYTHONFAULTHANDLER": "1"}
+        finally:
+            server.terminate()
+
+
+@pytest.fixture(scope="module")
+def display(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
+    """An environment with a screen of its own and an empty home."""
+    if reason := missing():
+        assert not REQUIRED, reason
+        pytest.skip(reason)
+    with x_server(tmp_path_factory.mktemp("home")) as (_, environment):
+        yield environment
+
+
+class Sitting:
+    """A session at a window, followed by its journal; keys are pressed as a person would."""
+
+    def __init__(self, root: Path, environment: dict[str, str]) -> None:
+        self.root = root
+        self.environment = environment
+        self.presses_wall_s: list[float] = []
+        self.seen: list[dict[str, object]] = []
+        self._process: subprocess.Popen[str] | None = None
+        self.study = root / "study.toml"
+        self.study.write_text(STUDY + WINDOW, encoding="utf-8")
+
+    @property
+    def folder(self) -> SessionFolder:
+        return SessionFolder(self.root / "results", "01", "01")
+
+    @property
+    def process(self) -> subprocess.Popen[str]:
+        assert self._process is not None
+        return self._process
+
+    def start(self, *more: str) -> None:
+        self.seen = self.journal()
+        self._process = subprocess.Popen(
+            [*TACTSTRIP, "run", str(self.study), "--participant", "01", "--responder", "screen",
+             "--driver", "mock", "--out", str(self.root / "results"), *more],
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )  # fmt: skip
+
+    def press(self, *words: str) -> float:
+        """Press keys; return when, on the wall clock."""
+        now_s = time.time()
+        subprocess.run(["xdotool", *words], env=self.environment, check=True)
+        return now_s
+
+    def focus(self, name: str) -> None:
+        """Give the keyboard to a window."""
+        from Xlib import X, display
+
+        server = display.Display(self.environment["DISPLAY"])
+        root = server.screen().root
+        found = [window for window in root.query_tree().children if window.get_wm_name() == name]
+        (found[0] if found else root).set_input_focus(X.RevertToParent, X.CurrentTime)
+        server.sync()
+        server.close()
+        time.sleep(0.05)
+
+    def journal(self) -> list[dict[str, object]]:
+        path = self.folder.journal_path
+        if not path.exists():
+            return []
+        whole = path.read_bytes().rpartition(b"\n")[0]
+        return [json.loads(line) for line in whole.splitlines()]
+
+    def wait_for(self, *events: str, going_on: bool = False) -> dict[str, object]:
+        """Return the next of some events, pressing Enter meanwhile where asked to."""
+        until_s, next_press_s = time.monotonic() + LONGEST_S, 0.0
+        while time.monotonic() < until_s:
+            entries = self.journal()
+            while len(self.seen) < len(entries):
+                self.seen.append(entries[len(self.seen)])
+                if self.seen[-1]["event"] in events:
+                    return self.seen[-1]
+            if self.process.poll() is not None:
+                break
+            if going_on and time.monotonic() > next_press_s:
+                self.press("key", "Return")
+                next_press_s = time.monotonic() + 0.25
+            time.sleep(0.005)
+        self.process.kill()
+        pytest.fail(f"none of {events} came; {self.process.communicate()}")
+
+    def answer(self, *words: str, after_s: float = 0.25) -> None:
+        """Go on until the next stimulus, press some time after it, and wait for the trial's end."""
+        self.wait_for("stimulus_commanded", going_on=True)
+        time.sleep(after_s)
+        if words:
+            self.presses_wall_s.append(self.press(*words))
+        self.wait_for("trial_end")
+
+    def end(self, *, pressing: bool = True) -> tuple[int, str, str]:
+        """Wait for the process to end, pressing Enter meanwhile; where it hangs, tell where."""
+        until_s = time.monotonic() + (LONGEST_S if pressing else 10.0)
+        while self.process.poll() is None and time.monotonic() < until_s:
+            if pressing:
+                self.press("key", "Return")
+            time.sleep(0.25)
+        self.process.send_signal(signal.SIGABRT)  # with a traceback, see PYTHONFAULTHANDLER
+        out, err = self.process.communicate()
+        return self.process.returncode, out, err
+
+    def rows(self) -> list[dict[str, str]]:
+        with (self.folder.path / "trials.csv").open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def sitting(display: dict[str, str], tmp_path: Path) -> Iterator[Sitting]:
+    sitting = Sitting(tmp_path, display)
+    yield sitting
+    if sitting._process is not None and sitting.process.poll() is None:
+        sitting.process.kill()
+        sitting.process.communicate()
+
+
+def assert_stopped_at_zero(sitting: Sitting, ended: tuple[int, str, str]) -> None:
+    code, out, err = ended
+    assert code == 4, (out, err)
+    assert "--resume" in err
+    assert len(err.splitlines()) == 1
+    entries = sitting.journal()
+    assert entries[-1]["event"] == "session_close"
+    assert entries[-1]["finished"] is False
+
+
+def assert_complete(sitting: Sitting) -> None:
+    planned = [trial.number for trial in sitting.folder.read_plan().trials]
+    answered = [int(row["trial"]) for row in sitting.rows() if row["status"] == "ok"]
+    assert sorted(number for number in answered if number in planned) == planned  # no warm-up
+
+
+def test_a_session_records_what_was_pressed_from_welcome_to_end(
+    sitting: Sitting, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sitting.start("--seed", "5")
+    sitting.wait_for("stimulus_commanded", going_on=True)  # practice
+    sitting.focus("root")
+    sitting.press("key", "Right")  # in the operator's window: no answer
+    sitting.focus("tactstrip")
+    sitting.presses_wall_s.append(sitting.press("key", "Left"))
+    sitting.wait_for("trial_end")
+    sitting.answer("key", "Right")
+    sitting.answer("key", "Left")
+    sitting.answer("keydown", "Right")
+    time.sleep(0.2)
+    sitting.press("keyup", "Right")  # in the foreperiod of the next trial: no new press
+    time.sleep(0.1)
+    sitting.press("key", "Down")  # before the onset
+    early = sitting.wait_for("trial_end")
+    sitting.answer("key", "Down")
+    sitting.wait_for("stimulus_commanded")  # the early one again
+    time.sleep(0.2)
+    sitting.press("key", "Escape")
+    sitting.wait_for("pause")
+    time.sleep(0.5)
+    assert sitting.journal()[-1]["event"] == "pause", "a pause lasts until somebody goes on"
+    sitting.answer()  # after Enter, the same once more: no press
+    sitting.wait_for("break")
+    sitting.press("key", "Return")  # too soon
+    sitting.answer("key", "--delay", "0", "Right")  # shorter than a frame
+    sitting.answer("key", "space")
+    sitting.answer("key", "Down")
+    code, out, err = sitting.end()
+    assert code == 0, (out, err)
+    assert err == ""
+    rows = [row for row in sitting.rows() if row["kind"] != "practice"]
+    assert [(row["response"], row["status"]) for row in rows] == [
+        ("left", "ok"), ("right", "ok"), ("n/a", "voided"), ("both", "ok"), ("n/a", "voided"),
+        ("timeout", "ok"), ("right", "ok"), ("none", "ok"), ("both", "ok"),
+    ]  # fmt: skip
+    notes = [str(entry["text"]) for entry in sitting.journal() if entry["event"] == "note"]
+    assert notes == ["screen: a key (right) was not heard: the window had lost the keyboard"]
+    assert [row["anticipated"] for row in rows].count("true") == 1
+    assert early["status"] == "voided"
+    practice = [row["response"] for row in sitting.rows() if row["kind"] == "practice"]
+    assert practice == ["left", "right"]
+    assert_complete(sitting)
+    with capsys.disabled():
+        print(f"\n{timing(sitting)}")
+
+
+def timing(sitting: Sitting) -> str:
+    """Compare reaction times with when xdotool was started."""
+    beside_ms = []
+    presses = iter(sitting.presses_wall_s)
+    onset_wall_s = 0.0
+    for entry in sitting.journal():
+        if entry["event"] == "stimulus_confirmed" and entry["onset_s"] is not None:
+            wall_s, t_s, onset_s = (float(str(entry[k])) for k in ("wall_s", "t_s", "onset_s"))
+            onset_wall_s = wall_s - t_s + onset_s
+        if entry["event"] == "response" and entry["rt_s"] is not None:
+            pressed_s = next(presses) - onset_wall_s
+            beside_ms.append(1e3 * (float(str(entry["rt_s"])) - pressed_s))
+    return (
+        f"Xvfb, {len(beside_ms)} presses: keys were timed {min(beside_ms):.1f} to "
+        f"{max(beside_ms):.1f} ms, median {statistics.median(beside_ms):.1f} ms, after "
+        "the start of xdotool"
+    )
+
+
+def test_escape_twice_stops_and_resume_completes(sitting: Sitting) -> None:
+    sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
+    sitting.start()
+    sitting.answer("key", "Left")
+    sitting.wait_for("stimulus_commanded", going_on=True)
+    sitting.press("key", "Escape")
+    sitting.wait_for("pause")
+    sitting.press("key", "Escape")
+    assert_stopped_at_zero(sitting, sitting.end())
+    complete_after_resume(sitting)
+
+
+def complete_after_resume(sitting: Sitting) -> None:
+    sitting.start("--resume")
+    answer_to_the_end(sitting)
+    code, out, err = sitting.end()
+    assert code == 0, (out, err)
+    assert_complete(sitting)
+
+
+def answer_to_the_end(sitting: Sitting) -> None:
+    while True:
+        entry = sitting.wait_for("stimulus_commanded", "session_close", going_on=True)
+        if entry["event"] == "session_close":
+            return
+        time.sleep(0.12)
+        sitting.press("key", "Left")
+
+
+def terminate(sitting: Sitting) -> None:
+    sitting.process.send_signal(signal.SIGTERM)
+
+
+def close_window(sitting: Sitting) -> None:
+    """Ask the window to close, as its frame does."""
+    from Xlib import X, display
+    from Xlib.protocol.event import ClientMessage
+
+    server = display.Display(sitting.environment["DISPLAY"])
+    protocols = server.intern_atom("WM_PROTOCOLS")
+    windows = server.screen().root.query_tree().children
+    (window,) = [window for window in windows if window.get_wm_name() == "tactstrip"]
+    data = (32, [server.intern_atom("WM_DELETE_WINDOW"), X.CurrentTime, 0, 0, 0])
+    window.send_event(ClientMessage(window=window, client_type=protocols, data=data))
+    server.sync()
+    server.close()
+
+
+@pytest.mark.parametrize("stop", [terminate, close_window])
+@pytest.mark.parametrize("when", ["welcome", "foreperiod", "answer", "pause"])
+def test_a_stop_from_outside_is_heeded_in_every_wait(
+    sitting: Sitting, stop: Callable[[Sitting], None], when: str
+) -> None:
+    sitting.start()
+    if when == "welcome":
+        sitting.wait_for("session_open")
+        time.sleep(1.0)
+    else:
+        sitting.answer("key", "Left")
+    if when == "foreperiod":
+        time.sleep(1.2)  # after the feedback
+    if when in {"answer", "pause"}:
+        sitting.wait_for("stimulus_commanded")
+        time.sleep(0.1)
+    if when == "pause":
+        sitting.press("key", "Escape")
+        sitting.wait_for("pause")
+        time.sleep(0.1)
+    stop(sitting)
+    assert_stopped_at_zero(sitting, sitting.end(pressing=False))
+
+
+@pytest.mark.parametrize("how", ["windowclose", "windowkill"])
+@pytest.mark.parametrize("when", ["welcome", "answer"])
+def test_a_window_that_is_taken_away_stops_the_session(
+    sitting: Sitting, how: str, when: str
+) -> None:
+    sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
+    sitting.start()
+    if when == "welcome":
+        sitting.wait_for("session_open")
+        time.sleep(1.0)
+    else:
+        sitting.wait_for("stimulus_commanded", going_on=True)
+        time.sleep(0.1)
+    found = subprocess.run(
+        ["xdotool", "search", "--name", "tactstrip"],
+        env=sitting.environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    (window,) = found.stdout.split()
+    sitting.press(how, window)
+    assert_stopped_at_zero(sitting, sitting.end(pressing=False))
+    if when == "answer":
+        complete_after_resume(sitting)
+
+
+def test_a_session_whose_x_server_dies_can_be_resumed(
+    display: dict[str, str], tmp_path: Path
+) -> None:
+    with x_server(tmp_path) as (dying, environment):
+        sitting = Sitting(tmp_path, environment)
+        sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
+        sitting.start()
+        sitting.wait_for("stimulus_commanded", going_on=True)
+        dying.terminate()
+    code, out, err = sitting.end(pressing=False)
+    assert code == 4, (out, err)
+    assert err == "error: the X server has gone away; go on with --resume\n"
+    sitting.environment = display
+    complete_after_resume(sitting)
+
+
+def test_a_session_killed_ten_times_is_complete_in_the_end(sitting: Sitting) -> None:
+    places = ["session_open", "block_start", "trial_armed", "stimulus_commanded",
+              "stimulus_confirmed", "response", "trial_end", "block_end", "break",
+              "stimulus_commanded"]  # fmt: skip
+    quick = (STUDY + WINDOW).replace("[0.6, 0.7]", "[0.1, 0.15]")
+    sitting.study.write_text(quick, encoding="utf-8")
+    for place in places:
+        sitting.start(*(["--resume"] if sitting.seen else []))
+        while True:
+            entry = sitting.wait_for(
+                place, "stimulus_commanded", "session_close", "session_resume", going_on=True
+            )
+            if entry["event"] == place or (place, entry["event"]) == (
+                "session_open",
+                "session_resume",
+            ):
+                break
+            assert entry["event"] != "session_close", f"{place} came too late"
+            if entry["event"] == "stimulus_commanded":
+                time.sleep(0.12)
+                sitting.press("key", "Left")
+        sitting.process.kill()
+        sitting.process.communicate()
+        assert sitting.process.returncode == -signal.SIGKILL
+    complete_after_resume(sitting)
+    rows = sitting.rows()
+    assert {row["status"] for row in rows} <= {"ok", "voided", "aborted", "indeterminate"}
+
+
+def refusal(study: str, root: Path, environment: dict[str, str]) -> str:
+    """Ask for a session that is refused; return the line that says why."""
+    path = root / "study.toml"
+    path.write_text(study, encoding="utf-8")
+    ended = subprocess.run(
+        [*TACTSTRIP, "run", str(path), "--participant", "01", "--responder", "screen",
+         "--driver", "mock", "--out", str(root / "results")],
+        env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 2, ended
+    assert not (root / "results" / "sub-01").exists()
+    (line,) = ended.stderr.splitlines()
+    return line
+
+
+def test_a_machine_without_a_display_says_so_in_one_line(tmp_path: Path) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
+    line = refusal(SHORT, tmp_path, environment)
+    if sys.platform == "linux" and sys.version_info < (3, 13):
+        assert "DISPLAY is not set" in line
+
+
+def test_a_display_that_does_not_answer_is_named(display: dict[str, str], tmp_path: Path) -> None:
+    line = refusal(SHORT, tmp_path, display | {"DISPLAY": ":987"})
+    assert ":987 does not answer" in line
+
+
+def test_a_screen_that_is_not_there_is_refused(display: dict[str, str], tmp_path: Path) -> None:
+    line = refusal(SHORT + "[screen]\nindex = 3\n", tmp_path, display)
+    assert "screen.index must be below 1, the number of screens; got 3" in line
+
+
+def test_every_page_is_drawn_within_its_window(display: dict[str, str], tmp_path: Path) -> None:
+    import numpy as np
+    from matplotlib.image import imread
+
+    script = Path(__file__).parents[2] / "docs" / "screens" / "draw.py"
+    subprocess.run([sys.executable, script, tmp_path], env=display, check=True)
+    drawn = {path.name: imread(path) for path in tmp_path.glob("*.png")}
+    assert set(drawn) == {path.name for path in script.parent.glob("*.png")}
+    for name, picture in drawn.items():
+        inside = picture[8:-8, 8:-8, :3]
+        around = np.abs(picture[..., :3] - picture[4, 4, :3]).sum(axis=2)
+        around[8:-8, 8:-8] = 0.0
+        assert around[:-1].max() < 0.05, f"{name}: something is cut off"
+        assert np.ptp(inside) > 0.3, f"{name}: empty"

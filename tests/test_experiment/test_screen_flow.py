@@ -1,0 +1,259 @@
+"""What a participant's and an operator's keys do to a screen, without a window."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from device.clock import VirtualClock
+from experiment.operator.requests import Requests, StopRequested, StopSignal
+from experiment.participant.keys import Stroke
+from experiment.participant.screen import END_S, ScreenResponder
+from experiment.study.sections.presentation import Keys, Screen, Texts
+from experiment.terms.responder import ESCAPE, Part, Press, Progress, Question
+
+PROGRESS = Progress(done=1, planned=4, practice=False)
+
+
+@dataclass(slots=True)
+class Keyboard:
+    """Keys that go down at given times."""
+
+    clock: VirtualClock
+    coming: deque[Stroke] = field(default_factory=deque)
+
+    def next(self) -> Stroke | None:
+        due = self.coming and self.coming[0].time_s <= self.clock.now_s()
+        return self.coming.popleft() if due else None
+
+    def drop_all(self) -> None:
+        while self.next() is not None:
+            pass
+
+    def drop_earlier(self) -> None:
+        kept = [stroke for stroke in iter(self.next, None) if stroke.key == "escape"]
+        self.coming.extendleft(reversed(kept))
+
+
+@dataclass(slots=True)
+class Stage:
+    """A window that only remembers its pages."""
+
+    focused: bool = True
+    closed: bool = False
+    shown: list[Any] = field(default_factory=list)
+    at_poll: Any = lambda: None
+
+    def poll(self) -> None:
+        self.at_poll()
+
+    def show(self, page: Any) -> None:
+        self.shown.append(page)
+
+    def take_focus(self) -> None:
+        """Do nothing: it has it."""
+
+
+class Pages:
+    """Pages by what they are, not by what is on them."""
+
+    ready, prompt = "ready", "prompt"
+
+    def before_sitting(self, _: Progress) -> list[str]:
+        return ["welcome", "placement"]
+
+    def before_part(self, part: Part, _: Progress) -> list[str]:
+        return [part.value]
+
+    def pause(self, _: Progress, *, go_on: bool) -> str:
+        return "pause, go on" if go_on else "pause"
+
+    def rest(self, _: Progress, *, left_s: int) -> str:
+        return f"rest {left_s}"
+
+    def feedback(self, *, correct: bool) -> str:
+        return "correct" if correct else "wrong"
+
+    def end(self, _: Progress, *, finished: bool) -> str:
+        return "end" if finished else "stopped"
+
+
+class Room:
+    """A participant's screen with keys to come."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.requests = Requests()
+        self.stop = StopSignal()
+        self.stage = Stage()
+        self.keyboard = Keyboard(self.clock)
+        self.responder = ScreenResponder(
+            self.clock,
+            responses=("left", "right"),
+            screen=Screen(),
+            keys=Keys(left=("left", "a")),
+            texts=Texts(),
+            requests=self.requests,
+            stop=self.stop,
+        )
+        parts = {"_stage": self.stage, "_pages": Pages(), "_reader": self.keyboard}
+        for name, part in parts.items():
+            setattr(self.responder, name, part)
+
+    def keys(self, **at_s: float) -> None:
+        self.keyboard.coming.extend(Stroke(key.rstrip("_"), time_s) for key, time_s in at_s.items())
+
+    def at(self, time_s: float, act: Any) -> None:
+        """Let something happen at a time."""
+        self.stage.at_poll = lambda: act() if self.clock.now_s() >= time_s else None
+
+    def pause(self, *, paused: bool, minimum_s: float = 0.0) -> bool:
+        return self.responder.pause(PROGRESS, paused=paused, minimum_s=minimum_s)
+
+
+@pytest.fixture
+def room() -> Room:
+    return Room()
+
+
+def question(onset_s: float = 0.0, window_s: float = 2.0) -> Question:
+    return Question(trial=1, attempt=1, level_left_vpp=0.0, level_right_vpp=0.0,
+                    onset_s=onset_s, window_s=window_s)  # fmt: skip
+
+
+def test_every_key_of_an_answer_gives_it_and_other_keys_are_ignored(room: Room) -> None:
+    room.keys(q=0.1, return_=0.2, a=0.3)
+    assert room.responder.ask(question()) == Press("left", 0.3)
+    room.keys(right=0.5)
+    assert room.responder.ask(question()) == Press("right", 0.5)
+
+
+def test_an_answer_that_is_not_offered_is_named_for_the_session_to_judge(room: Room) -> None:
+    room.keys(space=0.1)
+    assert room.responder.ask(question()) == Press("none", 0.1)
+
+
+def test_no_key_is_no_answer_after_the_window(room: Room) -> None:
+    assert room.responder.ask(question()) is None
+    assert room.clock.now_s() == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_press_before_the_onset_ends_the_foreperiod_or_comes_as_an_early_answer(
+    room: Room,
+) -> None:
+    room.keys(left=0.1)
+    assert room.responder.wait(0.5) == Press("left", 0.1)
+    room.keys(right=0.45)
+    assert room.responder.ask(question(onset_s=0.5)) == Press("right", 0.45)
+
+
+def test_a_cue_drops_keys_but_not_a_wish_for_a_pause(room: Room) -> None:
+    room.keys(left=0.1, escape=0.2)
+    room.clock.wait(0.3)
+    room.responder.cue(PROGRESS)
+    assert room.responder.wait(1.0) == Press(ESCAPE, 0.2)
+
+
+def test_a_pause_ends_by_its_key_or_stops_by_another_escape(room: Room) -> None:
+    room.keys(return_=0.4)
+    assert room.pause(paused=True)
+    room.keys(escape=0.5)
+    assert not room.pause(paused=True)
+
+
+def test_escapes_in_quick_succession_are_a_pause_and_a_stop(room: Room) -> None:
+    room.keyboard.coming.extend([Stroke("escape", 0.10), Stroke("escape", 0.15)])
+    assert room.responder.ask(question()) == Press(ESCAPE, 0.10)
+    room.clock.wait(0.1)  # the record is written meanwhile
+    assert not room.pause(paused=True)
+
+
+def test_an_escape_before_the_operators_pause_does_not_stop(room: Room) -> None:
+    room.requests.pause()
+    room.keys(escape=0.05, return_=0.3)
+    room.clock.wait(0.1)
+    room.at(1.0, room.requests.go_on)
+    assert room.pause(paused=True)
+    assert room.clock.now_s() >= 1.0
+    assert room.stage.shown == ["pause"]
+
+
+def test_the_operator_ends_a_pause_and_a_break_at_any_time(room: Room) -> None:
+    room.at(0.7, room.requests.go_on)
+    assert room.pause(paused=True)
+    assert room.clock.now_s() == pytest.approx(0.7, abs=0.05)
+    room.at(1.5, room.requests.go_on)
+    assert room.pause(paused=False, minimum_s=60.0)
+    assert room.clock.now_s() == pytest.approx(1.5, abs=0.05)
+
+
+def test_a_break_lasts_its_least_time_and_counts_it_down(room: Room) -> None:
+    room.keys(return_=1.0, left=2.0)
+    room.keyboard.coming.append(Stroke("return", 4.0))
+    assert room.pause(paused=False, minimum_s=3.0)
+    assert room.clock.now_s() == pytest.approx(4.0, abs=0.05)
+    assert room.stage.shown == ["rest 3", "rest 2", "rest 1", "rest 0"]
+
+
+def test_escape_makes_a_pause_of_a_break(room: Room) -> None:
+    room.keyboard.coming.extend([Stroke("escape", 0.5), Stroke("return", 1.0)])
+    assert room.pause(paused=False, minimum_s=30.0)
+    room.keyboard.coming.extend([Stroke("escape", 2.0), Stroke("escape", 3.0)])
+    assert not room.pause(paused=False, minimum_s=30.0)
+
+
+def test_pages_are_read_one_after_the_other(room: Room) -> None:
+    room.keyboard.coming.extend([Stroke("return", 1.0), Stroke("left", 1.5), Stroke("return", 2.0)])
+    assert room.responder.begin(PROGRESS)
+    assert room.stage.shown == ["welcome", "placement"]
+    room.keyboard.coming.extend(
+        [Stroke("escape", 3.0), Stroke("return", 4.0), Stroke("return", 5.0)]
+    )
+    assert room.responder.introduce(Part.CONTROL, PROGRESS)
+    assert room.stage.shown[2:] == ["control", "pause, go on", "control"]
+    room.keyboard.coming.extend([Stroke("escape", 6.0), Stroke("escape", 7.0)])
+    assert not room.responder.introduce(Part.MAIN, PROGRESS)
+
+
+def test_a_key_for_another_window_is_no_answer_and_is_noted(room: Room) -> None:
+    room.stage.focused = False
+    room.keys(left=0.2)
+    room.at(0.5, lambda: setattr(room.stage, "focused", True))
+    assert room.responder.ask(question()) is None
+    (note,) = room.requests.notes()
+    assert note.startswith("screen: a key (left) was not heard")
+
+
+@pytest.mark.parametrize("close", [False, True])
+def test_a_stop_or_a_closed_window_ends_every_wait(room: Room, *, close: bool) -> None:
+    waits = (
+        lambda: room.responder.begin(PROGRESS),
+        lambda: room.responder.wait(100.0),
+        lambda: room.responder.ask(question(window_s=100.0)),
+        lambda: room.pause(paused=True),
+        lambda: room.pause(paused=False, minimum_s=100.0),
+    )
+    for wait in waits:
+        room.stop.asked, room.stage.closed = not close, close
+        with pytest.raises(StopRequested):
+            wait()
+        assert room.stop.asked
+
+
+def test_the_last_page_waits_for_a_key_but_not_for_ever(room: Room) -> None:
+    room.keys(return_=2.0)
+    room.responder.end(PROGRESS, finished=True)
+    assert room.clock.now_s() == pytest.approx(2.0, abs=0.05)
+    room.responder.end(PROGRESS, finished=True)
+    assert room.clock.now_s() == pytest.approx(2.0 + END_S, abs=0.05)
+    room.responder.end(PROGRESS, finished=False)
+    assert room.stage.shown == ["end", "end", "stopped"]
+
+
+def test_feedback_stands_for_a_moment(room: Room) -> None:
+    room.responder.feedback(correct=False)
+    assert room.clock.now_s() == pytest.approx(0.8)
+    assert room.stage.shown == ["wrong"]

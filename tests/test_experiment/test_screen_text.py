@@ -1,0 +1,50 @@
+"""Texts of a window: filled in, broken, turned to the left."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiment.participant.text import as_drawn, filled, wrapped
+from experiment.terms.responder import Progress
+
+WORDS = st.lists(st.text(st.characters(categories=("L", "N")), min_size=1), min_size=1)
+
+
+@given(words=WORDS, longest=st.integers(1, 12))
+def test_a_broken_text_says_the_same_in_lines_that_fit(words: list[str], longest: int) -> None:
+    text = " ".join(words)
+    lines = wrapped(text, lambda line: len(line) <= longest)
+    assert all(len(line) <= longest for line in lines)
+    assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+
+
+@given(words=WORDS)
+def test_words_that_fit_stay_whole(words: list[str]) -> None:
+    longest = max(map(len, words))
+    lines = wrapped(" ".join(words), lambda line: len(line) <= longest)
+    assert [word for line in lines for word in line.split()] == words
+
+
+def test_line_breaks_of_the_study_are_kept() -> None:
+    assert wrapped("one\n\ntwo", lambda _: True) == ("one", "", "two")
+
+
+def test_a_text_tells_how_far_it_is() -> None:
+    progress = Progress(done=3, planned=8, practice=False)
+    text = filled("{done}/{planned}, {seconds} s, {left}", progress, seconds=4)
+    assert text == "3/8, 4 s, {left}"
+
+
+def test_a_line_from_right_to_left_begins_at_the_right() -> None:
+    pytest.importorskip("bidi", reason="PsychoPy is not installed")
+    assert as_drawn("אבג 12 abc", right_to_left=True) == "abc 12 גבא"
+    assert as_drawn("one אבג.", right_to_left=False) == "one גבא."
+    assert as_drawn("one two.", right_to_left=False) == "one two."
+
+
+def test_arabic_letters_join() -> None:
+    pytest.importorskip("arabic_reshaper", reason="PsychoPy is not installed")
+    drawn = as_drawn("بيت", right_to_left=True)
+    assert drawn == "\ufe96\ufef4\ufe91"  # final teh, medial yeh, initial beh

@@ -1,0 +1,260 @@
+"""A participant's withdrawal: complete, refused, or run again."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+from filelock import FileLock
+
+from experiment.archive.files import ArchiveError
+from experiment.archive.folders import SessionFolder
+from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
+from experiment.archive.withdraw import look_up, search
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from click.testing import Result
+
+
+@pytest.fixture(scope="module")
+def two_people(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study's folder with participants 01 and 02 and their analysis."""
+    root = tmp_path_factory.mktemp("study")
+    study = root / "study.toml"
+    text = '[burst]\nwindow = "hann"\n[design]\ntrials_per_side = 2\nlevels_vpp = [80, 160]\n'
+    study.write_text(text, encoding="utf-8")
+    arguments = ["dry-run", str(study), "--participants", "2", "--out", str(root / "results")]
+    assert CliRunner().invoke(main, [*arguments, "--seed", "1"]).exit_code == 0
+    return root / "results"
+
+
+@pytest.fixture
+def results(two_people: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(two_people, tmp_path / "results")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Everything in a folder but locks."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.endswith("lock")
+    }
+
+
+def withdraw(results: Path, *more: str, typed: str = "01\n") -> Result:
+    arguments = ["withdraw", str(results), "--participant", "01", *more]
+    return CliRunner().invoke(main, arguments, input=typed)
+
+
+STEPS = 24
+"""How often a withdrawal changes the disk."""
+
+
+def assert_gone(results: Path) -> None:
+    assert not (results / "sub-01").exists()
+    assert read_people(results).rows == (("sub-02",),)
+    tombstone = read_tombstone(results, "01")
+    assert tombstone is not None
+    assert tombstone.removed
+    assert [path.name for path in (results / "withdrawn").iterdir()] == ["sub-01.json"]
+    assert look_up(results, "01").gone
+    assert (results / "sub-02" / "ses-01" / "trials.csv").exists()
+
+
+def test_a_withdrawn_person_is_gone_and_the_others_are_untouched(results: Path) -> None:
+    before = contents(results)
+    done = withdraw(results)
+    assert done.exit_code == 0, done.stderr
+    assert_gone(results)
+    after = contents(results)
+    assert "participants.tsv" in after
+    kept = {name for name in before if not name.startswith("sub-01")} - {"participants.tsv"}
+    assert {name: after[name] for name in kept} == {name: before[name] for name in kept}
+    assert set(after) == kept | {"participants.tsv", "withdrawn/sub-01.json"}
+
+
+def test_the_tombstone_holds_the_id_and_the_day_and_nothing_else(results: Path) -> None:
+    withdraw(results)
+    tombstone = json.loads((results / "withdrawn" / "sub-01.json").read_bytes())
+    assert set(tombstone) == {"schema", "participant", "withdrawn", "removed"}
+    assert tombstone["participant"] == "01"
+    assert len(tombstone["withdrawn"]) == len("2000-01-01")
+
+
+def test_a_withdrawn_id_is_not_given_again(results: Path, tmp_path: Path) -> None:
+    withdraw(results)
+    before = contents(results)
+    study = tmp_path / "study.toml"
+    study.write_text("", encoding="utf-8")
+    again = CliRunner().invoke(
+        main, ["run", str(study), "--participant", "01", "--out", str(results)]
+    )
+    assert again.exit_code == 2
+    assert "participant 01 withdrew on " in again.stderr
+    assert contents(results) == before
+
+
+def test_a_session_of_an_interrupted_withdrawal_is_neither_resumed_nor_exported(
+    results: Path,
+) -> None:
+    begun = Tombstone(participant="01", withdrawn="2026-01-02", removed=False)
+    (results / "withdrawn").mkdir()
+    write_tombstone(results, begun)
+    study = results.parent / "study.toml"
+    study.write_text("", encoding="utf-8")
+    before = contents(results)
+    resumed = ["run", str(study), "--participant", "01", "--out", str(results), "--resume"]
+    for command in (resumed, ["export", str(results)]):
+        done = CliRunner().invoke(main, command)
+        assert done.exit_code == 2
+        assert "participant 01 withdrew on 2026-01-02; the removal was interrupted" in done.stderr
+    assert contents(results) == before
+
+
+@pytest.mark.parametrize("typed", ["", "\x04", "1\n", "sub-01\n", "02\n", "yes\n"])
+def test_without_the_typed_id_nothing_is_changed(results: Path, typed: str) -> None:
+    before = contents(results)
+    done = withdraw(results, typed=typed)
+    assert done.exit_code == 2
+    assert "nothing was changed" in done.stderr.splitlines()[-1]
+    assert contents(results) == before
+
+
+def test_nothing_is_removed_while_a_session_of_the_person_runs(results: Path) -> None:
+    before = contents(results)
+    with FileLock(results / "sub-01" / "ses-01" / ".lock"):
+        done = withdraw(results)
+    assert done.exit_code == 2
+    assert "another process is running this session; nothing was changed" in done.stderr
+    assert contents(results) == before
+    assert withdraw(results).exit_code == 0
+
+
+@pytest.mark.parametrize("who", ["../results", "01/../02", "sub-01", "", ".", "all", "*", "0 1"])
+def test_an_id_that_is_a_path_is_refused(results: Path, who: str) -> None:
+    before = contents(results)
+    done = CliRunner().invoke(
+        main, ["withdraw", str(results), "--participant", who], input=f"{who}\n"
+    )
+    assert done.exit_code == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert contents(results) == before
+
+
+@pytest.mark.parametrize(
+    "place", ["sub-01", "sub-01/ses-01", "sub-01/ses-01/more", "participants.tsv", "withdrawn"]
+)
+def test_a_symbolic_link_in_the_way_is_refused(results: Path, tmp_path: Path, place: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    link = results / place
+    if link.exists():
+        link.rename(elsewhere)
+    else:
+        elsewhere.mkdir()
+    link.symlink_to(elsewhere)
+    before = contents(tmp_path)
+    done = withdraw(results)
+    assert done.exit_code == 2
+    assert "symbolic link" in done.stderr
+    assert contents(tmp_path) == before
+
+
+def test_nobody_is_not_removed(results: Path) -> None:
+    before = contents(results)
+    done = CliRunner().invoke(main, ["withdraw", str(results), "--participant", "03"])
+    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
+    assert "there is no participant 03 here" in done.stderr
+    assert contents(results) == before
+
+
+def test_what_comes_back_from_a_backup_is_removed_again_under_the_first_day(
+    results: Path,
+) -> None:
+    write_tombstone(results, Tombstone(participant="01", withdrawn="2001-02-03", removed=True))
+    assert withdraw(results).exit_code == 0
+    assert_gone(results)
+    tombstone = read_tombstone(results, "01")
+    assert tombstone is not None
+    assert tombstone.withdrawn == "2001-02-03"
+
+
+STEPS = 24
+
+
+@pytest.mark.parametrize("step", range(1, STEPS + 1))
+def test_a_withdrawal_killed_anywhere_is_whole_or_run_again(
+    results: Path, step: int, kill_at: Callable[..., int | None]
+) -> None:
+    before = contents(results)
+    arguments = ("withdraw", str(results), "--participant", "01")
+    assert kill_at(step, *arguments, typed="01\n") is None
+    person = {name for name in before if name.startswith("sub-01")}
+    there = person & set(contents(results))
+    assert there in (set(), person)
+    tombstone = read_tombstone(results, "01")
+    assert tombstone is not None or there == person
+    if tombstone is not None:
+        with pytest.raises(ArchiveError, match="withdrew on"):
+            SessionFolder(results, "01", "09").refuse_existing()
+    assert withdraw(results).exit_code == 0
+    assert_gone(results)
+
+
+def test_a_withdrawal_has_no_more_steps_than_it_was_killed_at(
+    results: Path, kill_at: Callable[..., int | None]
+) -> None:
+    arguments = ("withdraw", str(results), "--participant", "01")
+    assert kill_at(STEPS + 1, *arguments, typed="01\n") == STEPS
+    assert_gone(results)
+
+
+# --- what still holds a person --------------------------------------------------------------------
+
+
+def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_path: Path) -> None:
+    copies = tmp_path / "copies"
+    shutil.copytree(results / "sub-01", copies / "old" / "sub-01")
+    shutil.copytree(results / "sub-02", copies / "old" / "sub-02")
+    (copies / "levels.toml").write_text('participant = "01"\nlevels_vpp = [60]\n', encoding="utf-8")
+    (copies / "table.csv").write_text("side,participant\nleft,01\n", encoding="utf-8")
+    (copies / "innocent.csv").write_text("participant,block\n02,01\n", encoding="utf-8")
+    (copies / "sub-012.txt").write_text("sub-012", encoding="utf-8")
+    (copies / "empty").touch()
+    (copies / "all.zip").write_bytes(b"PK")
+    (copies / "link").symlink_to(results)
+    done = withdraw(results, "--also", str(copies))
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    held = lines[lines.index("Participant 01 is still in:") + 1 :]
+    held, unsearched = held[: held.index(UNSEARCHED)], held[held.index(UNSEARCHED) + 1 :]
+    assert sorted(held) == sorted(
+        [
+            f"  analysis: {results / 'analysis'}",
+            f"  folder: {copies / 'old' / 'sub-01'}",
+            f"  file: {copies / 'levels.toml'}",
+            f"  file: {copies / 'table.csv'}",
+        ]
+    )
+    assert unsearched[:-1] == [f"  {copies / 'all.zip'}", f"  {copies / 'link'}"]
+
+
+UNSEARCHED = "Not searched (links, packed files, no permission):"
+
+
+def test_an_analysis_without_the_person_is_not_listed(results: Path) -> None:
+    withdraw(results)
+    assert search([results], "01", leave_out=look_up(results, "01").known).holdings
+    analyze = ["analyze", str(results), "--out", str(results / "analysis"), "--no-figures"]
+    assert CliRunner().invoke(main, analyze).exit_code == 0
+    done = withdraw(results, typed="")
+    assert done.exit_code == 0
+    assert "is removed already" in done.stdout
+    assert "Nothing else that was searched holds this person." in done.stdout

@@ -1,0 +1,161 @@
+"""Samples of a burst: their number, their ends, their symmetry, and what is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stimuli import Burst
+from stimuli.drive.windows import WINDOWS, Window
+
+PAPER = Burst(frequency_hz=500.0, cycles=1, window="none")
+"""The paper's burst (section IV-A)."""
+
+windows = st.sampled_from(("none", "hann", "tukey", "gaussian"))
+laws = settings(deadline=None, max_examples=80)
+
+
+@given(
+    window=windows,
+    cycles=st.integers(1, 30),
+    frequency_hz=st.floats(1.0, 5e3),
+    per_cycle=st.floats(4.0, 300.0),
+)
+@laws
+def test_every_burst_starts_and_ends_at_exactly_zero_within_unit_amplitude(
+    window: Window, cycles: int, frequency_hz: float, per_cycle: float
+) -> None:
+    burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
+    samples = burst.samples(max(per_cycle * frequency_hz, 4 * frequency_hz))
+    assert samples.dtype == np.float64
+    assert samples[0] == samples[-1] == 0.0
+    assert np.all(np.abs(samples) <= 1.0)
+    assert not np.any(np.signbit(samples[[0, -1]]))
+
+
+@given(
+    window=windows,
+    cycles=st.integers(1, 30),
+    per_cycle=st.integers(4, 300),
+    frequency_hz=st.floats(1e-3, 1e5),
+)
+@laws
+def test_a_whole_number_of_samples_is_recognised_and_exactly_antisymmetric(
+    window: Window, cycles: int, per_cycle: int, frequency_hz: float
+) -> None:
+    burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
+    samples = burst.samples(max(per_cycle * frequency_hz, 4 * frequency_hz))
+    assert samples.size == cycles * per_cycle + 1
+    np.testing.assert_array_equal(samples, -samples[::-1])
+
+
+@given(
+    window=windows,
+    cycles=st.integers(1, 12),
+    frequency_hz=st.floats(10.0, 2e3),
+    rate_hz=st.floats(8e3, 1e5),
+)
+@laws
+def test_samples_are_window_times_sine_at_their_times(
+    window: Window, cycles: int, frequency_hz: float, rate_hz: float
+) -> None:
+    burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
+    samples = burst.samples(rate_hz)
+    times_s = np.arange(samples.size) / rate_hz
+    u = times_s / burst.duration_s
+    shape = {
+        "none": np.ones_like(u),
+        "hann": 0.5 - 0.5 * np.cos(2 * np.pi * u),
+        "tukey": np.where(np.minimum(u, 1 - u) < 0.25, 0.5 - 0.5 * np.cos(4 * np.pi * u), 1.0),
+        "gaussian": np.exp(-0.5 * ((u - 0.5) * 6) ** 2),
+    }[window]
+    expected = shape * np.sin(2 * np.pi * frequency_hz * times_s)
+    np.testing.assert_allclose(samples[:-1], expected[:-1], atol=1e-12)
+    assert times_s[-2] < burst.duration_s * (1 + 1e-12)
+    assert times_s[-1] >= burst.duration_s * (1 - 1e-12)
+
+
+def test_the_papers_burst_at_48_khz_has_97_samples() -> None:
+    samples = PAPER.samples(48_000)
+    assert samples.size == 97
+    assert samples[24] == 1.0
+    assert samples[48] == 0.0
+    assert samples[72] == -1.0
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize(("frequency_hz", "rate_hz", "size"), [(0.1, 480.0, 4801), (0.3, 9.0, 31)])
+def test_rounding_adds_no_sample(
+    window: Window, frequency_hz: float, rate_hz: float, size: int
+) -> None:
+    samples = Burst(frequency_hz=frequency_hz, cycles=1, window=window).samples(rate_hz)
+    assert samples.size == size
+
+
+def test_a_burst_that_ends_between_samples_gets_one_more_which_is_zero() -> None:
+    burst = Burst(frequency_hz=441.0, cycles=1, window="none")
+    samples = burst.samples(48_000.0)
+    assert samples.size == math.ceil(48_000 / 441) + 1
+    assert samples[-2] == pytest.approx(math.sin(2 * math.pi * 441 * 108 / 48_000), abs=1e-12)
+    assert samples[-1] == 0.0
+
+
+def test_every_half_cycle_is_an_exact_zero() -> None:
+    samples = Burst(frequency_hz=500.0, cycles=7, window="tukey").samples(48_000.0)
+    assert np.all(samples[::48] == 0.0)
+    assert np.count_nonzero(samples) == samples.size - 15
+
+
+def test_the_duration_is_the_cycles_over_the_frequency() -> None:
+    assert Burst(frequency_hz=250.0, cycles=3, window="hann").duration_s == 0.012
+
+
+def test_the_default_is_one_cycle_without_a_window() -> None:
+    assert Burst(frequency_hz=500) == PAPER
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bad", [0.0, -500.0, math.nan, math.inf, True, "500", 1e12, None])
+def test_a_frequency_is_a_positive_number(bad: Any) -> None:
+    with pytest.raises(ValueError, match=r"frequency_hz must be .*got"):
+        Burst(frequency_hz=bad, cycles=1, window="none")
+
+
+@pytest.mark.parametrize("bad", [0, -1, 1.0, 1.5, True, "1", math.nan, 10**7])
+def test_cycles_are_a_whole_number_from_1(bad: Any) -> None:
+    with pytest.raises(ValueError, match="cycles must be a whole number from 1"):
+        Burst(frequency_hz=500.0, cycles=bad, window="none")
+
+
+@pytest.mark.parametrize("bad", ["Hann", "", None, 1, ["hann"]])
+def test_a_window_is_one_of_four(bad: Any) -> None:
+    with pytest.raises(ValueError, match="window must be one of none, hann, tukey, gaussian, got"):
+        Burst(frequency_hz=500.0, cycles=1, window=bad)
+
+
+@pytest.mark.parametrize("bad", [1999.0, 0.0, -48e3, math.nan, math.inf, True, "48000"])
+def test_a_sample_rate_leaves_four_samples_a_cycle(bad: Any) -> None:
+    with pytest.raises(ValueError, match="sample_rate_hz must be a finite number >= 2000, got"):
+        PAPER.samples(bad)
+    assert PAPER.samples(2000).tolist() == [0.0, 1.0, 0.0, -1.0, 0.0]
+
+
+def test_absurd_lengths_are_refused_before_they_take_memory() -> None:
+    slow = Burst(frequency_hz=1e-6, cycles=1_000_000, window="none")
+    with pytest.raises(ValueError, match="at most 10000000 samples"):
+        slow.samples(1e300)
+    with pytest.raises(ValueError, match="at most 10000000 samples"):
+        PAPER.samples(5e9)
+
+
+def test_a_burst_cannot_be_changed() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        PAPER.cycles = 2  # type: ignore[misc]  # that this line is wrong is what is tested

@@ -1,0 +1,472 @@
+"""All waves of strips with any edges: known roots, none missed, none twice, and their shapes."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, Strip
+from stimuli.strip.dispersion import decays_squared, dispersion
+from stimuli.strip.waves import Section, cross_waves, outgoing_root
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Complex = NDArray[np.complex128]
+
+PLATE = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+"""The paper's plate (section II-B) between ideal clamps."""
+
+FIRST_HZ = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED).cutoff_hz()
+SYMMETRIES: tuple[Any, Any] = ("symmetric", "antisymmetric")
+
+laws = settings(deadline=None, max_examples=60)
+
+
+def held(stiffness_n: float, *, loss_factor: float = 0.0, lossless: bool = True) -> Strip:
+    material = dataclasses.replace(ALUMINIUM, loss_factor=loss_factor)
+    strip = dataclasses.replace(PLATE, material=material)
+    if math.isinf(stiffness_n):
+        return strip
+    edge = ElasticEdge(stiffness_n=stiffness_n, lossless=lossless)
+    return dataclasses.replace(strip, edge=edge)
+
+
+@st.composite
+def sections(draw: st.DrawFn) -> Section:
+    """Draw a strip of any edge but simple supports, frequency to 50 f_1 and loss to 0.5."""
+    loss = draw(st.sampled_from([0.0, 1e-6, 0.01, 0.5]) | st.floats(0.0, 0.5))
+    cutoffs = draw(st.sampled_from([0.0, 1e-6]) | st.floats(1e-9, 4.0) | st.floats(1e-9, 50.0))
+    compliance = draw(st.just(0.0) | st.floats(-6, 6).map(lambda exponent: 10.0**exponent))
+    factor = complex(1.0, -loss)
+    return Section(
+        bending=math.pi**2 / 4 * cutoffs / factor**0.5,
+        compliance=compliance * (factor if draw(st.booleans()) else 1.0),
+        symmetric=draw(st.booleans()),
+    )
+
+
+def textbook(section: Section, w: Complex) -> Complex:
+    """Return the dispersion function by w = sqrt(x) from trigonometric functions as they are."""
+    slack, grip = section.weights
+    z = section.bending
+    a, b = np.sqrt(w * w + z), np.sqrt(w * w - z)
+    if section.symmetric:
+        rest = (a * np.sin(a) * np.cos(b) - b * np.sin(b) * np.cos(a)) / (2 * z)
+        even: Complex = slack * np.cos(a) * np.cos(b) + grip * rest
+        return even
+    rest = (np.sin(a) / a * np.cos(b) - np.sin(b) / b * np.cos(a)) / (2 * z)
+    value: Complex = slack * np.sin(a) / a * np.sin(b) / b + grip * rest
+    return value
+
+
+def roots_to_the_left(section: Section, decay: float) -> float:
+    """Count the x with Re sqrt(x) < decay, by the argument of the function around them.
+
+    The function is even in w = sqrt(x), so that half of a rectangle about w = 0 counts each x
+    once; above and below it there are no roots.
+    """
+    height = 1.5 * math.sqrt(abs(section.bending)) + 8 + math.log(1 + decay)
+    corners = [decay - 1j * height, decay + 1j * height, -decay + 1j * height]
+    turns = 0.0
+    for start, end in itertools.pairwise(corners):
+        steps = 2000
+        while True:
+            value = textbook(section, np.linspace(start, end, steps).astype(np.complex128))
+            angle = np.angle(value[1:] / value[:-1])
+            if np.max(abs(angle)) < 1:
+                break
+            steps *= 4
+        turns += float(np.sum(angle))
+    return turns / (2 * math.pi)
+
+
+# --- known wavenumbers ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("stiffness_n", "frequency_hz", "symmetry", "place", "wavenumber"),
+    [
+        # roots at 24 digits, 17 of them certain
+        (63.9264884979218, 500, 0, 0, 45.7149521232433317 + 134.250193213292062j),
+        (63.9264884979218, 500, 1, 0, 50.5806688485074964 + 256.996340829423783j),
+        (141.72083994908, 500, 0, 0, 60.2669932638340808 + 141.043590216544196j),
+        (141.72083994908, 500, 1, 0, 68.3086264635341736 + 262.599365435832642j),
+        (math.inf, 500, 0, 0, 89.3538771994679373 + 168.144709736643209j),
+        (math.inf, 500, 1, 0, 110.542057631022669 + 299.838842091982101j),
+        (63.9264884979218, 2500, 0, 1, 178.572622947938904j),
+        (63.9264884979218, 2500, 1, 0, 32.3600790704886772 + 254.059796022895989j),
+        (141.72083994908, 2500, 0, 0, 73.4287422415495487j),
+        (141.72083994908, 2500, 0, 1, 164.887899624663458j),
+        (141.72083994908, 2500, 1, 0, 56.9626566930052906 + 259.937234800173560j),
+        (math.inf, 2500, 0, 0, 69.1947400289195210 + 158.589040813789420j),
+        (math.inf, 2500, 1, 0, 105.440470806924121 + 298.179022697244452j),
+    ],
+)
+def test_the_papers_plate_has_its_known_wavenumbers(
+    stiffness_n: float, frequency_hz: float, symmetry: int, place: int, wavenumber: complex
+) -> None:
+    p = held(stiffness_n).wavenumbers_rad_m(frequency_hz, symmetry=SYMMETRIES[symmetry])[place]
+    assert abs(p - wavenumber) < 2e-14 * abs(wavenumber)
+
+
+def test_at_its_measured_cutoff_a_strip_begins_to_propagate() -> None:
+    strip = held(63.9264884979218)
+    assert abs(strip.wavenumbers_rad_m(2500.0)[0]) < 1e-4
+    below, above = (strip.wavenumbers_rad_m(f)[0] for f in (2499.0, 2501.0))
+    assert below.real == above.imag == 0
+    assert below.imag > 1
+    assert above.real > 1
+
+
+@pytest.mark.parametrize(
+    ("bending", "compliance", "symmetric", "place", "wavenumber"),
+    [
+        # roots of (31) in 40 digits; p W / 2
+        (0, 0, True, 0, 1.12536430580093027 + 2.1061961152453303j),
+        (0, 0, False, 0, 1.38433914149366077 + 3.74883813888819275j),
+        (0, 1e-06, True, 49, -2.87013873672256418 + 77.7358876072091597j),
+        (0, 1e6, True, 0, 0.000707106632704920584 + 1.57079648594977521j),
+        (1e-08, 0.5, False, 7, -0.877004195155585056 + 12.6055354882530463j),
+        (3, 0.001, True, 1, -0.902223358721507985 + 1.99696244857945006j),
+        (3 - 1.5j, 1e6, False, 2, -0.124151792677955784 + 6.04101330900392662j),
+        (123, 0, True, 0, 10.9628629090701657),
+        (123, 0.25, False, 6, 12.6908931065394932j),
+        (123, 250000.0, True, 7, 13.249737463137827j),
+        (100 - 25j, 0, True, 4, 1.2416408560446628 + 10.1992425078681246j),
+        (100 - 25j, 0.01 - 0.005j, False, 20, -1.93197676890492242 + 34.1726416571137056j),
+        (40, 5, True, 49, -0.17105187322249179 + 76.9692302678075446j),
+    ],
+)
+def test_roots_agree_with_those_found_in_40_digits(
+    bending: complex, compliance: complex, symmetric: object, place: int, wavenumber: complex
+) -> None:
+    section = Section(bending=bending, compliance=compliance, symmetric=bool(symmetric))
+    p = outgoing_root(-decays_squared(section, place + 1))[place]
+    assert abs(p - wavenumber) < 4e-15 * abs(wavenumber)
+
+
+# --- completeness --------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=150)
+@given(section=sections(), count=st.integers(1, 50))
+def test_no_root_is_missed_and_none_found_twice(section: Section, count: int) -> None:
+    # at rest the function as it stands is 0 / 0, so that a bending of 1e-4 stands for it
+    bending = section.bending if abs(section.bending) > 1e-4 else 1e-4
+    section = dataclasses.replace(section, bending=bending)
+    decays = outgoing_root(-decays_squared(section, count + 4)).imag
+    # the first gap between two decays from the count asked for
+    gaps = np.flatnonzero(np.diff(decays) > 1e-3 * (1 + decays[1:]))
+    place = next((int(gap) for gap in gaps if gap >= count - 1), None)
+    if place is None:
+        return
+    between = (decays[place] + decays[place + 1]) / 2
+    assert roots_to_the_left(section, between) == pytest.approx(place + 1, abs=1e-6)
+
+
+@settings(deadline=None, max_examples=100)
+@given(section=sections(), count=st.integers(2, 50))
+def test_asking_for_more_waves_does_not_change_the_first(section: Section, count: int) -> None:
+    x, more = decays_squared(section, count - 1), decays_squared(section, count + 20)
+    # near a double root both are known to the square root of the precision only
+    distance = np.min(abs(x[:, np.newaxis] - more[: count + 1]), axis=1)
+    assert np.all(distance < 1e-6 * (abs(x) + abs(section.bending)))
+
+
+@laws
+@given(section=sections(), count=st.integers(1, 30))
+def test_the_slope_is_the_derivative_of_the_function(section: Section, count: int) -> None:
+    x = decays_squared(section, count) * (1.01 + 0.02j) + 0.1
+    step = 1e-5 * (abs(x) + abs(section.bending))
+    # the scaling exp(i (a + b)) changes with x and is taken out
+    here, above, below = (
+        np.exp(1j * (w.a + w.b))
+        for w in (cross_waves(x + shift, section.bending) for shift in (0 * step, step, -step))
+    )
+    rise = dispersion(section, x + step)[0] / above - dispersion(section, x - step)[0] / below
+    slope = dispersion(section, x)[1]
+    np.testing.assert_allclose(slope, rise / (2 * step) * here, rtol=1e-4, atol=1e-9)
+
+
+# --- laws of the wavenumbers ---------------------------------------------------------------------
+
+
+@laws
+@given(
+    exponent=st.floats(-6, 6),
+    cutoffs=st.floats(0.0, 50.0),
+    loss=st.sampled_from([0.0, 1e-9, 0.02, 0.5]),
+    symmetry=st.sampled_from(SYMMETRIES),
+    n_modes=st.integers(1, 30),
+)
+def test_wavenumbers_are_outgoing_and_ordered(
+    exponent: float, cutoffs: float, loss: float, symmetry: Any, n_modes: int
+) -> None:
+    strip = held(100 * 10**exponent, loss_factor=loss)
+    p = strip.wavenumbers_rad_m(cutoffs * FIRST_HZ, n_modes=n_modes, symmetry=symmetry)
+    assert p.shape == (n_modes,)
+    assert np.all((p.imag > 0) | ((p.imag == 0) & (p.real > 0)))
+    order = list(zip(p.imag, -p.real, strict=True))
+    assert order == sorted(order)
+    if loss == 0:
+        alone = [v for v in p[:-1] if v.real and v.imag and -v.conjugate() not in p]
+        assert not alone
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@pytest.mark.parametrize("mode", [1, 2, 3, 4])
+@pytest.mark.parametrize("stiffness_n", [0.01, 141.72083994908, math.inf])
+def test_each_mode_propagates_from_its_cutoff_on(
+    stiffness_n: float, mode: int, symmetry: Any
+) -> None:
+    strip = held(stiffness_n)
+    cutoff_hz = strip.cutoff_hz(mode)
+    below, above = (
+        np.sum(strip.wavenumbers_rad_m(f * cutoff_hz, 8, symmetry).imag == 0)
+        for f in (1 - 1e-9, 1 + 1e-9)
+    )
+    own = (mode % 2 == 1) == (symmetry == "symmetric")
+    assert above - below == own
+    assert above == (mode + (symmetry == "symmetric")) // 2
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 3000.0, 60_000.0])
+def test_springs_reach_both_ideal_edges(frequency_hz: float, symmetry: Any) -> None:
+    ends: list[tuple[float, Strip]] = [
+        (1e-30, dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)),
+        (1e30, PLATE),
+    ]
+    for stiffness_n, ideal in ends:
+        p = held(stiffness_n).wavenumbers_rad_m(frequency_hz, 12, symmetry)
+        exact = ideal.wavenumbers_rad_m(frequency_hz, 12, symmetry)
+        np.testing.assert_allclose(p, exact, rtol=1e-12, atol=1e-10)
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@pytest.mark.parametrize("stiffness_n", [64.0, math.inf])
+def test_vanishing_loss_leaves_the_branch_of_the_lossless_strip(
+    stiffness_n: float, symmetry: Any
+) -> None:
+    for frequency_hz in (500.0, 5000.0, 40_000.0):
+        exact = held(stiffness_n).wavenumbers_rad_m(frequency_hz, 12, symmetry)
+        lossy = held(stiffness_n, loss_factor=1e-13).wavenumbers_rad_m(frequency_hz, 12, symmetry)
+        assert np.all(lossy.imag > 0)
+        distance = np.min(abs(lossy - exact[:, np.newaxis]), axis=1)
+        assert np.all(distance < 1e-11 * abs(exact))
+
+
+def test_a_spring_with_the_plates_loss_is_a_lossless_one_scaled_with_it() -> None:
+    # both have the real kappa = K / D: only the bending of the plate is complex
+    lossy = held(64.0, loss_factor=0.2, lossless=False)
+    section = Section(
+        bending=math.pi**2 / 4 * (500 / FIRST_HZ) / (1 - 0.2j) ** 0.5,
+        compliance=2 * lossy.bending_stiffness_n_m / (64.0 * lossy.width_m),
+        symmetric=True,
+    )
+    expected = outgoing_root(-decays_squared(section, 4)) * 2 / lossy.width_m
+    np.testing.assert_allclose(lossy.wavenumbers_rad_m(500.0), expected, rtol=1e-14)
+    other = held(64.0, loss_factor=0.2).wavenumbers_rad_m(500.0)
+    assert np.all(abs(other / expected - 1) > 1e-4)
+
+
+# --- exceptional points --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("strip", "frequency_hz", "rel"),
+    [
+        (PLATE, 3618.11524962338517, 1e-14),
+        (held(141.72083994908), 2122.130, 4e-7),
+        (held(63.9264884979218), 1575.804, 4e-7),
+    ],
+)
+def test_exceptional_points_of_the_papers_plate(
+    strip: Strip, frequency_hz: float, rel: float
+) -> None:
+    assert strip.exceptional_point_hz() == pytest.approx(frequency_hz, rel=rel)
+
+
+def test_both_wavenumbers_meet_at_the_clamped_exceptional_point() -> None:
+    p = PLATE.wavenumbers_rad_m(PLATE.exceptional_point_hz(), n_modes=2)
+    assert np.mean(p) == pytest.approx(143.015922149638536j, rel=1e-12)
+    # either is known to the square root of the precision only
+    np.testing.assert_allclose(p, 143.015922149638536j, rtol=1e-7)
+
+
+@pytest.mark.parametrize("exponent", range(-6, 7))
+def test_two_lowest_waves_are_a_pair_below_the_exceptional_point_only(exponent: int) -> None:
+    strip = held(100.0 * 10.0**exponent)
+    point_hz = strip.exceptional_point_hz()
+    assert 0 < point_hz < strip.cutoff_hz()
+    below, above = (strip.wavenumbers_rad_m(f * point_hz, 2) for f in (1 - 1e-9, 1 + 1e-9))
+    assert below[0] == -below[1].conjugate()
+    assert below[0].real > 0
+    assert np.all(above.real == 0)
+    assert above[0].imag < above[1].imag
+
+
+def test_soft_springs_lead_to_the_simple_support_without_exceptional_point() -> None:
+    assert dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED).exceptional_point_hz() == 0.0
+    soft, softer = (held(k).exceptional_point_hz() for k in (1e-8, 1e-12))
+    assert soft / softer == pytest.approx(100.0, rel=1e-6)
+    assert softer < 1e-3
+    assert held(1e300).exceptional_point_hz() == PLATE.exceptional_point_hz()
+
+
+def test_the_exceptional_point_is_that_of_the_strip_without_loss() -> None:
+    damped = held(64.0, loss_factor=0.1)
+    assert damped.exceptional_point_hz() == held(64.0).exceptional_point_hz()
+
+
+# --- shapes --------------------------------------------------------------------------------------
+
+
+def gauss(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return PLATE.width_m * (nodes + 1) / 2, weights / 2
+
+
+@pytest.mark.parametrize("stiffness_n", [1e-3, 141.72083994908, math.inf])
+def test_cutoff_shapes_are_orthogonal_with_a_mean_square_of_one_half(stiffness_n: float) -> None:
+    y, weights = gauss(60)
+    shapes = np.array([held(stiffness_n).mode_shape(mode, y) for mode in range(1, 9)])
+    np.testing.assert_allclose((shapes * weights) @ shapes.T, np.eye(8) / 2, atol=1e-12)
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3, 40, 10_000])
+def test_cutoff_shapes_of_clamped_edges_are_those_of_the_clamped_beam(mode: int) -> None:
+    y = np.linspace(0, PLATE.width_m, 81)
+    k = math.sqrt(PLATE.cutoff_hz(mode) / FIRST_HZ) * math.pi / PLATE.width_m
+    # cos, sin and the boundary layers of both edges, each from its own
+    sign = 1 if mode % 2 else -1
+    layer = np.exp(-k * y) + sign * np.exp(-k * (PLATE.width_m - y))
+    half = k * PLATE.width_m / 2
+    wave = np.cos(k * y - half) if mode % 2 else np.sin(half - k * y)
+    at_edge = math.cos(half) if mode % 2 else math.sin(half)
+    beam = layer / (1 + sign * math.exp(-2 * half)) - wave / at_edge
+    shape = PLATE.mode_shape(mode, y)
+    scale = float(beam @ shape / (beam @ beam))
+    np.testing.assert_allclose(shape, scale * beam, atol=2e-12 * mode**0.5)
+    assert shape[0] == shape[-1] == 0.0
+    assert PLATE.mode_shape(mode, 1e-3 / k) > 0
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@pytest.mark.parametrize("stiffness_n", [1e-4, 64.0, math.inf])
+@pytest.mark.parametrize("loss_factor", [0.0, 0.3])
+@pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 20_000.0])
+def test_wave_shapes_satisfy_plate_and_edge(
+    stiffness_n: float, loss_factor: float, frequency_hz: float, symmetry: Any
+) -> None:
+    strip = held(stiffness_n, loss_factor=loss_factor)
+    factor = strip.material.stiffness_factor(frequency_hz)
+    k2 = (math.pi / strip.width_m) ** 2 * (frequency_hz / FIRST_HZ) / factor**0.5
+    v = np.cos(np.pi * (np.arange(60) + 0.5) / 60)
+    for p in strip.wavenumbers_rad_m(frequency_hz, 4, symmetry):
+        shape = strip.wave_shape(p, frequency_hz, strip.width_m * (v + 1) / 2, symmetry)
+        series = np.polynomial.Chebyshev.fit(v, shape, 50, domain=[-1, 1])
+        by_y = 2 / strip.width_m
+        second, fourth = (series.deriv(n) * by_y**n for n in (2, 4))
+        size = abs(p) ** 4 + abs(k2) ** 2 + by_y**4
+        places = np.linspace(-0.9, 0.9, 7)
+        rest = fourth(places) - 2 * p**2 * second(places) + (p**4 - k2**2) * series(places)
+        assert np.max(abs(rest)) < 1e-6 * size
+        slope = series.deriv(1)(-1) * by_y
+        if math.isinf(stiffness_n):
+            assert abs(slope) < 1e-9 * size**0.25
+        else:
+            kappa = stiffness_n / (strip.bending_stiffness_n_m * factor)
+            assert abs(second(-1) - kappa * slope) < 1e-6 * (size**0.5 + abs(kappa * slope))
+
+
+@pytest.mark.parametrize("symmetry", SYMMETRIES)
+def test_wave_shapes_have_their_norm_phase_and_symmetry(symmetry: Any) -> None:
+    strip = held(64.0, loss_factor=0.1)
+    y, weights = gauss(40)
+    for p in strip.wavenumbers_rad_m(700.0, 6, symmetry):
+        shape = strip.wave_shape(p, 700.0, y, symmetry)
+        assert np.sum(weights * abs(shape) ** 2) == pytest.approx(0.5, rel=1e-12)
+        parity = 1 if symmetry == "symmetric" else -1
+        np.testing.assert_allclose(shape[::-1], parity * shape, atol=1e-13)
+        ends = strip.wave_shape(p, 700.0, [0.0, strip.width_m], symmetry)
+        np.testing.assert_array_equal(ends, 0)
+        step = 1e-6
+        u = strip.wave_shape(p, 700.0, [step, 2 * step], symmetry)
+        rise = (4 * u[0] - u[1]) / (2 * step) + PLATE.width_m / 2 * (u[1] - 2 * u[0]) / step**2
+        assert abs(rise.imag) < 1e-2 * rise.real
+
+
+def test_a_pair_of_waves_has_conjugate_shapes_and_a_real_wave_a_real_one() -> None:
+    y = np.linspace(0, PLATE.width_m, 9)
+    first, second = (PLATE.wave_shape(p, 500.0, y) for p in PLATE.wavenumbers_rad_m(500.0, 2))
+    np.testing.assert_allclose(first, second.conj(), atol=1e-15)
+    assert np.max(abs(first.imag)) > 0.01
+    slow = PLATE.wave_shape(PLATE.wavenumbers_rad_m(4000.0)[0], 4000.0, y)
+    assert np.all(slow.imag == 0)
+
+
+def test_at_cutoff_the_shape_of_the_wave_is_that_of_the_mode() -> None:
+    y = np.linspace(0, PLATE.width_m, 9)
+    for mode in (1, 2, 5):
+        symmetry = SYMMETRIES[(mode + 1) % 2]
+        wave = PLATE.wave_shape(0, PLATE.cutoff_hz(mode), y, symmetry)
+        np.testing.assert_allclose(wave, PLATE.mode_shape(mode, y), atol=1e-12)
+
+
+def test_on_simple_supports_every_wave_has_the_shape_of_its_mode() -> None:
+    strip = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)
+    y = np.linspace(0, strip.width_m, 21)
+    for frequency_hz, place, mode in [(500.0, 1, 1), (500.0, 2, 3), (2500.0, 0, 1), (0.0, 0, 1)]:
+        p = strip.wavenumbers_rad_m(frequency_hz)[place]
+        np.testing.assert_allclose(
+            strip.wave_shape(p, frequency_hz, y), strip.mode_shape(mode, y), atol=1e-13
+        )
+
+
+def test_an_antisymmetric_shape_keeps_its_digits_where_one_wave_across_is_flat() -> None:
+    # x = z = a^2 / 2: the second wave across is a straight line; c such that this is a root
+    a = 3.8
+    compliance = (a / math.tan(a) - 1) / a**2
+    strip = held(2 * PLATE.bending_stiffness_n_m / (compliance * PLATE.width_m))
+    frequency_hz = a**2 / 2 * 4 / math.pi**2 * FIRST_HZ
+    p = 1j * a / math.sqrt(2) / 0.0125
+    assert abs(strip.wavenumbers_rad_m(frequency_hz, symmetry="antisymmetric") - p).min() < 1e-9
+    y = np.array([0.002, 0.004, 0.021])
+    inner = 1 - y / 0.0125
+    exact = np.sin(a * inner) / math.sin(a) - inner
+    shape = strip.wave_shape(p, frequency_hz, y, "antisymmetric")
+    np.testing.assert_allclose(shape / shape[0], exact / exact[0], rtol=1e-12)
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bad", [math.nan, complex(0, math.inf), True, "1", None, [1.0]])
+def test_a_wavenumber_is_a_finite_number(bad: Any) -> None:
+    with pytest.raises(ValueError, match="wavenumber_rad_m must be a finite number, got"):
+        PLATE.wave_shape(bad, 500.0, 0.01)
+
+
+def test_a_wavenumber_that_the_strip_does_not_have_is_refused() -> None:
+    p = PLATE.wavenumbers_rad_m(500.0)[0]
+    assert np.isfinite(PLATE.wave_shape(p * (1 + 1e-8), 500.0, 0.01))
+    with pytest.raises(ValueError, match="must be one of the strip's wavenumbers"):
+        PLATE.wave_shape(p * 1.001, 500.0, 0.01)
+    with pytest.raises(ValueError, match="must be one of the strip's wavenumbers"):
+        PLATE.wave_shape(p, 500.0, 0.01, "antisymmetric")
+    with pytest.raises(ValueError, match="must be one of the strip's wavenumbers"):
+        PLATE.wave_shape(0, 0.0, 0.01)
+
+
+def test_waves_of_held_edges_are_counted_up_to_1000() -> None:
+    with pytest.raises(ValueError, match="n_modes must be a whole number from 1 to 1000"):
+        PLATE.wavenumbers_rad_m(500.0, n_modes=1001)

@@ -1,0 +1,263 @@
+"""Drives: exact spectra on and above the real axis, energies, and the check of any drive."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stimuli import (
+    ALUMINIUM,
+    SIMPLY_SUPPORTED,
+    Burst,
+    Drive,
+    SampledDrive,
+    Strip,
+    check_burst,
+    staircase_energy_above,
+)
+from stimuli.drive.sampled import exponential_sums
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.drive.windows import Window
+
+laws = settings(deadline=None, max_examples=25)
+WINDOWS: tuple[Window, ...] = ("none", "hann", "tukey", "gaussian")
+GAUSS = np.polynomial.legendre.leggauss(24)
+
+
+def integral(value: Any, edges: NDArray[np.float64], frequency_hz: complex) -> complex:
+    """Return int s(t) exp(+i omega t) dt by Gauss's rule between the edges."""
+    half = np.diff(edges)[:, np.newaxis] / 2
+    t = (edges[:-1, np.newaxis] + half * (GAUSS[0] + 1)).ravel()
+    weights = (half * GAUSS[1]).ravel()
+    return complex(weights @ (value(t) * np.exp(2j * np.pi * frequency_hz * t)))
+
+
+def burst_value(burst: Burst, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    v = t / burst.duration_s
+    nearer = np.minimum(v, 1 - v)
+    window = {
+        "none": np.ones_like(v),
+        "hann": np.sin(np.pi * v) ** 2,
+        "tukey": np.sin(2 * np.pi * np.minimum(nearer, 0.25)) ** 2,
+        "gaussian": np.exp(-18 * (v - 0.5) ** 2),
+    }[burst.window]
+    return np.asarray(window * np.sin(2 * np.pi * burst.frequency_hz * t))
+
+
+def sampled_value(drive: SampledDrive, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    place, values = t * drive.sample_rate_hz, np.array(drive.values)
+    if drive.held:
+        return np.asarray(values[np.floor(place).astype(int)])
+    return np.asarray(np.interp(place, np.arange(values.size), values))
+
+
+def edges_of(drive: SampledDrive) -> NDArray[np.float64]:
+    return np.asarray(
+        np.arange(len(drive.values) + int(drive.held), dtype=np.float64) / drive.sample_rate_hz
+    )
+
+
+@st.composite
+def sampled(draw: st.DrawFn) -> SampledDrive:
+    values = draw(st.lists(st.floats(-1, 1), min_size=1, max_size=12))
+    held = draw(st.booleans())
+    samples = [0.25, *values] if held else [0.0, *values, 0.125, 0.0]
+    return SampledDrive(samples=samples, sample_rate_hz=1000.0, held=held)
+
+
+# --- spectra -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [1, 2, 3, 5])
+@pytest.mark.parametrize("rise", [1e-9, 1e-3, 0.3, 2.8, 2.95, 6.0])
+def test_burst_spectra_hold_above_the_real_axis(window: Window, cycles: int, rise: float) -> None:
+    burst = Burst(frequency_hz=500.0, cycles=cycles, window=window)
+    edges = np.linspace(0.0, burst.duration_s, 16 * cycles + 1)
+    above = 1j * rise / burst.duration_s
+    for frequency in (0.0, 250.0, 500.0, 500.0 - 500.0 / cycles, 777.7, -321.0, 1500.0):
+        true = integral(lambda t: burst_value(burst, t), edges, frequency + above)
+        found = complex(burst.spectrum([frequency + above])[0])
+        assert abs(found - true) < 1e-12 * abs(true) + 1e-15 * burst.duration_s
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_burst_spectra_meet_the_real_axis(window: Window) -> None:
+    burst = Burst(frequency_hz=500.0, cycles=2, window=window)
+    real = np.array([0.0, 100.0, 250.0, 500.0, 750.0, 1000.0, 12_345.6, -500.0])
+    near = burst.spectrum(real + 1e-12j)
+    np.testing.assert_allclose(near, burst.spectrum(real), atol=1e-16)
+    mixed = burst.spectrum(np.array([500.0 + 0j, 500.0 + 5j]))
+    assert mixed[0] == burst.spectrum(500.0)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_burst_spectra_do_not_overflow(window: Window) -> None:
+    burst = Burst(frequency_hz=500.0, cycles=3, window=window)
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        far = burst.spectrum(np.array([500.0 + 1e7j, 1e9 + 1j, 1e6j, 500.0 + 1e4j]))
+    assert np.all(np.isfinite(far))
+    assert np.all(np.abs(far) < burst.duration_s)
+
+
+@laws
+@given(drive=sampled(), frequency=st.floats(-4000, 4000), rise=st.floats(0, 200))
+def test_sampled_spectra_are_those_of_the_signal(
+    drive: SampledDrive, frequency: float, rise: float
+) -> None:
+    true = integral(lambda t: sampled_value(drive, t), edges_of(drive), frequency + 1j * rise)
+    found = complex(drive.spectrum([frequency + 1j * rise])[0])
+    assert abs(found - true) < 1e-14 * drive.duration_s * (1 + abs(frequency) / 1000)
+
+
+def test_a_staircase_has_no_energy_at_its_sample_rate() -> None:
+    drive = SampledDrive(samples=[1.0, 0.5, 0.25], sample_rate_hz=1000.0, held=True)
+    assert abs(drive.spectrum(1000.0)) < 1e-18
+    with np.errstate(over="raise", invalid="raise"):
+        assert np.all(np.isfinite(drive.spectrum(np.array([1e8j, 5.0 + 1e6j]))))
+
+
+def test_sums_by_two_products_are_the_sums() -> None:
+    rng = np.random.default_rng(7)
+    coefficients = rng.normal(size=(1234, 3)) + 1j * rng.normal(size=(1234, 3))
+    turns = rng.uniform(-1, 1, 57) + 1e-3j * rng.uniform(0, 1, 57)
+    direct = np.exp(2j * np.pi * np.outer(turns, np.arange(1234))) @ coefficients
+    np.testing.assert_allclose(exponential_sums(coefficients, turns), direct, atol=1e-9)
+
+
+# --- energies and bands --------------------------------------------------------------------------
+
+
+@laws
+@given(drive=sampled(), frequency=st.floats(1, 5000))
+def test_energy_above_is_what_parseval_leaves(drive: SampledDrive, frequency: float) -> None:
+    edges = edges_of(drive)
+    energy = integral(lambda t: sampled_value(drive, t) ** 2, edges, 0.0).real
+    lines = np.linspace(0.0, frequency, 200 + int(frequency))
+    half = np.diff(lines)[:, np.newaxis] / 2
+    nodes = lines[:-1, np.newaxis] + half * (GAUSS[0][:] + 1)
+    below = 2 * np.sum(half * GAUSS[1] * np.abs(drive.spectrum(nodes)) ** 2)
+    assert drive.energy_above(frequency) == pytest.approx(1 - below / energy, abs=1e-11)
+
+
+@pytest.mark.parametrize("rate", [8e3, 48e3])
+@pytest.mark.parametrize("frequency", [300.0, 1900.0, 8000.0, 50_000.0])
+def test_a_held_drive_is_its_own_staircase(rate: float, frequency: float) -> None:
+    burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    drive = SampledDrive(samples=burst.samples(rate), sample_rate_hz=rate, held=True)
+    share = drive.energy_above(frequency)
+    assert staircase_energy_above(drive, frequency, rate) == pytest.approx(share, abs=1e-13)
+    assert staircase_energy_above(burst, frequency, rate) == pytest.approx(share, abs=1e-13)
+
+
+def test_a_step_from_the_first_sample_counts_in_the_staircase() -> None:
+    drive = SampledDrive(samples=[1.0, 0.5], sample_rate_hz=1000.0, held=True)
+    for frequency in (100.0, 700.0, 2500.0):
+        share = staircase_energy_above(drive, frequency, 1000.0)
+        assert share == pytest.approx(drive.energy_above(frequency), abs=1e-13)
+
+
+def test_fine_samples_have_the_band_and_the_energies_of_their_burst() -> None:
+    burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    drive = SampledDrive(samples=burst.samples(1e6), sample_rate_hz=1e6)
+    assert drive.peak_hz() == pytest.approx(burst.peak_hz(), rel=1e-5)
+    assert drive.band_hz() == pytest.approx(burst.band_hz(), rel=1e-5)
+    assert drive.energy_above(1900.0) == pytest.approx(burst.energy_above(1900.0), rel=1e-3)
+    assert drive.duration_s == burst.duration_s
+
+
+@laws
+@given(drive=sampled())
+def test_no_frequency_has_more_than_the_peak_and_the_edges_half_its_power(
+    drive: SampledDrive,
+) -> None:
+    peak = abs(complex(drive.spectrum(drive.peak_hz())))
+    everywhere = np.abs(drive.spectrum(np.linspace(0, 3000, 3001)))
+    assert np.max(everywhere) <= peak * (1 + 1e-9)
+    lower, upper = drive.band_hz()
+    assert lower <= drive.peak_hz() <= upper
+    for edge in (lower, upper):
+        if edge > 0:
+            half = abs(complex(drive.spectrum(edge))) / peak * math.sqrt(2)
+            assert half == pytest.approx(1, abs=1e-7)
+
+
+# --- the check -----------------------------------------------------------------------------------
+
+PLATE = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=SIMPLY_SUPPORTED)
+
+
+def test_the_check_takes_any_drive() -> None:
+    burst = Burst(frequency_hz=500.0, cycles=1, window="none")
+    drive = SampledDrive(samples=burst.samples(8e3), sample_rate_hz=8e3, held=True)
+    of_burst, of_drive = (check_burst(d, PLATE, sample_rate_hz=8e3) for d in (burst, drive))
+    share = of_burst.staircase_energy_above_cutoff
+    assert of_drive.staircase_energy_above_cutoff == pytest.approx(share, abs=1e-13)
+    assert of_drive.energy_above_cutoff == pytest.approx(share, abs=1e-13)
+    assert not of_drive.fit
+
+
+def test_both_drives_keep_the_protocol() -> None:
+    assert isinstance(Burst(frequency_hz=500.0), Drive)
+    assert isinstance(SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3), Drive)
+
+
+def test_equal_samples_make_equal_drives() -> None:
+    one, two = (SampledDrive(samples=v, sample_rate_hz=1e3) for v in ([0, 1, 0], (0.0, 1.0, 0.0)))
+    assert one == two
+    assert hash(one) == hash(two)
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [[], [0.0, 0.0, 0.0], [0.0, math.nan, 0.0], [[0.0, 1.0, 0.0]], "click", None, [0.0, 0.0], [1j]],
+)
+def test_what_are_no_samples_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="samples must"):
+        SampledDrive(samples=bad, sample_rate_hz=1e3)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, True, "48000", None])
+def test_bad_rates_are_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="sample_rate_hz must be a finite number"):
+        SampledDrive(samples=[0, 1, 0], sample_rate_hz=bad)
+
+
+def test_straight_lines_that_jump_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"begin and end with 0 .* got 1\.0 and 0\.0"):
+        SampledDrive(samples=[1, 1, 0], sample_rate_hz=1e3)
+    with pytest.raises(ValueError, match="held must be True or False"):
+        SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3, held=1)  # type: ignore[arg-type]  # the refusal
+
+
+def test_samples_are_given_at_their_own_rate_only() -> None:
+    drive = SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3)
+    with pytest.raises(ValueError, match=r"own 1000\.0 Hz: samples are not resampled"):
+        drive.samples(48e3)
+    with pytest.raises(ValueError, match="own 1000"):
+        check_burst(drive, PLATE, sample_rate_hz=48e3)
+
+
+@pytest.mark.parametrize("bad", [[1.0 - 1j], [math.nan], [complex(1, math.inf)], "5", None])
+def test_frequencies_below_the_axis_are_refused(bad: Any) -> None:
+    drive = SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3)
+    for one in (drive, Burst(frequency_hz=500.0)):
+        with pytest.raises(ValueError, match="frequencies_hz must"):
+            one.spectrum(bad)
+
+
+@pytest.mark.parametrize("bad", [-1.0, math.nan, math.inf, True, "5"])
+def test_energy_above_no_frequency_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="frequency_hz must be a finite number"):
+        SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3).energy_above(bad)

@@ -1,0 +1,146 @@
+"""Levels at the other finger, and the shortest window that keeps a wanted one."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from stimuli import (
+    ALUMINIUM,
+    SIMPLY_SUPPORTED,
+    Burst,
+    Fingertip,
+    MomentDisc,
+    Strip,
+    felt,
+    level_db,
+    shortest_window,
+)
+
+if TYPE_CHECKING:
+    from stimuli.drive.windows import Window
+
+SUPPORTED = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=SIMPLY_SUPPORTED)
+HELD = SUPPORTED.with_cutoff(2900.0)
+DISCS = tuple(MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035))
+TIPS = tuple(Fingertip(x_m=x, y_m=0.0125) for x in (-0.035, 0.035))
+CYCLE = Burst(frequency_hz=500.0, cycles=1, window="none")
+MATRIX_M = [[2e-6, 1e-7, 5e-7], [2e-7, 3e-6, 6e-7]]
+
+
+def test_a_tenth_of_the_own_peak_is_minus_twenty_decibels() -> None:
+    assert level_db(MATRIX_M, own=0, other=1) == pytest.approx(-20.0, abs=1e-12)
+
+
+def test_exchanging_the_fingers_changes_the_sign() -> None:
+    there = level_db(MATRIX_M, own=0, other=1, load=2)
+    assert there == pytest.approx(-level_db(MATRIX_M, own=1, other=0, load=2), abs=1e-12)
+    assert there == pytest.approx(20 * math.log10(6 / 5), abs=1e-12)
+
+
+def test_the_own_level_is_zero_and_nothing_felt_is_minus_infinity() -> None:
+    assert level_db(MATRIX_M, own=1, other=1) == 0
+    assert level_db([[1e-6], [0.0]], own=0, other=1) == -math.inf
+
+
+@pytest.mark.parametrize(
+    ("matrix_m", "message"),
+    [
+        ([1e-6, 1e-7], "felt_m must be a matrix"),
+        ([[1e-6], [-1e-7]], "felt_m must be a matrix"),
+        ([[1e-6], [math.nan]], "felt_m must hold finite"),
+        ([[0.0], [1e-7]], "felt_m must be above 0 at the own finger"),
+    ],
+)
+def test_what_is_no_matrix_of_peaks_is_refused(matrix_m: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        level_db(matrix_m, own=0, other=1)
+
+
+@pytest.mark.parametrize("bad", [-1, 3, 0.0, True, None])
+def test_a_finger_that_is_not_there_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="own must be a whole number from 0 to 1, got"):
+        level_db(MATRIX_M, own=bad, other=1)
+    with pytest.raises(ValueError, match="other must be a whole number from 0 to 1, got"):
+        level_db(MATRIX_M, own=1, other=bad)
+
+
+def test_the_papers_burst_is_some_thirty_decibels_quieter_at_the_other_finger() -> None:
+    # one cycle of 500 Hz on the paper's plate (first cut-off 2900 Hz), 70 mm, over 1 cm diameter
+    level = level_db(felt(HELD, DISCS, TIPS, CYCLE), own=0, other=1)
+    assert level == pytest.approx(-29.0, abs=0.3)
+
+
+def test_the_edge_and_the_window_decide_the_level() -> None:
+    hann = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    levels = [
+        level_db(felt(strip, DISCS, TIPS, burst), own=0, other=1)
+        for strip in (SUPPORTED, HELD)
+        for burst in (CYCLE, hann)
+    ]
+    assert levels[1] < levels[0] - 20
+    assert levels[3] < levels[2] - 20
+    assert levels[2] < levels[0]
+    assert levels[3] < levels[1]
+
+
+def test_a_burst_quiet_enough_is_kept() -> None:
+    choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-25.0)
+    assert choice.burst == CYCLE
+    assert choice.extra_s == 0
+    assert choice.level_db == level_db(felt(HELD, DISCS, TIPS, CYCLE), own=0, other=1)
+
+
+def test_the_first_window_that_is_quiet_enough_is_taken() -> None:
+    choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-65.0)
+    order: tuple[Window, ...] = ("none", "tukey", "gaussian", "hann")
+    tried = [Burst(frequency_hz=500.0, cycles=n, window=w) for n in (1, 2) for w in order]
+    before = tried[: tried.index(choice.burst)]
+    levels = [level_db(felt(HELD, DISCS, TIPS, burst), own=0, other=1) for burst in before]
+    assert choice.burst == Burst(frequency_hz=500.0, cycles=2, window="gaussian")
+    assert choice.level_db <= -65.0 < min(levels)
+    assert choice.extra_s == pytest.approx(0.002, rel=1e-12)
+
+
+def test_the_worst_of_all_fingers_counts() -> None:
+    near = tuple(
+        dataclasses.replace(tip, radius_m=0.0) for tip in (*TIPS, Fingertip(x_m=0.055, y_m=0.0125))
+    )
+    discs = (*DISCS, dataclasses.replace(DISCS[0], x_m=0.055))
+    choice = shortest_window(HELD, discs, near, CYCLE, wanted_db=-10.0)
+    peaks_m = felt(HELD, discs, near, choice.burst)
+    levels = [level_db(peaks_m, i, j) for i in range(3) for j in range(3) if i != j]
+    assert choice.level_db == max(levels)
+    assert choice.level_db > level_db(peaks_m, 0, 1)
+
+
+def test_a_level_that_no_burst_reaches_is_refused_with_the_best_one() -> None:
+    longest = Burst(frequency_hz=2000.0, cycles=20)
+    with pytest.raises(
+        ValueError, match=r"wanted_db must be reached .*20 cycles, got -300.*lowest"
+    ):
+        shortest_window(HELD, DISCS, TIPS, longest, wanted_db=-300.0)
+
+
+def test_what_has_no_other_finger_is_refused() -> None:
+    for discs, tips in ((DISCS[:1], TIPS[:1]), (DISCS, TIPS[:1]), (DISCS[:1], TIPS)):
+        with pytest.raises(ValueError, match="fingertips must be at least two and as many as"):
+            shortest_window(HELD, discs, tips, CYCLE, wanted_db=-20.0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, 1.0, True, None, "-20"])
+def test_a_wanted_level_above_the_own_one_is_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="wanted_db must be a finite number <= 0, got"):
+        shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=bad)
+
+
+def test_other_drives_and_longer_bursts_are_refused() -> None:
+    wrong: Any = 500.0
+    with pytest.raises(ValueError, match="burst must be a Burst, got"):
+        shortest_window(HELD, DISCS, TIPS, wrong, wanted_db=-20.0)
+    long = dataclasses.replace(CYCLE, cycles=21)
+    with pytest.raises(ValueError, match="cycles must be a whole number from 1 to 20, got 21"):
+        shortest_window(HELD, DISCS, TIPS, long, wanted_db=-20.0)

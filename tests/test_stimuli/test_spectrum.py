@@ -1,0 +1,446 @@
+"""Spectra, bands and energies: exact values, two methods against each other, laws, the check."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import wofz
+
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    Strip,
+    check_burst,
+    staircase_energy_above,
+)
+from stimuli.drive.windows import WINDOWS, Window, mean_square, taper
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PAPER = Burst(frequency_hz=500.0, cycles=1, window="none")
+PLATE = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=SIMPLY_SUPPORTED)
+
+windows = st.sampled_from(("none", "hann", "tukey", "gaussian"))
+laws = settings(deadline=None, max_examples=40)
+
+
+def burst_of(window: Any, cycles: int, frequency_hz: float = 500.0) -> Burst:
+    return Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
+
+
+def gauss(edges: NDArray[np.float64], nodes: int = 24) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return nodes and weights of a Gauss rule on panels."""
+    x, w = np.polynomial.legendre.leggauss(nodes)
+    half = np.diff(edges)[:, np.newaxis] / 2
+    middle = (edges[:-1, np.newaxis] + edges[1:, np.newaxis]) / 2
+    return (middle + half * x).ravel(), (half * w).ravel()
+
+
+def spectrum_by_quadrature(burst: Burst, frequencies_hz: NDArray[np.float64]) -> NDArray[Any]:
+    u, weights = gauss(np.linspace(0.0, 1.0, 16 * burst.cycles + 1))
+    signal = taper(burst.window, np.minimum(u, 1 - u)) * np.sin(2 * np.pi * burst.cycles * u)
+    turns = np.exp(2j * np.pi * np.outer(frequencies_hz * burst.duration_s, u))
+    integral: NDArray[Any] = burst.duration_s * (turns @ (weights * signal))
+    return integral
+
+
+# --- the spectrum --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [1, 2, 3, 4, 5, 20])
+def test_the_closed_form_is_the_integral_of_the_burst(window: Window, cycles: int) -> None:
+    burst = burst_of(window, cycles)
+    # carriers, nulls and their neighbours included
+    frequencies = np.concatenate([np.linspace(0, 4000, 57), 500 * (1 + np.arange(-3, 4) / cycles)])
+    closed = burst.spectrum(frequencies)
+    error = np.abs(closed - spectrum_by_quadrature(burst, frequencies))
+    assert np.max(error) < 3e-14 * np.max(np.abs(closed))
+
+
+@pytest.mark.parametrize("cycles", [1, 2, 7])
+def test_an_unwindowed_burst_has_the_textbook_magnitude(cycles: int) -> None:
+    f = np.array([77.0, 420.0, 499.0, 501.0, 1234.5, 990123.0])
+    expected = 500 / np.pi * np.abs(np.sin(np.pi * cycles * f / 500)) / np.abs(500**2 - f**2)
+    np.testing.assert_allclose(np.abs(burst_of("none", cycles).spectrum(f)), expected, rtol=1e-10)
+
+
+@pytest.mark.parametrize("cycles", [1, 4, 20])
+def test_the_gaussian_agrees_with_faddeevas_function_of_scipy(cycles: int) -> None:
+    burst = burst_of("gaussian", cycles)
+    f = np.linspace(0, 5000, 301)
+
+    def cut_gaussian(x: NDArray[np.float64]) -> NDArray[Any]:
+        shift, root = np.pi * x / np.sqrt(18), np.sqrt(18) / 2
+        ends = np.exp(-4.5) * np.exp(1j * np.pi * x) * wofz(shift + 1j * root)
+        transform: NDArray[Any] = np.sqrt(np.pi / 18) * (np.exp(-(shift**2)) - ends.real)
+        return transform
+
+    y = f * burst.duration_s
+    amplitude = (cut_gaussian(y - cycles) - cut_gaussian(y + cycles)) / 2
+    expected = 1j * burst.duration_s * np.exp(1j * np.pi * (y - cycles)) * amplitude
+    np.testing.assert_allclose(burst.spectrum(f), expected, atol=1e-14 * burst.duration_s)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [1, 2, 3, 16])
+def test_a_sine_burst_has_no_mean(window: Window, cycles: int) -> None:
+    assert burst_of(window, cycles).spectrum(0.0) == 0.0
+
+
+@given(window=windows, cycles=st.integers(1, 20), ratio=st.floats(-50.0, 50.0))
+@laws
+def test_negative_frequencies_give_the_conjugate(window: Any, cycles: int, ratio: float) -> None:
+    burst = burst_of(window, cycles)
+    there, back = burst.spectrum([500 * ratio, -500 * ratio])
+    assert back == np.conj(there)
+
+
+@given(window=windows, cycles=st.integers(1, 20), ratio=st.floats(0.0, 50.0), scale=st.floats(1, 9))
+@laws
+def test_a_slower_burst_has_the_same_spectrum_on_a_longer_time(
+    window: Any, cycles: int, ratio: float, scale: float
+) -> None:
+    fast, slow = burst_of(window, cycles), burst_of(window, cycles, 500 / scale)
+    peak = np.abs(fast.spectrum(fast.peak_hz()))
+    difference = slow.spectrum(500 * ratio / scale) - scale * fast.spectrum(500 * ratio)
+    assert np.abs(difference) < 1e-12 * scale * peak * (1 + ratio)
+
+
+def test_values_beside_a_null_keep_their_relative_accuracy() -> None:
+    # |S| = (f0/pi) |sin(pi f/f0)| / (f^2 - f0^2), f = 1000 + d: sin(pi d / 500)
+    for d in (1e-9, 1e-6, 1e-3):
+        exact_d = (1000 + d) - 1000
+        f = 1000 + exact_d
+        expected = 500 / math.pi * math.sin(math.pi * exact_d / 500) / (f * f - 500**2)
+        assert abs(PAPER.spectrum(f)) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_shapes_are_kept_and_single_values_are_the_same(window: Window) -> None:
+    burst = burst_of(window, 3)
+    grid = np.linspace(0, 3000, 12).reshape(3, 4)
+    values = burst.spectrum(grid)
+    assert values.shape == (3, 4)
+    assert values.dtype == np.complex128
+    assert burst.spectrum(grid[1, 2]) == values[1, 2]
+    assert burst.spectrum([]).shape == (0,)
+
+
+# --- peak and band -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("window", "cycles", "peak_hz", "band_hz"),
+    [
+        # roots at 30 digits
+        ("none", 1, 418.735995091130036, (205.634493282771432, 654.392715416580050)),
+        ("none", 2, 480.704552028729732, (372.299832411363069, 594.409686941026371)),
+        ("hann", 1, 544.758440309085626, (265.667199702542216, 865.945925474443697)),
+        ("hann", 2, 503.164621454637441, (322.722823270187856, 680.900282848505548)),
+        ("tukey", 1, 477.842352624629, (234.759311133014, 745.560695396129)),
+        ("tukey", 4, 500.527686492572, (428.661701550347, 572.219036285307)),
+        ("gaussian", 1, 583.009241914339, (282.4891291742, 942.071645187697)),
+        ("gaussian", 4, 499.643386038918, (399.739467646036, 600.056487537958)),
+    ],
+)
+def test_peak_and_half_power_band_have_their_known_values(
+    window: str, cycles: int, peak_hz: float, band_hz: tuple[float, float]
+) -> None:
+    burst = burst_of(window, cycles)
+    assert burst.peak_hz() == pytest.approx(peak_hz, rel=1e-12)
+    assert burst.band_hz() == pytest.approx(band_hz, rel=1e-12)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [*range(1, 21), 1000])
+def test_no_frequency_has_more_than_the_peak_and_the_edges_have_half_its_power(
+    window: Window, cycles: int
+) -> None:
+    burst = burst_of(window, cycles)
+    peak = np.abs(burst.spectrum(burst.peak_hz()))
+    everywhere = np.abs(burst.spectrum(np.linspace(0, 3000, 6001)))
+    assert np.max(everywhere) <= peak * (1 + 1e-14)
+    edges = np.abs(burst.spectrum(burst.band_hz()))
+    np.testing.assert_allclose(edges**2, peak**2 / 2, rtol=1e-11)
+    inside = np.abs(burst.spectrum(np.linspace(*burst.band_hz(), 99)))
+    assert np.all(inside**2 >= peak**2 / 2 * (1 - 1e-11))
+
+
+# --- the energy above a frequency ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("window", "cycles", "frequency_hz", "fraction"),
+    [
+        # quadrature and Parseval's theorem, 12 digits or more
+        ("none", 1, 1900.0, 0.00116872261371846007),
+        ("none", 1, 2900.0, 0.000329577379006897191),
+        ("none", 2, 1900.0, 0.000647965143320257127),
+        ("none", 3, 2900.0, 0.000121727146367297456),
+        ("hann", 1, 1900.0, 0.0000228003358498448270),
+        ("hann", 1, 2900.0, 9.64606253335006000e-7),
+        ("hann", 2, 1900.0, 6.78197911512075664e-7),
+        ("hann", 3, 2900.0, 3.98704307702041498e-9),
+        # whole less the rest in 40-digit arithmetic
+        ("none", 1, 15000.0, 2.504250230452145e-6),
+        ("none", 20, 6000.0, 1.970897159459235e-6),
+        ("hann", 1, 15000.0, 9.598179049383619e-12),
+        ("hann", 5, 3500.0, 7.51823798223807e-11),
+        ("tukey", 1, 15000.0, 8.19778331056671e-9),
+        ("tukey", 2, 4750.0, 1.09293948110386e-8),
+        ("tukey", 7, 2500.0, 7.870523288852981e-9),
+        ("gaussian", 1, 15000.0, 1.550188650209638e-9),
+        ("gaussian", 4, 3000.0, 3.303740024664432e-8),
+        ("gaussian", 20, 1500.0, 5.989705636720891e-8),
+    ],
+)
+def test_energy_above_has_its_known_values_however_small(
+    window: str, cycles: int, frequency_hz: float, fraction: float
+) -> None:
+    burst = burst_of(window, cycles)
+    assert burst.energy_above(frequency_hz) == pytest.approx(fraction, rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [1, 2, 3, 5, 20])
+@pytest.mark.parametrize("frequency_hz", [90.0, 500.0, 741.0, 2900.0])
+def test_energy_above_is_what_parseval_leaves_of_the_integrated_spectrum(
+    window: Window, cycles: int, frequency_hz: float
+) -> None:
+    burst = burst_of(window, cycles)
+    u, weights = gauss(np.linspace(0.0, 1.0, 16 * cycles + 1))
+    signal = taper(window, np.minimum(u, 1 - u)) * np.sin(2 * np.pi * cycles * u)
+    total = burst.duration_s * float(weights @ signal**2) / 2
+    f, steps = gauss(np.linspace(0.0, frequency_hz, 2 + int(4 * frequency_hz * burst.duration_s)))
+    below = float(steps @ np.abs(burst.spectrum(f)) ** 2)
+    assert burst.energy_above(frequency_hz) == pytest.approx(1 - below / total, abs=3e-14)
+
+
+@given(window=windows, cycles=st.integers(1, 20), ratio=st.floats(1.5, 3e4))
+@laws
+def test_tails_differ_by_the_energy_between_them(window: Any, cycles: int, ratio: float) -> None:
+    burst = burst_of(window, cycles)
+    low_hz, high_hz = 500 * ratio, 500 * ratio * 1.001 + 2 / burst.duration_s
+    edges = np.linspace(low_hz, high_hz, 2 + int(4 * (high_hz - low_hz) * burst.duration_s))
+    f, steps = gauss(edges)
+    density = np.abs(burst.spectrum(f) / burst.duration_s) ** 2 * burst.duration_s
+    share = float(steps @ density) / (mean_square(window, cycles) / 2)
+    between = burst.energy_above(low_hz) - burst.energy_above(high_hz)
+    assert between == pytest.approx(share, rel=1e-9, abs=0)
+
+
+@pytest.mark.parametrize(("window", "power"), [("none", 3), ("hann", 7), ("tukey", 5)])
+def test_the_far_tail_falls_with_the_power_of_the_smoothness(window: str, power: int) -> None:
+    burst = burst_of(window, 3)
+    fall = burst.energy_above(5e7) / burst.energy_above(5e8)
+    assert math.log10(fall) == pytest.approx(power, abs=0.01)
+
+
+def test_the_far_tail_of_the_unwindowed_burst_is_its_leading_term() -> None:
+    # |S|^2 = (f0/pi)^2 / (2 f^4) on average: the integral is (f0/pi)^2 / (6 F^3)
+    leading = 4 * 500 * (500 / math.pi) ** 2 / (6 * 5e8**3)
+    assert PAPER.energy_above(5e8) == pytest.approx(leading, rel=1e-9)
+
+
+@given(
+    window=windows,
+    cycles=st.integers(1, 40),
+    ratios=st.lists(st.floats(0.0, 1e3), min_size=2, max_size=6),
+)
+@laws
+def test_energy_above_falls_from_one(window: Any, cycles: int, ratios: list[float]) -> None:
+    burst = burst_of(window, cycles)
+    assert burst.energy_above(0.0) == 1.0
+    fractions = [burst.energy_above(500 * ratio) for ratio in sorted(ratios)]
+    assert all(0.0 < fraction <= 1.0 for fraction in fractions)
+    assert all(b <= a + 4e-15 for a, b in itertools.pairwise(fractions))
+
+
+def test_energy_above_depends_on_the_ratio_of_the_frequencies_only() -> None:
+    for window in WINDOWS:
+        fractions = [
+            burst_of(window, 4, frequency_hz).energy_above(3.7 * frequency_hz)
+            for frequency_hz in (0.5, 500.0, 5e5)
+        ]
+        assert fractions == pytest.approx([fractions[1]] * 3, rel=1e-12)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [10, 12, 300, 100_000])
+def test_many_cycles_keep_half_of_their_energy_on_each_side(window: Window, cycles: int) -> None:
+    burst = burst_of(window, cycles)
+    assert burst.energy_above(500.0) == pytest.approx(0.5, abs=1 / cycles)
+    assert burst.energy_above(1e-6) == pytest.approx(1.0, abs=1e-14)
+    assert burst.energy_above(50.0) >= burst.energy_above(480.0) >= burst.energy_above(499.0)
+
+
+# --- the staircase -------------------------------------------------------------------------------
+
+
+def staircase_by_quadrature(burst: Burst, frequency_hz: float, rate_hz: float) -> float:
+    """Whole less the rest: the samples' transform times the hold's sinc."""
+    samples = burst.samples(rate_hz)
+    turns = samples.size / rate_hz * frequency_hz
+    f, weights = gauss(np.linspace(0.0, frequency_hz, 2 + int(4 * turns)))
+    transform = np.exp(2j * np.pi * np.outer(f / rate_hz, np.arange(samples.size))) @ samples
+    density = (np.abs(transform) * np.sinc(f / rate_hz) / rate_hz) ** 2
+    return float(1 - weights @ density / (np.sum(samples**2) / (2 * rate_hz)))
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize(
+    ("cycles", "frequency_hz", "rate_hz"),
+    [(1, 1900, 48e3), (1, 1900, 8e3), (2, 2900, 44.1e3), (20, 2900, 8e3), (3, 9000, 6e3)],
+)
+def test_the_staircases_energy_is_what_parseval_leaves_of_its_spectrum(
+    window: Window, cycles: int, frequency_hz: float, rate_hz: float
+) -> None:
+    burst = burst_of(window, cycles)
+    expected = staircase_by_quadrature(burst, frequency_hz, rate_hz)
+    fraction = staircase_energy_above(burst, frequency_hz, rate_hz)
+    assert fraction == pytest.approx(expected, abs=3e-14)
+
+
+@pytest.mark.parametrize(
+    ("window", "cycles", "rate_hz", "fraction"),
+    [
+        # Si at 30 digits
+        ("none", 1, 48e3, 0.0015438361206148),
+        ("none", 1, 8e3, 0.0145303962716221),
+        ("hann", 1, 48e3, 0.00059358149463985),
+        ("hann", 1, 8e3, 0.0203184391995689),
+        ("hann", 2, 48e3, 0.00038731725037972),
+        ("gaussian", 1, 192e3, 7.3183420279425e-05),
+    ],
+)
+def test_staircases_have_their_known_energy_above_1900_hz(
+    window: str, cycles: int, rate_hz: float, fraction: float
+) -> None:
+    energy = staircase_energy_above(burst_of(window, cycles), 1900.0, rate_hz)
+    assert energy == pytest.approx(fraction, rel=1e-12, abs=0)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_a_finer_staircase_approaches_the_burst(window: Window) -> None:
+    burst = burst_of(window, 2)
+    excess = [
+        staircase_energy_above(burst, 2900.0, rate_hz) - burst.energy_above(2900.0)
+        for rate_hz in (1e5, 2e5, 4e5)
+    ]
+    # the images of the hold: (pi f0 / rate)^2 / 3 of the energy
+    assert excess[0] / excess[1] == pytest.approx(4.0, rel=0.01)
+    assert excess[1] / excess[2] == pytest.approx(4.0, rel=0.01)
+    assert excess[2] == pytest.approx((math.pi * 500 / 4e5) ** 2 / 3, rel=0.2)
+
+
+def test_a_staircase_of_any_frequency_stays_a_fraction() -> None:
+    assert staircase_energy_above(PAPER, 0.0, 48e3) == 1.0
+    for frequency_hz in (1e-3, 1.0, 48e3, 96e3, 1e9):
+        assert 0.0 <= staircase_energy_above(PAPER, frequency_hz, 48e3) <= 1.0
+    assert staircase_energy_above(PAPER, 1e-3, 48e3) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_long_staircases_are_no_burden() -> None:
+    long = burst_of("hann", 1000)
+    assert long.samples(48e3).size == 96_001
+    assert staircase_energy_above(long, 2900.0, 48e3) == pytest.approx(3.569e-4, rel=1e-3)
+
+
+# --- the check -----------------------------------------------------------------------------------
+
+
+def test_the_papers_burst_is_fit_for_the_papers_plate() -> None:
+    check = check_burst(PAPER, PLATE.with_cutoff(2900.0))
+    assert check.fit
+    assert check.reasons == ()
+    assert check.cutoff_hz == pytest.approx(2900.0, rel=1e-13)
+    assert check.band_hz == pytest.approx((205.634493283, 654.392715417), rel=1e-11)
+    assert check.peak_hz == PAPER.peak_hz()
+    assert check.energy_above_cutoff == pytest.approx(3.29577379e-4, rel=1e-8)
+    assert check.staircase_energy_above_cutoff > check.energy_above_cutoff
+    assert (check.sample_rate_hz, check.max_energy_above_cutoff) == (48_000.0, 1e-2)
+
+
+def test_at_8_khz_its_staircase_alone_makes_it_unfit() -> None:
+    check = check_burst(PAPER, PLATE.with_cutoff(2900.0), sample_rate_hz=8000)
+    assert not check.fit
+    assert check.staircase_energy_above_cutoff == pytest.approx(1.3e-2, rel=0.05)
+    (reason,) = check.reasons
+    assert "staircase at 8000 Hz" in reason
+    assert "0.01" in reason
+
+
+def test_a_1500_hz_burst_is_unfit_for_the_simply_supported_plate() -> None:
+    check = check_burst(burst_of("none", 1, 1500.0), PLATE)
+    assert check.energy_above_cutoff == pytest.approx(0.138, abs=5e-4)
+    assert not check.fit
+    ideal, staircase, band = check.reasons
+    assert ideal.startswith("the ideal burst has 0.138")
+    assert "staircase" in staircase
+    assert "half-power band" in band
+
+
+def test_the_energies_decide_and_a_limit_of_all_lets_everything_pass() -> None:
+    fast = burst_of("none", 1, 5000.0)
+    assert check_burst(fast, PLATE, max_energy_above_cutoff=1.0).fit
+    assert not check_burst(fast, PLATE).fit
+    assert not check_burst(PAPER, PLATE, max_energy_above_cutoff=0.0).fit
+
+
+def test_the_stiffer_the_edge_the_better_the_burst_fits() -> None:
+    strips = [PLATE, PLATE.with_cutoff(2500.0), PLATE.with_cutoff(2900.0)]
+    strips.append(Strip(width_m=0.025, thickness_m=5e-4, material=ALUMINIUM, edge=CLAMPED))
+    energies = [check_burst(PAPER, strip).energy_above_cutoff for strip in strips]
+    assert energies == sorted(energies, reverse=True)
+
+
+def test_importing_the_stimuli_needs_nothing_heavy() -> None:
+    code = (
+        "import sys; from stimuli import *; p = Strip(width_m=.025, thickness_m=5e-4, "
+        "material=ALUMINIUM, edge=CLAMPED); check_burst(Burst(frequency_hz=500.0), p); "
+        "print(sorted({'scipy', 'matplotlib', 'pandas'} & set(sys.modules)))"
+    )
+    answer = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert answer.stdout == "[]\n"
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bad", [-1.0, math.nan, math.inf, True, "1900", None, 1e300])
+def test_energies_above_no_frequency_are_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="frequency_hz must be a finite number"):
+        PAPER.energy_above(bad)
+    with pytest.raises(ValueError, match="frequency_hz must be a finite number"):
+        staircase_energy_above(PAPER, bad, 48e3)
+
+
+@pytest.mark.parametrize("bad", [[1.0, math.nan], [math.inf], "500", [True], -1j, [1e300], None])
+def test_spectra_at_no_frequency_are_refused(bad: Any) -> None:
+    with pytest.raises(ValueError, match="frequencies_hz must"):
+        PAPER.spectrum(bad)
+
+
+@pytest.mark.parametrize("bad", [-0.1, 1.1, math.nan, True, "0.01"])
+def test_a_limit_is_a_fraction(bad: Any) -> None:
+    with pytest.raises(ValueError, match="max_energy_above_cutoff must be"):
+        check_burst(PAPER, PLATE, max_energy_above_cutoff=bad)
+
+
+def test_a_rate_too_low_for_the_burst_is_refused_by_the_check_too() -> None:
+    with pytest.raises(ValueError, match="sample_rate_hz must be"):
+        check_burst(PAPER, PLATE, sample_rate_hz=1000.0)
