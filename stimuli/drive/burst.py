@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 
 from stimuli.checks import finite, upper_half_plane, whole
-from stimuli.drive import energy
+from stimuli.drive.energy import energy_above
 from stimuli.drive.windows import MOST_Y, WINDOWS, Window, taper, transform
 
 if TYPE_CHECKING:
@@ -190,7 +190,10 @@ class Burst:
         >>> burst.energy_above(0.0), round(burst.energy_above(1900.0), 9)
         (1.0, 0.001168723)
         """
-        return energy.energy_above(self, frequency_hz)
+        most_hz = MOST_Y / self.duration_s
+        frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=most_hz)
+        shape = transform(self.window, self.cycles)
+        return energy_above(shape, self.cycles, frequency_hz * self.duration_s)
 
     def _length_in_samples(self, sample_rate_hz: float) -> float:
         """Return duration x rate, whole where it differs from a whole number by rounding."""

@@ -1,4 +1,4 @@
-"""How much of a burst's energy lies above a frequency: of the burst and of its staircase."""
+"""How much energy lies above a frequency: of a burst's transform, and of samples held."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.polynomial.polynomial import polyval
 
-from stimuli.checks import finite
-from stimuli.drive.windows import FAR, MOST_Y, Transform, mean_square, transform
+from stimuli.checks import finite, finite_array
+from stimuli.drive.windows import FAR, MOST_Y
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
-    from stimuli.drive.burst import Burst
-    from stimuli.drive.sampled import Drive
+    from stimuli.drive.windows import Transform
 
 
 _PANEL_NODES: Final = 16
@@ -29,24 +28,24 @@ _FRACTION_TERMS: Final = ((1.0, 4.0, 200), (4.0, math.inf, 60))
 """Terms that give the cosine tail to 2e-16 between two values of x."""
 
 
-def energy_above(burst: Burst, frequency_hz: float) -> float:
-    """Return the energy fraction above a frequency; see `Burst.energy_above`, equation (24).
+def energy_above(shape: Transform, cycles: int, y: float) -> float:
+    """Return the energy fraction of a burst above y = f T, equation (24).
 
-    Above the carrier the tail itself is integrated, below it the rest.
+    The tail itself is integrated above the carrier y = N, the rest below it: whichever is not
+    small is what the other would lose its digits against.
+
+    Examples
+    --------
+    >>> from stimuli.drive.windows import transform
+    >>> round(energy_above(transform("none", 1), 1, 3.8), 9)
+    0.001168723
     """
-    most_hz = MOST_Y / burst.duration_s
-    frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=most_hz)
-    n = burst.cycles
-    y = frequency_hz * burst.duration_s
-    shape = transform(burst.window, n)
-    total = mean_square(burst.window, n) / 2
-    if y <= n:
-        below = _energy_far(shape, n, 0.0, min(y, n - FAR)) + _energy_near(
-            shape, max(0.0, n - FAR), y
-        )
-        return 1.0 - below / total
-    above = _energy_near(shape, y, n + FAR) + _energy_far(shape, n, max(y, n + FAR), math.inf)
-    return above / total
+    total = shape.mean_square / 2
+    if y <= cycles:
+        far = _energy_far(shape, cycles, 0.0, min(y, cycles - FAR))
+        return 1.0 - (far + _energy_near(shape, max(0.0, cycles - FAR), y)) / total
+    near = _energy_near(shape, y, cycles + FAR)
+    return (near + _energy_far(shape, cycles, max(y, cycles + FAR), math.inf)) / total
 
 
 def _energy_near(shape: Transform, low: float, high: float) -> float:
@@ -99,8 +98,10 @@ def _gauss_rule() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return leggauss(_PANEL_NODES)
 
 
-def staircase_energy_above(burst: Drive, frequency_hz: float, sample_rate_hz: float) -> float:
-    """Return the energy fraction above a frequency of a drive as a converter holds it.
+def staircase_energy_above(
+    samples: ArrayLike, *, sample_rate_hz: float, frequency_hz: float
+) -> float:
+    """Return the energy fraction above a frequency of samples as a converter holds them.
 
     The samples, each held for 1 / rate (zero-order hold), make a staircase. Its steps give the
     spectrum exactly, images at all multiples of the rate included, equation (26); the total is
@@ -108,24 +109,24 @@ def staircase_energy_above(burst: Drive, frequency_hz: float, sample_rate_hz: fl
 
     Parameters
     ----------
-    burst : Drive
-        The burst, or a drive given by samples.
+    samples : array_like of float, shape (n_samples,)
+        Samples of any unit, at least one, not all 0; before and after them is 0.
+    sample_rate_hz : float
+        Their sample rate.
     frequency_hz : float
         Frequency F, at least 0.
-    sample_rate_hz : float
-        Sample rate: at least 4 samples a cycle of a burst, a sampled drive's own.
 
     Returns
     -------
     float
         Fraction of the one-sided energy, from 0 to 1. Its absolute error is near
-        1e-16 (1 + N f0 / F), so a fraction below 1e-12 has few digits left.
+        1e-16 (1 + N f0 / F) for N cycles of f0, so a fraction below 1e-12 has few digits left.
 
     Raises
     ------
     ValueError
-        If the frequency is negative or not finite, or the drive's `samples` refuses the
-        rate.
+        If the samples are none, all 0 or not finite, the rate is not above 0, or the frequency
+        is negative, not finite or beyond 1e15 sample rates.
 
     Examples
     --------
@@ -133,18 +134,28 @@ def staircase_energy_above(burst: Drive, frequency_hz: float, sample_rate_hz: fl
 
     >>> from stimuli import Burst
     >>> burst = Burst(frequency_hz=500.0, cycles=1, window="none")
-    >>> [round(staircase_energy_above(burst, 1900.0, rate), 5) for rate in (8e3, 48e3, 1e6)]
-    [0.01453, 0.00154, 0.00117]
+    >>> for rate_hz in (8e3, 48e3, 1e6):
+    ...     samples = burst.samples(rate_hz)
+    ...     share = staircase_energy_above(samples, sample_rate_hz=rate_hz, frequency_hz=1900.0)
+    ...     print(round(share, 5))
+    0.01453
+    0.00154
+    0.00117
     """
-    samples = burst.samples(sample_rate_hz)
-    frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=MOST_Y * sample_rate_hz)
+    values = finite_array("samples", samples)
+    if values.ndim != 1 or not np.any(values):
+        raise ValueError(
+            f"samples must be a one-dimensional array of numbers, not all 0, got {samples!r}"
+        )
+    rate_hz = finite("sample_rate_hz", sample_rate_hz, above=0.0)
+    frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=MOST_Y * rate_hz)
     if frequency_hz == 0.0:
         return 1.0
-    lags = _autocorrelation(_steps(samples))
-    turns = 2 * math.pi * frequency_hz / sample_rate_hz * np.arange(lags.size, dtype=np.float64)
+    lags = _autocorrelation(_steps(values))
+    turns = 2 * math.pi * frequency_hz / rate_hz * np.arange(lags.size, dtype=np.float64)
     lags[1:] *= 2.0
-    energy = float(lags @ _cosine_tail(turns)) / (2 * math.pi**2 * frequency_hz / sample_rate_hz)
-    return min(max(energy / float(samples @ samples), 0.0), 1.0)
+    energy = float(lags @ _cosine_tail(turns)) / (2 * math.pi**2 * frequency_hz / rate_hz)
+    return min(max(energy / float(values @ values), 0.0), 1.0)
 
 
 def _steps(samples: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from stimuli.checks import finite, instance
 from stimuli.drive.energy import staircase_energy_above
-
-if TYPE_CHECKING:
-    from stimuli.drive.sampled import Drive
-    from stimuli.strip.strip import Strip
+from stimuli.drive.sampled import Drive
+from stimuli.strip.strip import Strip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,19 +130,19 @@ def check_burst(
     >>> check_burst(burst, plate.with_cutoff(2900.0), sample_rate_hz=8000.0).fit
     False
     """
-    from stimuli.drive.sampled import Drive
-    from stimuli.strip.strip import Strip
-
     instance("burst", burst, Drive, "a Burst or another Drive")
     instance("strip", strip, Strip, "a Strip")
     limit = finite("max_energy_above_cutoff", max_energy_above_cutoff, least=0.0, most=1.0)
     cutoff_hz = strip.cutoff_hz()
+    held = staircase_energy_above(
+        burst.samples(sample_rate_hz), sample_rate_hz=sample_rate_hz, frequency_hz=cutoff_hz
+    )
     return BurstCheck(
         cutoff_hz=cutoff_hz,
         peak_hz=burst.peak_hz(),
         band_hz=burst.band_hz(),
         energy_above_cutoff=burst.energy_above(cutoff_hz),
-        staircase_energy_above_cutoff=staircase_energy_above(burst, cutoff_hz, sample_rate_hz),
+        staircase_energy_above_cutoff=held,
         max_energy_above_cutoff=limit,
         sample_rate_hz=float(sample_rate_hz),
     )

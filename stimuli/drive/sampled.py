@@ -297,7 +297,9 @@ class SampledDrive:
         >>> from stimuli import Burst, staircase_energy_above
         >>> burst = Burst(frequency_hz=500.0, cycles=1, window="none")
         >>> drive = SampledDrive(samples=burst.samples(8e3), sample_rate_hz=8e3, held=True)
-        >>> round(drive.energy_above(1900.0) / staircase_energy_above(burst, 1900.0, 8e3), 9)
+        >>> by_steps = staircase_energy_above(drive.values, sample_rate_hz=8e3,
+        ...                                   frequency_hz=1900.0)
+        >>> round(drive.energy_above(1900.0) / by_steps, 9)
         1.0
         """
         most_hz = 1e12 * self.sample_rate_hz

@@ -70,26 +70,12 @@ def taper(window: Window, position: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.ones_like(position)
 
 
-def mean_square(window: Window, cycles: int) -> float:
-    """Return the mean of the squared burst over its duration, equation (23).
-
-    Examples
-    --------
-    >>> mean_square("none", 3), mean_square("hann", 3)
-    (0.5, 0.1875)
-    """
-    if window == "hann":
-        return 5 / 32 if cycles == 1 else 3 / 16
-    if window == "tukey":
-        return {1: 13 / 32, 2: 21 / 64}.get(cycles, 11 / 32)
-    if window == "gaussian":
-        steady = _gaussian_cosine(2 * _SHARPNESS, 0.0)
-        return (steady - _gaussian_cosine(2 * _SHARPNESS, 2.0 * cycles)) / 2
-    return 0.5
-
-
 class Transform(Protocol):
     """The amplitude B(y) of a burst's spectrum, and its square far from the carrier."""
+
+    @property
+    def mean_square(self) -> float:
+        """Mean of the squared burst over its duration, equation (23)."""
 
     def amplitude(
         self, nearest: NDArray[np.float64], rest: NDArray[np.float64]
@@ -136,17 +122,22 @@ def transform(window: Window, cycles: int) -> Transform:
     if window == "gaussian":
         return _GaussianTransform(cycles=cycles)
     if window == "none":
-        return _RationalTransform(cycles=cycles, first=(cycles / math.pi,), poles=(cycles, -cycles))
+        first = (cycles / math.pi,)
+        return _RationalTransform(
+            cycles=cycles, poles=(cycles, -cycles), first=first, mean_square=0.5
+        )
     return _hann(cycles) if window == "hann" else _tukey(cycles)
 
 
 def _hann(n: int) -> _RationalTransform:
     """Return Hann's transform; what numerator and poles have in common is taken out."""
     if n == 1:
-        return _RationalTransform(cycles=n, first=(-1.5 / math.pi,), poles=(1, 2, -1, -2))
+        first: tuple[float, ...] = (-1.5 / math.pi,)
+        return _RationalTransform(cycles=n, poles=(1, 2, -1, -2), first=first, mean_square=5 / 32)
     scale = n / (2 * math.pi)
     first = (scale * (1 - n * n), 0.0, -3 * scale)
-    return _RationalTransform(cycles=n, first=first, poles=(n, n - 1, n + 1, -n, 1 - n, -1 - n))
+    poles = (n, n - 1, n + 1, -n, 1 - n, -1 - n)
+    return _RationalTransform(cycles=n, poles=poles, first=first, mean_square=3 / 16)
 
 
 def _tukey(n: int) -> _RationalTransform:
@@ -161,7 +152,10 @@ def _tukey(n: int) -> _RationalTransform:
         case 2:
             poles, second = (2, 4, -2, -4), (-6 * scale,)
     first = odd if n % 2 else second
-    return _RationalTransform(cycles=n, first=first, second=second, poles=poles, stretch=2)
+    mean = {1: 13 / 32, 2: 21 / 64}.get(n, 11 / 32)
+    return _RationalTransform(
+        cycles=n, poles=poles, first=first, second=second, stretch=2, mean_square=mean
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,6 +169,7 @@ class _RationalTransform:
     cycles: int
     poles: tuple[int, ...]
     first: tuple[float, ...]
+    mean_square: float
     second: tuple[float, ...] = (0.0,)
     stretch: int = 1
 
@@ -252,6 +247,11 @@ class _GaussianTransform:
     """
 
     cycles: int
+
+    @property
+    def mean_square(self) -> float:
+        steady = _gaussian_cosine(2 * _SHARPNESS, 0.0)
+        return (steady - _gaussian_cosine(2 * _SHARPNESS, 2.0 * self.cycles)) / 2
 
     def amplitude(
         self, nearest: NDArray[np.float64], rest: NDArray[np.float64]

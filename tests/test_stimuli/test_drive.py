@@ -154,14 +154,15 @@ def test_a_held_drive_is_its_own_staircase(rate: float, frequency: float) -> Non
     burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
     drive = SampledDrive(samples=burst.samples(rate), sample_rate_hz=rate, held=True)
     share = drive.energy_above(frequency)
-    assert staircase_energy_above(drive, frequency, rate) == pytest.approx(share, abs=1e-13)
-    assert staircase_energy_above(burst, frequency, rate) == pytest.approx(share, abs=1e-13)
+    for samples in (drive.samples(rate), burst.samples(rate)):
+        steps = staircase_energy_above(samples, sample_rate_hz=rate, frequency_hz=frequency)
+        assert steps == pytest.approx(share, abs=1e-13)
 
 
 def test_a_step_from_the_first_sample_counts_in_the_staircase() -> None:
     drive = SampledDrive(samples=[1.0, 0.5], sample_rate_hz=1000.0, held=True)
     for frequency in (100.0, 700.0, 2500.0):
-        share = staircase_energy_above(drive, frequency, 1000.0)
+        share = staircase_energy_above(drive.values, sample_rate_hz=1000.0, frequency_hz=frequency)
         assert share == pytest.approx(drive.energy_above(frequency), abs=1e-13)
 
 

@@ -23,7 +23,7 @@ from stimuli import (
     check_burst,
     staircase_energy_above,
 )
-from stimuli.drive.windows import WINDOWS, Window, mean_square, taper
+from stimuli.drive.windows import WINDOWS, Window, taper, transform
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,6 +37,11 @@ laws = settings(deadline=None, max_examples=40)
 
 def burst_of(window: Any, cycles: int, frequency_hz: float = 500.0) -> Burst:
     return Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
+
+
+def staircase_energy(burst: Burst, frequency_hz: float, rate_hz: float) -> float:
+    samples = burst.samples(rate_hz)
+    return staircase_energy_above(samples, sample_rate_hz=rate_hz, frequency_hz=frequency_hz)
 
 
 def gauss(edges: NDArray[np.float64], nodes: int = 24) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -236,7 +241,7 @@ def test_tails_differ_by_the_energy_between_them(window: Any, cycles: int, ratio
     edges = np.linspace(low_hz, high_hz, 2 + int(4 * (high_hz - low_hz) * burst.duration_s))
     f, steps = gauss(edges)
     density = np.abs(burst.spectrum(f) / burst.duration_s) ** 2 * burst.duration_s
-    share = float(steps @ density) / (mean_square(window, cycles) / 2)
+    share = float(steps @ density) / (transform(window, cycles).mean_square / 2)
     between = burst.energy_above(low_hz) - burst.energy_above(high_hz)
     assert between == pytest.approx(share, rel=1e-9, abs=0)
 
@@ -309,7 +314,7 @@ def test_the_staircases_energy_is_what_parseval_leaves_of_its_spectrum(
 ) -> None:
     burst = burst_of(window, cycles)
     expected = staircase_by_quadrature(burst, frequency_hz, rate_hz)
-    fraction = staircase_energy_above(burst, frequency_hz, rate_hz)
+    fraction = staircase_energy(burst, frequency_hz, rate_hz)
     assert fraction == pytest.approx(expected, abs=3e-14)
 
 
@@ -328,7 +333,7 @@ def test_the_staircases_energy_is_what_parseval_leaves_of_its_spectrum(
 def test_staircases_have_their_known_energy_above_1900_hz(
     window: str, cycles: int, rate_hz: float, fraction: float
 ) -> None:
-    energy = staircase_energy_above(burst_of(window, cycles), 1900.0, rate_hz)
+    energy = staircase_energy(burst_of(window, cycles), 1900.0, rate_hz)
     assert energy == pytest.approx(fraction, rel=1e-12, abs=0)
 
 
@@ -336,7 +341,7 @@ def test_staircases_have_their_known_energy_above_1900_hz(
 def test_a_finer_staircase_approaches_the_burst(window: Window) -> None:
     burst = burst_of(window, 2)
     excess = [
-        staircase_energy_above(burst, 2900.0, rate_hz) - burst.energy_above(2900.0)
+        staircase_energy(burst, 2900.0, rate_hz) - burst.energy_above(2900.0)
         for rate_hz in (1e5, 2e5, 4e5)
     ]
     # the images of the hold: (pi f0 / rate)^2 / 3 of the energy
@@ -346,16 +351,16 @@ def test_a_finer_staircase_approaches_the_burst(window: Window) -> None:
 
 
 def test_a_staircase_of_any_frequency_stays_a_fraction() -> None:
-    assert staircase_energy_above(PAPER, 0.0, 48e3) == 1.0
+    assert staircase_energy(PAPER, 0.0, 48e3) == 1.0
     for frequency_hz in (1e-3, 1.0, 48e3, 96e3, 1e9):
-        assert 0.0 <= staircase_energy_above(PAPER, frequency_hz, 48e3) <= 1.0
-    assert staircase_energy_above(PAPER, 1e-3, 48e3) == pytest.approx(1.0, abs=1e-9)
+        assert 0.0 <= staircase_energy(PAPER, frequency_hz, 48e3) <= 1.0
+    assert staircase_energy(PAPER, 1e-3, 48e3) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_long_staircases_are_no_burden() -> None:
     long = burst_of("hann", 1000)
     assert long.samples(48e3).size == 96_001
-    assert staircase_energy_above(long, 2900.0, 48e3) == pytest.approx(3.569e-4, rel=1e-3)
+    assert staircase_energy(long, 2900.0, 48e3) == pytest.approx(3.569e-4, rel=1e-3)
 
 
 # --- the check -----------------------------------------------------------------------------------
@@ -426,7 +431,19 @@ def test_energies_above_no_frequency_are_refused(bad: Any) -> None:
     with pytest.raises(ValueError, match="frequency_hz must be a finite number"):
         PAPER.energy_above(bad)
     with pytest.raises(ValueError, match="frequency_hz must be a finite number"):
-        staircase_energy_above(PAPER, bad, 48e3)
+        staircase_energy(PAPER, bad, 48e3)
+
+
+@pytest.mark.parametrize("bad", [[], [0.0, 0.0], [[1.0]], [math.nan], "click", None])
+def test_no_samples_have_no_staircase(bad: Any) -> None:
+    with pytest.raises(ValueError, match="samples must"):
+        staircase_energy_above(bad, sample_rate_hz=48e3, frequency_hz=1900.0)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.inf, True, None])
+def test_samples_are_held_at_some_rate(bad: Any) -> None:
+    with pytest.raises(ValueError, match="sample_rate_hz must be a finite number > 0"):
+        staircase_energy_above([1.0], sample_rate_hz=bad, frequency_hz=1900.0)
 
 
 @pytest.mark.parametrize("bad", [[1.0, math.nan], [math.inf], "500", [True], -1j, [1e300], None])
