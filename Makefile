@@ -14,9 +14,9 @@ check:  ## format, lint, types, import directions, tests with doctests
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens
 	.venv/bin/lint-imports
-	$(PYTHON) -m pytest -q
+	$(PYTHON) -m pytest -q -m "not long"
 
-test:  ## tests and doctests only
+test:  ## the fast lane: tests and doctests in under a minute
 	$(PYTHON) -m pytest
 
 bench:  ## run the benchmarks and write docs/benchmarks.md

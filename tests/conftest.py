@@ -1,4 +1,4 @@
-"""What several test files need."""
+"""The lanes of the tests, and what several test files need."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hypothesis import settings
 from experiment.study.read import study_from_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Generator, Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -32,6 +32,93 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile("repeatable")
 """The same examples in every run; ``--hypothesis-profile=explore`` looks for new ones."""
+
+FAST = "not slow and not process and not gallery and not long"
+"""The fast lane as pyproject.toml gives it to ``-m``; another ``-m`` on the command line wins."""
+LANES = ("slow", "process", "gallery", "long")
+MOST_S = 0.5
+"""Processor time of a test of the fast lane: it is run by everybody, all the time."""
+SPENT_S = pytest.StashKey[float]()
+AGAIN = pytest.StashKey[bool]()
+AGAIN_NAME = "slow once"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Watch the doctests of the packages too: a conftest's own hooks see only its folder."""
+    config.pluginmanager.register(ProcessorTime(), "processor-time")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Run a file named on the command line whole: who names it wants to know all about it."""
+    here = config.invocation_params.dir
+    paths = {(here / argument.split("::")[0]).resolve() for argument in config.args}
+    named = {path for path in paths if path.is_file()}
+    if not named or config.option.markexpr != FAST:
+        return
+    config.option.markexpr = ""
+    left_out = [item for item in items if item.path not in named and in_a_slower_lane(item)]
+    items[:] = [item for item in items if item not in set(left_out)]
+    config.hook.pytest_deselected(items=left_out)
+
+
+def in_a_slower_lane(item: pytest.Item) -> bool:
+    """Tell whether a marker keeps a test out of the fast lane."""
+    return any(item.get_closest_marker(lane) is not None for lane in LANES)
+
+
+class ProcessorTime:
+    """Fails a test of the fast lane that takes too much processor time twice in a row.
+
+    Once is forgiven: the first test to need a library pays for its import.
+    """
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(
+        self, item: pytest.Item, nextitem: pytest.Item | None
+    ) -> Generator[None, object, object]:
+        """Run a test again that was too slow."""
+        names = dict(item.dtest.globs) if isinstance(item, pytest.DoctestItem) else {}
+        done = yield
+        if AGAIN not in item.stash and item.stash.get(SPENT_S, 0.0) > MOST_S:
+            item.stash[AGAIN] = True
+            if isinstance(item, pytest.DoctestItem):
+                item.dtest.globs.update(names)  # which its first run has emptied
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=nextitem)
+        return done
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
+        """Take the time."""
+        before_s = time.process_time()
+        yield
+        if not in_a_slower_lane(item):
+            item.stash[SPENT_S] = time.process_time() - before_s
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """Say of a test that was too slow that it is run again, or that it fails."""
+        report = yield
+        spent_s = item.stash.get(SPENT_S, 0.0)
+        if call.when == "call" and report.passed and spent_s > MOST_S:
+            if AGAIN in item.stash:
+                report.outcome = "failed"
+                report.longrepr = (
+                    f"{spent_s:.2f} s of processor time, twice over {MOST_S} s: make it faster, "
+                    f"or give it one of the markers {', '.join(LANES)}"
+                )
+            else:
+                report.user_properties.append((AGAIN_NAME, spent_s))
+        return report
+
+    def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
+        """Count a run that is repeated by itself, not as passed."""
+        if report.when == "call" and dict(report.user_properties).get(AGAIN_NAME):
+            return AGAIN_NAME, "S", AGAIN_NAME.upper()
+        return None
+
 
 QUICK_BURST = """
 [burst]
