@@ -6,7 +6,7 @@ import contextlib
 import json
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
 from device.driver import Outcome
 from experiment.apparatus.rig import require_confirmed
@@ -240,19 +240,10 @@ def _enter(
         settle_open_trial(history.open_trial, study, journal, setting.device, same_boot=same_boot)
 
 
-_FIRST_ACTUATORS: Final = tuple(
-    {"side": side, "x_mm": x_mm, "diameter_mm": 12.8}
-    for side, x_mm in (("left", -35.0), ("right", 35.0))
-)
-_FIRST_PEOPLE: Final = {"threshold_vpp": 58.0, "crosstalk_db": -30.0}
-"""What the first version, which knew no displacements, had for an actuator or a key left out."""
-
-
 def is_recorded(path: Path, plan: Plan) -> bool:
     """Tell whether a study file says what a plan's study said.
 
-    A window that the program chose is the one of the plan, and is not chosen again. What a file
-    leaves out may have been something else when an older version read it.
+    A window that the program chose is the one of the plan, and is not chosen again.
 
     Parameters
     ----------
@@ -268,16 +259,8 @@ def is_recorded(path: Path, plan: Plan) -> bool:
     """
     tables = parsed(read_text(path), str(path))
     recorded = checked_tables(json.loads(plan.study))
-    readings = [tables] if plan.gains else [tables, _as_first_read(tables)]
     try:
-        found = [complete_study(checked_tables(one), path.parent, recorded) for one in readings]
+        study = complete_study(checked_tables(tables), path.parent, recorded)
     except ValueError as error:
         raise StudyError(f"{path}: {error}") from error
-    return plan.file_sha256 in [study.sha256 for study in found]
-
-
-def _as_first_read(tables: dict[str, Any]) -> dict[str, Any]:
-    people = tables.get("simulation", {})
-    if "threshold_um" in people:
-        return tables
-    return {"actuator": list(_FIRST_ACTUATORS)} | tables | {"simulation": _FIRST_PEOPLE | people}
+    return study.sha256 == plan.file_sha256

@@ -10,9 +10,7 @@ from typing import Any
 from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains, gains_from_json
 from experiment.terms.record import KINDS, SIDES
 
-SCHEMA = 2
-_WITHOUT_GAINS = 1
-"""Schema of a plan without a gain matrix: what earlier versions wrote."""
+SCHEMA = 3
 AUDIBILITY_BLOCK = -1
 PRACTICE_BLOCK = 0
 CONTROL = "control"
@@ -150,9 +148,7 @@ def _contents(plan: Plan) -> dict[str, Any]:
     for name in ("trials", "warm_up"):  # by hand: asdict takes ten times as long
         contents[name] = [{f: getattr(t, f) for f in _TRIAL_FIELDS} for t in contents[name]]
     contents["gains"] = [asdict(gains) for gains in plan.gains]
-    if not plan.gains:
-        del contents["gains"]
-    return {"schema": SCHEMA if plan.gains else _WITHOUT_GAINS} | contents
+    return {"schema": SCHEMA} | contents
 
 
 def _checksum(plan: Plan) -> str:
@@ -198,13 +194,8 @@ def plan_from_json(text: str) -> Plan:
     """
     try:
         contents = json.loads(text)
-        if contents["schema"] not in (_WITHOUT_GAINS, SCHEMA):
-            raise PlanError(
-                f"the plan's schema must be {_WITHOUT_GAINS} or {SCHEMA}; "
-                f"got {contents['schema']!r}"
-            )
-        if contents["schema"] == _WITHOUT_GAINS:
-            contents["gains"] = []
+        if contents["schema"] != SCHEMA:
+            raise PlanError(f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}")
         fields = {name: contents[name] for name in Plan.__dataclass_fields__}
         fields["study"] = json.dumps(
             contents["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False

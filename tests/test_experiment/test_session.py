@@ -14,27 +14,17 @@ from typing import TYPE_CHECKING
 import pytest
 from click.testing import CliRunner
 
-from device.clock import VirtualClock
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import mock_device
 from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
 from experiment.archive.journal import read_journal
-from experiment.operator.requests import StopSignal
-from experiment.session.conduct import begin
-from experiment.session.setting import Setting
-from experiment.session.simulate import simulated_responder
-from experiment.trial.draw import draw_plan
 from tactstrip import main
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
     from click.testing import Result
 
     from experiment.archive.journal import Entry
-    from experiment.study.study import Study
 
 KILLED_AFTER = """
 import sys, time
@@ -548,34 +538,17 @@ def test_a_changed_click_ends_the_resume(study_path: Path, short_study_text: str
     }
 
 
-def test_a_session_of_the_first_version_is_resumed_and_exported(
-    study_path: Path, make_study: Callable[[str], Study]
-) -> None:
-    # what that version had for a file that leaves actuators and people out, and its plan
-    people = "[simulation]\nthreshold_vpp = 58\ncrosstalk_db = -30\n"
-    study = make_study(study_path.read_text("utf-8") + people + UNKNOWN)
+def test_a_session_of_another_schema_is_refused_so_nothing_changed(study_path: Path) -> None:
+    assert kill_after(study_path, 9, "--seed", "1")
     folder = folder_of(study_path)
-    plan = draw_plan(study, participant="01", session="01", seed=1)
-    assert json.loads(plan.to_json())["schema"] == 1
-    clock, stop = VirtualClock(), StopSignal()
-    responder = simulated_responder(study, plan, clock)
-    setting = Setting(
-        device=mock_device(study, clock),
-        responder=responder,
-        noise=SilentNoise(study.masking),
-        clock=clock,
-        stop=stop,
-    )
-    stop.asked = True
-    assert not begin(folder, plan, setting).finished
-    assert run(study_path, "--resume").exit_code == 0
-    assert {row["peak_left_um"] for row in rows_of(study_path)} == {"n/a"}
-    analyzed = CliRunner().invoke(
-        main, ["analyze", str(study_path.parent / "results"), "--allow-simulated", "--no-figures"]
-    )
-    assert analyzed.exit_code == 0, analyzed.stderr
-    study_path.write_text(study_path.read_text("utf-8") + people.replace("58", "59"))
-    assert "not the study that this session was begun with" in refused(study_path, "--resume")
+    contents = json.loads(folder.plan_path.read_text("utf-8"))
+    folder.plan_path.write_text(json.dumps(contents | {"schema": 2}), encoding="utf-8")
+    told = f"{folder.plan_path}: the plan's schema must be 3; got 2"
+    assert told in refused(study_path, "--resume")
+    before = {path: path.read_bytes() for path in folder.path.iterdir()}
+    exported = CliRunner().invoke(main, ["export", str(folder.root)])
+    assert (exported.exit_code, exported.stderr) == (2, f"error: {told}\n")
+    assert {path: path.read_bytes() for path in folder.path.iterdir()} == before
 
 
 def test_an_unfit_place_of_the_actuators_stops_a_run_before_anything_is_written(
