@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from analysis.answers.counting import COUNTED_KINDS, offers_none, reasons
+from analysis.answers.counting import COUNTED_KINDS, offers_none
 from analysis.answers.information import WORDS, Information, information
 from analysis.answers.sensitivity import (
     Sensitivity,
@@ -135,7 +135,7 @@ def confusion_table(trials: pd.DataFrame) -> pd.DataFrame:
     Examples
     --------
     >>> trials = pd.DataFrame({"condition": "main", "kind": "single", "side": "left",
-    ...     "response": ["left", "both"], "status": "ok", "anticipated": False, "noise_ok": None})
+    ...     "response": ["left", "both"], "reason": ""})
     >>> confusion_table(trials)[["side", "left", "both", "presented"]].to_numpy().tolist()
     [['left', 1, 1, 2]]
     """
@@ -175,7 +175,7 @@ def choices(trials: pd.DataFrame, seed: int = 0) -> tuple[Choices, ...]:
     --------
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "session": "01", "block": 1,
     ...     "trial": [1, 2], "attempt": 1, "kind": "single", "side": ["left", "right"],
-    ...     "response": ["left", "both"], "status": "ok", "anticipated": False, "noise_ok": None,
+    ...     "response": ["left", "both"], "reason": "",
     ...     "none_offered": False})
     >>> [(one.participant, one.over_report.p) for one in choices(trials)]
     [('1', 0.5), ('all', 0.5)]
@@ -253,7 +253,7 @@ def _spatial(table: NDArray[np.int64]) -> Sensitivity:
 
 
 def _counted(trials: pd.DataFrame) -> pd.DataFrame:
-    return trials[reasons(trials).eq("") & trials["kind"].isin(COUNTED_KINDS)]
+    return trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
 
 
 def _codes(words: pd.Series[str], known: tuple[str, ...]) -> NDArray[np.int64]:

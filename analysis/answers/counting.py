@@ -10,88 +10,18 @@ from experiment.terms.record import COLUMNS, NOT_AVAILABLE
 from experiment.trial.plan import AUDIBILITY_BLOCK, CONTROL
 
 COUNTED_KINDS = ("single", "both", "blank")
-REASONS = (
-    "practice", "control", "device_error", "indeterminate", "aborted", "voided", "anticipated",
-    "unmasked",
-)  # fmt: skip
-
-
-def reasons(trials: pd.DataFrame) -> pd.Series[str]:
-    """Tell why each trial is left out of all counts.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-
-    Returns
-    -------
-    pandas.Series
-        The first of `REASONS` that holds; empty text where the trial counts.
-
-    Examples
-    --------
-    >>> trial = {"kind": ["single"], "status": ["ok"], "anticipated": [True], "noise_ok": [None]}
-    >>> reasons(pd.DataFrame(trial))[0]
-    'anticipated'
-    """
-    kind = trials["kind"].astype(object)
-    reason = kind.where(kind.isin(["practice", "control"]), faults(trials))
-    return pd.Series(reason, index=trials.index, dtype=object)
-
-
-def faults(trials: pd.DataFrame) -> pd.Series[str]:
-    """Tell why each trial does not count, whatever its kind.
-
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-
-    Returns
-    -------
-    pandas.Series
-        One of `REASONS`, from ``device_error`` on; empty text where nothing is amiss.
-
-    Examples
-    --------
-    >>> trial = {"status": ["ok", "voided"], "anticipated": False, "noise_ok": [False, None]}
-    >>> faults(pd.DataFrame(trial)).tolist()
-    ['unmasked', 'voided']
-    """
-    status = trials["status"].astype(object)
-    unmasked = trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False)
-    tests = [status.ne("ok"), trials["anticipated"], unmasked]
-    reason = np.select(
-        [np.asarray(test, dtype=bool) for test in tests],
-        [np.asarray(name, dtype=object) for name in (status, "anticipated", "unmasked")],
-        default="",
-    )
-    return pd.Series(reason, index=trials.index, dtype=object)
 
 
 def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
-    """Count what is left out, by participant and reason.
+    """Count what is left out, in columns ``participant reason trials``.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``participant reason trials``.
+    A trial that would be neither counted nor listed is a RuntimeError: then this program is wrong.
 
-    Raises
-    ------
-    RuntimeError
-        Where a trial would be neither counted nor listed.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"participant": "1", "kind": ["single", "practice"], "status": "ok",
-    ...     "anticipated": False, "noise_ok": None})
+    >>> trials = pd.DataFrame({"participant": "1", "kind": "single", "reason": ["", "voided"]})
     >>> excluded_table(trials).to_numpy().tolist()
-    [['1', 'practice', 1]]
+    [['1', 'voided', 1]]
     """
-    why = reasons(trials)
-    left_out = pd.DataFrame({"participant": trials["participant"], "reason": why})[why.ne("")]
+    left_out = trials.loc[trials["reason"].ne(""), ["participant", "reason"]]
     table = left_out.groupby(["participant", "reason"]).size().reset_index(name="trials")
     number = sum(len(counted(trials, kind)) for kind in COUNTED_KINDS)
     if number + int(table["trials"].sum()) != len(trials):
@@ -102,22 +32,14 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def clean_table(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return every trial with whether it counts and, if not, why.
+    """Return every trial with whether it counts (``counted``) and, if not, why (``reason``).
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        The columns of `experiment.terms.record.COLUMNS`, then ``counted`` and ``reason`` (``n/a``
-        where the trial counts), ordered by participant, session, trial and attempt.
+    In front stand the columns of `experiment.terms.record.COLUMNS`; rows are ordered by
+    participant, session, trial and attempt.
     """
-    why = reasons(trials)
+    counts = trials["reason"].eq("")
     table = trials[[column.name for column in COLUMNS]].assign(
-        counted=why.eq(""), reason=why.mask(why.eq(""), NOT_AVAILABLE)
+        counted=counts, reason=trials["reason"].mask(counts, NOT_AVAILABLE)
     )
     return table.sort_values(["participant", "session", "trial", "attempt"], ignore_index=True)
 
@@ -125,21 +47,20 @@ def clean_table(trials: pd.DataFrame) -> pd.DataFrame:
 def counted(trials: pd.DataFrame, kind: str) -> pd.DataFrame:
     """Return the trials of a kind that count.
 
-    >>> len(counted(pd.DataFrame({"kind": ["single", "both"], "status": "ok",
-    ...     "anticipated": False, "noise_ok": [True, False]}), "both"))
-    0
+    >>> trials = pd.DataFrame({"kind": ["single", "single", "both"], "reason": ["", "voided", ""]})
+    >>> len(counted(trials, "single"))
+    1
     """
-    return trials[reasons(trials).eq("") & trials["kind"].astype(object).eq(kind)]
+    return trials[trials["reason"].eq("") & trials["kind"].astype(object).eq(kind)]
 
 
 def offers_none(trials: pd.DataFrame) -> bool:
     """Tell whether "none" could be answered in every trial that counts.
 
-    >>> offers_none(pd.DataFrame({"none_offered": [True, None], "kind": "single", "status": "ok",
-    ...     "anticipated": False, "noise_ok": None}))
+    >>> offers_none(pd.DataFrame({"none_offered": [True, None], "reason": ""}))
     False
     """
-    offered = trials.loc[reasons(trials).eq(""), "none_offered"].astype("boolean")
+    offered = trials.loc[trials["reason"].eq(""), "none_offered"].astype("boolean")
     return bool(offered.fillna(value=False).all())
 
 
@@ -159,29 +80,17 @@ CONTROL_COLUMNS = ("participant", "part", "side", *_ANSWERS, "presented")
 def control_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Count the answers to control trials; none of them is in any other table.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
+    Columns `CONTROL_COLUMNS`: for each participant, then for `TOTAL`, a row for each part
+    (`AUDIBILITY` at the beginning, ``control`` at the end) and side of the plate that was driven.
+    With several conditions a column ``condition`` stands in front, each with its own totals.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `COLUMNS`: for each participant, then for `TOTAL`, a row for each part (`AUDIBILITY`
-        at the beginning, ``control`` at the end) and side of the plate that was driven. With more
-        than one condition among them, a column ``condition`` stands in front and each has its
-        totals below its rows. Empty without such trials.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "block": [-1, 2, 2],
-    ...     "kind": ["control", "control", "single"], "side": "left", "status": "ok",
-    ...     "response": ["none", "left", "left"], "anticipated": False, "noise_ok": True})
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "block": [-1, 2],
+    ...     "kind": "control", "side": "left", "response": ["none", "left"], "fault": ""})
     >>> control_table(trials)[["participant", "part", "left", "none"]].to_numpy().tolist()
     [['1', 'audibility', 0, 1], ['1', 'control', 1, 0], ['all', 'audibility', 0, 1],
     ['all', 'control', 1, 0]]
     """
-    chosen = trials[trials["kind"].astype(object).eq(CONTROL) & faults(trials).eq("")]
+    chosen = trials[trials["kind"].astype(object).eq(CONTROL) & trials["fault"].eq("")]
     response = chosen["response"].astype(object)
     marked = pd.DataFrame(
         {
@@ -206,27 +115,15 @@ _QUANTILES = (0.5, 0.1, 0.9)
 
 
 def reaction_table(trials: pd.DataFrame) -> pd.DataFrame:
-    """Return the median, 10 % and 90 % points of the reaction time by level and side.
+    """Return the median, 10 % and 90 % points of the reaction time by level and side, in seconds.
 
     Only correct answers to single stimuli that have a time: of a wrong answer nobody knows what it
-    answered, and a time-out has none. Percentiles interpolate linearly between the sorted times.
+    answered, and a time-out has none. Percentiles interpolate linearly between the sorted times;
+    they are NaN where ``n`` is 0.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `REACTION_COLUMNS`: times in seconds, ``n`` how many there are. One row per
-        condition, level and side with a stimulus that counts; NaN where ``n`` is 0.
-
-    Examples
-    --------
     >>> trials = pd.DataFrame({"condition": "main", "kind": "single", "side": "left",
     ...     "level_vpp": 60.0, "response": ["left", "left", "right"], "rt_s": [0.4, 0.6, 9.0],
-    ...     "status": "ok", "anticipated": False, "noise_ok": None})
+    ...     "reason": ""})
     >>> reaction_table(trials)[["n", "median"]].to_numpy().tolist()
     [[2.0, 0.5]]
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from analysis.answers.counting import counted, offers_none, reasons
+from analysis.answers.counting import counted, offers_none
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.definitions import TOTAL
 
@@ -27,22 +27,11 @@ _FELT = ("left", "right", "both")
 def cells(trials: pd.DataFrame) -> pd.DataFrame:
     """Count the answers of each participant at each level of each condition.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
+    Columns ``condition level_vpp participant detected presented over_report mislocalised timeouts
+    invalid``: the common shape of trials and of tables of counts.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``condition level_vpp participant detected presented over_report mislocalised
-        timeouts invalid``: the common shape of trials and of tables of counts.
-
-    Examples
-    --------
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
-    ...     "anticipated": False, "noise_ok": True})
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "reason": ""})
     >>> cells(trials)[["detected", "presented", "over_report"]].to_numpy().tolist()
     [[1, 2, 1]]
     """
@@ -61,34 +50,11 @@ def cells(trials: pd.DataFrame) -> pd.DataFrame:
     return marked.groupby(key, as_index=False).sum()
 
 
-def participant_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+def participants_of(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Return the detection probability of every participant at every level.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-    ci : str
-        Method of `proportion_ci`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``participant condition level_vpp detected presented p low high``.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
-    ...     "anticipated": False, "noise_ok": True})
-    >>> participant_table(trials)[["participant", "p"]].to_numpy().tolist()
-    [['1', 1.0], ['2', 0.0]]
-    """
-    return participants_of(cells(trials), ci)
-
-
-def participants_of(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
-    """Return `participant_table` of counts, from `cells` or `analysis.reading.load.read_counted`.
+    Columns ``participant condition level_vpp detected presented p low high``, of counts from
+    `cells` or `analysis.reading.load.read_counted`; `ci` is a method of `proportion_ci`.
 
     >>> counts = {"participant": ["1"], "condition": "main", "level_vpp": 60.0, "detected": 10**9,
     ...     "presented": 2 * 10**9}
@@ -126,8 +92,7 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
     Examples
     --------
     >>> trials = pd.DataFrame({"participant": ["1", "1"], "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "status": "ok",
-    ...     "anticipated": False, "noise_ok": True})
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "reason": ""})
     >>> level_table(trials)[["detected", "presented", "over_report", "p_mean"]].to_numpy().tolist()
     [[1.0, 2.0, 1.0, 0.5]]
     """
@@ -139,14 +104,6 @@ def levels_of(counts: pd.DataFrame) -> pd.DataFrame:
 
     ``over_report``, ``mislocalised``, ``timeouts`` and ``p_answered`` are NaN where the counts do
     not tell them.
-
-    Examples
-    --------
-    >>> counts = {"participant": ["1", "2"], "condition": "main", "level_vpp": 60.0,
-    ...     "detected": [1, 3], "presented": 4, "over_report": 0, "mislocalised": 0,
-    ...     "timeouts": 0, "invalid": 0}
-    >>> levels_of(pd.DataFrame(counts))[["p_min", "p_mean", "p_max"]].to_numpy().tolist()
-    [[0.25, 0.5, 0.75]]
     """
     groups = counts.groupby(["condition", "level_vpp"])
     rows = [[*key, *_level_row(level)] for key, level in groups]
@@ -171,13 +128,6 @@ def _level_row(level: pd.DataFrame) -> list[float]:
 def check_order(p_min: float, p_mean: float, p_max: float) -> None:
     """Stop where a mean lies outside its own values: then this program is wrong.
 
-    Raises
-    ------
-    RuntimeError
-        Unless p_min <= p_mean <= p_max.
-
-    Examples
-    --------
     >>> check_order(0.9, 0.87, 1.0)
     Traceback (most recent call last):
     RuntimeError: internal error: mean 0.87 outside [0.9, 1.0]
@@ -189,21 +139,11 @@ def check_order(p_min: float, p_mean: float, p_max: float) -> None:
 def detected_any(trials: pd.DataFrame) -> pd.DataFrame:
     """Count single stimuli that were felt at all: answered left, right or both.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``condition level_vpp detected_any``, the rows of `level_table`.
+    Columns ``condition level_vpp detected_any``, the rows of `level_table`. A forced choice is
+    refused: there every answer is one of the three.
 
-    Raises
-    ------
-    ValueError
-        Where "none" could not be answered: then every answer is one of the three.
-
-    Examples
-    --------
     >>> trials = pd.DataFrame({"condition": "main", "kind": "single", "level_vpp": 60.0,
-    ...     "response": ["left", "none"], "status": "ok", "anticipated": False, "noise_ok": True,
-    ...     "none_offered": True})
+    ...     "response": ["left", "none"], "reason": "", "none_offered": True})
     >>> detected_any(trials).to_numpy().tolist()
     [['main', 60.0, 1]]
     """
@@ -218,25 +158,12 @@ def detected_any(trials: pd.DataFrame) -> pd.DataFrame:
 def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Count both-finger trials; such a trial is noticed only by the answer ``both``.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-    ci : str
-        Method of `proportion_ci`.
+    Columns ``participant noticed presented p low high left_only right_only``, the last row `TOTAL`;
+    its interval ignores that participants differ. With more than one condition among the trials
+    that count, a column ``condition`` stands in front and each has its last row.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``participant noticed presented p low high left_only right_only``, the last row
-        `TOTAL`; its interval ignores that participants differ. With more than one condition among
-        the trials that count, a column ``condition`` stands in front and each has its last row.
-        Empty without such trials.
-
-    Examples
-    --------
     >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "both",
-    ...     "response": ["both", "left"], "status": "ok", "anticipated": False, "noise_ok": True})
+    ...     "response": ["both", "left"], "reason": ""})
     >>> both_table(trials)[["participant", "noticed", "presented"]].to_numpy().tolist()
     [['1', 1, 1], ['2', 0, 1], ['all', 1, 2]]
     """
@@ -249,25 +176,8 @@ def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
 def blank_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Count blank trials; left, right or both answered there is a false alarm.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-    ci : str
-        Method of `proportion_ci`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Columns ``participant left right both presented p low high``, p for any of the three; last
-        row and ``condition`` as in `both_table`.
-
-    Examples
-    --------
-    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "blank",
-    ...     "response": ["left", "none"], "status": "ok", "anticipated": False, "noise_ok": True})
-    >>> blank_table(trials)[["participant", "left", "p"]].to_numpy().tolist()
-    [['1', 1, 0.5], ['all', 1, 0.5]]
+    Columns ``participant left right both presented p low high``, p for any of the three; last row
+    and ``condition`` as in `both_table`.
     """
     counts = _answer_counts(trials, "blank", {answer: (answer,) for answer in _FELT})
     counts["felt"] = counts[list(_FELT)].sum(axis="columns")
@@ -291,5 +201,5 @@ def _answer_counts(
 
 
 def _leading(trials: pd.DataFrame, table: pd.DataFrame, order: Iterable[Any]) -> pd.DataFrame:
-    conditions = trials.loc[reasons(trials).eq(""), "condition"].nunique()
+    conditions = trials.loc[trials["reason"].eq(""), "condition"].nunique()
     return table[["condition", *order] if conditions > 1 else list(order)]

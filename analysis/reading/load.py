@@ -23,6 +23,7 @@ from analysis.reading.checks import (
 )
 from analysis.reading.columns import COUNTED_COLUMNS, count_columns
 from analysis.reading.plans import PLAN
+from analysis.reading.reasons import with_reasons
 from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows
 from analysis.reading.sources import find_sources, unchanged, unreadable
 from analysis.reading.text import ResultFileError, one_line, shown, text_chunks
@@ -202,7 +203,8 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
         for ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then
         ``file`` and ``line``, where the row stands, and ``none_offered``, whether "none" could be
         answered: by the plan beside the file; without one true where the table says yes or no, or
-        has this answer in the same condition; else unknown.
+        has this answer in the same condition; else unknown. ``reason``, why the trial does not
+        count, is empty text where it does; ``fault`` is what is amiss with it whatever its kind.
 
     Raises
     ------
@@ -250,7 +252,7 @@ def read_inputs(
         with unchanged(files), watched(sources) as asked:
             cells, inputs = read_counted(asked, columns, counts)
         return Loaded(
-            trials=no_rows(),
+            trials=with_reasons(no_rows()),
             paths=tuple(source.path for source in sources),
             inputs=_inputs(inputs, columns),
             without_table=without_table,
@@ -265,7 +267,7 @@ def read_inputs(
     if not any(table.trials for table in tables):
         raise ResultFileError(tables[0].path, 1, "no session here has a trial yet")
     told = [one.rows for one in read if not one.rows.empty]
-    trials = _numbered(pd.concat(told, ignore_index=True))
+    trials = with_reasons(_numbered(pd.concat(told, ignore_index=True)))
     check_together(trials)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
     return Loaded(

@@ -238,7 +238,7 @@ def _counts_of(cells: pd.DataFrame) -> Counts:
 
 
 def _counts(trials: pd.DataFrame) -> Counts:
-    counted = trials[counting.reasons(trials).eq("")]
+    counted = trials[trials["reason"].eq("")]
     kinds, answers = counted["kind"].astype(object), counted["response"].astype(object)
     return Counts(
         trials=len(trials),
@@ -257,7 +257,7 @@ def _counts(trials: pd.DataFrame) -> Counts:
 
 def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
     trials = loaded.trials
-    counted = trials[counting.reasons(trials).eq("")]
+    counted = trials[trials["reason"].eq("")]
     yield from _incomplete(loaded)
     lost = excluded[~excluded["reason"].isin(_EXPECTED)].groupby("reason")["trials"].sum()
     if len(lost):

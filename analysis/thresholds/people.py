@@ -197,8 +197,8 @@ def people_of(trials: pd.DataFrame) -> People:
     --------
     >>> import pandas as pd
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "status": "ok", "anticipated": False,
-    ...     "response": ["left", "both", "left"], "noise_ok": True, "none_offered": True})
+    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "reason": "",
+    ...     "response": ["left", "both", "left"], "none_offered": True})
     >>> people = people_of(trials)
     >>> people.names, people.detected.tolist(), people.presented.tolist()
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])

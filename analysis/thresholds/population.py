@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-METHOD: Final = "logistic mixed model, random intercepts, posterior mode (statsmodels)"
-
 _MOST_GUESSES: Final = 0.03
 """A guess rate that moves a threshold by less than 0.2 dB where the model has none."""
 _MOST_TRIALS: Final = 1_000_000
@@ -82,8 +80,8 @@ def population_thresholds(people: People, *, axis: Axis = VOLTS) -> tuple[Popula
     >>> import pandas as pd
     >>> from analysis.thresholds.people import people_of
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "status": "ok", "anticipated": False,
-    ...     "response": ["left", "both", "left"], "noise_ok": True, "none_offered": True})
+    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "reason": "",
+    ...     "response": ["left", "both", "left"], "none_offered": True})
     >>> population_thresholds(people_of(trials))[0].reason
     'one participant tells nothing of others'
     """

@@ -76,9 +76,8 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     Examples
     --------
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": np.repeat([60.0, 90.0, 120.0], 30), "status": "ok",
-    ...     "response": ["left"] * 4 + ["none"] * 40 + ["left"] * 46, "anticipated": False,
-    ...     "noise_ok": True, "none_offered": True})
+    ...     "side": "left", "level_vpp": np.repeat([60.0, 90.0, 120.0], 30), "reason": "",
+    ...     "response": ["left"] * 4 + ["none"] * 40 + ["left"] * 46, "none_offered": True})
     >>> threshold_table(trials, seed=1)[["participant", "status", "printed"]].to_numpy().tolist()
     [['1', 'ok', '81.1 V (74.0 to 88.2)']]
     """

@@ -31,15 +31,14 @@ def sequence(*pairs: tuple[str, str], **same: Any) -> pd.DataFrame:
     trials = pd.DataFrame(pairs, columns=["side", "response"])
     fixed: dict[str, Any] = {
         "participant": "1", "session": "01", "condition": "main", "block": 1, "attempt": 1,
-        "status": "ok", "anticipated": False, "none_offered": True, "rt_s": 0.5,
+        "reason": "", "none_offered": True, "rt_s": 0.5,
     }  # fmt: skip
-    trials = trials.assign(
+    return trials.assign(
         kind=trials["side"].map(KIND_OF),
         trial=np.arange(1, len(trials) + 1),
         level_vpp=np.where(trials["side"] == "none", math.nan, 60.0),
         **(fixed | same),
     )
-    return trials.assign(noise_ok=pd.array([None] * len(trials), dtype="boolean"))
 
 
 @st.composite
@@ -55,7 +54,7 @@ def studies(draw: st.DrawFn) -> pd.DataFrame:
         people.append(
             one.assign(
                 block=1 + one["trial"] // 15,
-                status=rng.choice(["ok", "voided"], size, p=[0.95, 0.05]),
+                reason=rng.choice(["", "voided"], size, p=[0.95, 0.05]),
                 condition=rng.choice(["main", "bare"], size, p=[0.9, 0.1]),
                 rt_s=rng.random(size),
             )
@@ -73,7 +72,7 @@ def test_answers_are_counted_by_kind_and_side() -> None:
         ("left", "left"), ("left", "both"), ("right", "left"), ("right", "timeout"),
         ("both", "both"), ("both", "left"), ("none", "none"), ("none", "invalid"),
     )  # fmt: skip
-    left_out = trials.assign(status="voided")
+    left_out = trials.assign(reason="voided")
     table = confusion_table(pd.concat([trials, left_out], ignore_index=True))
     assert tuple(table.columns) == CONFUSION_COLUMNS
     assert table.drop(columns="condition").to_numpy().tolist() == [
@@ -91,7 +90,7 @@ def test_answers_are_counted_by_kind_and_side() -> None:
 
 
 def test_nothing_counted_gives_empty_tables() -> None:
-    nothing = sequence(("left", "left"), status="voided")
+    nothing = sequence(("left", "left"), reason="voided")
     assert choices(nothing) == ()
     assert tuple(confusion_table(nothing).columns) == CONFUSION_COLUMNS
     assert tuple(reaction_table(nothing).columns) == REACTION_COLUMNS
@@ -118,7 +117,7 @@ def test_a_trial_follows_only_its_neighbour_in_the_same_block() -> None:
     trials = sequence(*[("left", "left")] * 6)
     trials.loc[3:, "block"] = 2
     assert of(choices(trials)).serial.side.again.of == 4
-    trials.loc[1, "status"] = "voided"
+    trials.loc[1, "reason"] = "voided"
     assert of(choices(trials)).serial.side.again.of == 2
     trials.loc[4, "attempt"] = 2
     assert of(choices(trials)).serial.side.again.of == 0

@@ -12,7 +12,7 @@ import pytest
 from analysis import level_table
 from analysis.answers.choice import confusion_table
 from analysis.answers.counting import REACTION_COLUMNS
-from analysis.answers.detection import participant_table
+from analysis.answers.detection import cells, participants_of
 from analysis.axis import VOLTS
 from analysis.results.figures.confusion import ConfusionData
 from analysis.results.figures.confusion import draw as draw_confusion
@@ -45,12 +45,10 @@ def data(
         for answer in rng.choice(["left", "right"], 12, p=[0.7, 0.3])
     ]
     columns = ["participant", "condition", "level_vpp", "response"]
-    trials = pd.DataFrame(rows, columns=columns).assign(
-        kind="single", side="left", status="ok", anticipated=False, noise_ok=True
-    )
+    trials = pd.DataFrame(rows, columns=columns).assign(kind="single", side="left", reason="")
     return DetectionData(
         levels=level_table(trials),
-        participants=participant_table(trials),
+        participants=participants_of(cells(trials)),
         forced_choice=forced_choice,
         ci="wilson",
         axis=VOLTS,
@@ -219,8 +217,8 @@ def test_a_figure_of_censored_thresholds_alone_is_drawn() -> None:
 
 def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     trials = pd.DataFrame({
-        "condition": "main", "kind": "single", "side": "left", "status": "ok",
-        "response": ["left"] * 15 + ["both"] * 5, "anticipated": False, "noise_ok": True,
+        "condition": "main", "kind": "single", "side": "left", "reason": "",
+        "response": ["left"] * 15 + ["both"] * 5,
     })  # fmt: skip
     shown = ConfusionData(confusion=confusion_table(trials), ci="wilson")
     pictures = [written(lambda: draw_confusion(shown)) for _ in range(2)]

@@ -63,13 +63,11 @@ def pilot(detected: list[int], *, n: int = 5, **same: Any) -> pd.DataFrame:
         "condition": "main",
         "kind": "single",
         "side": "left",
-        "status": "ok",
-        "anticipated": False,
-        "noise_ok": None,
+        "reason": "",
         "none_offered": True,
     }
     table = pd.DataFrame(rows, columns=["level_vpp", "response"])
-    return table.assign(**(constant | same)).astype({"noise_ok": "boolean"})
+    return table.assign(**(constant | same))
 
 
 def run(*arguments: object) -> Result:

@@ -86,7 +86,8 @@ def refused(*paths: Path) -> ResultFileError:
 def test_every_column_comes_back_as_it_was_recorded(tmp_path: Path) -> None:
     blank = row(2, kind="blank", side="none", level_vpp=None, response="none", noise_ok=None)
     trials = read_trials([write(tmp_path / "trials.csv", row(1), blank)])
-    assert list(trials.columns) == [c.name for c in COLUMNS] + ["file", "line", "none_offered"]
+    told = ["file", "line", "none_offered", "reason", "fault"]
+    assert list(trials.columns) == [c.name for c in COLUMNS] + told
     for column in COLUMNS:
         for read, written in zip(trials[column.name], (row(1), blank), strict=True):
             expected = getattr(written, column.name)

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from analysis.thresholds.people import people_of, people_of_counts
-from analysis.thresholds.population import METHOD, PopulationThreshold, population_thresholds
+from analysis.thresholds.population import PopulationThreshold, population_thresholds
 from experiment.terms.observer import psychometric
 
 LEVELS = [60.0, 80.0, 100.0, 125.0, 160.0]
@@ -40,12 +40,10 @@ def study(
         "condition": "main",
         "kind": "single",
         "side": "left",
-        "status": "ok",
-        "anticipated": False,
-        "noise_ok": None,
+        "reason": "",
         "none_offered": True,
     }
-    return table.assign(**(constant | same)).astype({"noise_ok": "boolean"})
+    return table.assign(**(constant | same))
 
 
 def only(trials: pd.DataFrame) -> PopulationThreshold:
@@ -141,4 +139,3 @@ def test_statsmodels_is_imported_by_nothing_else() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
     assert said.strip() == "False"
-    assert "statsmodels" in METHOD

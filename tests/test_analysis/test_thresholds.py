@@ -23,9 +23,7 @@ ONE = {
     "side": "left",
     "level_vpp": 60.0,
     "response": "left",
-    "status": "ok",
-    "anticipated": False,
-    "noise_ok": None,
+    "reason": "",
     "none_offered": True,
 }
 
@@ -37,7 +35,7 @@ def person(name: str, detected: list[int], *, n: int = 30, **same: Any) -> pd.Da
         for level, k in zip(PAPER, detected, strict=False)
         for answer in ["left"] * k + ["right"] * (n - k)
     ]
-    return pd.DataFrame(rows).astype({"noise_ok": "boolean"})
+    return pd.DataFrame(rows)
 
 
 def blanks(name: str, answers: list[str]) -> pd.DataFrame:

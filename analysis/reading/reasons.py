@@ -1,0 +1,38 @@
+"""Whether and why a trial counts: told once, when tables are read, as columns of the trials."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+_NEVER_COUNTED = ("practice", "control")
+
+
+def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return trials with the columns ``reason`` and ``fault``.
+
+    ``reason`` is why a trial is left out of all counts, the first that holds of: its kind
+    (``practice``, ``control``), a status other than ``ok``, ``anticipated``, ``unmasked``; empty
+    text where it counts. ``fault`` is the same whatever the kind: control trials are counted by
+    themselves, and those with a fault not even there.
+
+    >>> trials = with_reasons(pd.DataFrame({"kind": ["single", "single", "control"],
+    ...     "status": ["ok", "ok", "voided"], "anticipated": [True, False, False],
+    ...     "noise_ok": [None, False, True]}))
+    >>> trials[["reason", "fault"]].to_numpy().T.tolist()
+    [['anticipated', 'unmasked', 'control'], ['anticipated', 'unmasked', 'voided']]
+    """
+    status, kind = trials["status"].astype(object), trials["kind"].astype(object)
+    # Noise of which nobody knows whether it played is no reason: most tables do not tell.
+    unmasked = trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False)
+    tests = [status.ne("ok"), trials["anticipated"], unmasked]
+    fault = np.select(
+        [np.asarray(test, dtype=bool) for test in tests],
+        [np.asarray(name, dtype=object) for name in (status, "anticipated", "unmasked")],
+        default="",
+    )
+    reason = kind.where(kind.isin(_NEVER_COUNTED), fault)
+    told = {"reason": reason, "fault": fault}
+    return trials.assign(
+        **{name: pd.Series(text, index=trials.index, dtype=object) for name, text in told.items()}
+    )

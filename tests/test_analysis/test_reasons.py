@@ -1,0 +1,93 @@
+"""Whether and why a trial counts: one column, told once, that every table goes by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+
+from analysis import write_analysis
+from analysis.answers.detection import level_table
+from analysis.reading import load
+from analysis.reading.columns import ColumnMap
+from analysis.reading.reasons import with_reasons
+from analysis.results.tables import Analysis, analyse
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+HEADER = "participant,trial,kind,side,level_vpp,response,status,anticipated,noise_ok\n"
+TRIALS = (
+    "P,1,practice,left,60,left,ok,false,true\n"
+    "P,2,single,left,60,left,ok,false,true\n"
+    "P,3,single,left,60,left,voided,false,false\n"
+    "P,4,single,right,60,left,ok,true,true\n"
+    "P,5,both,both,60,left,ok,false,false\n"
+    "P,6,blank,none,0,none,ok,false,n/a\n"
+)
+GOOD: dict[str, Any] = {"kind": "single", "status": "ok", "anticipated": False, "noise_ok": None}
+
+
+def tables(folder: Path, people: int) -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    paths = [folder / f"{number}.csv" for number in range(people)]
+    for number, path in enumerate(paths):
+        text = TRIALS.replace("P,", f"{number},")
+        path.write_text(HEADER + text, encoding="utf-8")
+    return paths
+
+
+def told(found: Analysis) -> list[list[Any]]:
+    made = (found.levels, found.participants, found.both, found.blank, found.excluded)
+    return [table.astype(object).fillna(-1).to_numpy().tolist() for table in made]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason", "fault"),
+    [
+        ({}, "", ""),
+        ({"noise_ok": True}, "", ""),
+        ({"noise_ok": False}, "unmasked", "unmasked"),
+        ({"anticipated": True, "noise_ok": False}, "anticipated", "anticipated"),
+        ({"status": "indeterminate", "anticipated": True}, "indeterminate", "indeterminate"),
+        ({"kind": "practice"}, "practice", ""),
+        ({"kind": "practice", "status": "voided"}, "practice", "voided"),
+        ({"kind": "control", "noise_ok": False}, "control", "unmasked"),
+    ],
+)
+def test_the_first_reason_that_holds_is_told_and_a_fault_whatever_the_kind(
+    change: dict[str, Any], reason: str, fault: str
+) -> None:
+    trial = with_reasons(pd.DataFrame([GOOD | change])).iloc[0]
+    assert (trial["reason"], trial["fault"]) == (reason, fault)
+
+
+def test_one_analysis_asks_for_reasons_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+
+    def counting(trials: pd.DataFrame) -> pd.DataFrame:
+        asked.append(len(trials))
+        return with_reasons(trials)
+
+    monkeypatch.setattr(load, "with_reasons", counting)
+    paths = tables(tmp_path / "in", 3)
+    write_analysis(paths, tmp_path / "out", columns=ColumnMap(), figures=False)
+    assert asked == [18]
+
+
+def test_no_table_looks_at_what_the_reason_was_told_from(tmp_path: Path) -> None:
+    loaded = load.read_inputs(tables(tmp_path, 2), ColumnMap())
+    bare = loaded.trials.drop(columns=["anticipated", "noise_ok"])
+    assert told(analyse(replace(loaded, trials=bare))) == told(analyse(loaded))
+
+
+def test_every_table_goes_by_the_reason(tmp_path: Path) -> None:
+    loaded = load.read_inputs(tables(tmp_path, 1), ColumnMap())
+    lost = analyse(replace(loaded, trials=loaded.trials.assign(reason="voided", fault="voided")))
+    assert lost.excluded.to_numpy().tolist() == [["0", "voided", 6]]
+    assert all(t.empty for t in (lost.levels, lost.both, lost.blank, lost.confusion, lost.control))
+    assert level_table(loaded.trials)["presented"].tolist() == [1]
