@@ -68,6 +68,16 @@ class ElasticEdge:
         instance("lossless", self.lossless, bool, "True or False")
 
 
+def edge_compliance(
+    edge: IdealEdge | ElasticEdge, bending_stiffness_n_m: float, width_m: float
+) -> float:
+    """Return c = 2 D / (K W): infinite for simply supported edges, 0 for clamped ones."""
+    if isinstance(edge, IdealEdge):
+        return math.inf if edge is SIMPLY_SUPPORTED else 0.0
+    hold_n_m = edge.stiffness_n * width_m
+    return 2 * bending_stiffness_n_m / hold_n_m if hold_n_m else math.inf
+
+
 def edge_phase(mode: int, compliance: float) -> float:
     """Return by how much the edges advance k W / 2 at cut-off beyond n pi / 2, equation (17).
 

@@ -14,9 +14,9 @@ from stimuli.checks import finite, finite_complex, instance, whole
 from stimuli.strip.dispersion import decays_squared, exceptional_bending
 from stimuli.strip.edge import (
     CLAMPED,
-    SIMPLY_SUPPORTED,
     ElasticEdge,
     IdealEdge,
+    edge_compliance,
     edge_grip,
     edge_phase,
 )
@@ -25,7 +25,9 @@ from stimuli.strip.shapes import folded, is_wave, wave_shape
 from stimuli.strip.waves import Section, outgoing_root, supported_cutoff_hz, supported_wavenumbers
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from stimuli.arrays import Complex, Real
 
 
 Symmetry = Literal["symmetric", "antisymmetric"]
@@ -181,7 +183,7 @@ class Strip:
 
     def wavenumbers_rad_m(
         self, frequency_hz: float, n_modes: int = 4, symmetry: Symmetry = "symmetric"
-    ) -> NDArray[np.complex128]:
+    ) -> Complex:
         """Return the wavenumbers of the outgoing waves along the strip.
 
         All are listed, whatever the edges: waves that propagate, waves that decay, and waves that
@@ -220,9 +222,8 @@ class Strip:
         At rest the two lowest waves are one on simple supports, a pair between clamps:
 
         >>> from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, Strip
-        >>> strips = [Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=edge)
-        ...           for edge in (SIMPLY_SUPPORTED, CLAMPED)]
-        >>> for strip in strips:
+        >>> for edge in (SIMPLY_SUPPORTED, CLAMPED):
+        ...     strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=edge)
         ...     print(strip.wavenumbers_rad_m(0.0, n_modes=2).round(6))
         [0.+125.663706j 0.+125.663706j]
         [ 90.029144+168.495689j -90.029144+168.495689j]
@@ -263,7 +264,7 @@ class Strip:
         bending = exceptional_bending(self._edge_compliance())
         return self._supported_cutoff_hz() * bending / (math.pi / 2) ** 2
 
-    def mode_shape(self, mode: int, y_m: ArrayLike) -> NDArray[np.float64]:
+    def mode_shape(self, mode: int, y_m: ArrayLike) -> Real:
         """Return the shape of a mode across the strip at its cut-off.
 
         On simple supports it is sin(n pi y / W), equations (7) and (8), the shape of that mode at
@@ -321,7 +322,7 @@ class Strip:
         frequency_hz: float,
         y_m: ArrayLike,
         symmetry: Symmetry = "symmetric",
-    ) -> NDArray[np.complex128]:
+    ) -> Complex:
         """Return the shape across the strip of one wave, equation (36).
 
         Parameters
@@ -374,18 +375,14 @@ class Strip:
     def _section(self, frequency_hz: float, symmetry: Symmetry) -> Section:
         """Return what the dispersion equation needs of the strip at one frequency."""
         first_hz = self._supported_cutoff_hz()
-        frequency_hz = finite(
-            "frequency_hz", frequency_hz, least=0.0, most=_MOST_CUTOFFS * first_hz
-        )
+        most_hz = _MOST_CUTOFFS * first_hz
+        frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=most_hz)
         if symmetry not in ("symmetric", "antisymmetric"):
             raise ValueError(f"symmetry must be symmetric or antisymmetric, got {symmetry!r}")
         factor = self.material.stiffness_factor(frequency_hz)
         compliance: complex = self._edge_compliance()
-        if (
-            isinstance(self.edge, ElasticEdge)
-            and self.edge.lossless
-            and not cmath.isinf(compliance)
-        ):
+        keeps_its_stiffness = isinstance(self.edge, ElasticEdge) and self.edge.lossless
+        if keeps_its_stiffness and not cmath.isinf(compliance):
             compliance *= factor
         bending = (math.pi / 2) ** 2 * (frequency_hz / first_hz) / cmath.sqrt(factor)
         return Section(
@@ -398,8 +395,4 @@ class Strip:
         return supported_cutoff_hz(self.material, self.width_m, self.thickness_m)
 
     def _edge_compliance(self) -> float:
-        """Return 2 D / (K W): infinite for simply supported edges, 0 for clamped ones."""
-        if isinstance(self.edge, IdealEdge):
-            return math.inf if self.edge is SIMPLY_SUPPORTED else 0.0
-        hold_n_m = self.edge.stiffness_n * self.width_m
-        return 2 * self.bending_stiffness_n_m / hold_n_m if hold_n_m else math.inf
+        return edge_compliance(self.edge, self.bending_stiffness_n_m, self.width_m)
