@@ -30,9 +30,8 @@ if TYPE_CHECKING:
 
     from benchmarks.plate_fem import Model
     from stimuli import IdealEdge
+    from stimuli.arrays import Complex, Real
 
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
     _Method = Callable[[Model, Real], Complex]
 
 FIGURE: Final = Path(__file__).parent.parent / "docs" / "field.png"

@@ -13,10 +13,8 @@ from stimuli import SIMPLY_SUPPORTED, MomentRectangle, Strip
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
+    from stimuli.arrays import Complex, Real
 
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 MODES: Final = (40, 120)
 _SYMMETRIC: Final[dict[str, Any]] = {

@@ -2,7 +2,8 @@ from .drive.burst import Burst
 from .drive.energy import staircase_energy_above
 from .drive.fit import BurstCheck, check_burst
 from .drive.sampled import Drive, SampledDrive
-from .field.field import DisplacementMap, Response, displacement, displacement_map, response
+from .field.field import Response, displacement, response
+from .field.maps import DisplacementMap, displacement_map
 from .field.scene import Scene, Work
 from .field.synthesis import TransientWork, transient, transient_work
 from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt

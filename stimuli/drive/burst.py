@@ -14,7 +14,9 @@ from stimuli.drive.energy import energy_above
 from stimuli.drive.windows import MOST_Y, WINDOWS, Window, taper, transform
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from stimuli.arrays import Complex, Real
 
 
 LEAST_SAMPLES_PER_CYCLE: Final = 4
@@ -77,7 +79,7 @@ class Burst:
         """Duration T = N / f0."""
         return self.cycles / self.frequency_hz
 
-    def samples(self, sample_rate_hz: float) -> NDArray[np.float64]:
+    def samples(self, sample_rate_hz: float) -> Real:
         """Return the burst at t = k / rate, k = 0 ... ceil(duration x rate).
 
         Parameters
@@ -114,7 +116,7 @@ class Burst:
         values[[0, last]] = 0.0
         return values + 0.0
 
-    def spectrum(self, frequencies_hz: ArrayLike) -> NDArray[np.complex128]:
+    def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
         """Return the exact spectrum int s(t) exp(+i omega t) dt, equations (20) and (60).
 
         Parameters
@@ -209,7 +211,7 @@ class Burst:
         return nearest if abs(length - nearest) <= _WHOLE * nearest else length
 
 
-def _sine_of_cycles(cycle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sine_of_cycles(cycle: Real) -> Real:
     """Return sin(2 pi cycle) for 0 <= cycle < 1, exactly 0 at every half cycle."""
     halves = np.floor(2 * cycle)
     rest = cycle - halves / 2
@@ -223,7 +225,7 @@ _REAL: Final = 1e-9
 """A root of the lobe's series is real if its imaginary part is smaller."""
 
 
-def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> NDArray[np.complex128]:
+def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> Complex:
     """Return the exact spectrum of a burst; see `Burst.spectrum`, equation (20)."""
     frequencies = upper_half_plane("frequencies_hz", frequencies_hz)
     most_hz = MOST_Y / burst.duration_s
@@ -236,7 +238,7 @@ def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> NDArray[np.comple
     return values
 
 
-def _real_spectrum(burst: Burst, frequencies: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _real_spectrum(burst: Burst, frequencies: Real) -> Complex:
     """Return the spectrum at real frequencies."""
     nearest, rest = _split(np.abs(frequencies), burst)
     amplitude = transform(burst.window, burst.cycles).amplitude(nearest, rest)
@@ -247,7 +249,7 @@ def _real_spectrum(burst: Burst, frequencies: NDArray[np.float64]) -> NDArray[np
     return np.asarray(np.where(frequencies < 0, np.conj(values), values), dtype=np.complex128) + 0
 
 
-def _complex_spectrum(burst: Burst, frequencies: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def _complex_spectrum(burst: Burst, frequencies: Complex) -> Complex:
     """Return the spectrum above the real axis, equation (60); S(-conj f) is conj S(f)."""
     nearest, rest = _split(np.abs(frequencies.real), burst)
     rise = 1j * (frequencies.imag * burst.duration_s)
@@ -256,9 +258,7 @@ def _complex_spectrum(burst: Burst, frequencies: NDArray[np.complex128]) -> NDAr
     return np.asarray(np.where(frequencies.real < 0, np.conj(values), values))
 
 
-def _split(
-    frequencies_hz: NDArray[np.float64], burst: Burst
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _split(frequencies_hz: Real, burst: Burst) -> tuple[Real, Real]:
     """Return y = f T as the nearest whole number and a rest that is exact in all its digits."""
     nearest = np.rint(frequencies_hz * burst.cycles / burst.frequency_hz)
     high, low = _product(frequencies_hz, float(burst.cycles))
@@ -266,7 +266,7 @@ def _split(
     return nearest, ((high - whole_high) + (low - whole_low)) / burst.frequency_hz
 
 
-def _product(a: NDArray[np.float64], b: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _product(a: Real, b: float) -> tuple[Real, Real]:
     """Return the product of two numbers and its rounding error (Dekker's product)."""
     splitter = 2.0**27 + 1
     a_high = splitter * a - (splitter * a - a)
@@ -304,7 +304,7 @@ def _peak_y(lobe: Chebyshev) -> float:
     return float(extrema[np.argmax(np.abs(lobe(extrema)))])
 
 
-def _real_roots(series: Chebyshev) -> NDArray[np.float64]:
+def _real_roots(series: Chebyshev) -> Real:
     """Return the real roots in the domain of a series."""
     roots = np.atleast_1d(series.roots())
     low, high = series.domain

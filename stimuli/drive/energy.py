@@ -14,8 +14,9 @@ from stimuli.checks import finite, finite_array
 from stimuli.drive.windows import FAR, MOST_Y
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from stimuli.arrays import Real
     from stimuli.drive.windows import Transform
 
 
@@ -85,7 +86,7 @@ def _ripple_end(shape: Transform, y: float) -> float:
     return -float(weights @ np.imag(shape.ripple(path)))
 
 
-def panels(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def panels(edges: Real) -> tuple[Real, Real]:
     """Return nodes and weights of Gauss's rule on every panel between two edges."""
     nodes, weights = _gauss_rule()
     half = np.diff(edges)[:, np.newaxis] / 2
@@ -94,7 +95,7 @@ def panels(edges: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 @cache
-def _gauss_rule() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _gauss_rule() -> tuple[Real, Real]:
     return leggauss(_PANEL_NODES)
 
 
@@ -158,25 +159,25 @@ def staircase_energy_above(
     return min(max(energy / float(values @ values), 0.0), 1.0)
 
 
-def _steps(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+def _steps(samples: Real) -> Real:
     """Return the steps of the staircase, with those from 0 and to 0 where there are any."""
     first, last = samples[:1], samples[-1:]
     return np.diff(samples, prepend=0 * first[first != 0], append=0 * last[last != 0])
 
 
-def _autocorrelation(steps: NDArray[np.float64]) -> NDArray[np.float64]:
+def _autocorrelation(steps: Real) -> Real:
     """Return the sums of steps[i] steps[i + lag] for the lags 0 ... size - 1."""
     line = np.fft.rfft(steps, 2 ** (2 * steps.size - 1).bit_length())
     return np.fft.irfft(line.real**2 + line.imag**2)[: steps.size]
 
 
-def _cosine_tail(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cosine_tail(x: Real) -> Real:
     """Return x times the integral of cos(t) / t^2 from x to infinity, equation (27); 1 at x = 0.
 
     A power series up to x = 1; beyond, the real part of the exponential integral E_2(-i x) by
     its continued fraction, which needs the fewer terms the larger x is.
     """
-    tail: NDArray[np.float64] = polyval(np.minimum(x, 1.0) ** 2, _COSINE_SERIES) - np.pi / 2 * x
+    tail: Real = polyval(np.minimum(x, 1.0) ** 2, _COSINE_SERIES) - np.pi / 2 * x
     for low, high, terms in _FRACTION_TERMS:
         inside = (x > low) & (x <= high)
         z = -1j * x[inside]

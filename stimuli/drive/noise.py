@@ -10,7 +10,9 @@ import numpy as np
 from stimuli.checks import finite, finite_array, instance
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from stimuli.arrays import Real
 
 
 LOWEST_HZ: Final = 20.0
@@ -22,7 +24,7 @@ LEAST_LEVEL_DBFS: Final = -70.0
 
 def pink_loop(
     *, sample_rate_hz: float, loop_s: float, level_dbfs: float, rng: np.random.Generator
-) -> NDArray[np.float64]:
+) -> Real:
     """Return pink noise that may be repeated end to end.
 
     Parameters

@@ -15,19 +15,16 @@ from stimuli.drive.energy import panels
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Complex, Real
 
 
 _MOST_TERMS: Final = 2_000_000
 """Numbers of the inner products that are held at once."""
 
 
-def exponential_sums(
-    coefficients: Complex | NDArray[np.float64], turns: Complex | NDArray[np.float64]
-) -> Complex:
+def exponential_sums(coefficients: Complex | Real, turns: Complex | Real) -> Complex:
     """Return the sums over k of c_k exp(2 pi i k turns), equation (65).
 
     With k = j B + b the exponentials are those of the b and of the j alone: n values of k and m

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from stimuli.arrays import Complex, Real
 
 
 Window = Literal["none", "hann", "tukey", "gaussian"]
@@ -40,7 +40,7 @@ exp(-2 pi Im z / step). It makes the difference of two values a sum without canc
 """
 
 
-def taper(window: Window, position: NDArray[np.float64]) -> NDArray[np.float64]:
+def taper(window: Window, position: Real) -> Real:
     """Return the values of a window.
 
     Parameters
@@ -77,20 +77,16 @@ class Transform(Protocol):
     def mean_square(self) -> float:
         """Mean of the squared burst over its duration, equation (23)."""
 
-    def amplitude(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def amplitude(self, nearest: Real, rest: Real) -> Real:
         """Return B at y = nearest + rest >= 0, with `nearest` the whole number next to y."""
 
-    def turned(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.complex128]
-    ) -> NDArray[np.complex128]:
+    def turned(self, nearest: Real, rest: Complex) -> Complex:
         """Return exp(i pi (y - N)) B(y) at y = nearest + rest, Im y >= 0, equation (60)."""
 
-    def smooth(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def smooth(self, y: Real) -> Real:
         """Return the part of B^2 that does not oscillate."""
 
-    def ripple(self, y: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def ripple(self, y: Complex) -> Complex:
         """Return the function that decays for Im y > 0 and whose real part is B^2 - smooth."""
 
 
@@ -173,9 +169,7 @@ class _RationalTransform:
     second: tuple[float, ...] = (0.0,)
     stretch: int = 1
 
-    def amplitude(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def amplitude(self, nearest: Real, rest: Real) -> Real:
         sine, cosine = self._sine_and_cosine(nearest, rest)
         slope = np.sign(cosine) * (np.pi / self.stretch) * np.sinc(rest / self.stretch)
         ratio = np.where(np.isin(nearest, self.poles), slope, sine)
@@ -185,9 +179,7 @@ class _RationalTransform:
         second = polynomial.polyval(y, self.second)
         return ratio * (polynomial.polyval(y, self.first) + 2 * cosine * second)
 
-    def turned(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.complex128]
-    ) -> NDArray[np.complex128]:
+    def turned(self, nearest: Real, rest: Complex) -> Complex:
         # exp(i theta) in whole quarter turns and a rest, exp(2 i theta) - 1 without cancellation
         quarters = np.mod((nearest - self.cycles) * (2 // self.stretch), 4.0)
         turn = np.array([1, 1j, -1, -1j])[quarters.astype(np.intp)]
@@ -207,20 +199,18 @@ class _RationalTransform:
             first = first * turn
         return np.asarray(ratio * (first + second * (square + 1)) / 2j)
 
-    def smooth(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def smooth(self, y: Real) -> Real:
         first, second = self._fractions(y.astype(np.complex128))
         return (first.real**2 + second.real**2) / 2
 
-    def ripple(self, y: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def ripple(self, y: Complex) -> Complex:
         first, second = self._fractions(y)
         turn = np.exp(1j * np.pi / self.stretch * (y - self.cycles))
-        square: NDArray[np.complex128] = turn * turn
+        square: Complex = turn * turn
         lines = first * first * square + second * second * square * square
         return first * second * turn * (1 - square) - lines / 2
 
-    def _sine_and_cosine(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _sine_and_cosine(self, nearest: Real, rest: Real) -> tuple[Real, Real]:
         """Return those of theta as a whole number of quarter turns and a rest: exact zeros."""
         quarters = np.mod((nearest - self.cycles) * (2 // self.stretch), 4.0)
         sine, cosine = np.sin(np.pi / self.stretch * rest), np.cos(np.pi / self.stretch * rest)
@@ -228,9 +218,7 @@ class _RationalTransform:
         places = [quarters == quarter for quarter in range(4)]
         return np.select(places, circle), np.select(places, circle[1:] + circle[:1])
 
-    def _fractions(
-        self, y: NDArray[np.complex128]
-    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    def _fractions(self, y: Complex) -> tuple[Complex, Complex]:
         """Return `first` and `second` over the poles."""
         weight = np.ones_like(y)
         for pole in self.poles:
@@ -253,21 +241,17 @@ class _GaussianTransform:
         steady = _gaussian_cosine(2 * _SHARPNESS, 0.0)
         return (steady - _gaussian_cosine(2 * _SHARPNESS, 2.0 * self.cycles)) / 2
 
-    def amplitude(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def amplitude(self, nearest: Real, rest: Real) -> Real:
         y = nearest + rest
         spread = np.pi**2 / _SHARPNESS
         bell = -np.expm1(-4 * spread * self.cycles * y)
         bell = bell * np.exp(-spread * (nearest - self.cycles + rest) ** 2)
         sign = 1 - 2 * np.mod(nearest - self.cycles, 2.0)
         turned = sign * np.exp(1j * np.pi * rest) * self._steps(y.astype(np.complex128))
-        ends: NDArray[np.float64] = math.exp(-_SHARPNESS / 4) * np.real(turned)
+        ends: Real = math.exp(-_SHARPNESS / 4) * np.real(turned)
         return math.sqrt(math.pi / _SHARPNESS) / 2 * (bell - ends)
 
-    def turned(
-        self, nearest: NDArray[np.float64], rest: NDArray[np.complex128]
-    ) -> NDArray[np.complex128]:
+    def turned(self, nearest: Real, rest: Complex) -> Complex:
         from scipy.special import wofz
 
         y = nearest + rest
@@ -287,15 +271,15 @@ class _GaussianTransform:
         whole = np.where(above, 0.0, bell) - ends
         return np.asarray(math.sqrt(math.pi / _SHARPNESS) / 2 * whole)
 
-    def smooth(self, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def smooth(self, y: Real) -> Real:
         steps = self._steps(y.astype(np.complex128))
         return self._end_energy() * (steps.real**2 + steps.imag**2)
 
-    def ripple(self, y: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def ripple(self, y: Complex) -> Complex:
         turn = np.exp(1j * np.pi * (y - self.cycles))
         return self._end_energy() * (turn * self._steps(y)) ** 2
 
-    def _steps(self, y: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    def _steps(self, y: Complex) -> Complex:
         """Return w(z_minus) - w(z_plus), z = pi (y -+ N) / sqrt(18) + i sqrt(18) / 2."""
         root = math.sqrt(_SHARPNESS)
         gap = 2 * math.pi * self.cycles / root

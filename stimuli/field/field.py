@@ -1,31 +1,26 @@
-"""The displacement of a strip over frequency, and maps of it over the plate."""
+"""The displacement of a strip over frequency."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.checks import finite, finite_array, instance
+from stimuli.checks import instance
 from stimuli.field.jobs import Job, dimensionless, stiffness_factors, unit_scale
 from stimuli.field.scene import LEAST_RTOL, Scene, Work
-from stimuli.load import LOADS, Load
 from stimuli.solver.endless import solved
 from stimuli.solver.ends import faintness, reflected
-from stimuli.solver.source import Part, Task
+from stimuli.solver.source import Answered, Question
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from stimuli.arrays import Complex, Real
     from stimuli.field.sweep import Band
     from stimuli.solver.source import Ends
-    from stimuli.strip.strip import Strip
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 
 _CHUNK: Final = 300
@@ -155,7 +150,7 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
 
 def solve(
     scene: Scene, frequencies_hz: Complex, rtol: float, jobs: tuple[Job, ...] | None = None
-) -> Part:
+) -> Answered:
     """Return the displacement at each frequency by itself, complex ones too.
 
     Parameters
@@ -171,7 +166,7 @@ def solve(
 
     Returns
     -------
-    Part
+    Answered
         Metres per unit load and the estimate of the error, shape (n_frequencies, n_loads,
         n_points).
 
@@ -201,10 +196,10 @@ def solve(
     if scene.driven is not None:
         driven = np.array(scene.driven, dtype=np.float64)[:, np.newaxis]
         value, error = value * driven, error * driven
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
-def _between(band: Band, part: Part) -> Part:
+def _between(band: Band, part: Answered) -> Answered:
     """Return what the solved frequencies give at the asked ones, equation (53)."""
     if band.matrix is None or band.last is None or band.rest is None:
         return part
@@ -216,16 +211,16 @@ def _between(band: Band, part: Part) -> Part:
     left_out = np.outer(band.rest, np.maximum(last[3], last[2] * fall) * fall)
     error = np.sqrt(band.matrix**2 @ error**2) + _CAUTION * left_out
     size = (band.rows.size, *size[1:])
-    return Part(value=(band.matrix @ value).reshape(size), error=error.reshape(size))
+    return Answered(value=(band.matrix @ value).reshape(size), error=error.reshape(size))
 
 
-def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Part:
+def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Answered:
     """Return D U in units of the width for a job, in portions that fit the cache."""
     k, hold = dimensionless(scene.strip, frequencies_hz, skip=scene.skip)
     size = (frequencies_hz.size, job.distance.size)
     value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
     order = np.argsort(frequencies_hz.real)
-    task = Task(
+    question = Question(
         exact_k=k,
         exact_hold=hold,
         source=job.source,
@@ -236,30 +231,36 @@ def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> 
     for places in np.array_split(np.arange(size[1]), -(-size[1] // _CHUNK)):
         n_rows = max(1, _CHUNK // places.size)
         for rows in np.array_split(order, -(-size[0] // n_rows)):
-            some = replace(task.at(places), exact_k=k[rows], exact_hold=hold[rows])
+            some = replace(question.at(places), exact_k=k[rows], exact_hold=hold[rows])
             part = solved(some, job.signs, skip=scene.skip)
             value[np.ix_(rows, places)] = part.value
             error[np.ix_(rows, places)] = part.error
-    endless = Part(value=value, error=error)
+    endless = Answered(value=value, error=error)
     return (
-        endless if job.ends is None else _with_ends(task, job, job.ends, endless, skip=scene.skip)
+        endless
+        if job.ends is None
+        else _with_ends(question, job, job.ends, endless, skip=scene.skip)
     )
 
 
-def _with_ends(task: Task, job: Job, ends: Ends, endless: Part, *, skip: bool) -> Part:
+def _with_ends(
+    question: Question, job: Job, ends: Ends, endless: Answered, *, skip: bool
+) -> Answered:
     """Return the field of a finite strip from that of the endless one, in portions."""
     value, error = endless.value[:, ends.direct], endless.error[:, ends.direct]
-    task = task.at(ends.direct)
-    order = np.argsort(np.abs(task.k))
+    question = question.at(ends.direct)
+    order = np.argsort(np.abs(question.k))
     if skip:
-        faint = faintness(task, ends, job.signs)
-        used = np.any(faint > task.rtol, axis=1)
+        faint = faintness(question, ends, job.signs)
+        used = np.any(faint > question.rtol, axis=1)
         error[~used] += faint[~used] * np.abs(value[~used])
         order = order[used[order]]
     for rows in np.array_split(order, max(-(-order.size // _ROWS), 1)):
         if not rows.size:
             break
-        some = replace(task, exact_k=task.exact_k[rows], exact_hold=task.exact_hold[rows])
+        some = replace(
+            question, exact_k=question.exact_k[rows], exact_hold=question.exact_hold[rows]
+        )
         part = reflected(some, ends, job.signs)
         value[rows] += part.value
         error[rows] += part.error
@@ -274,7 +275,7 @@ def _with_ends(task: Task, job: Job, ends: Ends, endless: Part, *, skip: bool) -
             better = reflected(finer, ends, job.signs)
             value[rows[again]] += better.value - part.value[again]
             error[rows[again]] += better.error - part.error[again]
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
 def _relative(value: Complex, error: Real) -> Real:
@@ -302,98 +303,3 @@ def _refuse_cutoffs(scene: Scene, frequencies_hz: Real, jobs: tuple[Job, ...]) -
                 f"{float(frequencies_hz[at][0])!r}"
             )
         mode += 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DisplacementMap:
-    """The displacement of a strip on a grid of places.
-
-    Attributes
-    ----------
-    frequency_hz : float
-        Frequency of the loads.
-    x_m : ndarray of float64, shape (n_x,)
-        Places along the strip.
-    y_m : ndarray of float64, shape (n_y,)
-        Places across it, from one edge.
-    displacement_m : ndarray of complex128, shape (n_loads, n_x, n_y)
-        Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t); exactly 0 on the
-        held edges.
-    """
-
-    frequency_hz: float
-    x_m: NDArray[np.float64]
-    y_m: NDArray[np.float64]
-    displacement_m: NDArray[np.complex128]
-
-
-def displacement_map(
-    strip: Strip,
-    loads: Load | tuple[Load, ...],
-    frequency_hz: float,
-    *,
-    x_m: ArrayLike,
-    y_m: ArrayLike,
-    rtol: float = 1e-4,
-) -> DisplacementMap:
-    """Return the displacement of a strip on a grid, equations (37) to (53).
-
-    Repeated and mirrored pairs of a load and a place are solved once; the time grows linearly
-    with those that are left.
-
-    Parameters
-    ----------
-    strip : Strip
-        The strip.
-    loads : Load or tuple of Load
-        One load, or several of which each is looked at by itself.
-    frequency_hz : float
-        Frequency from 0.
-    x_m : array_like of float, shape (n_x,)
-        Places along the strip, at least one.
-    y_m : array_like of float, shape (n_y,)
-        Places across it, from one edge, at least one; none off the strip.
-    rtol : float
-        Wanted relative error, as for `stimuli.displacement`.
-
-    Returns
-    -------
-    DisplacementMap
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of its range, or the frequency is a cut-off of a strip without
-        loss, where the field is infinite.
-
-    Examples
-    --------
-    The held edges rest, and both sides of a load move alike:
-
-    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
-    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
-    >>> found = displacement_map(strip, disc, 500.0, x_m=[-0.01, 0.0, 0.01],
-    ...                          y_m=[0.0, 0.005, 0.02, 0.025])
-    >>> found.displacement_m.shape, bool(found.displacement_m[:, :, [0, 3]].any())
-    ((1, 3, 4), False)
-    >>> bool((found.displacement_m[:, 0] == found.displacement_m[:, 2]).all())
-    True
-    """
-    frequency_hz = finite("frequency_hz", frequency_hz, least=0)
-    x, y = _grid("x_m", x_m), _grid("y_m", y_m)
-    scene = Scene(
-        strip=strip,
-        loads=(loads,) if isinstance(loads, LOADS) else loads,
-        points_m=tuple(product(x.tolist(), y.tolist())),
-    )
-    value = displacement(scene, [frequency_hz], rtol)[0].reshape(-1, x.size, y.size)
-    value[:, :, (y == 0) | (y == strip.width_m)] = 0
-    return DisplacementMap(frequency_hz=frequency_hz, x_m=x, y_m=y, displacement_m=value)
-
-
-def _grid(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    places = finite_array(name, values)
-    if places.ndim != 1 or not places.size:
-        raise ValueError(f"{name} must be a one-dimensional array, not empty, got {values!r}")
-    return places

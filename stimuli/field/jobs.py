@@ -16,11 +16,9 @@ from stimuli.strip.edge import SIMPLY_SUPPORTED, ElasticEdge
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Complex, Exact, Real
     from stimuli.strip.strip import Strip
 
-    Complex = NDArray[np.complex128]
-    Exact = NDArray[np.clongdouble]
-    Real = NDArray[np.float64]
     _Member = tuple[int, Source, Real]
 
 

@@ -15,20 +15,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.field.field import solve
-from stimuli.field.scene import LEAST_RTOL, MOST_CUTOFFS
-from stimuli.load import DISCS
-from stimuli.strip.edge import SIMPLY_SUPPORTED
+from stimuli.field.scene import LEAST_RTOL
+from stimuli.field.tail import Tail, limits_hz, probes, tail
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from stimuli.arrays import Complex, Real
     from stimuli.drive.sampled import Drive
     from stimuli.field.jobs import Job
+    from stimuli.field.line import ComplexLine
     from stimuli.field.scene import Scene
 
-    Complex = NDArray[np.complex128]
     Panel = tuple[int, int]
-    Real = NDArray[np.float64]
 
 
 _NODES: Final = 16
@@ -52,12 +49,6 @@ _NOISE: Final = 4.0
 _MOST_GROWTH: Final = 4
 """Factor by which the range may grow in a round: the peaks are not well known before."""
 
-_WIDEST_DISC: Final = 24.0
-"""Largest k R at which a point inside a disc has digits left, few but enough for a tail."""
-
-_MOST_WITH_ENDS: Final = 400.0
-"""First cut-offs of the supported strip up to which the free ends of a finite one are computed."""
-
 _MOST_RESPONSE: Final = 8.0
 """First cut-offs up to which a response has all that makes its peak."""
 
@@ -69,100 +60,8 @@ _TO_SERIES: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tail:
-    """What field and drive have at and above a row of probes, equation (66).
-
-    Attributes
-    ----------
-    frequencies_hz : ndarray of float64, shape (n_probes,)
-        The probes, increasing; the last is the highest frequency of the field.
-    field_m : ndarray of float64, shape (n_probes, n_pairs)
-        |U| there.
-    bound_m : ndarray of float64, shape (n_probes, n_pairs)
-        What all above each probe can add to |u|.
-    known : ndarray of bool, shape (n_probes, n_pairs)
-        Whether the field is computed above each probe; if not, `field_m` is taken to fall as
-        f^(-3/4), the slowest that any load's does.
-    """
-
-    frequencies_hz: Real
-    field_m: Real
-    bound_m: Real
-    known: NDArray[np.bool_]
-
-    def near(self, low_hz: float, high_hz: float) -> Real:
-        """Return the largest |U| at the probes of a range and its neighbours."""
-        f = self.frequencies_hz
-        first = max(int(np.searchsorted(f, low_hz)) - 2, 0)
-        return np.asarray(
-            np.max(self.field_m[first : int(np.searchsorted(f, high_hz)) + 2], axis=0)
-        )
-
-    def end_hz(self, allowed_m: Real) -> float:
-        """Return the first probe above which no pair that is known has more than is allowed."""
-        fits = np.all((self.bound_m <= allowed_m) | ~self.known, axis=1)
-        return float(self.frequencies_hz[np.argmax(fits)])
-
-    @property
-    def least_m(self) -> Real:
-        """What must be left out of each pair."""
-        first = np.argmin(self.known, axis=0)
-        return np.asarray(self.bound_m[first, np.arange(first.size)])
-
-
-def limits_hz(scene: Scene) -> Real:
-    """Return the highest frequency that is computed for each pair of a load and a point."""
-    width_m = scene.strip.width_m
-    supported_hz = replace(scene.strip, edge=SIMPLY_SUPPORTED).cutoff_hz()
-    most = MOST_CUTOFFS if scene.strip.length_m is None else _MOST_WITH_ENDS
-    limits = np.full((len(scene.loads), len(scene.points_m)), most)
-    x, y = np.array(scene.points_m).T
-    for load, row in zip(scene.loads, limits, strict=True):
-        if isinstance(load, DISCS):
-            widest = (_WIDEST_DISC * width_m / (math.pi * load.radius_m)) ** 2
-            inside = np.hypot(x - load.x_m, y - load.y_m) < load.radius_m
-            row[inside] = min(widest, MOST_CUTOFFS)
-    return limits.ravel() * supported_hz
-
-
-def probes(drive: Drive, limits_hz: Real) -> Real:
-    """Return the places of the probes: two per octave from the drive's peak, and the limits."""
-    least_hz, most_hz = float(np.min(limits_hz)), float(np.max(limits_hz))
-    scale_hz = min(max(drive.peak_hz(), 1 / drive.duration_s), least_hz / 2)
-    octaves = np.arange(0.0, math.log2(most_hz / scale_hz), 0.5)
-    return np.union1d(scale_hz * 2.0**octaves, limits_hz)
-
-
-def tail(drive: Drive, frequencies_hz: Real, field_m: Real, limits_hz: Real) -> Tail:
-    """Return what field and drive have above probes, by the inequality of Schwarz.
-
-    The drive's energy in each interval is exact, the field is the larger of both ends.
-    """
-    f = frequencies_hz
-    fall = np.minimum(limits_hz / f[:, np.newaxis], 1.0) ** 0.75
-    at_limit = field_m[np.searchsorted(f, limits_hz), np.arange(limits_hz.size)]
-    known = f[:, np.newaxis] < limits_hz
-    field_m = np.where(known, field_m, at_limit * fall)
-    share = np.array([drive.energy_above(float(frequency)) for frequency in f])
-    energy = _energy(drive, float(4 * f[0])) / (1 - drive.energy_above(float(4 * f[0])))
-    within = np.sqrt(np.diff(f) * energy * np.clip(share[:-1] - share[1:], 0.0, None))
-    larger = np.maximum(field_m[:-1], field_m[1:])
-    beyond = math.sqrt(2 * f[-1] * energy * share[-1]) * field_m[-1]
-    parts = 2 * np.vstack([larger * within[:, np.newaxis], beyond])
-    bound_m = np.cumsum(parts[::-1], axis=0)[::-1]
-    return Tail(frequencies_hz=f, field_m=field_m, bound_m=bound_m, known=known)
-
-
-def _energy(drive: Drive, most_hz: float) -> float:
-    """Return the integral of |S|^2 up to a frequency by a rule fine enough for the duration."""
-    f = np.linspace(0.0, most_hz, 2 + int(8 * most_hz * drive.duration_s))
-    square = np.abs(drive.spectrum(f)) ** 2
-    return float(np.sum(square) - (square[0] + square[-1]) / 2) * float(f[1])
-
-
 @dataclass(slots=True, kw_only=True, eq=False)
-class Sweep:
+class PanelSweep:
     """The product of field and drive at the bins, as far as it is known.
 
     Attributes
@@ -181,7 +80,7 @@ class Sweep:
 
     scene: Scene
     drive: Drive
-    line: Line
+    line: ComplexLine
     rtol: float
     values: Complex = field(init=False)
     peaks_m: Real = field(init=False)
@@ -306,18 +205,18 @@ class Sweep:
         """Return the halves of a panel that have energy; the others are set to 0."""
         first, stop = panel
         middle = (first + stop) // 2
-        return [half for half in ((first, middle), (middle, stop)) if self._counts(half)]
+        return [half for half in ((first, middle), (middle, stop)) if not self._zero_if_idle(half)]
 
-    def _counts(self, panel: Panel) -> bool:
-        """Return whether a panel counts; set its bins to 0 if it does not."""
+    def _zero_if_idle(self, panel: Panel) -> bool:
+        """Set the bins of a panel to 0 if it cannot count; return whether it was so."""
         first, stop = panel
         near_m = self._tail.near(first * self.line.step_hz, stop * self.line.step_hz)
         most_m = 2 * near_m * self._drive_within(first, stop) * self.line.rise
         if np.any(most_m > _IDLE * self.rtol * self.peaks_m):
-            return True
+            return False
         self.values[first:stop] = 0.0
         self.n_idle += stop - first
-        return False
+        return True
 
     def _above(self, end: int) -> list[Panel]:
         """Return the octaves by which the range grows; it ends at limits of pairs in between."""
@@ -328,7 +227,7 @@ class Sweep:
             found.append((top, min(2 * top, end, *(one for one in limits if one > top))))
             top = found[-1][1]
         self._extend(top)
-        return [panel for panel in found if self._counts(panel)]
+        return [panel for panel in found if not self._zero_if_idle(panel)]
 
     def _refuse_if_short(self) -> None:
         """Refuse what is out of reach, as soon as the range holds most of the response."""
@@ -345,7 +244,7 @@ class Sweep:
             )
 
 
-def swept(scene: Scene, drive: Drive, line: Line, rtol: float) -> Sweep:
+def swept(scene: Scene, drive: Drive, line: ComplexLine, rtol: float) -> PanelSweep:
     """Return field times drive at all bins that count.
 
     Parameters
@@ -354,14 +253,14 @@ def swept(scene: Scene, drive: Drive, line: Line, rtol: float) -> Sweep:
         Strip, loads and points; with `skip` False every bin up to the end of the range is solved.
     drive : Drive
         The drive.
-    line : Line
+    line : ComplexLine
         Where the bins lie.
     rtol : float
         Wanted error relative to the peak of each pair of a load and a point.
 
     Returns
     -------
-    Sweep
+    PanelSweep
 
     Raises
     ------
@@ -372,7 +271,7 @@ def swept(scene: Scene, drive: Drive, line: Line, rtol: float) -> Sweep:
     Examples
     --------
     >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
-    >>> from stimuli.field.panels import line_for
+    >>> from stimuli.field.line import line_for
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
     >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
@@ -381,7 +280,7 @@ def swept(scene: Scene, drive: Drive, line: Line, rtol: float) -> Sweep:
     >>> found.n_solved < found.values.shape[0]
     True
     """
-    sweep = Sweep(scene=replace(scene, skip=True), drive=drive, line=line, rtol=rtol)
+    sweep = PanelSweep(scene=replace(scene, skip=True), drive=drive, line=line, rtol=rtol)
     sweep.run()
     if not scene.skip:
         sweep.solve_every_bin(scene)
@@ -402,77 +301,3 @@ def _interpolated(first: int, stop: int, value: Complex) -> tuple[Complex, Real]
     place = (2 * np.arange(first, stop) - first - stop) / (stop - first)
     waves = np.cos(_ORDERS * np.arccos(place)[:, np.newaxis])
     return waves @ series, np.abs(series[-1]) + np.abs(series[-2])
-
-
-_ALIAS: Final = 0.125
-"""Part of rtol that is left to the next periods."""
-
-_RISE: Final = 4.0
-"""Logarithm of what exp(sigma t) grows to over the span: more makes the field smoother along the
-line, but its errors grow as much."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
-    """The line omega + i sigma and the grid on it, equation (64).
-
-    Attributes
-    ----------
-    span_s : float
-        Times up to this one are wanted.
-    period_s : float
-        Period T of the sum over the grid, whose step is 1 / T.
-    decay_per_s : float
-        Decay sigma that keeps the next periods out.
-
-    Examples
-    --------
-    >>> line = Line(span_s=0.01, period_s=0.04, decay_per_s=400.0)
-    >>> line.step_hz, round(line.rise, 3)
-    (25.0, 54.598)
-    """
-
-    span_s: float
-    period_s: float
-    decay_per_s: float
-
-    @property
-    def step_hz(self) -> float:
-        """Distance of two bins."""
-        return 1 / self.period_s
-
-    @property
-    def rise(self) -> float:
-        """What errors grow by up to the end of the span."""
-        return math.exp(self.decay_per_s * self.span_s)
-
-    def at(self, bins: Real | NDArray[np.intp]) -> Complex:
-        """Return the complex frequencies of bins."""
-        return np.asarray(bins * self.step_hz + 1j * self.decay_per_s / (2 * np.pi))
-
-
-def line_for(span_s: float, rtol: float, further: float = 0.0) -> Line:
-    """Return the line on which times up to a span are found to a relative error.
-
-    Parameters
-    ----------
-    span_s : float
-        Largest time.
-    rtol : float
-        Wanted relative error.
-    further : float
-        Logarithm by which the next periods must be smaller than rtol asks for.
-
-    Returns
-    -------
-    Line
-
-    Examples
-    --------
-    >>> found = line_for(0.01, 1e-6)
-    >>> round(found.period_s, 3), round(found.decay_per_s)
-    (0.04, 400)
-    """
-    turns = math.log(1 / (_ALIAS * rtol)) + further
-    period_s = span_s * max(turns / _RISE, 1.05)
-    return Line(span_s=span_s, period_s=period_s, decay_per_s=turns / period_s)

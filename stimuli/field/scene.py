@@ -13,16 +13,16 @@ from stimuli.field.jobs import Job, dimensionless, is_supported, jobs
 from stimuli.field.sweep import Band, bands
 from stimuli.load import DISCS, LOADS, Load
 from stimuli.solver.ends import faintness
-from stimuli.solver.source import Task, far_clearance
+from stimuli.solver.source import Question, far_clearance
 from stimuli.strip.strip import Strip
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Real
 
 
 LEAST_RTOL: Final = 1e-12
@@ -230,7 +230,7 @@ class Scene:
         if job.ends is None or not self.skip:
             return 0 if job.ends is None else int(solved_hz.size)
         k, hold = dimensionless(self.strip, solved_hz.astype(np.complex128))
-        task = Task(
+        question = Question(
             exact_k=k,
             exact_hold=hold,
             source=job.source,
@@ -238,7 +238,7 @@ class Scene:
             across=job.across,
             rtol=rtol,
         )
-        faint = faintness(task.at(job.ends.direct), job.ends, job.signs)
+        faint = faintness(question.at(job.ends.direct), job.ends, job.signs)
         return int(np.count_nonzero(np.any(faint > rtol, axis=1)))
 
     def jobs(self) -> tuple[Job, ...]:

@@ -19,9 +19,8 @@ from stimuli.strip.waves import supported_cutoff_hz
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Real
     from stimuli.strip.strip import Strip
-
-    Real = NDArray[np.float64]
 
 
 _UPPER: Final = 0.9

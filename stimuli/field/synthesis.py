@@ -10,13 +10,15 @@ import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
 from stimuli.drive.sampled import Drive, exponential_sums
-from stimuli.field.panels import Sweep, limits_hz, line_for, swept
+from stimuli.field.line import line_for
+from stimuli.field.panels import PanelSweep, swept
 from stimuli.field.scene import Scene
+from stimuli.field.tail import limits_hz
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Real
 
 
 LEAST_RTOL: Final = 1e-10
@@ -168,7 +170,7 @@ def transient_work(
     )
 
 
-def _reasons(found: Sweep, asked: int) -> list[str]:
+def _reasons(found: PanelSweep, asked: int) -> list[str]:
     """Say which bins are left out and why."""
     n_bins = found.values.shape[0]
     reasons = []
@@ -187,7 +189,7 @@ def _reasons(found: Sweep, asked: int) -> list[str]:
     return reasons
 
 
-def _found(scene: Scene, drive: Drive, times: Real, rtol: float) -> Sweep:
+def _found(scene: Scene, drive: Drive, times: Real, rtol: float) -> PanelSweep:
     """Return all bins that count, on a line that keeps later responses out."""
     span_s = max(float(np.max(times, initial=0.0)), drive.duration_s)
     found = swept(scene, drive, line_for(span_s, rtol), rtol)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Real
 
 
 _LEAST_RINGS: Final = 3

@@ -16,14 +16,13 @@ from stimuli.fingers.fingertip import checked_fingertips, felt
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
+    from stimuli.arrays import Real
     from stimuli.drive.windows import Window
     from stimuli.fingers.fingertip import Fingertip
     from stimuli.load import Load
     from stimuli.strip.strip import Strip
-
-    Real = NDArray[np.float64]
 
 
 MOST_CYCLES: Final = 20

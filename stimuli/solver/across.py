@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Complex, Real
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,8 +17,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Complex, Real
 
 
 _REACH: Final = 0.6

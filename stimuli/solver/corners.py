@@ -17,12 +17,8 @@ from stimuli.solver.across import shape
 from stimuli.solver.contour import Contour, contour
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from stimuli.arrays import Complex, Real
     from stimuli.solver.guided import Guided
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 
 _TAPER: Final = 3.0

@@ -10,16 +10,14 @@ import numpy as np
 
 from stimuli.solver.contour import contour
 from stimuli.solver.guided import Guided, guided
-from stimuli.solver.source import Part, Task, far_clearance, inside_excess, transformed
+from stimuli.solver.source import Answered, Question, far_clearance, inside_excess, transformed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Complex, Real
     from stimuli.solver.contour import Contour
     from stimuli.solver.source import Source
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 
 _LEAST_DISTANCE: Final = 1e-8
@@ -77,22 +75,25 @@ class _Waves:
     strength: Complex
 
     @classmethod
-    def of(cls, task: Task, sign: int) -> _Waves:
+    def of(cls, question: Question, sign: int) -> _Waves:
         """Return the waves of a load."""
-        known, k = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign), task.k
+        known, k = (
+            guided(question.exact_k, question.exact_hold, n_waves(question.k), sign),
+            question.k,
+        )
         every = known.followed(k[:, np.newaxis], _FOLLOWING)
         norms = every.norms(known.p.shape[1])
-        strength = 1j * every.excited(k[:, np.newaxis], task.source) / norms
+        strength = 1j * every.excited(k[:, np.newaxis], question.source) / norms
         return cls(known=known, every=every, strength=strength)
 
-    def terms(self, task: Task) -> Complex:
+    def terms(self, question: Question) -> Complex:
         """Return each wave at the points, shape (n_frequencies, n_every, n_points)."""
-        along = task.source.along(self.every.p[..., np.newaxis], task.distance)
-        return self.strength[..., np.newaxis] * self.every.shapes(task.across) * along
+        along = question.source.along(self.every.p[..., np.newaxis], question.distance)
+        return self.strength[..., np.newaxis] * self.every.shapes(question.across) * along
 
-    def incoming(self, task: Task) -> _Waves | None:
+    def incoming(self, question: Question) -> _Waves | None:
         """Return the waves that propagate as they come in from afar, with opposite residues."""
-        p, reach = self.known.p, float(np.max(task.distance)) + task.source.half_length
+        p, reach = self.known.p, float(np.max(question.distance)) + question.source.half_length
         running = (p.real > p.imag) & (p.imag * reach < _FAINTEST)
         if not np.any(running):
             return None
@@ -117,12 +118,12 @@ class _Sum:
     error: Real
 
 
-def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Part:
+def solved(question: Question, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -> Answered:
     """Return D U / W^2 of a load at points, equations (47) to (50).
 
     Parameters
     ----------
-    task : Task
+    question : Question
         Load, points, wavenumbers and wanted error.
     signs : tuple of int
         Symmetries about the centre line that are computed: +1 symmetric, -1 antisymmetric.
@@ -131,7 +132,7 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
 
     Returns
     -------
-    Part
+    Answered
 
     Examples
     --------
@@ -141,30 +142,30 @@ def solved(task: Task, signs: tuple[int, ...] = (1, -1), *, skip: bool = True) -
     >>> from stimuli.solver.across import Span
     >>> def at(y0, y):
     ...     source = Source(span=Span(centre=y0))
-    ...     task = Task(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), source=source,
-    ...                 distance=np.array([0.4]), across=np.array([y]), rtol=1e-10)
-    ...     return solved(task).value
+    ...     question = Question(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), rtol=1e-10,
+    ...                         source=source, distance=np.array([0.4]), across=np.array([y]))
+    ...     return solved(question).value
     >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
     True
     """
-    value, drift = np.zeros((2, task.k.size, task.distance.size), dtype=np.complex128)
+    value, drift = np.zeros((2, question.k.size, question.distance.size), dtype=np.complex128)
     error = np.zeros(value.shape)
-    far = (task.clearance >= far_clearance(task.rtol)) & skip
+    far = (question.clearance >= far_clearance(question.rtol)) & skip
     for sign in signs:
-        waves = _Waves.of(task, sign)
+        waves = _Waves.of(question, sign)
         for points, method in ((far, _far), (~far, _near)):
             if np.any(points):
-                part = method(task if np.all(points) else task.at(points), waves)
+                part = method(question if np.all(points) else question.at(points), waves)
                 value[:, points] += part.value
                 drift[:, points] += part.drift
                 error[:, points] += part.error
-    error += _CAUTION * np.abs(drift.real if task.lossless else drift)
-    source = task.source
+    error += _CAUTION * np.abs(drift.real if question.lossless else drift)
+    source = question.source
     if source.radius:
-        apart = _clipped(source, np.hypot(task.distance, task.across - source.span.centre))
-        excess = inside_excess(task.k, source.radius, apart, moment=source.moment)
+        apart = _clipped(source, np.hypot(question.distance, question.across - source.span.centre))
+        excess = inside_excess(question.k, source.radius, apart, moment=source.moment)
         value, error = value + excess, error + 8 * _EPS * np.abs(excess)
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
 def n_waves(k: Complex) -> int:
@@ -172,55 +173,58 @@ def n_waves(k: Complex) -> int:
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
 
 
-def _far(task: Task, waves: _Waves) -> _Sum:
+def _far(question: Question, waves: _Waves) -> _Sum:
     """Return the sum over all known guided waves, equation (47)."""
-    every, n = waves.terms(task), waves.known.p.shape[1]
+    every, n = waves.terms(question), waves.known.p.shape[1]
     used = np.ones(waves.known.p.shape, dtype=np.bool_)
-    terms = _together(every[:, :n], task, waves.known, used)
-    error = _rounding(task, waves.known, terms)
+    terms = _together(every[:, :n], question, waves.known, used)
+    error = _rounding(question, waves.known, terms)
     return _Sum(value=terms.sum(axis=1), drift=every[:, n:].sum(axis=1), error=error)
 
 
-def _near(task: Task, waves: _Waves) -> _Sum:
+def _near(question: Question, waves: _Waves) -> _Sum:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
-    source, modes = task.source, waves.known
+    source, modes = question.source, waves.known
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
     finest = min(size for size in sizes if size > 0)
-    rtol = task.rtol * _room(task) ** 2
-    nearest = max(float(np.min(task.distance)) - source.half_length, 0.0)
+    rtol = question.rtol * _room(question) ** 2
+    nearest = max(float(np.min(question.distance)) - source.half_length, 0.0)
     path = contour(
         modes.p,
-        rtol * math.exp(-float(np.max(np.abs(task.k))) * source.radius),
+        rtol * math.exp(-float(np.max(np.abs(question.k))) * source.radius),
         finest=finest,
         nearest=0.0 if source.radius else nearest,
-        mirrored=task.lossless,
+        mirrored=question.lossless,
         fall=1 if source.moment else 2,
     )
-    every = waves.terms(task)
+    every = waves.terms(question)
     alone = every[:, : modes.p.shape[1]]
     below = np.arange(alone.shape[1]) < path.n_below[:, np.newaxis]
-    terms = _together(alone, task, modes, below)
-    leaked = _leaked(task, path, waves, every=every, terms=terms)
-    rest = _integral(task, path, modes.sign)
+    terms = _together(alone, question, modes, below)
+    leaked = _leaked(question, path, waves, every=every, terms=terms)
+    rest = _integral(question, path, modes.sign)
     terms = np.where(below[..., np.newaxis], terms, 0.0)
     pairs = np.abs(leaked[:, :-1] + leaked[:, 1:])
     amount = np.minimum(pairs[:, ::2].sum(axis=1), pairs[:, 1::2].sum(axis=1))
-    error = rest.error + _UNSIGNED * amount + _rounding(task, modes, terms)
+    error = rest.error + _UNSIGNED * amount + _rounding(question, modes, terms)
     error += _EPS * _TINY / finest * np.abs(rest.value)
     return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
 
 
-def _room(task: Task) -> float:
+def _room(question: Question) -> float:
     """Return how near to an edge load and points are, 1 for a quarter of the width.
 
     There sums cancel as its square, and waves of high order count.
     """
-    inner = np.abs(task.across[np.abs(task.across) < 0.5])  # noqa: PLR2004 - the edges are at rest
-    nearest = 0.5 - max(float(np.max(inner, initial=0.0)), abs(task.source.span.centre))
+    off_centre = np.abs(question.across)
+    inner = off_centre[off_centre < 0.5]  # noqa: PLR2004 - the edges are at rest
+    nearest = 0.5 - max(float(np.max(inner, initial=0.0)), abs(question.source.span.centre))
     return float(np.clip(4 * nearest, _LEAST_ROOM, 1.0))
 
 
-def _leaked(task: Task, path: Contour, waves: _Waves, *, every: Complex, terms: Complex) -> Complex:
+def _leaked(
+    question: Question, path: Contour, waves: _Waves, *, every: Complex, terms: Complex
+) -> Complex:
     """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
     modes = waves.known
     pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
@@ -231,16 +235,18 @@ def _leaked(task: Task, path: Contour, waves: _Waves, *, every: Complex, terms: 
         n = terms.shape[1]
         every[:, :n] = np.where(tight[..., np.newaxis], _DOUBLE * terms, every[:, :n])
     leaked = every * path.leak(waves.every.p)[..., np.newaxis]
-    back = waves.incoming(task)
+    back = waves.incoming(question)
     if back is not None:  # they lie on the other side of the path
-        mirrored = back.terms(task) * path.leak(back.every.p)[..., np.newaxis]
+        mirrored = back.terms(question) * path.leak(back.every.p)[..., np.newaxis]
         leaked = np.concatenate([leaked, mirrored], axis=1)
     return leaked
 
 
-def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]) -> Complex:
+def _together(
+    alone: Complex, question: Question, modes: Guided, used: NDArray[np.bool_]
+) -> Complex:
     """Return the terms with the sum of close pairs in the place of the first of each, (51)."""
-    close = np.abs(np.diff(modes.p, axis=1)) < _close(task.rtol) * np.abs(modes.p[:, 1:])
+    close = np.abs(np.diff(modes.p, axis=1)) < _close(question.rtol) * np.abs(modes.p[:, 1:])
     rows, first = np.nonzero(close & used[:, 1:])
     if not rows.size:
         return alone
@@ -250,12 +256,14 @@ def _together(alone: Complex, task: Task, modes: Guided, used: NDArray[np.bool_]
     others = np.concatenate([p, -p], axis=1)
     others[pairs, first] = others[pairs, first + 1] = np.inf
     free = 0.25 * np.min(np.abs(others - centre[:, np.newaxis]), axis=1)
-    radius = np.minimum(free[:, np.newaxis], 3 / (task.distance + 1e-9))
+    radius = np.minimum(free[:, np.newaxis], 3 / (question.distance + 1e-9))
     turn = radius[:, np.newaxis] * _CIRCLE[:, np.newaxis]
     s = centre[:, np.newaxis, np.newaxis] + turn
-    k, hold = (a[rows, np.newaxis, np.newaxis] for a in (task.k, task.hold))
-    kernel, _ = transformed(s, k, hold, source=task.source, across=task.across, sign=modes.sign)
-    ring = 1j * np.mean(kernel * turn * task.source.along(s, task.distance), axis=1)
+    k, hold = (a[rows, np.newaxis, np.newaxis] for a in (question.k, question.hold))
+    kernel, _ = transformed(
+        s, k, hold, source=question.source, across=question.across, sign=modes.sign
+    )
+    ring = 1j * np.mean(kernel * turn * question.source.along(s, question.distance), axis=1)
     merged = radius > 2 * apart[:, np.newaxis]
     terms = alone.copy()
     terms[rows, first] = np.where(merged, ring, terms[rows, first])
@@ -268,10 +276,10 @@ def _close(rtol: float) -> float:
     return float(min(_CLOSEST, math.sqrt(1e5 * _EPS / rtol)))
 
 
-def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
+def _rounding(question: Question, modes: Guided, terms: Complex) -> Real:
     """Return the rounding error of the waves."""
     p = modes.p
-    k2 = np.abs(task.k[:, np.newaxis]) ** 2
+    k2 = np.abs(question.k[:, np.newaxis]) ** 2
     apart = np.full(p.shape, np.inf)
     apart[:, 1:] = np.abs(np.diff(p, axis=1))
     apart[:, :-1] = np.minimum(apart[:, :-1], apart[:, 1:])
@@ -279,47 +287,49 @@ def _rounding(task: Task, modes: Guided, terms: Complex) -> Real:
     pairing = 1 + size / np.maximum(apart, 1e-12 * size)
     relative = _EPS * (2 * pairing + _CANCELLATION * size / k2)
     relative += 2 * _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
-    turning = (_EPS * pairing * size)[..., np.newaxis] * task.distance
+    turning = (_EPS * pairing * size)[..., np.newaxis] * question.distance
     return np.asarray((np.abs(terms) * (relative[..., np.newaxis] + turning)).sum(axis=1))
 
 
-def _integral(task: Task, path: Contour, sign: int) -> Part:
+def _integral(question: Question, path: Contour, sign: int) -> Answered:
     """Return the integral along the path, equation (48)."""
     s = path.s[..., np.newaxis]
-    k, hold = (a[:, np.newaxis, np.newaxis] for a in (task.k, task.hold))
-    kernel, size = transformed(s, k, hold, source=task.source, across=task.across, sign=sign)
-    logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
-    if task.source.radius:
-        kernel, logarithm = _without_logarithm(kernel, path, task, sign)
-    along = task.source.along(s, task.distance) * path.weight[..., np.newaxis]
+    k, hold = (a[:, np.newaxis, np.newaxis] for a in (question.k, question.hold))
+    kernel, size = transformed(
+        s, k, hold, source=question.source, across=question.across, sign=sign
+    )
+    logarithm = np.zeros((question.k.size, question.distance.size), dtype=np.complex128)
+    if question.source.radius:
+        kernel, logarithm = _without_logarithm(kernel, path, question, sign)
+    along = question.source.along(s, question.distance) * path.weight[..., np.newaxis]
     terms = kernel * along
     value = terms.sum(axis=1)
     if path.mirrored:
         value = value.real + 0j
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
     lost = 4 * (size * np.abs(along[:, ::4])).sum(axis=1) + np.abs(logarithm)
-    return Part(value=value + logarithm, error=4 * ends + _EPS * lost)
+    return Answered(value=value + logarithm, error=4 * ends + _EPS * lost)
 
 
 def _without_logarithm(
-    kernel: Complex, path: Contour, task: Task, sign: int
+    kernel: Complex, path: Contour, question: Question, sign: int
 ) -> tuple[Complex, Complex]:
     """Take the logarithm at a disc's centre out of the kernel, equation (49)."""
     from scipy.special import kv
 
-    source = task.source
-    one, two = source.branch_weights(task.k)
-    strength = ((one - two) / (4 * task.k**2))[:, np.newaxis]
+    source = question.source
+    one, two = source.branch_weights(question.k)
+    strength = ((one - two) / (4 * question.k**2))[:, np.newaxis]
     m = path.ceiling[:, np.newaxis]
     root = np.sqrt(path.s**2 + m * m)[..., np.newaxis]
-    logarithm = np.zeros((task.k.size, task.distance.size), dtype=np.complex128)
+    logarithm = np.zeros((question.k.size, question.distance.size), dtype=np.complex128)
     for part, apart in (
-        (1, task.across - source.span.centre),
-        (sign, task.across + source.span.centre),
+        (1, question.across - source.span.centre),
+        (sign, question.across + source.span.centre),
     ):
         spread = np.exp(-root * np.abs(apart)) / (2 * root)
         kernel = kernel - part * strength[..., np.newaxis] * spread
-        r = _clipped(source, np.hypot(task.distance, apart))
+        r = _clipped(source, np.hypot(question.distance, apart))
         logarithm += part * strength * kv(0, m * r) / (2 * np.pi)
     return kernel, logarithm
 

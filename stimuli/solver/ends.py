@@ -18,13 +18,10 @@ from stimuli.solver.across import shape
 from stimuli.solver.endless import n_waves
 from stimuli.solver.fitted import fitted
 from stimuli.solver.guided import Guided, guided
-from stimuli.solver.source import Ends, Part, Task
+from stimuli.solver.source import Answered, Ends, Question
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Complex, Real
 
 
 _EPS: Final = float(np.finfo(np.float64).eps)
@@ -48,12 +45,12 @@ _NO_NULL: Final = 0.3
 """Distance from a load in widths below which the field has no nulls."""
 
 
-def reflected(task: Task, ends: Ends, signs: tuple[int, ...]) -> Part:
+def reflected(question: Question, ends: Ends, signs: tuple[int, ...]) -> Answered:
     """Return what the ends add to D U / W^2, equations (54) to (58).
 
     Parameters
     ----------
-    task : Task
+    question : Question
         Load, places across, wavenumbers and wanted error; its distances are not used.
     ends : Ends
         The ends, and where the pairs are along the strip.
@@ -62,7 +59,7 @@ def reflected(task: Task, ends: Ends, signs: tuple[int, ...]) -> Part:
 
     Returns
     -------
-    Part
+    Answered
         Shape (n_frequencies, n_pairs).
 
     Examples
@@ -72,40 +69,40 @@ def reflected(task: Task, ends: Ends, signs: tuple[int, ...]) -> Part:
     >>> from stimuli.solver.source import Source
     >>> from stimuli.solver.across import Span
     >>> def at(y0, y, x0, x):
-    ...     task = Task(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), rtol=1e-8,
+    ...     question = Question(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), rtol=1e-8,
     ...                 source=Source(span=Span(centre=y0)), distance=np.array([abs(x - x0)]),
     ...                 across=np.array([y]))
     ...     ends = Ends(length=2.0, poisson_ratio=0.3, load=np.array([x0]), point=np.array([x]),
     ...                 direct=np.array([0]))
-    ...     return reflected(task, ends, (1, -1)).value
+    ...     return reflected(question, ends, (1, -1)).value
     >>> bool(abs(at(0.1, -0.3, 0.2, 0.7) / at(-0.3, 0.1, 0.7, 0.2) - 1) < 1e-6)
     True
     """
-    value = np.zeros((task.k.size, task.across.size), dtype=np.complex128)
+    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
     error = np.zeros(value.shape)
-    supported = bool(np.all(np.isinf(task.hold)))
-    wanted = _wanted(task, ends) if supported else 0
+    supported = bool(np.all(np.isinf(question.hold)))
+    wanted = _wanted(question, ends) if supported else 0
     enough = supported and wanted <= _MOST_WAVES
-    count = n_waves(task.k) + (wanted if enough else _HELD_WAVES)
-    soft = replace(task, exact_hold=np.full_like(task.exact_hold, _SOFTEST))
+    count = n_waves(question.k) + (wanted if enough else _HELD_WAVES)
+    soft = replace(question, exact_hold=np.full_like(question.exact_hold, _SOFTEST))
     for sign in signs:
-        waves = guided(task.exact_k, task.exact_hold, count, sign)
+        waves = guided(question.exact_k, question.exact_hold, count, sign)
         if enough:
-            part = _turned_back(task, ends, waves)
+            part = _turned_back(question, ends, waves)
         else:
-            part = fitted(soft if supported else task, ends, waves)
+            part = fitted(soft if supported else question, ends, waves)
         value, error = value + part.value, error + part.error
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
-def faintness(task: Task, ends: Ends, signs: tuple[int, ...]) -> Real:
+def faintness(question: Question, ends: Ends, signs: tuple[int, ...]) -> Real:
     """Return how much the ends can add to the field as a part of it.
 
     Section 7 of docs/model.md: 30 exp(-d), d the decay of the slowest wave over the detour.
 
     Parameters
     ----------
-    task : Task
+    question : Question
         As for `reflected`, with the distance of each pair.
     ends : Ends
         The ends, and where the pairs are along the strip.
@@ -123,49 +120,52 @@ def faintness(task: Task, ends: Ends, signs: tuple[int, ...]) -> Real:
 
     >>> from stimuli.solver.source import Source
     >>> from stimuli.solver.across import Span
-    >>> task = Task(exact_k=np.array([1 + 0j]), exact_hold=np.array([0j]), rtol=1e-6,
-    ...             source=Source(span=Span(centre=0.0)), distance=np.array([0.0]),
-    ...             across=np.array([0.0]))
-    >>> middle = np.array([0.0])
-    >>> faint = [faintness(task, Ends(length=length, poisson_ratio=0.3, load=middle, point=middle,
-    ...                               direct=np.array([0])), (1,)) for length in (1.0, 5.0)]
-    >>> bool(faint[0] > 0.1), bool(faint[1] < 1e-6)
+    >>> middle, source = np.array([0.0]), Source(span=Span(centre=0.0))
+    >>> question = Question(exact_k=np.array([1 + 0j]), exact_hold=np.array([0j]), rtol=1e-6,
+    ...                     source=source, distance=middle, across=middle)
+    >>> def faint(length):
+    ...     ends = Ends(length=length, poisson_ratio=0.3, load=middle, point=middle,
+    ...                 direct=np.array([0]))
+    ...     return faintness(question, ends, (1,))
+    >>> bool(faint(1.0) > 0.1), bool(faint(5.0) < 1e-6)
     (True, True)
     """
-    detour = ends.detours(task.source.half_length + task.source.radius)
-    decay = np.full(task.k.size, np.inf)
+    detour = ends.detours(question.source.half_length + question.source.radius)
+    decay = np.full(question.k.size, np.inf)
     for sign in signs:
-        waves = guided(task.exact_k, task.exact_hold, n_waves(task.k), sign)
+        waves = guided(question.exact_k, question.exact_hold, n_waves(question.k), sign)
         decay = np.minimum(decay, waves.p.imag[:, 0])
-    nulls = np.maximum(math.log(1e3) - decay[:, np.newaxis] * task.distance, 0.0)
-    nulls[:, task.distance < _NO_NULL] = 0.0
+    nulls = np.maximum(math.log(1e3) - decay[:, np.newaxis] * question.distance, 0.0)
+    nulls[:, question.distance < _NO_NULL] = 0.0
     return np.asarray(_STRONGEST * np.exp(nulls - decay[:, np.newaxis] * detour))
 
 
-def _wanted(task: Task, ends: Ends) -> int:
+def _wanted(question: Question, ends: Ends) -> int:
     """Return how many waves that decay reach the wanted error between supported edges."""
-    source = task.source
+    source = question.source
     way = float(np.min(ends.length - np.abs(ends.load + ends.point)))
     way = max(way - source.half_length, 1e-9)
-    return int(min((math.log(1 / task.rtol) + _SPARE) / (_STEP * way), 1e6))
+    return int(min((math.log(1 / question.rtol) + _SPARE) / (_STEP * way), 1e6))
 
 
-def _turned_back(task: Task, ends: Ends, waves: Guided) -> Part:
+def _turned_back(question: Question, ends: Ends, waves: Guided) -> Answered:
     """Return the waves that the ends turn back, at the points, of one symmetry."""
     leaving, arriving, scale = _works(waves, ends.poisson_ratio)
     loads, which = np.unique(ends.load, return_inverse=True)
     p = waves.p[..., np.newaxis]
-    strength = 1j * waves.excited(task.k[:, np.newaxis], task.source) / waves.norms() / scale
+    strength = (
+        1j * waves.excited(question.k[:, np.newaxis], question.source) / waves.norms() / scale
+    )
     right, left = (
-        strength[..., np.newaxis] * task.source.along(p, ends.length / 2 + side * loads)
+        strength[..., np.newaxis] * question.source.along(p, ends.length / 2 + side * loads)
         for side in (-1, 1)
     )
-    across = waves.shapes(task.across) * scale[..., np.newaxis]
+    across = waves.shapes(question.across) * scale[..., np.newaxis]
     passed = np.exp(1j * p * ends.length)
     towards = np.exp(1j * p * (ends.length / 2 - ends.point))
     away = np.exp(1j * p * (ends.length / 2 + ends.point))
     n_fewer = _fewer(waves.p.shape[1])
-    value = np.zeros((task.k.size, task.across.size), dtype=np.complex128)
+    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
     fewer, size = value.copy(), np.zeros(value.shape)
     for mirror in (1, -1):
         matrix = leaving + mirror * arriving * np.swapaxes(passed, 1, 2)
@@ -177,7 +177,7 @@ def _turned_back(task: Task, ends: Ends, waves: Guided) -> Part:
         some = np.linalg.solve(matrix[:, :n_fewer, :n_fewer], pushed[:, :n_fewer])
         fewer += (some[..., which] * seen[:, :n_fewer]).sum(axis=1)
     error = np.abs(value - fewer) + 1e2 * _EPS * size
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
 def _fewer(count: int) -> int:

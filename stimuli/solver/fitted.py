@@ -15,16 +15,12 @@ import numpy as np
 
 from stimuli.solver.corners import EndFunctions, end_functions
 from stimuli.solver.images import Arriving, Images, images, is_near
-from stimuli.solver.source import Part, Task
+from stimuli.solver.source import Answered, Question
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from stimuli.arrays import Complex, Real
     from stimuli.solver.guided import Guided
     from stimuli.solver.source import Ends
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 
 _EPS: Final = float(np.finfo(np.float64).eps)
@@ -59,12 +55,12 @@ _PLACES: Final = 256
 """Pairs that are evaluated at once."""
 
 
-def fitted(task: Task, ends: Ends, waves: Guided) -> Part:
+def fitted(question: Question, ends: Ends, waves: Guided) -> Answered:
     """Return what the ends add to D U / W^2 of one symmetry, equation (57).
 
     Parameters
     ----------
-    task : Task
+    question : Question
         Load, places across, wavenumbers and wanted error; its distances are not used.
     ends : Ends
         The ends, and where the pairs are along the strip.
@@ -73,37 +69,39 @@ def fitted(task: Task, ends: Ends, waves: Guided) -> Part:
 
     Returns
     -------
-    Part
+    Answered
         Shape (n_frequencies, n_pairs).
     """
-    count = _n_sources(task.rtol, float(np.max(np.abs(task.k))))
-    if np.all(np.abs(task.hold) > _SOFT):
+    count = _n_sources(question.rtol, float(np.max(np.abs(question.k))))
+    if np.all(np.abs(question.hold) > _SOFT):
         count = _SOURCES[0]
-    functions = end_functions(task.k, task.hold, waves, ends.poisson_ratio, count)
-    value = np.zeros((task.k.size, task.across.size), dtype=np.complex128)
+    functions = end_functions(question.k, question.hold, waves, ends.poisson_ratio, count)
+    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
     error = np.zeros(value.shape)
-    room = ends.length / 2 - np.abs(ends.load) - task.source.half_length
+    room = ends.length / 2 - np.abs(ends.load) - question.source.half_length
     near = np.array([is_near(a) for a in room])
     groups = [~near, *(near & (ends.load == load) for load in np.unique(ends.load[near]))]
     for some in groups:
         if np.any(some):
-            part = _approached(task.at(some), ends.at(some), functions, float(np.min(room[some])))
+            part = _approached(
+                question.at(some), ends.at(some), functions, float(np.min(room[some]))
+            )
             value[:, some], error[:, some] = part.value, part.error
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
-def _approached(task: Task, ends: Ends, functions: EndFunctions, room: float) -> Part:
+def _approached(question: Question, ends: Ends, functions: EndFunctions, room: float) -> Answered:
     """Return what the ends add; for loads at an end, from loads a little way off, (58)."""
     if room >= _LEAST:
-        return _fitted(task, ends, functions, 0.0)
-    parts = [_fitted(task, ends, functions, gap) for gap in _LEAST * _STEPS]
+        return _fitted(question, ends, functions, 0.0)
+    parts = [_fitted(question, ends, functions, gap) for gap in _LEAST * _STEPS]
     values = np.array([part.value for part in parts])
     value, coarse = (
         np.tensordot(_extrapolation(n, room / _LEAST), values[:n], 1)
         for n in (_STEPS.size, _STEPS.size - 1)
     )
     error = 2 * np.max([part.error for part in parts], axis=0)
-    return Part(value=value, error=error + np.abs(value - coarse))
+    return Answered(value=value, error=error + np.abs(value - coarse))
 
 
 def _extrapolation(count: int, place: float) -> Real:
@@ -115,16 +113,16 @@ def _extrapolation(count: int, place: float) -> Real:
     )
 
 
-def _fitted(task: Task, ends: Ends, functions: EndFunctions, least: float) -> Part:
+def _fitted(question: Question, ends: Ends, functions: EndFunctions, least: float) -> Answered:
     """Return what the ends add for loads that need the same functions and keep a distance."""
     loads, which = np.unique(ends.load, return_inverse=True)
-    half, source = ends.length / 2, task.source
+    half, source = ends.length / 2, question.source
     right, left = (np.maximum(half + side * loads, least + source.half_length) for side in (-1, 1))
     gaps = [float(a[0]) - source.half_length for a in (right, left)]
     gaps = [gap for gap in gaps if is_near(gap)]
     basis = _Basis(functions=functions, mirrors=[images(functions, source, gap) for gap in gaps])
-    across, weights = _collocation(functions, task, gaps)
-    arriving = Arriving(functions=functions, source=source, across=across, rtol=task.rtol)
+    across, weights = _collocation(functions, question, gaps)
+    arriving = Arriving(functions=functions, source=source, across=across, rtol=question.rtol)
     moment, shear = arriving.at(np.concatenate([right, left]))
     pushed = np.concatenate([-weights[0] * moment, weights[1] * shear], axis=1)
     origin = np.zeros(across.size)
@@ -132,12 +130,12 @@ def _fitted(task: Task, ends: Ends, functions: EndFunctions, least: float) -> Pa
     works = [[w * t for w, t in zip(weights, trace[1:], strict=True)] for trace in traces]
     dropped = 2 * max(int(_DROPPED * functions.beyond.size), 2)
     answers = _strengths(works, pushed, dropped, alone=basis.is_alone(ends.length))
-    shape = (task.k.size, task.across.size)
+    shape = (question.k.size, question.across.size)
     value, coarse, size = (np.zeros(shape, dtype=np.complex128) for _ in range(3))
     for some in np.array_split(np.arange(shape[1]), -(-shape[1] // _PLACES)):
         aways = (half - ends.point[some], half + ends.point[some])
         for trace, (fine, rough) in zip(
-            basis.at(task.across[some], aways, 1), answers, strict=True
+            basis.at(question.across[some], aways, 1), answers, strict=True
         ):
             seen, own = trace[0], which[some]
             value[:, some] += _summed(seen, fine[:, own])
@@ -146,7 +144,7 @@ def _fitted(task: Task, ends: Ends, functions: EndFunctions, least: float) -> Pa
     error = _CAUTION * np.abs(value - coarse) + 50 * _EPS * size.real
     if gaps:
         error += _IMAGES_ERROR * np.abs(value)
-    return Part(value=value, error=error)
+    return Answered(value=value, error=error)
 
 
 def _summed(seen: Complex | Real, strengths: Complex | Real) -> Complex:
@@ -220,10 +218,10 @@ def _n_sources(rtol: float, k: float) -> int:
 
 
 def _collocation(
-    functions: EndFunctions, task: Task, gaps: list[float]
+    functions: EndFunctions, question: Question, gaps: list[float]
 ) -> tuple[Real, tuple[Real, Real]]:
     """Return places on half of the end, crowded where it matters, weights of moment and shear."""
-    span = task.source.span
+    span = question.source.span
     finest = min(gaps, default=1.0)
     borders = [0.5 * _halves(float(functions.beyond[-1]) / 2)]
     places = {0.5 - abs(span.low), 0.5 - abs(span.high)}
@@ -233,7 +231,7 @@ def _collocation(
     rough = np.unique(rough[(rough > 0) & (rough <= _HALF)])
     apart = np.diff(rough, prepend=0.0) > 0.2 * np.minimum(rough, finest)
     rough = np.concatenate([[0.0], rough[apart]])
-    longest = 1.5 / max(float(np.max(np.abs(task.k))), 10.0)
+    longest = 1.5 / max(float(np.max(np.abs(question.k))), 10.0)
     cuts = [np.linspace(a, b, math.ceil((b - a) / longest) + 1)[:-1] for a, b in pairwise(rough)]
     ends = np.concatenate([*cuts, [0.5]])
     nodes, weights = np.polynomial.legendre.leggauss(_PANEL)

@@ -17,11 +17,8 @@ from stimuli.strip.dispersion import starting_values
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Complex, Exact, Real
     from stimuli.solver.source import Source
-
-    Complex = NDArray[np.complex128]
-    Exact = NDArray[np.clongdouble]
-    Real = NDArray[np.float64]
 
 
 PI: Final = np.longdouble("3.14159265358979323846264338327950288")

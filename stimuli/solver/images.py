@@ -18,11 +18,9 @@ from stimuli.solver.source import far_clearance
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Complex, Real
     from stimuli.solver.corners import EndFunctions
     from stimuli.solver.source import Source
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 
 _NEAR: Final = 0.5

@@ -14,9 +14,7 @@ from stimuli.solver.across import Span, crossing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Complex = NDArray[np.complex128]
-    Exact = NDArray[np.clongdouble]
-    Real = NDArray[np.float64]
+    from stimuli.arrays import Complex, Exact, Real
 
 
 _SERIES_TERMS: Final = 12
@@ -223,7 +221,7 @@ _LEAST_SPREAD: Final = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Task:
+class Question:
     """What is asked of one load, in units of the width.
 
     Attributes
@@ -256,8 +254,8 @@ class Task:
         object.__setattr__(self, "k", self.exact_k.astype(np.complex128))
         object.__setattr__(self, "hold", self.exact_hold.astype(np.complex128))
 
-    def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Task:
-        """Return the task for some of its points."""
+    def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Question:
+        """Return the question for some of its points."""
         return replace(self, distance=self.distance[points], across=self.across[points])
 
     @property
@@ -273,7 +271,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Part:
+class Answered:
     """Values with an estimate of their error, both of shape (n_frequencies, n_points)."""
 
     value: Complex

@@ -17,7 +17,7 @@ from stimuli.strip.waves import Section, cross_waves, outgoing_root, ratio, scal
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Complex = NDArray[np.complex128]
+    from stimuli.arrays import Complex, Real
 
 
 _SPARE: Final = 6
@@ -203,9 +203,7 @@ def _stiffness_below(z: NDArray[np.inexact[Any]], *, symmetric: bool) -> NDArray
     return np.where(small, slope / 2, away)
 
 
-def _modes(
-    bending: complex, count: int, offset: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _modes(bending: complex, count: int, offset: float) -> tuple[Real, Real]:
     """Return q and the root of half the numerator of each term of (32), with its tail (34).
 
     Modes one by one as far as the roots sought reach, then two that stand for all the others:
@@ -224,7 +222,7 @@ def _modes(
 
 
 @lru_cache(maxsize=1)
-def _tail_rule() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _tail_rule() -> tuple[Real, Real]:
     return np.polynomial.legendre.leggauss(5)
 
 
@@ -354,7 +352,7 @@ def exceptional_bending(compliance: float) -> float:
     return z
 
 
-def _coalescence(compliance: float, y: float, z: float) -> NDArray[np.float64]:
+def _coalescence(compliance: float, y: float, z: float) -> Real:
     """Return dispersion function and slope at x = (pi / 2)^2 + y, exact for small y and z too."""
     slack, grip = compliance / (1 + compliance), 1 / (1 + compliance)
     x, q = math.pi**2 / 4 + y, math.pi / 2

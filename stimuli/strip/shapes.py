@@ -12,9 +12,9 @@ from stimuli.strip.dispersion import dispersion
 from stimuli.strip.waves import Section, cross_waves, scaled_sinc
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
-    Complex = NDArray[np.complex128]
+    from stimuli.arrays import Complex, Real
 
 
 TOLERANCE: Final = 1e-6
@@ -25,9 +25,7 @@ _PANEL_RAD: Final = 4.0
 """Phase of the two waves across a panel of the quadrature: 16 nodes leave 1e-15."""
 
 
-def folded(
-    y_m: ArrayLike, width_m: float, *, symmetric: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def folded(y_m: ArrayLike, width_m: float, *, symmetric: bool) -> tuple[Real, Real]:
     """Return the distances from the nearer edge in half widths, and the signs of that half.
 
     Raises
@@ -67,7 +65,7 @@ def is_wave(section: Section, x: complex) -> bool:
     return bool(2 * abs(value[-1]) < np.max(abs(value[:-1])))
 
 
-def wave_shape(section: Section, x: complex, from_edge: NDArray[np.float64]) -> Complex:
+def wave_shape(section: Section, x: complex, from_edge: Real) -> Complex:
     """Return the shape of a wave on the half of the strip at y = 0.
 
     Parameters
@@ -108,7 +106,7 @@ def wave_shape(section: Section, x: complex, from_edge: NDArray[np.float64]) -> 
     return shape
 
 
-def _shape(section: Section, x: complex, from_edge: NDArray[np.float64]) -> Complex:
+def _shape(section: Section, x: complex, from_edge: Real) -> Complex:
     """Return the shape times exp(i (a + b)), without cancellation and without overflow."""
     waves = cross_waves(np.array([complex(x)]), section.bending)
     near, far = from_edge / 2, 1 - from_edge / 2

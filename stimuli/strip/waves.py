@@ -18,9 +18,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Complex
     from stimuli.strip.material import Material
-
-    Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +185,7 @@ def squared_frequency_ratio(
 
 def supported_wavenumbers(
     material: Material, width_m: float, thickness_m: float, frequency_hz: float, modes: range
-) -> NDArray[np.complex128]:
+) -> Complex:
     """Return the wavenumbers p of both branches in rad/m, equations (9) and (19).
 
     p^2 / q^2 = -(1 - r c) and -(1 + r c) with r = k^2 / q^2 without loss, c = 1 / sqrt(factor) and
@@ -213,5 +212,5 @@ def supported_wavenumbers(
     deficit = complex(0.0, factor.imag) / factor / (1 + c)
     root = outgoing_root(-np.concatenate([detuning / (1 + r) + r * deficit, 1 + r * c]))
     q = math.pi / width_m * number
-    p: NDArray[np.complex128] = np.concatenate([q, q]) * root
+    p: Complex = np.concatenate([q, q]) * root
     return p[np.lexsort((-p.real, p.imag))]

@@ -19,7 +19,8 @@ from stimuli.strip.waves import Section, cross_waves, outgoing_root
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Complex = NDArray[np.complex128]
+    from stimuli.arrays import Complex
+
 
 PLATE = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
 """The paper's plate (section II-B) between ideal clamps."""

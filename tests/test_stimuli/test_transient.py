@@ -34,10 +34,8 @@ from stimuli import (
 )
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from stimuli.arrays import Complex, Real
 
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
 
 W = 0.025
 TAU = 8.264e-7
