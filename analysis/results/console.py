@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
 from analysis.answers.counting import AUDIBILITY
-from analysis.axis import Axis, shortest, with_limits
 from analysis.definitions import TOTAL
+from analysis.results.rows import (
+    TERMINAL,
+    blank_cells,
+    both_cells,
+    forced_choice,
+    left_out_rows,
+    level_rows,
+    population_text,
+)
 from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
@@ -21,29 +28,12 @@ if TYPE_CHECKING:
 
 _WIDTH = 80
 _FEW = 10
-_HEADER = (
-    "V p-p",
-    "k/n",
-    "P",
-    "min",
-    "mean",
-    "max",
-    "group 95 %",
-    "both",
-    "other",
-    "late",
-    "p ans",
-)
 _LEGEND = (
     "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
     "max: over participants' k/n. group 95 %: interval of the group. both, other: answered both, "
     "the other side. late: time-outs. p ans: k / answered."
 )
 _LEGEND_ANY = " any: answered left, right or both."
-_FORCED = (
-    'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
-    "k/n starts near 1/2, not at 0."
-)
 
 
 def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
@@ -70,16 +60,17 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         f"Counted: single {counts.single}, both {counts.both}, blank {counts.blank}; "
         f"left out {counts.left_out}.",
     )
-    for condition, rows in _level_rows(analysis):
+    levels = level_rows(analysis, TERMINAL)
+    for condition, rows in levels.of_condition.items():
         print(file=file)
         if counts.conditions > 1:
             _say(file, f"Condition {condition}")
-        _print_table(_header(analysis), rows, file)
+        _print_table(levels.header, rows, file)
     if len(analysis.levels):
         forced = analysis.detected_any is None
         _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
         if forced:
-            _say(file, _FORCED)
+            _say(file, forced_choice("k/n"))
     for line in (
         *_total_lines(analysis),
         *_control_lines(analysis.control),
@@ -98,49 +89,6 @@ def _say(file: TextIO, text: str) -> None:
     print(textwrap.fill(printable, _WIDTH, subsequent_indent="  "), file=file)
 
 
-def _header(analysis: Analysis) -> list[str]:
-    unit = "V p-p" if analysis.axis.unit == Axis().unit else analysis.axis.unit
-    names = [unit, *_HEADER[1:]]
-    return names if analysis.detected_any is None else [*names, "any"]
-
-
-def _level_rows(analysis: Analysis) -> Iterator[tuple[str, list[list[str]]]]:
-    """Yield each condition with its rows of the printed table."""
-    table = analysis.levels
-    people = analysis.participants.groupby(["condition", "level_vpp"]).size()
-    table = table.assign(people=people.to_numpy())
-    if analysis.detected_any is not None:
-        table = table.assign(any=analysis.detected_any["detected_any"])
-    for condition, levels in table.groupby("condition"):
-        rows = [_level_row(row) for _, row in levels.iterrows()]
-        yield str(condition), rows
-
-
-def _level_row(row: pd.Series[Any]) -> list[str]:
-    cells = [
-        shortest(row["level_vpp"]),
-        f"{row['detected']}/{row['presented']}",
-        str(row["people"]),
-        *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
-        _interval(row["group_low"], row["group_high"]),
-        *(_count(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
-        _p(row["p_answered"]),
-    ]
-    return [*cells, str(row["any"])] if "any" in row.index else cells
-
-
-def _p(value: float) -> str:
-    return "n/a" if math.isnan(value) else f"{value:.3f}"
-
-
-def _count(number: float) -> str:
-    return "n/a" if math.isnan(number) else f"{number:.0f}"
-
-
-def _interval(low: float, high: float) -> str:
-    return "n/a" if math.isnan(low) else f"{low:.3f}-{high:.3f}"
-
-
 def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None:
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     for row in (header, *rows):
@@ -150,16 +98,17 @@ def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None
 
 def _total_lines(analysis: Analysis) -> Iterator[str]:
     for row in _last_rows(analysis.both):
+        noticed, p, limits, left, right = both_cells(row, TERMINAL)
         yield (
-            f"Both-finger trials{_where(row)}: {row['noticed']}/{row['presented']} answered both, "
-            f"{_total(row, analysis.ci)}; left only {row['left_only']}, right only "
-            f"{row['right_only']}."
+            f"Both-finger trials{_where(row)}: {noticed} answered both, "
+            f"{_total(p, limits, analysis.ci)}; left only {left}, right only {right}."
         )
     for row in _last_rows(analysis.blank):
+        _, left, right, both, p, limits = blank_cells(row, TERMINAL)
+        felt = TERMINAL.share(row["left"] + row["right"] + row["both"], row["presented"])
         yield (
-            f"Blank trials{_where(row)}: {row['left'] + row['right'] + row['both']}/"
-            f"{row['presented']} false alarms, {_total(row, analysis.ci)}; left {row['left']}, "
-            f"right {row['right']}, both {row['both']}."
+            f"Blank trials{_where(row)}: {felt} false alarms, {_total(p, limits, analysis.ci)}; "
+            f"left {left}, right {right}, both {both}."
         )
 
 
@@ -194,14 +143,12 @@ def _threshold_lines(analysis: Analysis) -> Iterator[str]:
 def _population_lines(analysis: Analysis) -> Iterator[str]:
     for one in analysis.population:
         where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
-        low, high = one.threshold_limits_vpp
-        told = one.reason or with_limits(one.threshold_vpp, low, high, analysis.axis.unit)
+        told = one.reason or population_text(one, analysis.axis.unit)
         yield f"Threshold of the population{where}: {told}."
 
 
-def _total(row: pd.Series[Any], ci: str) -> str:
-    limits = _interval(row["low"], row["high"])
-    return f"{_p(row['p'])}, 95 % {ci.title()} {limits} (ignores participants)"
+def _total(p: str, limits: str, ci: str) -> str:
+    return f"{p}, 95 % {ci.title()} {limits} (ignores participants)"
 
 
 def _last_rows(table: pd.DataFrame) -> Iterator[pd.Series[Any]]:
@@ -216,8 +163,6 @@ def _where(row: pd.Series[Any]) -> str:
 
 
 def _excluded_lines(excluded: pd.DataFrame) -> Iterator[str]:
-    for reason, rows in excluded.groupby("reason"):
-        each = ", ".join(
-            f"{p} {n}" for p, n in zip(rows["participant"], rows["trials"], strict=True)
-        )
-        yield f"Left out, {reason}: {rows['trials'].sum()} trials ({each})."
+    for reason, trials, people in left_out_rows(excluded):
+        each = ", ".join(f"{name} {number}" for name, number in people)
+        yield f"Left out, {reason}: {trials} trials ({each})."

@@ -5,10 +5,22 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from analysis.axis import alone, shortest, with_limits
+from analysis.axis import alone, shortest
 from analysis.definitions import DEFINITIONS, TOTAL
 from analysis.results.figures.confusion import stimulus
 from analysis.results.markup import element, figure, foreign, page, table
+from analysis.results.rows import (
+    PAGE,
+    blank_cells,
+    both_cells,
+    choice_rows,
+    forced_choice,
+    left_out_rows,
+    level_head,
+    level_rows,
+    p_text,
+    population_text,
+)
 from analysis.results.summary import versions
 from experiment.terms.record import RESPONSES
 
@@ -18,78 +30,13 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.answers.choice import Choices
-    from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
-    from analysis.answers.serial import SerialEffect
     from analysis.results.figures.figures import Picture
     from analysis.results.markup import Content
     from analysis.results.tables import Analysis
     from analysis.thresholds.population import PopulationThreshold
 
 
-_SERIAL = {
-    "correct": "Correct again after a correct answer",
-    "felt": "Felt again after a stimulus was felt",
-    "side": "The same side answered again",
-}
-
-
-def choice_rows(choices: Choices) -> Iterator[list[str]]:
-    """Yield the rows of a table: quantity, value, p, remark.
-
-    Parameters
-    ----------
-    choices : Choices
-        Of a participant or of all in a condition.
-    """
-    yield ["Over-report: both to a single stimulus", _share(choices.over_report), "", ""]
-    yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
-    told = choices.information
-    corrected = (
-        f"corrected for chance {_decimals(told.miller_madow_bits)} bits" if told.trials else ""
-    )
-    yield ["Information of an answer", f"{_decimals(told.plugin_bits)} bits", _decimals(told.p),
-           told.reason or f"{corrected}, of {_decimals(told.stimulus_bits)} at most"]  # fmt: skip
-    yield from _sensitivity("Detection", choices.detection)
-    yield from _sensitivity("Left against right", choices.spatial)
-    yield _preference("Side of wrong answers", choices.wrong_side)
-    yield _preference("Side answered to blank trials", choices.blank_side)
-    yield _preference("Side felt alone of both fingers", choices.extinction)
-    for name, words in _SERIAL.items():
-        yield _serial(words, getattr(choices.serial, name))
-
-
-def _sensitivity(name: str, one: Sensitivity) -> Iterator[list[str]]:
-    remark = one.reason
-    if one.participants > 1:
-        remark = f"mean of {one.participants} participants"
-    yield [f"{name}: d'", _decimals(one.d_prime), "", remark]
-    yield [f"{name}: criterion", _decimals(one.criterion), "", remark]
-
-
-def _preference(name: str, one: SidePreference) -> list[str]:
-    return [name, f"left {one.left}, right {one.right}", _decimals(one.p), one.reason]
-
-
-def _serial(name: str, one: SerialEffect) -> list[str]:
-    otherwise = "" if one.otherwise is None else f"otherwise {_share(one.otherwise)}"
-    return [name, _share(one.again), _decimals(one.p), one.reason or otherwise]
-
-
-def _share(share: Share) -> str:
-    told = f"{share.count} of {share.of}"
-    return told if share.p is None else f"{share.p:.3f} ({told})"
-
-
-def _decimals(value: float | None) -> str:
-    return "n/a" if value is None else f"{value:.3f}"
-
-
 _TITLE = "Detection of vibrotactile stimuli"
-_FORCED = (
-    'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
-    "the detection probability starts near 1/2, not at 0."
-)
 _CENSORED = (
     "A threshold outside the tested levels is told as below or above them, never as a number. "
     "Such thresholds take part in the median; a mean is given only where everybody has a number."
@@ -184,11 +131,11 @@ def _counted(analysis: Analysis) -> Iterator[Element]:
 
 
 def _left_out(excluded: pd.DataFrame) -> Iterator[list[Content]]:
-    for reason, rows in excluded.groupby("reason"):
+    for reason, trials, people in left_out_rows(excluded):
         each: list[Content] = []
-        for name, number in zip(rows["participant"], rows["trials"], strict=True):
+        for name, number in people:
             each += [", " if each else "", foreign(name), f" {number}"]
-        yield [str(reason), str(rows["trials"].sum()), element("span", *each)]
+        yield [reason, str(trials), element("span", *each)]
 
 
 def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
@@ -197,34 +144,11 @@ def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Elemen
         yield element("p", "No trial with a single stimulus counts.")
         return
     if analysis.detected_any is None:
-        yield element("p", _FORCED)
+        yield element("p", forced_choice("the detection probability"))
     yield from _shown(drawn, "detection")
-    header = [_level_head(analysis), "Detected / presented", "Participants",
-              "Least", "Mean", "Largest", "Group, 95 %", "Both", "Other side", "Time-outs",
-              "Of answered"]  # fmt: skip
-    people = analysis.participants.groupby(["condition", "level_vpp"]).size()
-    levels = analysis.levels.assign(people=people.to_numpy())
-    if analysis.detected_any is not None:
-        header.append("Felt at all")
-        levels = levels.assign(any=analysis.detected_any["detected_any"])
-    for condition, rows in levels.groupby("condition"):
-        caption = f"Detection by level{_where(analysis, condition)}"
-        yield table(
-            caption, header, [_level(row, analysis.axis.unit) for _, row in rows.iterrows()]
-        )
-
-
-def _level(row: pd.Series[Any], unit: str) -> list[Content]:
-    return [
-        f"{shortest(row['level_vpp'])} {unit}",
-        f"{row['detected']} / {row['presented']}",
-        str(row["people"]),
-        *(_p(row[name]) for name in ("p_min", "p_mean", "p_max")),
-        _limits(row["group_low"], row["group_high"]),
-        *(_count(row[name]) for name in ("over_report", "mislocalised", "timeouts")),
-        _p(row["p_answered"]),
-        *([str(row["any"])] if "any" in row.index else []),
-    ]
+    levels = level_rows(analysis, PAGE)
+    for condition, rows in levels.of_condition.items():
+        yield table(f"Detection by level{_where(analysis, condition)}", levels.header, rows)
 
 
 def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
@@ -260,12 +184,11 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
 
 
 def _population(one: PopulationThreshold, unit: str) -> list[Content]:
-    low, high = one.threshold_limits_vpp
     return [
         foreign(one.condition),
         str(one.participants),
-        "n/a" if one.reason else with_limits(one.threshold_vpp, low, high, unit),
-        _p(one.between_sd),
+        population_text(one, unit) or "n/a",
+        p_text(one.between_sd),
         one.reason,
     ]
 
@@ -275,7 +198,7 @@ def _threshold(row: pd.Series[Any], unit: str) -> list[Content]:
         foreign(row["participant"]),
         row["printed"],
         row["status"].replace("_", " "),
-        *(_p(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
+        *(p_text(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
         row["guess_basis"],
         *(_level_text(row[f"threshold_guess_{name}_vpp"], unit) for name in ("0", "third")),
         str(row["levels"]),
@@ -310,11 +233,17 @@ def _reaction_times(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[E
     yield element("h2", "Reaction times")
     yield element("p", "Of correct answers to single stimuli; time-outs have none.")
     yield from _shown(drawn, "reaction_times")
-    header = [f"{_level_head(analysis)}, finger", "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
+    header = [
+        f"{level_head(analysis, PAGE)}, finger",
+        "Answers",
+        "Median (s)",
+        "10 % (s)",
+        "90 % (s)",
+    ]
     for condition, rows in analysis.reaction_times.groupby("condition"):
         cells = [
             [f"{shortest(row['level_vpp'])} {analysis.axis.unit}, {row['side']}", str(row["n"]),
-             *(_p(row[name]) for name in ("median", "p10", "p90"))]
+             *(p_text(row[name]) for name in ("median", "p10", "p90"))]
             for _, row in rows.iterrows()
         ]  # fmt: skip
         yield table(f"Reaction times{_where(analysis, condition)}", header, cells)
@@ -326,20 +255,12 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Element]:
         yield element("h2", "Both-finger trials")
         header = ["Participant", "Answered both / presented", "Share", of_ci, "Left only",
                   "Right only"]  # fmt: skip
-        rows = [
-            [*_who(row), f"{row['noticed']} / {row['presented']}", _p(row["p"]),
-             _limits(row["low"], row["high"]), str(row["left_only"]), str(row["right_only"])]
-            for _, row in analysis.both.iterrows()
-        ]  # fmt: skip
+        rows = [[*_who(row), *both_cells(row, PAGE)] for _, row in analysis.both.iterrows()]
         yield table(f"Both-finger trials; {_TOTALS}", header, rows)
     if len(analysis.blank):
         yield element("h2", "Blank trials")
         header = ["Participant", "Presented", "Left", "Right", "Both", "False alarms", of_ci]
-        rows = [
-            [*_who(row), *(str(row[name]) for name in ("presented", "left", "right", "both")),
-             _p(row["p"]), _limits(row["low"], row["high"])]
-            for _, row in analysis.blank.iterrows()
-        ]  # fmt: skip
+        rows = [[*_who(row), *blank_cells(row, PAGE)] for _, row in analysis.blank.iterrows()]
         yield table(f"Blank trials; {_TOTALS}", header, rows)
 
 
@@ -405,21 +326,5 @@ def _where(analysis: Analysis, condition: object) -> str:
     return f", condition {condition}" if analysis.counts.conditions > 1 else ""
 
 
-def _p(value: float) -> str:
-    return "n/a" if math.isnan(value) else f"{value:.3f}"
-
-
-def _level_head(analysis: Analysis) -> str:
-    return "Level (p-p)" if analysis.axis.unit == "V" else "Level"
-
-
-def _count(value: float) -> str:
-    return "n/a" if math.isnan(value) else str(int(value))
-
-
 def _level_text(value: float, unit: str) -> str:
     return "n/a" if math.isnan(value) else alone(value, unit)
-
-
-def _limits(low: float, high: float) -> str:
-    return "n/a" if math.isnan(low) else f"{low:.3f} to {high:.3f}"

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from analysis.definitions import DEFINITIONS
+from analysis.results.rows import levels_told
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,11 +36,6 @@ def summary_text(analysis: Analysis) -> str:
         A JSON object with the keys ``schema definitions inputs versions seed counts excluded levels
         both blank control thresholds groups population choice reaction_times warnings``.
     """
-    levels = analysis.levels
-    if analysis.detected_any is None:
-        levels = levels.assign(detected_any=math.nan)
-    else:
-        levels = levels.assign(detected_any=analysis.detected_any["detected_any"])
     summary = {
         "schema": SCHEMA,
         "definitions": {"ci": analysis.ci, **DEFINITIONS},
@@ -48,7 +44,7 @@ def summary_text(analysis: Analysis) -> str:
         "seed": analysis.seed,
         "counts": asdict(analysis.counts),
         "excluded": _records(analysis.excluded),
-        "levels": _records(levels),
+        "levels": _records(levels_told(analysis)),
         "both": _records(analysis.both),
         "blank": _records(analysis.blank),
         "control": _records(analysis.control),

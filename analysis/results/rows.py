@@ -1,0 +1,228 @@
+"""What the rows of a reported table tell, once for terminal, page and summary."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from analysis.axis import VOLTS, shortest, with_limits
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import pandas as pd
+
+    from analysis.answers.choice import Choices
+    from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
+    from analysis.answers.serial import SerialEffect
+    from analysis.results.tables import Analysis
+    from analysis.thresholds.population import PopulationThreshold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Style:
+    """How a place that is read writes counts of counts and limits; whether it has room for words.
+
+    >>> TERMINAL.share(3, 4), PAGE.limits(0.25, 0.75), PAGE.limits(math.nan, math.nan)
+    ('3/4', '0.250 to 0.750', 'n/a')
+    """
+
+    of: str
+    to: str
+    roomy: bool
+
+    def share(self, count: int, of: int) -> str:
+        """Return how many of how many."""
+        return f"{count}{self.of}{of}"
+
+    def limits(self, low: float, high: float) -> str:
+        """Return an interval, of which there may be none."""
+        return "n/a" if math.isnan(low) else f"{low:.3f}{self.to}{high:.3f}"
+
+
+TERMINAL: Final = Style(of="/", to="-", roomy=False)
+PAGE: Final = Style(of=" / ", to=" to ", roomy=True)
+
+
+def p_text(value: float | None) -> str:
+    """Return a value to three decimals, or n/a.
+
+    >>> p_text(0.25), p_text(math.nan), p_text(None)
+    ('0.250', 'n/a', 'n/a')
+    """
+    return "n/a" if value is None or math.isnan(value) else f"{value:.3f}"
+
+
+def _count(number: float) -> str:
+    return "n/a" if math.isnan(number) else f"{number:.0f}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Column:
+    """A column of the table of levels: its heads on terminal and page, and its cell in a row."""
+
+    short: str
+    long: str
+    cell: Callable[[pd.Series[Any], Style], str]
+
+
+def _named(name: str, write: Callable[[float], str]) -> Callable[[pd.Series[Any], Style], str]:
+    return lambda row, _: write(row[name])
+
+
+# The level itself stands in front of these, because its head and cell have the axis's unit.
+_LEVELS = (
+    _Column(
+        short="k/n",
+        long="Detected / presented",
+        cell=lambda row, style: style.share(row["detected"], row["presented"]),
+    ),
+    _Column(short="P", long="Participants", cell=_named("people", str)),
+    _Column(short="min", long="Least", cell=_named("p_min", p_text)),
+    _Column(short="mean", long="Mean", cell=_named("p_mean", p_text)),
+    _Column(short="max", long="Largest", cell=_named("p_max", p_text)),
+    _Column(
+        short="group 95 %",
+        long="Group, 95 %",
+        cell=lambda row, style: style.limits(row["group_low"], row["group_high"]),
+    ),
+    _Column(short="both", long="Both", cell=_named("over_report", _count)),
+    _Column(short="other", long="Other side", cell=_named("mislocalised", _count)),
+    _Column(short="late", long="Time-outs", cell=_named("timeouts", _count)),
+    _Column(short="p ans", long="Of answered", cell=_named("p_answered", p_text)),
+)
+_FELT = _Column(short="any", long="Felt at all", cell=_named("detected_any", str))
+"""Only where "none" could be answered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelRows:
+    """The table of levels as text: its header, and the rows of each condition."""
+
+    header: list[str]
+    of_condition: dict[str, list[list[str]]]
+
+
+def levels_told(analysis: Analysis) -> pd.DataFrame:
+    """Return the levels with ``detected_any``, NaN where "none" could not be answered."""
+    felt = analysis.detected_any
+    return analysis.levels.assign(detected_any=math.nan if felt is None else felt["detected_any"])
+
+
+def level_rows(analysis: Analysis, style: Style) -> LevelRows:
+    """Write the table of levels for one place that is read."""
+    people = analysis.participants.groupby(["condition", "level_vpp"]).size()
+    table = levels_told(analysis).assign(people=people.to_numpy())
+    columns = _LEVELS if analysis.detected_any is None else (*_LEVELS, _FELT)
+    unit = f" {analysis.axis.unit}" if style.roomy else ""
+    return LevelRows(
+        header=[
+            level_head(analysis, style),
+            *(c.long if style.roomy else c.short for c in columns),
+        ],
+        of_condition={
+            str(condition): [
+                [f"{shortest(row['level_vpp'])}{unit}", *(c.cell(row, style) for c in columns)]
+                for _, row in levels.iterrows()
+            ]
+            for condition, levels in table.groupby("condition")
+        },
+    )
+
+
+def forced_choice(what: str) -> str:
+    """Return what a reader of levels has to know where "none" could not be answered."""
+    return (
+        'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
+        f"{what} starts near 1/2, not at 0."
+    )
+
+
+def level_head(analysis: Analysis, style: Style) -> str:
+    """Return the head of a column of levels."""
+    volts = analysis.axis.unit == VOLTS.unit
+    if style.roomy:
+        return "Level (p-p)" if volts else "Level"
+    return "V p-p" if volts else analysis.axis.unit
+
+
+def both_cells(row: pd.Series[Any], style: Style) -> list[str]:
+    """Return noticed of presented, share, its interval, left only and right only."""
+    return [
+        style.share(row["noticed"], row["presented"]),
+        p_text(row["p"]),
+        style.limits(row["low"], row["high"]),
+        str(row["left_only"]),
+        str(row["right_only"]),
+    ]
+
+
+def blank_cells(row: pd.Series[Any], style: Style) -> list[str]:
+    """Return presented, left, right, both, the share of false alarms and its interval."""
+    counts = [str(row[name]) for name in ("presented", "left", "right", "both")]
+    return [*counts, p_text(row["p"]), style.limits(row["low"], row["high"])]
+
+
+def left_out_rows(excluded: pd.DataFrame) -> Iterator[tuple[str, int, list[tuple[str, int]]]]:
+    """Yield each reason with the trials left out for it, and how many of each participant.
+
+    >>> import pandas as pd
+    >>> table = {"participant": ["1", "2"], "reason": "voided", "trials": [3, 4]}
+    >>> list(left_out_rows(pd.DataFrame(table)))
+    [('voided', 7, [('1', 3), ('2', 4)])]
+    """
+    for reason, rows in excluded.groupby("reason"):
+        each = zip(rows["participant"].tolist(), rows["trials"].tolist(), strict=True)
+        yield str(reason), int(rows["trials"].sum()), list(each)
+
+
+def population_text(one: PopulationThreshold, unit: str) -> str:
+    """Return the threshold of a population and its limits; empty text where there is none."""
+    return "" if one.reason else with_limits(one.threshold_vpp, *one.threshold_limits_vpp, unit)
+
+
+_SERIAL = {
+    "correct": "Correct again after a correct answer",
+    "felt": "Felt again after a stimulus was felt",
+    "side": "The same side answered again",
+}
+
+
+def choice_rows(choices: Choices) -> Iterator[list[str]]:
+    """Yield what the answers of a participant, or of all, tell: quantity, value, p, remark."""
+    yield ["Over-report: both to a single stimulus", _share(choices.over_report), "", ""]
+    yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
+    told = choices.information
+    corrected = f"corrected for chance {p_text(told.miller_madow_bits)} bits" if told.trials else ""
+    yield ["Information of an answer", f"{p_text(told.plugin_bits)} bits", p_text(told.p),
+           told.reason or f"{corrected}, of {p_text(told.stimulus_bits)} at most"]  # fmt: skip
+    yield from _sensitivity("Detection", choices.detection)
+    yield from _sensitivity("Left against right", choices.spatial)
+    yield _preference("Side of wrong answers", choices.wrong_side)
+    yield _preference("Side answered to blank trials", choices.blank_side)
+    yield _preference("Side felt alone of both fingers", choices.extinction)
+    for name, words in _SERIAL.items():
+        yield _serial(words, getattr(choices.serial, name))
+
+
+def _sensitivity(name: str, one: Sensitivity) -> Iterator[list[str]]:
+    remark = one.reason
+    if one.participants > 1:
+        remark = f"mean of {one.participants} participants"
+    yield [f"{name}: d'", p_text(one.d_prime), "", remark]
+    yield [f"{name}: criterion", p_text(one.criterion), "", remark]
+
+
+def _preference(name: str, one: SidePreference) -> list[str]:
+    return [name, f"left {one.left}, right {one.right}", p_text(one.p), one.reason]
+
+
+def _serial(name: str, one: SerialEffect) -> list[str]:
+    otherwise = "" if one.otherwise is None else f"otherwise {_share(one.otherwise)}"
+    return [name, _share(one.again), p_text(one.p), one.reason or otherwise]
+
+
+def _share(share: Share) -> str:
+    told = f"{share.count} of {share.of}"
+    return told if share.p is None else f"{share.p:.3f} ({told})"
