@@ -17,6 +17,7 @@ import numpy as np
 
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
+from device.core.messages import Ping
 from device.limits import Limits
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
@@ -79,7 +80,7 @@ def _times(port: str) -> _Times:
     pings, fires = [], []
     for token in range(1, REPEATS + 1):
         began = time.perf_counter()
-        link.ping()
+        link.exchange(Ping())
         pings.append(time.perf_counter() - began)
         device.arm(token, 0, time_to_live_s=1.0)
         began = time.perf_counter()

@@ -7,15 +7,29 @@ states.py.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from device.checks import require_whole
-from device.core.messages import Arm, CodeArray, Levels, Load, check_token, full_scale
+from device.core.messages import (
+    Arm,
+    Beat,
+    CodeArray,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Load,
+    Message,
+    Ping,
+    Query,
+    Stop,
+    full_scale,
+)
 from device.core.output import Emission, OutputStage
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
-from device.core.tokens import Fate, Record, TokenHistory
+from device.core.tokens import Fate, Record, Reply, TokenHistory
 from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
 from device.limits import (
     Limits,
@@ -29,6 +43,9 @@ from device.limits import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+# Five beats may be lost before the outputs go off, so that a busy host is not taken for a dead one;
+# longer must no actuator be driven that nobody watches. The time runs whatever else arrives:
+# questions are no beats, for a host that hangs in a loop of them is dead to its operator too.
 WATCHDOG_US = 500_000
 """Without a beat for this long while the output is on, the device stops itself."""
 
@@ -39,7 +56,7 @@ _RENDERED_AT_MOST = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Loaded:
+class _Slot:
     codes: CodeArray
     peaks: tuple[float, float]
     rendered: dict[Levels, FloatArray] = field(default_factory=dict)
@@ -48,8 +65,8 @@ class _Loaded:
 class DeviceCore:
     """A device from power-on to power-off; another power cycle is another object.
 
-    Each call first lets happen what was due by `now_us` (`advance`), in the order of time. A call
-    that raises has changed nothing else.
+    `take` first lets happen what was due by `now_us` (`advance`), in the order of time. A message
+    that is refused has changed nothing else.
 
     Parameters
     ----------
@@ -74,11 +91,11 @@ class DeviceCore:
     >>> sine = np.array([0, 32767, 0, -32767, 0], dtype=np.int32)
     >>> core = DeviceCore(boot_id=1, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
     ...                   sink=print)
-    >>> core.load(0, Load(slot=0, left=sine, right=0 * sine))
-    >>> core.enable(10)
-    >>> core.set_levels(20, Levels(left_mvpp=150_000, right_mvpp=150_000))
-    >>> core.arm(30, Arm(token=7, slot=0, time_to_live_us=1_000))
-    >>> core.fire(40, 7) == core.fire(50, 7)
+    >>> core.take(0, Load(slot=0, left=sine, right=0 * sine))
+    >>> core.take(10, Enable())
+    >>> core.take(20, Levels(left_mvpp=150_000, right_mvpp=150_000))
+    >>> core.take(30, Arm(token=7, slot=0, time_to_live_us=1_000))
+    >>> core.take(40, Fire(token=7)) == core.take(50, Fire(token=7))
     True
     >>> core.playing.left_v.tolist(), core.playing.level_right_vpp
     ([...74.99...], 0.0)
@@ -99,7 +116,7 @@ class DeviceCore:
         self.output = output
         self._sink = sink
         self._tokens = TokenHistory(history)
-        self._slots: dict[int, _Loaded] = {}
+        self._slots: dict[int, _Slot] = {}
         self._levels = Levels(left_mvpp=0, right_mvpp=0)
         self._state = State.IDLE
         self._armed: Arm | None = None
@@ -136,39 +153,43 @@ class DeviceCore:
             self._happen(*due)
         self._now_us = now_us
 
-    def beat(self, now_us: int) -> None:
-        """Hear the host's heartbeat."""
-        self.advance(now_us)
-        self._beat_us = now_us
+    def take(self, now_us: int, message: Message[Reply]) -> Reply:
+        """Do what a message asks and return its answer, or refuse it and change nothing.
 
-    def load(self, now_us: int, message: Load) -> None:
-        """Store the codes of both channels in a slot."""
+        Raises
+        ------
+        Rejected
+            State, limits or tokens forbid it.
+        """
         self.advance(now_us)
+        act = self._ACTIONS.get(type(message))
+        if act is None:
+            raise rejection(Refusal.BAD_MESSAGE, type(message).__name__)
+        answer: Reply = act(self, message)
+        return answer
+
+    def _load(self, message: Load) -> None:
         after = self._after(Step.LOAD)
         full = full_scale(self.output.bits)
         peaks = check_waveforms(message.left / full, message.right / full, self.limits)
         codes = np.array((message.left, message.right), dtype=np.int32)
-        self._slots[message.slot] = _Loaded(codes=codes, peaks=peaks)
+        self._slots[message.slot] = _Slot(codes=codes, peaks=peaks)
         self._state = after
 
-    def set_levels(self, now_us: int, message: Levels) -> None:
+    def _set_levels(self, message: Levels) -> None:
         """Set both levels, unless no loaded waveform of a channel could use its level."""
-        self.advance(now_us)
         after = self._after(Step.LEVEL)
-        peaks = least_peaks(loaded.peaks for loaded in self._slots.values())
+        peaks = least_peaks(slot.peaks for slot in self._slots.values())
         check_burst(peaks, message.vpp, self.limits)
         self._levels = message
         self._state = after
 
-    def enable(self, now_us: int) -> None:
+    def _enable(self, _: Enable) -> None:
         """Switch the output on; the watchdog waits from here for its first beat."""
-        self.advance(now_us)
         self._state = self._after(Step.ENABLE)
-        self._beat_us = now_us
+        self._beat_us = self._now_us
 
-    def arm(self, now_us: int, message: Arm) -> None:
-        """Allow a token to play a slot until its time to live is over."""
-        self.advance(now_us)
+    def _arm(self, message: Arm) -> None:
         after = self._after(Step.ARM)
         check_time_to_live(message.time_to_live_us, self.limits)
         if self._tokens.find(message.token) is not None:
@@ -177,13 +198,13 @@ class DeviceCore:
             raise rejection(Refusal.EMPTY_SLOT, f"slot {message.slot}")
         check_burst(self._slots[message.slot].peaks, self._levels.vpp, self.limits)
         self._armed = message
-        self._armed_until_us = now_us + message.time_to_live_us
+        self._armed_until_us = self._now_us + message.time_to_live_us
         self._state = after
 
-    def fire(self, now_us: int, token: int) -> Record:
-        """Play the armed slot; a token that has fired gives its record and no other burst."""
-        self.advance(now_us)
-        token = check_token(token)
+    def _fire(self, message: Fire) -> Record:
+        # The history is asked before the state: a token that has fired is answered with its record
+        # in every state, so that a FIRE whose answer was lost can be sent again at any time.
+        token = message.token
         record = self._tokens.find(token)
         if record is not None and record.fate is Fate.FIRED:
             return record
@@ -200,28 +221,42 @@ class DeviceCore:
         self._state = after
         return record
 
-    def disarm(self, now_us: int, token: int) -> None:
-        """Make sure that a token cannot fire from now on, whether it is armed or never was."""
-        self.advance(now_us)
-        token = check_token(token)
+    def _disarm(self, message: Disarm) -> None:
+        # A token that was never here is kept too: its ARM may still be under way.
+        token = message.token
         if self._armed is not None and token == self._armed.token:
             self._resolve(Fate.ABORTED)
             self._state = self._after(Step.DISARM)
         elif self._tokens.find(token) is None:
             self._tokens.keep(self._tokens.absent(token))
 
-    def query(self, now_us: int, token: int) -> Record:
-        """Return what became of a token."""
-        self.advance(now_us)
-        token = check_token(token)
+    def _query(self, message: Query) -> Record:
+        token = message.token
         if self._armed is not None and token == self._armed.token:
             return Record(token=token, fate=Fate.ARMED)
         return self._tokens.find(token) or self._tokens.absent(token)
 
-    def stop(self, now_us: int) -> None:
-        """Bring the outputs to zero: the host's ESTOP, or a link that was lost."""
-        self.advance(now_us)
-        self._happen(now_us, Step.STOP)
+    def _stop(self, _: Stop) -> None:
+        self._happen(self._now_us, Step.STOP)
+
+    def _hear(self, _: Beat) -> None:
+        self._beat_us = self._now_us
+
+    def _answer(self, _: Ping) -> None:
+        pass
+
+    _ACTIONS: ClassVar[dict[type[Message[Any]], Callable[..., Any]]] = {
+        Ping: _answer,
+        Load: _load,
+        Levels: _set_levels,
+        Enable: _enable,
+        Arm: _arm,
+        Fire: _fire,
+        Disarm: _disarm,
+        Query: _query,
+        Stop: _stop,
+        Beat: _hear,
+    }
 
     def _after(self, step: Step) -> State:
         if (self._state, step) not in TRANSITIONS:
@@ -266,10 +301,10 @@ class DeviceCore:
             check_rest(since_onset_us=since_us, duration_us=duration_us, limits=self.limits)
 
     def _emit(self, armed: Arm) -> Record:
-        loaded, levels = self._slots[armed.slot], self._levels
-        left_mvpp = levels.left_mvpp if loaded.peaks[0] > 0.0 else 0
-        right_mvpp = levels.right_mvpp if loaded.peaks[1] > 0.0 else 0
-        volts = self._render(loaded)
+        slot, levels = self._slots[armed.slot], self._levels
+        left_mvpp = levels.left_mvpp if slot.peaks[0] > 0.0 else 0
+        right_mvpp = levels.right_mvpp if slot.peaks[1] > 0.0 else 0
+        volts = self._render(slot)
         self._last = Emission(
             token=armed.token,
             start_us=self._now_us,
@@ -286,11 +321,11 @@ class DeviceCore:
             levels_mvpp=(left_mvpp, right_mvpp),
         )
 
-    def _render(self, loaded: _Loaded) -> FloatArray:
-        if self._levels not in loaded.rendered:
-            if len(loaded.rendered) == _RENDERED_AT_MOST:
-                loaded.rendered.clear()
-            loaded.rendered[self._levels] = self.output.render(
-                loaded.codes, levels=self._levels, limits=self.limits
+    def _render(self, slot: _Slot) -> FloatArray:
+        if self._levels not in slot.rendered:
+            if len(slot.rendered) == _RENDERED_AT_MOST:
+                slot.rendered.clear()
+            slot.rendered[self._levels] = self.output.render(
+                slot.codes, levels=self._levels, limits=self.limits
             )
-        return loaded.rendered[self._levels]
+        return slot.rendered[self._levels]

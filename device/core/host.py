@@ -12,8 +12,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from device.core.messages import (
     Arm,
+    Disarm,
+    Enable,
+    Fire,
     Levels,
     Load,
+    Message,
+    Query,
     as_waveform,
     check_slot,
     check_token,
@@ -22,7 +27,7 @@ from device.core.messages import (
     to_millivolts,
 )
 from device.core.states import State, Step, require_legal
-from device.core.tokens import Exchange, Fate, Record, delivery
+from device.core.tokens import Exchange, Fate, Record, Reply, delivery
 from device.driver import Delivery, FloatArray, Identity, LinkError, Refusal, StateError, rejection
 from device.limits import (
     Limits,
@@ -45,8 +50,8 @@ class Link(Protocol):
 
     Examples
     --------
-    >>> sorted(name for name in vars(Link) if name in {"hello", "fire", "stop"})
-    ['fire', 'hello', 'stop']
+    >>> sorted(name for name in vars(Link) if not name.startswith("_"))
+    ['boot_id', 'exchange', 'hang_up', 'hello', 'state', 'stop']
     """
 
     @property
@@ -63,36 +68,18 @@ class Link(Protocol):
         The device is IDLE or SAFE then: the loss of a connection before has stopped it.
         """
 
-    def load(self, message: Load) -> None:
-        """Send LOAD."""
-
-    def set_levels(self, message: Levels) -> None:
-        """Send LEVEL."""
-
-    def enable(self) -> None:
-        """Send OUTPUT on."""
-
-    def arm(self, message: Arm) -> None:
-        """Send ARM."""
-
-    def fire(self, token: int) -> Exchange:
-        """Send FIRE and return question and answer."""
-
-    def disarm(self, token: int) -> None:
-        """Send DISARM."""
-
-    def query(self, token: int) -> Exchange:
-        """Send QUERY and return question and answer."""
+    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
+        """Send a message and return it with its answer."""
 
     def stop(self) -> None:
-        """Send ESTOP: from any thread, in any state, without waiting for a lock."""
+        """Send STOP: from any thread, in any state, without waiting for a lock."""
 
     def hang_up(self) -> None:
         """Disconnect."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Loaded:
+class _HostSlot:
     peaks: tuple[float, float]
     duration_us: int
 
@@ -125,7 +112,7 @@ class HostDriver:
         self._clock = clock
         self._identity: Identity | None = None
         self._seen_restart = False
-        self._slots: dict[int, _Loaded] = {}
+        self._slots: dict[int, _HostSlot] = {}
         self._levels_vpp = (0.0, 0.0)
         self._armed: Arm | None = None
         self._burst: Delivery | None = None
@@ -151,7 +138,7 @@ class HostDriver:
         self._identity = identity
         self._slots.clear()
         self._armed = self._burst = None
-        self._link.set_levels(Levels(left_mvpp=0, right_mvpp=0))
+        self._link.exchange(Levels(left_mvpp=0, right_mvpp=0))
         self._levels_vpp = (0.0, 0.0)
         return identity
 
@@ -168,14 +155,14 @@ class HostDriver:
         left, right = as_waveform("left", left), as_waveform("right", right)
         peaks = check_waveforms(left, right, self._limits)
         codes_left, codes_right = to_codes(left, identity.bits), to_codes(right, identity.bits)
-        self._link.load(Load(slot=slot, left=codes_left, right=codes_right))
+        self._link.exchange(Load(slot=slot, left=codes_left, right=codes_right))
         duration_us = round(left.size * 1e6 / identity.sample_rate_hz)
-        self._slots[slot] = _Loaded(peaks=peaks, duration_us=duration_us)
+        self._slots[slot] = _HostSlot(peaks=peaks, duration_us=duration_us)
 
     def enable(self) -> None:
         """Switch the output on; the only way out of a stop."""
         self._require(Step.ENABLE)
-        self._link.enable()
+        self._link.exchange(Enable())
 
     def set_levels(self, left_vpp: float, right_vpp: float) -> None:
         """Set the levels of both channels in peak-to-peak volts at the actuator.
@@ -187,9 +174,9 @@ class HostDriver:
         message = Levels(left_mvpp=to_millivolts(left_vpp), right_mvpp=to_millivolts(right_vpp))
         sent_vpp = message.vpp
         levels_vpp = max(left_vpp, sent_vpp[0]), max(right_vpp, sent_vpp[1])
-        peaks = least_peaks(loaded.peaks for loaded in self._slots.values())
+        peaks = least_peaks(slot.peaks for slot in self._slots.values())
         check_burst(peaks, levels_vpp, self._limits)
-        self._link.set_levels(message)
+        self._link.exchange(message)
         self._levels_vpp = levels_vpp
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
@@ -204,7 +191,7 @@ class HostDriver:
         if message.slot not in self._slots:
             raise rejection(Refusal.EMPTY_SLOT, f"slot {slot}")
         check_burst(self._slots[message.slot].peaks, self._levels_vpp, self._limits)
-        self._link.arm(message)
+        self._link.exchange(message)
         self._armed = message
 
     def fire(self, token: int) -> Delivery:
@@ -221,7 +208,7 @@ class HostDriver:
             self._check_rest()
         elif self._burst is None or token != self._burst.token:
             require_legal(self._link.state, Step.FIRE)
-        fired = delivery(self._link.fire(token))
+        fired = delivery(self._link.exchange(Fire(token=token)))
         if armed is not None:
             self._burst, self._burst_us = fired, self._slots[armed.slot].duration_us
             self._armed = None
@@ -230,7 +217,7 @@ class HostDriver:
     def disarm(self, token: int) -> None:
         """Make sure that a token cannot fire from now on; what it did before stays."""
         self._require_open()
-        self._link.disarm(check_token(token))
+        self._link.exchange(Disarm(token=check_token(token)))
 
     def query(self, token: int) -> Delivery:
         """Return what became of a token.
@@ -239,7 +226,7 @@ class HostDriver:
         INDETERMINATE: it may have fired in the power cycle before.
         """
         self._require_open()
-        told = self._link.query(check_token(token))
+        told = self._link.exchange(Query(token=check_token(token)))
         if told.record.fate is Fate.NEVER_ARMED and (self._seen_restart or self._restarted):
             told = replace(told, record=Record(token=told.record.token, fate=Fate.UNKNOWN))
         return delivery(told)

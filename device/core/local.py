@@ -9,17 +9,15 @@ from __future__ import annotations
 import secrets
 from abc import abstractmethod
 from collections import deque
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from device.clock import Clock, resolution_s
 from device.core.core import DeviceCore
+from device.core.messages import Beat, Fire, Message, Query, Stop
 from device.core.states import State
-from device.core.tokens import Exchange, Record
+from device.core.tokens import Exchange, Record, Reply
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from device.core.messages import Arm, Levels, Load
     from device.core.output import OutputStage
     from device.limits import Limits
 
@@ -29,8 +27,7 @@ BEAT_US = 100_000
 _STRIDE_US = 4 * BEAT_US
 """One beat in four is given to the core: the others could not change what its watchdog does."""
 
-_Content = TypeVar("_Content")
-_Answer = TypeVar("_Answer")
+Told = TypeVar("Told")
 
 
 class LocalCore:
@@ -52,7 +49,7 @@ class LocalCore:
     >>> core = DeviceCore(boot_id=1, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
     ...                   sink=print)
     >>> link = LocalCore(core, clock)
-    >>> link.query(7).record.fate.value
+    >>> link.exchange(Query(token=7)).record.fate.value
     'never_armed'
     """
 
@@ -76,33 +73,11 @@ class LocalCore:
         """The core's power cycle."""
         return self._core.boot_id
 
-    def load(self, message: Load) -> None:
-        """Store a waveform."""
-        self._ask(self._core.load, message)
-
-    def set_levels(self, message: Levels) -> None:
-        """Set both levels."""
-        self._ask(self._core.set_levels, message)
-
-    def enable(self) -> None:
-        """Switch the output on."""
-        self._ask(lambda now_us, _: self._core.enable(now_us), None)
-
-    def arm(self, message: Arm) -> None:
-        """Arm a token."""
-        self._ask(self._core.arm, message)
-
-    def fire(self, token: int) -> Exchange:
-        """Fire a token and return question and answer."""
-        return self._exchange(self._core.fire, token)
-
-    def disarm(self, token: int) -> None:
-        """Disarm a token."""
-        self._ask(self._core.disarm, token)
-
-    def query(self, token: int) -> Exchange:
-        """Ask for a token and return question and answer."""
-        return self._exchange(self._core.query, token)
+    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
+        """Give a message to the core; its answer, also a refusal, tells the core's state."""
+        before_s = self._clock.now_s()
+        record = self._take(message)
+        return self._told(record, before_s, self._clock.now_s(), self._core.now_us)
 
     def stop(self) -> None:
         """Note a stop, from any thread; the core hears of it before anything else."""
@@ -113,12 +88,16 @@ class LocalCore:
         self._attend()
         self._known = State.CLOSED
 
-    def _exchange(self, call: Callable[[int, int], Record], token: int) -> Exchange:
-        before_s = self._clock.now_s()
-        record = self._ask(call, token)
-        return self._told(record, before_s, self._clock.now_s(), self._core.now_us)
+    def _take(self, message: Message[Reply]) -> Reply:
+        now_us = self._attend()
+        try:
+            return self._core.take(now_us, message)
+        finally:
+            self._known = self._core.state
 
-    def _told(self, record: Record, before_s: float, after_s: float, device_us: int) -> Exchange:
+    def _told(
+        self, record: Told, before_s: float, after_s: float, device_us: int
+    ) -> Exchange[Told]:
         return Exchange(
             record=record,
             boot_id=self._core.boot_id,
@@ -129,20 +108,12 @@ class LocalCore:
             retries=0,
         )
 
-    def _ask(self, call: Callable[[int, _Content], _Answer], content: _Content) -> _Answer:
-        """Give a message to the core; its answer, also a refusal, tells the core's state."""
-        now_us = self._attend()
-        try:
-            return call(now_us, content)
-        finally:
-            self._known = self._core.state
-
     def _attend(self) -> int:
         """Bring the core up to the present, stops first, and return its time."""
         while self._stops:
             at_us = max(self._device_us(self._stops.popleft()), self._core.now_us)
             self._beat_until(at_us)
-            self._core.stop(at_us)
+            self._core.take(at_us, Stop())
         now_us = self._device_us(self._clock.now_s())
         self._beat_until(now_us)
         self._core.advance(now_us)
@@ -152,7 +123,7 @@ class LocalCore:
         due_us = until_us - (until_us - self._beat_us) % BEAT_US
         while self._heart_beats and self._beat_us < due_us:
             self._beat_us = min(self._beat_us + _STRIDE_US, due_us)
-            self._core.beat(self._beat_us)
+            self._core.take(self._beat_us, Beat())
 
     def _device_us(self, host_s: float) -> int:
         return round(host_s * 1e6)
@@ -177,19 +148,19 @@ class HostedCore(LocalCore):
         boot_id = secrets.randbits(63)
         core = DeviceCore(boot_id=boot_id, limits=limits, output=output, sink=lambda _: None)
         super().__init__(core, clock)
-        self._fired: dict[int, Exchange] = {}
+        self._fired: dict[int, Exchange[Any]] = {}
 
-    def fire(self, token: int) -> Exchange:
-        """Play a token if the core allows it; the same one again gives the same exchange."""
-        if token not in self._fired:
-            record = self._ask(self._core.fire, token)
-            self._fired[token] = self._play(record)
-        return self._fired[token]
+    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
+        """Give a message to the core; play a token it allows, once, and tell what is known of it.
 
-    def query(self, token: int) -> Exchange:
-        """Return what became of a token."""
-        return self._fired[token] if token in self._fired else super().query(token)
+        The same FIRE again, or a QUERY, gives the same exchange.
+        """
+        if isinstance(message, Fire) and message.token not in self._fired:
+            self._fired[message.token] = self._play(self._take(message))
+        if isinstance(message, Fire | Query) and message.token in self._fired:
+            return self._fired[message.token]
+        return super().exchange(message)
 
     @abstractmethod
-    def _play(self, record: Record) -> Exchange:
+    def _play(self, record: Record) -> Exchange[Record]:
         """Play what the core has allowed with this record."""

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Generic, TypeVar
 
 from device.checks import require_whole
 from device.clock import CLOCK_TOLERANCE
 from device.driver import Delivery, Outcome
+
+Reply = TypeVar("Reply")
+"""What a message is answered with: the record of a token, or nothing but that it was done."""
 
 
 class Fate(StrEnum):
@@ -15,11 +19,6 @@ class Fate(StrEnum):
 
     `NEVER_ARMED` is said only where it is certain for this power cycle; a token that may have been
     forgotten is `UNKNOWN`.
-
-    Examples
-    --------
-    >>> OUTCOMES[Fate.EXPIRED].value, OUTCOMES[Fate.UNKNOWN].value
-    ('not_fired', 'indeterminate')
     """
 
     ARMED = "armed"
@@ -45,27 +44,8 @@ OUTCOMES = {
 class Record:
     """The device's record of one token.
 
-    Parameters
-    ----------
-    token : int
-        1 to 2**64 - 1.
-    fate : Fate
-        What became of it.
-    start_us : int or None
-        Onset on the device's clock in microseconds, if it fired.
-    levels_mvpp : tuple of int
-        Left and right level that were set, in peak-to-peak millivolts; 0 for a silent channel,
-        and where it did not fire.
-
-    Raises
-    ------
-    ValueError
-        `start_us` contradicts the fate.
-
-    Examples
-    --------
-    >>> Record(token=1, fate=Fate.EXPIRED).start_us is None
-    True
+    `start_us` is the onset on the device's clock if it fired, and only then; `levels_mvpp` the left
+    and right level that were set, 0 for a silent channel and where it did not fire.
     """
 
     token: int
@@ -80,28 +60,19 @@ class Record:
             )
 
 
+# A device has little memory, and a host may ask for a token hours after it fired, if it
+# crashed. The danger is not to forget but to say "never armed" of what was forgotten: a burst
+# that was felt would be presented again. Hence the mark: up to the largest token ever dropped
+# absence means nothing, and hosts count upwards, so that what they ask for lies above it.
 class TokenHistory:
-    """The last records of a power cycle, and how certain their absence is.
+    """The last `capacity` records of a power cycle, and how certain their absence is.
 
     A full history drops its oldest record and remembers the largest token it ever dropped: a token
-    above that mark that is not in the history was never here. Hosts that count their tokens
-    upwards therefore get certain answers however long the device stays on; with tokens in any
-    other order the answers turn into `UNKNOWN` once something was dropped, never into a wrong one.
+    above that mark that is not in the history was never here. With tokens in any other order than
+    upwards the answers turn into `UNKNOWN` once something was dropped, never into a wrong one.
     A token that was dropped can be armed again; that no token fires twice is the device's promise
     for `capacity` tokens, and the host's beyond, which makes each token once.
 
-    Parameters
-    ----------
-    capacity : int
-        Number of records kept.
-
-    Raises
-    ------
-    ValueError
-        `capacity` is below 1.
-
-    Examples
-    --------
     >>> history = TokenHistory(capacity=1)
     >>> history.absent(7).fate.value
     'never_armed'
@@ -136,33 +107,16 @@ class TokenHistory:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Exchange:
-    """One question to the device and its answer, on both clocks.
+class Exchange(Generic[Reply]):
+    """One message to the device and its answer, on both clocks.
 
-    Parameters
-    ----------
-    record : Record
-        The answer to FIRE or QUERY.
-    boot_id : int
-        Power cycle that answered.
-    host_before_s, host_after_s : float
-        Host clock readings between which the device answered: the question was sent after the
-        first and the answer read before the second, or more is known.
-    device_us : int
-        Device clock when it answered.
-    resolution_s : float
-        Least step of the host clock.
-    retries : int
-        How often the question had to be sent again.
-
-    Examples
-    --------
-    >>> Exchange(record=Record(token=1, fate=Fate.EXPIRED), boot_id=1, host_before_s=0.0,
-    ...          host_after_s=0.5, device_us=9, resolution_s=0.0, retries=0).interval_s
-    0.5
+    The device answered between the two readings of the host's clock: the message was sent after
+    the first and the answer read before the second, or more is known. `device_us` is its own clock
+    when it answered, `resolution_s` the least step of the host's, and `retries` how often the
+    message had to be sent again.
     """
 
-    record: Record
+    record: Reply
     boot_id: int
     host_before_s: float
     host_after_s: float
@@ -170,31 +124,14 @@ class Exchange:
     resolution_s: float
     retries: int
 
-    @property
-    def interval_s(self) -> float:
-        """Seconds from question to answer."""
-        return self.host_after_s - self.host_before_s
 
-
-def delivery(exchange: Exchange) -> Delivery:
+def delivery(exchange: Exchange[Record]) -> Delivery:
     """Return what a driver reports for a record that it was told by the device.
 
     The onset of a burst that fired before the question is carried back to the host's clock by the
     device's: the interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times
     that to both sides.
 
-    Parameters
-    ----------
-    exchange : Exchange
-        The record, and when it was asked for and answered.
-
-    Returns
-    -------
-    Delivery
-        With the outcome of `OUTCOMES`.
-
-    Examples
-    --------
     >>> fired = Record(token=1, fate=Fate.FIRED, start_us=1_000_000)
     >>> late = delivery(Exchange(record=fired, boot_id=1, host_before_s=5.0, host_after_s=5.5,
     ...                          device_us=3_000_000, resolution_s=0.0, retries=0))

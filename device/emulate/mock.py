@@ -9,6 +9,7 @@ from device.checks import require_real
 from device.core.core import DeviceCore
 from device.core.host import HostDriver
 from device.core.local import LocalCore
+from device.core.messages import Stop
 from device.core.output import Emission, OutputStage
 from device.driver import Identity
 from device.limits import Limits
@@ -162,7 +163,7 @@ class _Bench(LocalCore):
         self._heart_beats = False
 
     def reset(self) -> None:
-        self._core.stop(self._attend())
+        self._core.take(self._attend(), Stop())
         self._core = self._power_up()
 
     def _power_up(self) -> DeviceCore:

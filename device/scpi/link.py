@@ -18,8 +18,9 @@ import numpy as np
 
 from device.checks import require_positive
 from device.core.local import HostedCore
+from device.core.messages import Arm, Disarm, Enable, Levels, Load, Message
 from device.core.output import OutputStage
-from device.core.tokens import Exchange, Fate, Record
+from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import DeviceError, Identity, LinkError, Refusal, SettingError, rejection
 from device.scpi.dialects import EMULATED, Dialect, Reading, dialect_of
 from device.scpi.line import BITS, ScpiLine, Wave, decimals, encode, matches
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.clock import Clock
-    from device.core.messages import Arm, Levels, Load
     from device.limits import Limits
     from device.wire.channels import Channel
 
@@ -44,7 +44,7 @@ _UNITY_SLEW_V_S: Final = 1e12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Slot:
+class _GeneratorSlot:
     waves: tuple[Wave, Wave]
     silence: Wave
     duration_s: float
@@ -92,7 +92,7 @@ class GeneratorLink(HostedCore):
         self._talk: tuple[ScpiLine, Dialect] | None = None
         self._off = b""
         self._names: dict[tuple[int, bytes], str] = {}
-        self._slots: dict[int, _Slot] = {}
+        self._slots: dict[int, _GeneratorSlot] = {}
         self._levels_vpp = (0.0, 0.0)
         self._set_mvpp = (0, 0)
         self._armed_s = 0.0
@@ -115,8 +115,28 @@ class GeneratorLink(HostedCore):
         self._known = self._core.state
         return identity
 
-    def load(self, message: Load) -> None:
-        """Keep a waveform, and store it in a generator that keeps several."""
+    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
+        """Have the core allow what a message asks, and the generator do it.
+
+        Uploads and the switch come first, lest the core believe in what the generator refused; an
+        ARM comes to the generator last, for only the core knows whether it is allowed.
+        """
+        stored = self._stored(message) if isinstance(message, Load) else None
+        if isinstance(message, Enable):
+            self._switch_on()
+        told = super().exchange(message)
+        if isinstance(message, Load) and stored is not None:
+            self._slots[message.slot] = stored
+        elif isinstance(message, Levels):
+            self._levels_vpp = message.vpp
+        elif isinstance(message, Enable):
+            self._attend()
+        elif isinstance(message, Arm):
+            self._make_ready(message)
+        return told
+
+    def _stored(self, message: Load) -> _GeneratorSlot:
+        """Return a waveform as the generator plays it, stored there if it keeps several."""
         self._attend()
         line, dialect = self._require_talk()
         samples = message.left.size
@@ -125,37 +145,28 @@ class GeneratorLink(HostedCore):
             raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
         waves = encode(message.left, dialect), encode(message.right, dialect)
         silence = encode(np.zeros_like(message.left), dialect)
-        slot = _Slot(waves=waves, silence=silence, duration_s=samples / float(self._rate))
+        slot = _GeneratorSlot(waves=waves, silence=silence, duration_s=samples / float(self._rate))
         if dialect.named:
             for channel, wave in zip(_CHANNELS, waves, strict=True):
                 self._store(line, dialect, channel, wave)
                 self._store(line, dialect, channel, silence)
             line.check_errors(dialect.error)
-        super().load(message)
-        self._slots[message.slot] = slot
+        return slot
 
-    def set_levels(self, message: Levels) -> None:
-        """Keep the levels; which amplitude they mean depends on the slot."""
-        super().set_levels(message)
-        self._levels_vpp = message.vpp
-
-    def enable(self) -> None:
+    def _switch_on(self) -> None:
         """Read the set-up back and switch both outputs on."""
         self._attend()
         line, dialect = self._require_talk()
         self._read_back(dialect.channel_readings)
         line.say(*(dialect.output_on.format(channel=channel) for channel in _CHANNELS))
         line.check_errors(dialect.error)
-        super().enable()
-        self._attend()
 
-    def arm(self, message: Arm) -> None:
-        """Have the core take the token, then select waveforms and amplitudes and read them back."""
-        super().arm(message)
+    def _make_ready(self, message: Arm) -> None:
+        """Select waveforms and amplitudes and read them back, or take the token back."""
         try:
             self._select(self._slots[message.slot])
         except DeviceError:
-            super().disarm(message.token)
+            super().exchange(Disarm(token=message.token))
             raise
         self._armed_s = self._slots[message.slot].duration_s
 
@@ -277,7 +288,7 @@ class GeneratorLink(HostedCore):
             if not matches(wanted, got):
                 raise SettingError(f"{question} must answer {wanted}, got {got}")
 
-    def _select(self, slot: _Slot) -> None:
+    def _select(self, slot: _GeneratorSlot) -> None:
         """Make the generator ready for one trigger, the same way for every side."""
         line, dialect = self._require_talk()
         pairs = zip(slot.waves, self._levels_vpp, strict=True)
@@ -296,7 +307,7 @@ class GeneratorLink(HostedCore):
         self._set_mvpp = levels_mvpp[0], levels_mvpp[1]
 
     def _choice(
-        self, wave: Wave, level_vpp: float, slot: _Slot, dialect: Dialect
+        self, wave: Wave, level_vpp: float, slot: _GeneratorSlot, dialect: Dialect
     ) -> tuple[Wave, float]:
         """Return what a channel plays and with which amplitude in volts peak-to-peak."""
         highest_vpp = self._highest_vpp(dialect)
@@ -318,7 +329,7 @@ class GeneratorLink(HostedCore):
         factor = self._limits.gain * wave.peak
         return round(float(got) * self._gain / factor * 1000) if factor else 0
 
-    def _play(self, record: Record) -> Exchange:
+    def _play(self, record: Record) -> Exchange[Record]:
         """Send the trigger and the question that confirms it; an answer lost is not asked again."""
         before_s = self._clock.now_s()
         fate, after_s = (Fate.ABORTED, before_s) if self._stops else self._confirmed()

@@ -15,9 +15,9 @@ import numpy as np
 from device.checks import require_positive
 from device.core.host import HostDriver
 from device.core.local import HostedCore
-from device.core.messages import Arm, full_scale
+from device.core.messages import Arm, Enable, Message, full_scale
 from device.core.output import OutputStage
-from device.core.tokens import Exchange, Fate, Record
+from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import Identity, LinkError
 from device.sound.player import Frames, Played, Player
 from device.sound.stream import CHANNELS, Callback, Stream, open_stream
@@ -105,18 +105,16 @@ class AudioLink(HostedCore):
             emulated=False,
         )
 
-    def enable(self) -> None:
-        """Let bursts through."""
-        self._require_stream()
-        super().enable()
-        self.player.mute(on=False)
-        if self._stops:
-            self.player.mute(on=True)
-
-    def arm(self, message: Arm) -> None:
-        """Arm a token while the stream is alive."""
-        self._require_stream()
-        super().arm(message)
+    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
+        """Give a message to the core; enabled and armed is only what has a stream that lives."""
+        if isinstance(message, Enable | Arm):
+            self._require_stream()
+        told = super().exchange(message)
+        if isinstance(message, Enable):
+            self.player.mute(on=False)
+            if self._stops:  # asked for meanwhile, by another thread: a stop has the last word
+                self.player.mute(on=True)
+        return told
 
     def stop(self) -> None:
         """Play zeros from the next buffer on, from any thread."""
@@ -138,7 +136,7 @@ class AudioLink(HostedCore):
             raise LinkError(f"the sound card {self._name} has gone away")
         return self._stream
 
-    def _play(self, record: Record) -> Exchange:
+    def _play(self, record: Record) -> Exchange[Record]:
         asked_s = self._clock.now_s()
         stream = self._stream
         latency_s = 0.0 if stream is None else stream.latency

@@ -1,8 +1,7 @@
-"""What the frames carry: every message of the wire format as a value, packed and unpacked.
+"""What the frames carry: which message has which type, and how it lies in bytes.
 
 docs/protocol.md lists the same layouts for implementations in other languages. All numbers are
-little endian and unsigned unless said otherwise. A waveform travels in pieces, in any order, and is
-stored only if it arrived whole.
+little endian and unsigned.
 """
 
 from __future__ import annotations
@@ -10,27 +9,35 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
-import numpy as np
-
-from device.core.messages import Arm, Levels
+from device.core.messages import (
+    Arm,
+    Beat,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Message,
+    Ping,
+    Query,
+    Stop,
+)
 from device.core.states import State
 from device.core.tokens import Fate, Record
 from device.driver import Identity, Refusal, rejection
+from device.wire.frames import MINOR, VERSION
+from device.wire.upload import Begin, Commit, Data
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
 
 ANSWER: Final = 0x80
 """What an answer's type has more than its question's."""
 
 
 class Kind(IntEnum):
-    """Types of questions; BEAT alone has no answer.
-
-    Examples
-    --------
-    >>> Kind(0x24).name
-    'FIRE'
-    """
+    """Types of questions; BEAT alone has no answer."""
 
     HELLO = 0x01
     PING = 0x02
@@ -60,40 +67,251 @@ FATES: Final = (
 )
 """Fates by their number on the wire."""
 
-_REFUSALS: Final = {int(refusal): refusal for refusal in Refusal}
-_BOOT: Final = struct.Struct("<Q")
-_TOKEN: Final = struct.Struct("<Q")
-_ARM: Final = struct.Struct("<QBI")
-_LEVELS: Final = struct.Struct("<II")
-_ANSWER: Final = struct.Struct("<BBQQ")
-_RECORD: Final = struct.Struct("<QBQII")
-_NONCE: Final = struct.Struct("<Q")
-_IDENTITY: Final = struct.Struct("<QBBBBIII16s16s")
-_LATEST_US: Final = 2**63 - 1
+REFUSALS: Final = (None, *Refusal)
+"""Refusals by their number on the wire; 0 is none."""
+
+
+class Form(NamedTuple):
+    """How one field travels: its code in `struct`, and what the numbers 0, 1, ... stand for."""
+
+    code: str
+    meanings: Sequence[Any] | None = None
+
+
+U8: Final = Form("B")
+U32: Final = Form("I")
+U64: Final = Form("Q")
+TIME: Final = Form("Q", range(2**63))
+TEXT: Final = Form("16s")
+REST: Final = Form("")
+"""All bytes that are left; only as the last field."""
+
+_Value = TypeVar("_Value")
+
+
+class Layout(Generic[_Value]):
+    r"""How the fields of one kind of value follow each other in bytes.
+
+    >>> arm = Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)
+    >>> arm.pack(Arm(token=258, slot=7, time_to_live_us=1))
+    b'\x02\x01\x00\x00\x00\x00\x00\x00\x07\x01\x00\x00\x00'
+    >>> arm.read(arm.pack(Arm(token=258, slot=7, time_to_live_us=1))).slot
+    7
+    """
+
+    def __init__(self, of: Callable[..., _Value], **forms: Form) -> None:
+        self.of = of
+        self._forms = {name: form for name, form in forms.items() if form is not REST}
+        self._rest = next((name for name, form in forms.items() if form is REST), None)
+        self._numbers = struct.Struct("<" + "".join(form.code for form in forms.values()))
+
+    @property
+    def size(self) -> int:
+        """Number of bytes, without what fills the rest."""
+        return self._numbers.size
+
+    def pack(self, value: _Value) -> bytes:
+        """Return the bytes of a value."""
+        fields = [_number(form, getattr(value, name)) for name, form in self._forms.items()]
+        rest: bytes = getattr(value, self._rest) if self._rest else b""
+        return self._numbers.pack(*fields) + rest
+
+    def read(self, content: bytes) -> _Value:
+        """Return the value of some bytes.
+
+        Refused are with BAD_MESSAGE bytes of another length and numbers that stand for nothing,
+        and with its own code what the value itself refuses.
+        """
+        known, rest = content[: self.size], content[self.size :]
+        if len(known) < self.size or (rest and not self._rest):
+            raise rejection(
+                Refusal.BAD_MESSAGE, f"{self.size} bytes are expected, got {len(content)}"
+            )
+        numbers = zip(self._forms.items(), self._numbers.unpack(known), strict=True)
+        fields = {name: _meaning(name, form, number) for (name, form), number in numbers}
+        if self._rest:
+            fields[self._rest] = rest
+        return self.of(**fields)
+
+
+def _number(form: Form, value: Any) -> Any:
+    return value if form.meanings is None else form.meanings.index(value)
+
+
+def _meaning(name: str, form: Form, number: Any) -> Any:
+    if form.meanings is None:
+        return number
+    try:
+        return form.meanings[number]
+    except IndexError:
+        raise rejection(Refusal.BAD_MESSAGE, f"{name} {number}") from None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """A record as the wire carries it: an onset of 0 where nothing fired."""
+
+    token: int
+    fate: Fate
+    onset_us: int
+    left_mvpp: int
+    right_mvpp: int
+
+    @classmethod
+    def of(cls, record: Record) -> Told:
+        """Return what the device sends."""
+        left_mvpp, right_mvpp = record.levels_mvpp
+        return cls(
+            token=record.token,
+            fate=record.fate,
+            onset_us=record.start_us or 0,
+            left_mvpp=left_mvpp,
+            right_mvpp=right_mvpp,
+        )
+
+    @property
+    def record(self) -> Record:
+        """What the host makes of it."""
+        return Record(
+            token=self.token,
+            fate=self.fate,
+            start_us=self.onset_us if self.fate is Fate.FIRED else None,
+            levels_mvpp=(self.left_mvpp, self.right_mvpp),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Greeting:
+    """An identity as the wire carries it, with the nonce of the HELLO that it answers."""
+
+    nonce: int
+    minor: int
+    emulated: int
+    bits: int
+    channels: int
+    sample_rate_mhz: int
+    ceiling_mvpp: int
+    longest_waveform: int
+    model: bytes
+    serial_number: bytes
+
+    @classmethod
+    def of(cls, identity: Identity, *, nonce: int) -> Greeting:
+        """Return what the device sends; names are cut to 16 bytes."""
+        return cls(
+            nonce=nonce,
+            minor=MINOR,
+            emulated=int(identity.emulated),
+            bits=identity.bits,
+            channels=identity.channels,
+            sample_rate_mhz=round(identity.sample_rate_hz * 1000),
+            ceiling_mvpp=round(identity.ceiling_vpp * 1000),
+            longest_waveform=identity.longest_waveform,
+            model=identity.model.encode()[:16],
+            serial_number=identity.serial_number.encode()[:16],
+        )
+
+    def identity(self, boot_id: int) -> Identity:
+        """Return what the host makes of it, or refuse with BAD_MESSAGE what is no identity."""
+        try:
+            return Identity(
+                model=self.model.rstrip(b"\x00").decode("ascii"),
+                serial_number=self.serial_number.rstrip(b"\x00").decode("ascii"),
+                boot_id=boot_id,
+                protocol_version=f"{VERSION}.{self.minor}",
+                sample_rate_hz=self.sample_rate_mhz / 1000,
+                bits=self.bits,
+                channels=self.channels,
+                ceiling_vpp=self.ceiling_mvpp / 1000,
+                longest_waveform=self.longest_waveform,
+                emulated=bool(self.emulated),
+            )
+        except ValueError as error:
+            raise rejection(Refusal.BAD_MESSAGE, str(error)) from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello(Message[Greeting]):
+    """Begin a connection, by a number that no other one has."""
+
+    nonce: int
+
+
+class Row(NamedTuple):
+    """The layout of a message, and that of its answer after the head, if anything follows it."""
+
+    message: Layout[Any]
+    answer: Layout[Any] | None = None
+
+
+GREETING: Final = Layout(
+    Greeting,
+    nonce=U64,
+    minor=U8,
+    emulated=U8,
+    bits=U8,
+    channels=U8,
+    sample_rate_mhz=U32,
+    ceiling_mvpp=U32,
+    longest_waveform=U32,
+    model=TEXT,
+    serial_number=TEXT,
+)
+TOLD: Final = Layout(
+    Told, token=U64, fate=Form("B", FATES), onset_us=TIME, left_mvpp=U32, right_mvpp=U32
+)
+
+# This table is the wire: host and device pack and read by its rows and by nothing else, so that a
+# new message is a row here, a value in core/messages.py, and a line in docs/protocol.md. A row may
+# be added in a minor version; none may change, since a device in the field cannot be asked which
+# layout it meant.
+TABLE: Final = {
+    Kind.HELLO: Row(Layout(Hello, nonce=U64), GREETING),
+    Kind.PING: Row(Layout(Ping)),
+    Kind.BEGIN: Row(Layout(Begin, slot=U8, samples=U32)),
+    Kind.DATA: Row(Layout(Data, offset=U32, octets=REST)),
+    Kind.COMMIT: Row(Layout(Commit, slot=U8, crc=U32)),
+    Kind.LEVEL: Row(Layout(Levels, left_mvpp=U32, right_mvpp=U32)),
+    Kind.OUTPUT: Row(Layout(Enable)),
+    Kind.ARM: Row(Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)),
+    Kind.DISARM: Row(Layout(Disarm, token=U64)),
+    Kind.FIRE: Row(Layout(Fire, token=U64), TOLD),
+    Kind.QUERY: Row(Layout(Query, token=U64), TOLD),
+    Kind.STOP: Row(Layout(Stop)),
+    Kind.BEAT: Row(Layout(Beat)),
+}
+"""Every type of question with the layouts of its message and its answer.
+
+Before the message of every question but HELLO comes a boot id (`Question`), before what an answer
+tells its head (`Answer`). A `Load` has no row: upload.py sends it in pieces.
+"""
+
+_KINDS: Final = {row.message.of: kind for kind, row in TABLE.items()}
+
+
+def kind_of(message: Message[Any]) -> Kind:
+    """Return the type of a message.
+
+    >>> kind_of(Enable()).name
+    'OUTPUT'
+    """
+    return _KINDS[type(message)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Question:
+    """Any question but HELLO: the power cycle it is meant for, and the bytes of its message."""
+
+    boot_id: int
+    content: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What every answer begins with, and the rest of it.
+    """Any answer: its head, and the bytes of what is told after it.
 
-    Parameters
-    ----------
-    refusal : Refusal or None
-        Why the question was refused; none if it was done.
-    state : State
-        The device's state now.
-    boot_id : int
-        Its power cycle.
-    device_us : int
-        Its clock.
-    body : bytes
-        A record, an identity, or nothing.
-
-    Examples
-    --------
-    >>> answer = Answer(refusal=Refusal.BUSY, state=State.FIRED, boot_id=5, device_us=9, body=b"")
-    >>> read_answer(answer.packed()) == answer
-    True
+    The head says why the question was refused, if it was, in which state the device is now, its
+    power cycle and its clock.
     """
 
     refusal: Refusal | None
@@ -102,343 +320,30 @@ class Answer:
     device_us: int
     body: bytes = b""
 
-    def packed(self) -> bytes:
-        """Return the payload."""
-        number = 0 if self.refusal is None else int(self.refusal)
-        state = STATES.index(self.state)
-        return _ANSWER.pack(number, state, self.boot_id, self.device_us) + self.body
 
-
-def read_answer(payload: bytes) -> Answer:
-    """Return an answer from a payload.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    number, state, boot_id, device_us = unpack(_ANSWER, payload[: _ANSWER.size])
-    if state >= len(STATES) or (number and number not in _REFUSALS) or device_us > _LATEST_US:
-        detail = f"status {number}, state {state}, time {device_us}"
-        raise rejection(Refusal.BAD_MESSAGE, detail)
-    return Answer(
-        refusal=_REFUSALS.get(number),
-        state=STATES[state],
-        boot_id=boot_id,
-        device_us=device_us,
-        body=payload[_ANSWER.size :],
-    )
-
-
-def for_boot(boot_id: int, content: bytes = b"") -> bytes:
-    """Return the payload of a question that is meant for one power cycle.
-
-    Examples
-    --------
-    >>> split_boot(for_boot(7, b"abc"))
-    (7, b'abc')
-    """
-    return _BOOT.pack(boot_id) + content
-
-
-def split_boot(payload: bytes) -> tuple[int, bytes]:
-    """Return the power cycle that a question is meant for, and the rest of its payload.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    (boot_id,) = unpack(_BOOT, payload[: _BOOT.size])
-    return boot_id, payload[_BOOT.size :]
-
-
-def read_nothing(content: bytes) -> None:
-    """Refuse a content where there must be none.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-
-    Examples
-    --------
-    >>> read_nothing(b"")
-    """
-    if content:
-        raise rejection(Refusal.BAD_MESSAGE, f"nothing is expected, got {len(content)} bytes")
-
-
-def pack_hello(nonce: int) -> bytes:
-    """Return the payload of HELLO: a number that no other connection has."""
-    return _NONCE.pack(nonce)
-
-
-def read_hello(payload: bytes) -> int:
-    """Return the nonce of a HELLO.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-
-    Examples
-    --------
-    >>> read_hello(pack_hello(12))
-    12
-    """
-    (nonce,) = unpack(_NONCE, payload)
-    return int(nonce)
-
-
-def pack_token(token: int) -> bytes:
-    """Return the content of DISARM, FIRE and QUERY."""
-    return _TOKEN.pack(token)
-
-
-def read_token(content: bytes) -> int:
-    """Return the token of DISARM, FIRE or QUERY.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    (token,) = unpack(_TOKEN, content)
-    return int(token)
-
-
-def pack_arm(message: Arm) -> bytes:
-    """Return the content of ARM."""
-    return _ARM.pack(message.token, message.slot, message.time_to_live_us)
-
-
-def read_arm(content: bytes) -> Arm:
-    """Return an ARM.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE, or what `Arm` refuses.
-
-    Examples
-    --------
-    >>> message = Arm(token=2**64 - 1, slot=7, time_to_live_us=500_000)
-    >>> read_arm(pack_arm(message)) == message
-    True
-    """
-    token, slot, time_to_live_us = unpack(_ARM, content)
-    return Arm(token=token, slot=slot, time_to_live_us=time_to_live_us)
-
-
-def pack_levels(message: Levels) -> bytes:
-    """Return the content of LEVEL."""
-    return _LEVELS.pack(message.left_mvpp, message.right_mvpp)
-
-
-def read_levels(content: bytes) -> Levels:
-    """Return a LEVEL.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    left_mvpp, right_mvpp = unpack(_LEVELS, content)
-    return Levels(left_mvpp=left_mvpp, right_mvpp=right_mvpp)
-
-
-def pack_record(record: Record) -> bytes:
-    """Return the body of the answer to FIRE and QUERY."""
-    start_us = 0 if record.start_us is None else record.start_us
-    return _RECORD.pack(record.token, FATES.index(record.fate), start_us, *record.levels_mvpp)
-
-
-def read_record(body: bytes) -> Record:
-    """Return the record of an answer to FIRE or QUERY.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-
-    Examples
-    --------
-    >>> record = Record(token=3, fate=Fate.FIRED, start_us=12, levels_mvpp=(130_000, 0))
-    >>> read_record(pack_record(record)) == record
-    True
-    """
-    token, fate, start_us, left_mvpp, right_mvpp = unpack(_RECORD, body)
-    if fate >= len(FATES) or start_us > _LATEST_US:
-        raise rejection(Refusal.BAD_MESSAGE, f"fate {fate}, onset {start_us}")
-    fired = FATES[fate] is Fate.FIRED
-    return Record(
-        token=token,
-        fate=FATES[fate],
-        start_us=start_us if fired else None,
-        levels_mvpp=(left_mvpp, right_mvpp),
-    )
-
-
-def pack_identity(identity: Identity, *, nonce: int, minor: int) -> bytes:
-    """Return the body of the answer to HELLO, its nonce in it; names are cut to 16 bytes."""
-    return _IDENTITY.pack(
-        nonce,
-        minor,
-        int(identity.emulated),
-        identity.bits,
-        identity.channels,
-        round(identity.sample_rate_hz * 1000),
-        round(identity.ceiling_vpp * 1000),
-        identity.longest_waveform,
-        identity.model.encode()[:16],
-        identity.serial_number.encode()[:16],
-    )
-
-
-def read_identity(answer: Answer, *, nonce: int, major: int) -> Identity:
-    """Return who answered the HELLO with a nonce.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    echoed, minor, emulated, bits, channels, rate_mhz, ceiling_mvpp, longest, model, serial = (
-        unpack(_IDENTITY, answer.body)
-    )
-    if echoed != nonce:
-        raise rejection(Refusal.BAD_MESSAGE, "the answer is to another HELLO")
-    try:
-        return Identity(
-            model=model.rstrip(b"\x00").decode("ascii"),
-            serial_number=serial.rstrip(b"\x00").decode("ascii"),
-            boot_id=answer.boot_id,
-            protocol_version=f"{major}.{minor}",
-            sample_rate_hz=rate_mhz / 1000,
-            bits=bits,
-            channels=channels,
-            ceiling_vpp=ceiling_mvpp / 1000,
-            longest_waveform=longest,
-            emulated=bool(emulated),
-        )
-    except ValueError as error:
-        raise rejection(Refusal.BAD_MESSAGE, str(error)) from error
-
-
-def unpack(layout: struct.Struct, content: bytes) -> tuple[Any, ...]:
-    r"""Return the numbers of a layout that is exactly as long as the content.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-
-    Examples
-    --------
-    >>> unpack(struct.Struct("<BH"), b"\x05\x00\x01")
-    (5, 256)
-    """
-    if len(content) != layout.size:
-        raise rejection(
-            Refusal.BAD_MESSAGE, f"{layout.size} bytes are expected, got {len(content)}"
-        )
-    return layout.unpack(content)
-
-
-LONGEST_DATA: Final = 32
-"""Bytes of a waveform in one DATA: longer frames seldom survive a bad line."""
-
-_SHORT_BITS: Final = 16
-_BEGIN: Final = struct.Struct("<BI")
-_OFFSET: Final = struct.Struct("<I")
-_COMMIT: Final = struct.Struct("<BI")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Begin:
-    """Begin the upload of a waveform: the codes of the left channel, then those of the right.
-
-    Parameters
-    ----------
-    slot : int
-        0 to 7.
-    samples : int
-        Of each channel.
-    """
-
-    slot: int
-    samples: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Commit:
-    """End an upload: store it if its bytes are all there and have this CRC-32."""
-
-    slot: int
-    crc: int
-
-
-def pack_begin(message: Begin) -> bytes:
-    """Return the content of BEGIN."""
-    return _BEGIN.pack(message.slot, message.samples)
-
-
-def read_begin(content: bytes) -> Begin:
-    """Return a BEGIN.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    slot, samples = unpack(_BEGIN, content)
-    return Begin(slot=slot, samples=samples)
-
-
-def pack_data(offset: int, piece: bytes) -> bytes:
-    """Return the content of DATA."""
-    return _OFFSET.pack(offset) + piece
-
-
-def read_data(content: bytes) -> tuple[int, bytes]:
-    """Return the offset in bytes and the bytes of a DATA.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    (offset,) = unpack(_OFFSET, content[: _OFFSET.size])
-    piece = content[_OFFSET.size :]
-    if not 1 <= len(piece) <= LONGEST_DATA:
-        raise rejection(Refusal.BAD_MESSAGE, f"{len(piece)} bytes of data")
-    return offset, piece
-
-
-def pack_commit(message: Commit) -> bytes:
-    """Return the content of COMMIT."""
-    return _COMMIT.pack(message.slot, message.crc)
-
-
-def read_commit(content: bytes) -> Commit:
-    """Return a COMMIT.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_MESSAGE.
-    """
-    slot, crc = unpack(_COMMIT, content)
-    return Commit(slot=slot, crc=crc)
-
-
-def code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:
-    """Return how one code of a waveform travels: 16 bit, or 32 where the converter has more.
-
-    Examples
-    --------
-    >>> code_type(16).str, code_type(24).str
-    ('<i2', '<i4')
-    """
-    return np.dtype("<i2" if bits <= _SHORT_BITS else "<i4")
+QUESTION: Final = Layout(Question, boot_id=U64, content=REST)
+HEAD: Final = Layout(
+    Answer,
+    refusal=Form("B", REFUSALS),
+    state=Form("B", STATES),
+    boot_id=U64,
+    device_us=TIME,
+    body=REST,
+)
+
+
+def payload(message: Message[Any], boot_id: int) -> bytes:
+    """Return the payload of a message that is meant for one power cycle; HELLO is for any."""
+    kind = kind_of(message)
+    content = TABLE[kind].message.pack(message)
+    if kind is Kind.HELLO:
+        return content
+    return QUESTION.pack(Question(boot_id=boot_id, content=content))
+
+
+def read(kind: int, content: bytes) -> Message[Any]:
+    """Return the message of a type, or refuse with BAD_MESSAGE what is none."""
+    if kind not in TABLE:
+        raise rejection(Refusal.BAD_MESSAGE, f"type {kind:#04x}")
+    message: Message[Any] = TABLE[Kind(kind)].message.read(content)
+    return message

@@ -5,35 +5,22 @@ What an emulator or a firmware has to do, and nothing else: docs/protocol.md.
 
 from __future__ import annotations
 
-import zlib
 from collections import deque
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from device.core.messages import Load, check_slot
+from device.core.messages import Beat, Message, Ping, Stop
 from device.core.states import State
 from device.driver import Identity, Refusal, Rejected, rejection
 from device.wire import codec
-from device.wire.codec import Answer, Kind
-from device.wire.frames import MINOR, Decoder, Frame, IdentityLine, encode
+from device.wire.codec import Answer, Greeting, Kind, Told
+from device.wire.frames import Decoder, Frame, IdentityLine, encode
+from device.wire.upload import Begin, Commit, Data, Uploads
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from device.core.core import DeviceCore
-
 
 _HALF_TURN: Final = 0x8000
 _GREETINGS: Final = 16
-
-
-@dataclass(slots=True)
-class _Upload:
-    slot: int
-    data: bytearray
-    missing: set[int]
 
 
 class Endpoint:
@@ -58,9 +45,9 @@ class Endpoint:
     ...                     sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
     ...                     longest_waveform=4096, emulated=True)
     >>> endpoint = Endpoint(core, identity)
-    >>> ping = encode(Frame(kind=Kind.PING, sequence=1, payload=codec.for_boot(5)))
-    >>> answer, = Decoder().feed(endpoint.receive(10, ping))
-    >>> codec.read_answer(answer.payload).state.value
+    >>> ping = Frame(kind=Kind.PING, sequence=1, payload=codec.payload(Ping(), 5))
+    >>> answer, = Decoder().feed(endpoint.receive(10, encode(ping)))
+    >>> codec.HEAD.read(answer.payload).state.value
     'idle'
     >>> endpoint.receive(20, b"*IDN?\n")
     b'tactstrip,m,1,protocol 1.0\n'
@@ -75,38 +62,12 @@ class Endpoint:
         self._newest: int | None = None
         self._last_question: Frame | None = None
         self._last_answer = b""
-        self._upload: _Upload | None = None
-        self._actions: dict[int, Callable[[int, bytes], bytes | None]] = {
-            Kind.PING: self._ping,
-            Kind.BEGIN: self._begin,
-            Kind.DATA: self._data,
-            Kind.COMMIT: self._commit,
-            Kind.LEVEL: lambda now_us, said: core.set_levels(now_us, codec.read_levels(said)),
-            Kind.OUTPUT: self._enable,
-            Kind.ARM: lambda now_us, said: core.arm(now_us, codec.read_arm(said)),
-            Kind.DISARM: lambda now_us, said: core.disarm(now_us, codec.read_token(said)),
-            Kind.FIRE: lambda now_us, said: codec.pack_record(
-                core.fire(now_us, codec.read_token(said))
-            ),
-            Kind.QUERY: lambda now_us, said: codec.pack_record(
-                core.query(now_us, codec.read_token(said))
-            ),
-        }
+        self._uploads = Uploads(bits=identity.bits, longest=identity.longest_waveform)
 
     def receive(self, now_us: int, data: bytes) -> bytes:
-        """Take bytes from the line and return the bytes to send back.
+        """Take whatever arrived at a device time and return the bytes to send back.
 
-        Parameters
-        ----------
-        now_us : int
-            The device's time.
-        data : bytes
-            Whatever arrived.
-
-        Returns
-        -------
-        bytes
-            Frames, the line that answers ``*IDN?``, or nothing.
+        Frames, the line that answers ``*IDN?``, or nothing.
         """
         frames = self._decoder.feed(data)
         questions = [frame for frame in frames if frame.kind < codec.ANSWER]
@@ -115,29 +76,33 @@ class Endpoint:
 
     def hang_up(self, now_us: int) -> None:
         """Notice that the line is gone: the outputs go to zero."""
-        self.core.stop(now_us)
+        self.core.take(now_us, Stop())
         self._decoder = Decoder()
         self._text = IdentityLine(self._identity)
-        self._upload = None
+        self._uploads.forget()
 
     def _respond(self, now_us: int, frame: Frame) -> bytes:
         if frame.kind == Kind.BEAT:
-            self._beat(now_us, frame)
+            if self._is_meant(frame, Beat()):
+                self.core.take(now_us, Beat())
             return b""
         if frame.kind == Kind.STOP:
             return self._stop(now_us, frame)
         if frame.kind == Kind.HELLO:
-            return encode(frame.answered(self._greet(now_us, frame).packed()))
+            return _coded(frame, self._greet(now_us, frame))
         if frame == self._last_question:
             return self._last_answer
         if not self._is_newer(frame):
             self.core.advance(now_us)
-            return encode(frame.answered(self._answer(Refusal.STALE).packed()))
+            return _coded(frame, self._answer(Refusal.STALE))
         answer = self._perform(now_us, frame)
-        coded = encode(frame.answered(answer.packed()))
+        coded = _coded(frame, answer)
         if answer.refusal is not Refusal.WRONG_BOOT:
             self._newest, self._last_question, self._last_answer = frame.sequence, frame, coded
         return coded
+
+    def _is_meant(self, frame: Frame, message: Message[None]) -> bool:
+        return frame.payload == codec.payload(message, self.core.boot_id)
 
     def _is_newer(self, frame: Frame) -> bool:
         if self._newest is None:
@@ -146,43 +111,46 @@ class Endpoint:
 
     def _stop(self, now_us: int, frame: Frame) -> bytes:
         """Stop, whoever asks; no question from before may undo it, however late it comes."""
-        self.core.stop(now_us)
-        if self._is_newer(frame) and frame.payload == codec.for_boot(self.core.boot_id):
+        self.core.take(now_us, Stop())
+        if self._is_newer(frame) and self._is_meant(frame, Stop()):
             self._newest = frame.sequence
-        return encode(frame.answered(self._answer(None).packed()))
-
-    def _beat(self, now_us: int, frame: Frame) -> None:
-        if frame.payload == codec.for_boot(self.core.boot_id):
-            self.core.beat(now_us)
+        return _coded(frame, self._answer(None))
 
     def _greet(self, now_us: int, frame: Frame) -> Answer:
         """Begin a connection; a HELLO that came before only gets its answer again."""
         self.core.advance(now_us)
         try:
-            nonce = codec.read_hello(frame.payload)
+            nonce = codec.TABLE[Kind.HELLO].message.read(frame.payload).nonce
         except Rejected as refused:
             return self._answer(refused.code)
         if nonce not in self._greetings:
             if self.core.state is not State.IDLE:
-                self.core.stop(now_us)
+                self.core.take(now_us, Stop())
             self._greetings.append(nonce)
-            self._newest, self._last_question, self._upload = frame.sequence, None, None
+            self._newest, self._last_question = frame.sequence, None
+            self._uploads.forget()
         elif nonce != self._greetings[-1]:
             return self._answer(Refusal.STALE)
-        return self._answer(None, codec.pack_identity(self._identity, nonce=nonce, minor=MINOR))
+        greeting = Greeting.of(self._identity, nonce=nonce)
+        return self._answer(None, codec.GREETING.pack(greeting))
 
     def _perform(self, now_us: int, frame: Frame) -> Answer:
         """Do what a question asks, or say why not."""
         self.core.advance(now_us)
         try:
-            boot_id, content = codec.split_boot(frame.payload)
-            if boot_id != self.core.boot_id:
+            question = codec.QUESTION.read(frame.payload)
+            if question.boot_id != self.core.boot_id:
                 raise rejection(Refusal.WRONG_BOOT)
-            if frame.kind not in self._actions:
-                raise rejection(Refusal.BAD_MESSAGE, f"type {frame.kind:#04x}")
-            return self._answer(None, self._actions[frame.kind](now_us, content) or b"")
+            return self._done(now_us, codec.read(frame.kind, question.content))
         except Rejected as refused:
             return self._answer(refused.code)
+
+    def _done(self, now_us: int, message: Message[Any]) -> Answer:
+        if isinstance(message, Begin | Data | Commit):
+            waveform = self._uploads.take(message)
+            message = Ping() if waveform is None else waveform
+        record = self.core.take(now_us, message)
+        return self._answer(None, b"" if record is None else codec.TOLD.pack(Told.of(record)))
 
     def _answer(self, refusal: Refusal | None, body: bytes = b"") -> Answer:
         return Answer(
@@ -193,40 +161,6 @@ class Endpoint:
             body=body,
         )
 
-    def _ping(self, now_us: int, content: bytes) -> None:
-        codec.read_nothing(content)
 
-    def _enable(self, now_us: int, content: bytes) -> None:
-        codec.read_nothing(content)
-        self.core.enable(now_us)
-
-    def _begin(self, now_us: int, content: bytes) -> None:
-        begin = codec.read_begin(content)
-        slot = check_slot(begin.slot)
-        if begin.samples == 0:
-            raise rejection(Refusal.WAVEFORM_EMPTY)
-        if begin.samples > self._identity.longest_waveform:
-            raise rejection(Refusal.WAVEFORM_TOO_LONG, f"{begin.samples} samples")
-        size = 2 * begin.samples * codec.code_type(self._identity.bits).itemsize
-        self._upload = _Upload(slot, bytearray(size), set(range(0, size, codec.LONGEST_DATA)))
-
-    def _data(self, now_us: int, content: bytes) -> None:
-        offset, piece = codec.read_data(content)
-        pending = self._upload
-        if pending is None or offset % codec.LONGEST_DATA or offset >= len(pending.data):
-            raise rejection(Refusal.BAD_UPLOAD, f"no place for bytes at {offset}")
-        if len(piece) != min(codec.LONGEST_DATA, len(pending.data) - offset):
-            raise rejection(Refusal.BAD_UPLOAD, f"{len(piece)} bytes at {offset}")
-        pending.data[offset : offset + len(piece)] = piece
-        pending.missing.discard(offset)
-
-    def _commit(self, now_us: int, content: bytes) -> None:
-        commit = codec.read_commit(content)
-        pending, self._upload = self._upload, None
-        if pending is None or pending.slot != commit.slot or pending.missing:
-            raise rejection(Refusal.BAD_UPLOAD)
-        if zlib.crc32(pending.data) != commit.crc:
-            raise rejection(Refusal.BAD_UPLOAD, "its checksum differs")
-        codes = np.frombuffer(bytes(pending.data), dtype=codec.code_type(self._identity.bits))
-        left, right = codes.astype(np.int32).reshape(2, -1)
-        self.core.load(now_us, Load(slot=commit.slot, left=left, right=right))
+def _coded(question: Frame, answer: Answer) -> bytes:
+    return encode(question.answered(codec.HEAD.pack(answer)))

@@ -8,26 +8,33 @@ from __future__ import annotations
 
 import contextlib
 import secrets
-import zlib
 from itertools import count
 from threading import Lock
-from typing import TYPE_CHECKING, Final, TypeVar
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from device.clock import Clock, ClockSync, MonotonicClock, Sample, resolution_s
+from device.core.messages import (
+    Beat,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Load,
+    Message,
+    Query,
+    Stop,
+)
 from device.core.states import State
-from device.core.tokens import Exchange, Fate, Record
+from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import Identity, LinkError, Refusal, Rejected, rejection
 from device.wire import codec
 from device.wire.channels import Channel, Heart
-from device.wire.codec import Answer, Begin, Commit, Kind
-from device.wire.frames import VERSION, Decoder, Frame, encode
+from device.wire.codec import Answer, Hello, Kind
+from device.wire.frames import Decoder, Frame, encode
+from device.wire.upload import pieces
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from device.core.messages import Arm, Levels, Load
 
 ANSWER_WITHIN_S: Final = 0.025
 """A question is sent again when its answer took longer than this."""
@@ -50,20 +57,11 @@ _Read = TypeVar("_Read")
 class FrameLink:
     """A `host.Link` that speaks the wire format over a channel.
 
-    Only `stop` may be called from more than one thread.
+    `connect` opens the channel or raises `LinkError`. A question is sent again after
+    `answer_within_s` and given up after `patience_s`. On the machine's clock a thread keeps up the
+    heartbeat; on any other that is for the channel to do, by `beat`. Only `stop` may be called from
+    more than one thread.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens the channel; raises `LinkError` where it cannot.
-    clock : Clock
-        The host's. On the machine's clock a thread keeps up the heartbeat; on any other that is
-        for the channel to do, by `beat`.
-    answer_within_s, patience_s : float
-        After which time a question is sent again, and given up.
-
-    Examples
-    --------
     >>> from device.clock import VirtualClock
     >>> def unplugged():
     ...     raise LinkError("no such port")
@@ -91,12 +89,13 @@ class FrameLink:
         self._numbers = count(secrets.randbits(16))
         self._stops: set[int] = set()
         self._last_stop = -1
-        self._code_type = codec.code_type(16)
+        self._bits = 16
         self._ceiling_vpp = 0.0
         self._levels_vpp = 0.0, 0.0
         self._retries = 0
         self._writing = Lock()
         self._heart: Heart | None = None
+        self._resolution_s = resolution_s(clock)
         self.clock_sync = ClockSync()
 
     @property
@@ -111,13 +110,7 @@ class FrameLink:
         return self._boot_id
 
     def hello(self) -> Identity:
-        """Connect and return who answered.
-
-        Raises
-        ------
-        LinkError
-            If there is no line, or nothing answers on it.
-        """
+        """Connect and return who answered, or raise `LinkError`."""
         self._drop()
         self._channel = self._connect()
         try:
@@ -125,69 +118,52 @@ class FrameLink:
         except LinkError:
             self._drop()
             raise
-        self._code_type = codec.code_type(identity.bits)
+        self._bits = identity.bits
         self._ceiling_vpp = identity.ceiling_vpp
         if isinstance(self._clock, MonotonicClock):
             self._heart = Heart(self.beat)
         return identity
 
-    def load(self, message: Load) -> None:
-        """Send a waveform in pieces and have the device store it."""
-        codes = np.concatenate((message.left, message.right)).astype(self._code_type).tobytes()
-        begin = Begin(slot=message.slot, samples=int(message.left.size))
-        self._tell(Kind.BEGIN, codec.pack_begin(begin))
-        for offset in range(0, len(codes), codec.LONGEST_DATA):
-            piece = codes[offset : offset + codec.LONGEST_DATA]
-            self._tell(Kind.DATA, codec.pack_data(offset, piece))
-        commit = Commit(slot=message.slot, crc=zlib.crc32(codes))
-        self._tell(Kind.COMMIT, codec.pack_commit(commit))
-
-    def set_levels(self, message: Levels) -> None:
-        """Send LEVEL."""
-        self._tell(Kind.LEVEL, codec.pack_levels(message), levels_vpp=message.vpp)
-        self._levels_vpp = message.vpp
-
-    def enable(self) -> None:
-        """Send OUTPUT. A stop that is asked for meanwhile, by another thread, has the last word."""
+    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
+        """Send a message until its answer comes; of a token that none comes for, say UNKNOWN."""
         last_stop = self._last_stop
-        self._tell(Kind.OUTPUT)
-        if self._last_stop != last_stop:
-            self.stop()
+        told = self._sent(message)
+        if isinstance(message, Levels):
+            self._levels_vpp = message.vpp
+        if isinstance(message, Enable) and self._last_stop != last_stop:
+            self.stop()  # asked for meanwhile, by another thread: a stop has the last word
+        return told
 
-    def arm(self, message: Arm) -> None:
-        """Send ARM."""
-        self._tell(Kind.ARM, codec.pack_arm(message), levels_vpp=self._levels_vpp)
+    def _sent(self, message: Message[Any]) -> Exchange[Any]:
+        if isinstance(message, Load):
+            *begun, commit = pieces(message, self._bits)
+            for piece in begun:
+                self._done(piece)
+            return self._done(commit)
+        if isinstance(message, Fire):
+            return self._fire(message)
+        if isinstance(message, Query):
+            before_s = self._clock.now_s()
+            try:
+                return self._done(message)
+            except (_Unanswered, _Restarted):
+                return self._unknown(message.token, before_s)
+        return self._done(message)
 
-    def fire(self, token: int) -> Exchange:
+    def _fire(self, message: Fire) -> Exchange[Record]:
         """Send FIRE; without an answer DISARM and QUERY, and without that say UNKNOWN."""
         boot_id, before_s = self._boot_id, self._clock.now_s()
         try:
-            return self._exchange(Kind.FIRE, token, boot_id, before_s)
+            return self._done(message, boot_id, before_s)
         except _Restarted:
-            return self._unknown(token, before_s)
+            return self._unknown(message.token, before_s)
         except _Unanswered:
             retries = self._retries
         try:
-            self._tell(Kind.DISARM, codec.pack_token(token), boot_id)
-            return self._exchange(Kind.QUERY, token, boot_id, before_s, retries=retries)
+            self._done(Disarm(token=message.token), boot_id)
+            return self._done(Query(token=message.token), boot_id, before_s, retries=retries)
         except (_Unanswered, _Restarted, Rejected):
-            return self._unknown(token, before_s, retries=retries)
-
-    def disarm(self, token: int) -> None:
-        """Send DISARM."""
-        self._tell(Kind.DISARM, codec.pack_token(token))
-
-    def query(self, token: int) -> Exchange:
-        """Send QUERY and return question and answer; UNKNOWN where none came."""
-        before_s = self._clock.now_s()
-        try:
-            return self._exchange(Kind.QUERY, token, self._boot_id, before_s)
-        except (_Unanswered, _Restarted):
-            return self._unknown(token, before_s)
-
-    def ping(self) -> Answer:
-        """Send PING and return the answer, with the device's time."""
-        return self._ask(Kind.PING, codec.for_boot(self._boot_id))
+            return self._unknown(message.token, before_s, retries=retries)
 
     def stop(self) -> None:
         """Send STOP: from any thread, in any state, without waiting for a lock.
@@ -204,13 +180,7 @@ class FrameLink:
                 channel.write(_STOPS * self._stop_frame(number))
 
     def beat(self) -> None:
-        """Send BEAT, or STOP again while one is not confirmed; never waits for an answer.
-
-        Raises
-        ------
-        LinkError
-            If the line is gone.
-        """
+        """Send BEAT, or STOP again while one is not confirmed; never waits for an answer."""
         channel = self._channel
         if channel is None:
             return
@@ -218,8 +188,7 @@ class FrameLink:
         if stops:
             beat = self._stop_frame(max(stops))
         else:
-            payload = codec.for_boot(self._boot_id)
-            beat = _BEATS * encode(Frame(kind=Kind.BEAT, sequence=0, payload=payload))
+            beat = _BEATS * encode(_framed(Beat(), 0, self._boot_id))
         with self._writing:
             channel.write(beat)
 
@@ -243,67 +212,80 @@ class FrameLink:
         self._decoder = Decoder()
         self._device_us = 0
         self.clock_sync = ClockSync()
-        nonce = secrets.randbits(64)
-        answer = self._ask(Kind.HELLO, codec.pack_hello(nonce))
-        return _understood(lambda: codec.read_identity(answer, nonce=nonce, major=VERSION))
+        hello = Hello(nonce=secrets.randbits(64))
+        answer = self._ask(hello, 0)
+        greeting = _understood(lambda: codec.GREETING.read(answer.body))
+        if greeting.nonce != hello.nonce:
+            raise LinkError("the answer is to another HELLO")
+        return _understood(lambda: greeting.identity(answer.boot_id))
 
     def _stop_frame(self, number: int) -> bytes:
         return encode(self._stop_question(number))
 
     def _stop_question(self, number: int) -> Frame:
-        payload = codec.for_boot(self._boot_id)
-        return Frame(kind=Kind.STOP, sequence=number & 0xFFFF, payload=payload)
+        return _framed(Stop(), number, self._boot_id)
 
-    def _tell(
+    def _done(
         self,
-        kind: Kind,
-        content: bytes = b"",
+        message: Message[Reply],
         boot_id: int | None = None,
-        levels_vpp: tuple[float, float] = (0.0, 0.0),
-    ) -> None:
-        """Have something done by one power cycle, the one last heard of."""
-        boot_id = self._boot_id if boot_id is None else boot_id
-        answer = self._ask(kind, codec.for_boot(boot_id, content))
-        if answer.refusal is Refusal.CEILING:
-            levels = f"{levels_vpp[0]:g} and {levels_vpp[1]:g} Vpp"
-            detail = f"the device, on {kind.name}: {levels}, its ceiling {self._ceiling_vpp:g} Vpp"
-            raise rejection(answer.refusal, detail)
-        _require_done(kind, answer)
-
-    def _exchange(
-        self, kind: Kind, token: int, boot_id: int, before_s: float, *, retries: int = 0
-    ) -> Exchange:
-        """Ask a power cycle what became of a token."""
-        answer = self._ask(kind, codec.for_boot(boot_id, codec.pack_token(token)))
+        before_s: float | None = None,
+        *,
+        retries: int = 0,
+    ) -> Exchange[Reply]:
+        """Have a message done by one power cycle, the one last heard of, and return both."""
+        before_s = self._clock.now_s() if before_s is None else before_s
+        answer = self._ask(message, self._boot_id if boot_id is None else boot_id)
         after_s, retries = self._clock.now_s(), retries + self._retries
-        _require_done(kind, answer)
-        record = _understood(lambda: codec.read_record(answer.body))
-        if record.token != token or (record.start_us or 0) > answer.device_us:
-            raise LinkError(f"the device's answer to {kind.name} contradicts itself")
-        sample = Sample(before_s=before_s, after_s=after_s, device_s=answer.device_us / 1e6)
-        before_s, after_s = self.clock_sync.narrowed(sample)
+        self._require_done(message, answer)
+        record = self._record(message, answer)
+        if record is not None:
+            sample = Sample(before_s=before_s, after_s=after_s, device_s=answer.device_us / 1e6)
+            before_s, after_s = self.clock_sync.narrowed(sample)
         return Exchange(
             record=record,
             boot_id=answer.boot_id,
             host_before_s=before_s,
             host_after_s=after_s,
             device_us=answer.device_us,
-            resolution_s=resolution_s(self._clock),
+            resolution_s=self._resolution_s,
             retries=retries,
         )
 
-    def _unknown(self, token: int, before_s: float, *, retries: int = 0) -> Exchange:
+    def _record(self, message: Message[Any], answer: Answer) -> Any:
+        """Return the record that a FIRE or QUERY is answered with, None for anything else."""
+        if not isinstance(message, Fire | Query):
+            return None
+        record = _understood(lambda: codec.TOLD.read(answer.body)).record
+        if record.token != message.token or (record.start_us or 0) > answer.device_us:
+            name = codec.kind_of(message).name
+            raise LinkError(f"the device's answer to {name} contradicts itself")
+        return record
+
+    def _require_done(self, message: Message[Any], answer: Answer) -> None:
+        if answer.refusal is None:
+            return
+        if answer.refusal is Refusal.WRONG_BOOT:
+            raise _Restarted("the device restarted and forgot everything: open it again")
+        detail = f"the device, on {codec.kind_of(message).name}"
+        if answer.refusal is Refusal.CEILING:
+            left_vpp, right_vpp = message.vpp if isinstance(message, Levels) else self._levels_vpp
+            ceiling = f"its ceiling {self._ceiling_vpp:g} Vpp"
+            detail += f": {left_vpp:g} and {right_vpp:g} Vpp, {ceiling}"
+        raise rejection(answer.refusal, detail)
+
+    def _unknown(self, token: int, before_s: float, *, retries: int = 0) -> Exchange[Record]:
         return Exchange(
             record=Record(token=token, fate=Fate.UNKNOWN),
             boot_id=self._boot_id,
             host_before_s=before_s,
             host_after_s=self._clock.now_s(),
             device_us=0,
-            resolution_s=resolution_s(self._clock),
+            resolution_s=self._resolution_s,
             retries=retries + self._retries,
         )
 
-    def _ask(self, kind: Kind, payload: bytes) -> Answer:
+    def _ask(self, message: Message[Any], boot_id: int) -> Answer:
         """Send a question until its answer comes; also a refusal tells state and power cycle.
 
         A stop from another thread may overtake a question, which the device does not do then. It
@@ -311,15 +293,14 @@ class FrameLink:
         """
         retries = 0
         for _ in range(_STALE_AT_MOST):
-            if kind is not Kind.HELLO:
+            if not isinstance(message, Hello):
                 self._confirm_stops(self._patience_s)
-            number = next(self._numbers) & 0xFFFF
-            question = Frame(kind=kind, sequence=number, payload=payload)
+            question = _framed(message, next(self._numbers), boot_id)
             answer = self._insist(question, self._patience_s)
             self._retries = retries = retries + self._retries
             if answer.refusal is not Refusal.STALE:
                 return answer
-            if kind is Kind.OUTPUT:
+            if isinstance(message, Enable):
                 raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
         raise LinkError("the device takes every question for an old one: open it again")
 
@@ -372,7 +353,7 @@ class FrameLink:
 
     def _learn(self, frame: Frame) -> Answer:
         """Read an answer; one that was overtaken tells nothing of the state."""
-        answer = _understood(lambda: codec.read_answer(frame.payload))
+        answer = _understood(lambda: codec.HEAD.read(frame.payload))
         if answer.boot_id != self._boot_id or answer.device_us >= self._device_us:
             self._state, self._boot_id = answer.state, answer.boot_id
             self._device_us = answer.device_us
@@ -387,11 +368,12 @@ class _Restarted(LinkError):  # noqa: N818 - the same
     """A question that was meant for a power cycle that is over."""
 
 
-def _require_done(kind: Kind, answer: Answer) -> None:
-    if answer.refusal is Refusal.WRONG_BOOT:
-        raise _Restarted("the device restarted and forgot everything: open it again")
-    if answer.refusal is not None:
-        raise rejection(answer.refusal, f"the device, on {kind.name}")
+def _framed(message: Message[Any], number: int, boot_id: int) -> Frame:
+    return Frame(
+        kind=codec.kind_of(message),
+        sequence=number & 0xFFFF,
+        payload=codec.payload(message, boot_id),
+    )
 
 
 def _understood(read: Callable[[], _Read]) -> _Read:

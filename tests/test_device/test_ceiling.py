@@ -8,7 +8,7 @@ import pytest
 
 from device.clock import VirtualClock
 from device.core.core import DeviceCore
-from device.core.messages import Arm, Levels, Load, to_codes
+from device.core.messages import Arm, Enable, Fire, Levels, Load, Stop, to_codes
 from device.core.output import Emission, OutputStage
 from device.driver import FloatArray, LimitExceeded, Refusal
 from device.emulate.emulator import Nature
@@ -97,22 +97,22 @@ def test_a_whole_device_plays_or_refuses_each_of_thousands() -> None:
         over: list[Emission] = []
         core = DeviceCore(boot_id=1, limits=limits, output=STAGE, sink=over.append)
         left, right = (to_codes(burst(float(peak)), 16) for peak in rng.uniform(0.01, 1.0, 2))
-        core.load(0, Load(slot=0, left=left, right=right))
-        core.enable(0)
+        core.take(0, Load(slot=0, left=left, right=right))
+        core.take(0, Enable())
         peak = float(max(left.max(), right.max())) / FULL
         levels = Levels(left_mvpp=level_mvpp, right_mvpp=level_mvpp)
         above = is_above(peak, levels.vpp[0], limits)
         reason = ""
         try:
-            core.set_levels(1, levels)
-            core.arm(1, Arm(token=1, slot=0, time_to_live_us=1000))
-            core.fire(2, 1)
+            core.take(1, levels)
+            core.take(1, Arm(token=1, slot=0, time_to_live_us=1000))
+            core.take(2, Fire(token=1))
         except LimitExceeded as refused:
             reason = str(refused)
         assert bool(reason) == above
         values = f"{levels.vpp[0]:g} x {limits.gain:g} > {limits.ceiling_vpp:g}"
         assert not reason or values in reason
-        core.stop(2_000_000)
+        core.take(2_000_000, Stop())
         assert len(over) == (not above)
         for emission in over:
             n_played += 1
@@ -134,18 +134,18 @@ def test_without_the_hosts_check_the_device_refuses_alone(seed: int) -> None:
     )
     rig.link.hello()
     codes = to_codes(burst(1.0), 16)
-    rig.link.load(Load(slot=0, left=codes, right=codes))
-    rig.link.enable()
+    rig.link.exchange(Load(slot=0, left=codes, right=codes))
+    rig.link.exchange(Enable())
     for level_mvpp in rng.integers(150_001, 2**32, size=100):
         levels = [int(level_mvpp), 1]
         rng.shuffle(levels)
         with pytest.raises(LimitExceeded) as refused:
-            rig.link.set_levels(Levels(left_mvpp=levels[0], right_mvpp=levels[1]))
+            rig.link.exchange(Levels(left_mvpp=levels[0], right_mvpp=levels[1]))
         assert refused.value.code is Refusal.CEILING
         assert f"{max(levels) / 1000:g}" in str(refused.value)
         assert "its ceiling 150 Vpp" in str(refused.value)
-    rig.link.load(Load(slot=1, left=codes // 4, right=codes // 4))
-    rig.link.set_levels(Levels(left_mvpp=300_000, right_mvpp=0))
+    rig.link.exchange(Load(slot=1, left=codes // 4, right=codes // 4))
+    rig.link.exchange(Levels(left_mvpp=300_000, right_mvpp=0))
     with pytest.raises(LimitExceeded, match="300 and 0 Vpp, its ceiling 150 Vpp"):
-        rig.link.arm(Arm(token=1, slot=0, time_to_live_us=1_000_000))
+        rig.link.exchange(Arm(token=1, slot=0, time_to_live_us=1_000_000))
     assert '"burst"' not in truth.getvalue()

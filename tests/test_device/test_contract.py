@@ -24,7 +24,21 @@ import pytest
 from device.clock import Clock, MonotonicClock, VirtualClock
 from device.core.core import DeviceCore
 from device.core.host import HostDriver
-from device.core.messages import Arm, Levels, Load, to_codes, to_microseconds, to_millivolts
+from device.core.messages import (
+    Arm,
+    Beat,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Load,
+    Ping,
+    Query,
+    Stop,
+    to_codes,
+    to_microseconds,
+    to_millivolts,
+)
 from device.core.output import Emission, OutputStage
 from device.core.states import State
 from device.core.tokens import Exchange, Record, delivery
@@ -119,10 +133,10 @@ class BareCore:
         now_us = round(self._clock.now_s() * 1e6)
         while self._beating and self._beat_us + BEAT_US <= now_us:
             self._beat_us += BEAT_US
-            self._core.beat(self._beat_us)
+            self._core.take(self._beat_us, Beat())
         if self._stopped.is_set():
             self._stopped.clear()
-            self._core.stop(now_us)
+            self._core.take(now_us, Stop())
         self._core.advance(now_us)
         return now_us
 
@@ -142,29 +156,29 @@ class BareCore:
 
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
         codes = to_codes(left, 16), to_codes(right, 16)
-        self._core.load(self._now_us(), Load(slot=slot, left=codes[0], right=codes[1]))
+        self._core.take(self._now_us(), Load(slot=slot, left=codes[0], right=codes[1]))
 
     def enable(self) -> None:
-        self._core.enable(self._now_us())
+        self._core.take(self._now_us(), Enable())
 
     def set_levels(self, left_vpp: float, right_vpp: float) -> None:
         left_mvpp, right_mvpp = to_millivolts(left_vpp), to_millivolts(right_vpp)
         message = Levels(left_mvpp=left_mvpp, right_mvpp=right_mvpp)
-        self._core.set_levels(self._now_us(), message)
+        self._core.take(self._now_us(), message)
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         time_to_live_us = to_microseconds(time_to_live_s)
         message = Arm(token=token, slot=slot, time_to_live_us=time_to_live_us)
-        self._core.arm(self._now_us(), message)
+        self._core.take(self._now_us(), message)
 
     def fire(self, token: int) -> Delivery:
-        return self._deliver(self._core.fire(self._now_us(), token))
+        return self._deliver(self._core.take(self._now_us(), Fire(token=token)))
 
     def disarm(self, token: int) -> None:
-        self._core.disarm(self._now_us(), token)
+        self._core.take(self._now_us(), Disarm(token=token))
 
     def query(self, token: int) -> Delivery:
-        return self._deliver(self._core.query(self._now_us(), token))
+        return self._deliver(self._core.take(self._now_us(), Query(token=token)))
 
     def stop(self) -> None:
         self._stopped.set()
@@ -244,7 +258,7 @@ def emulator_rig(kind: str) -> Callable[[pytest.FixtureRequest], Rig]:
 
         def emitted() -> tuple[Emission, ...]:
             if link.state is not State.CLOSED:
-                link.ping()
+                link.exchange(Ping())
             return read_truth(truth)
 
         return Rig(

@@ -9,7 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from device.core.core import WATCHDOG_US, DeviceCore
-from device.core.messages import Arm, CodeArray, Levels, Load, to_codes
+from device.core.messages import (
+    Arm,
+    Beat,
+    CodeArray,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Load,
+    Query,
+    Stop,
+    to_codes,
+)
 from device.core.output import Emission, OutputStage
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Fate, Record
@@ -55,9 +67,9 @@ def power_on(*, history: int = 1024, limits: Limits = LIMITS) -> Bench:
 def live(*, history: int = 1024, n_samples: int = 97) -> Bench:
     """A device that is live at 0 us with its last beat then, at 100 Vpp."""
     bench = power_on(history=history)
-    bench.core.load(0, load_message(n_samples=n_samples))
-    bench.core.set_levels(0, levels(100_000))
-    bench.core.enable(0)
+    bench.core.take(0, load_message(n_samples=n_samples))
+    bench.core.take(0, levels(100_000))
+    bench.core.take(0, Enable())
     return bench
 
 
@@ -77,7 +89,7 @@ def refusal(call: Callable[[], object]) -> Refusal:
 
 def test_the_watchdog_trips_half_a_second_after_the_last_beat() -> None:
     core = live().core
-    core.beat(300_000)
+    core.take(300_000, Beat())
     assert state_at(core, 300_000 + WATCHDOG_US - 1) is State.LIVE
     assert state_at(core, 300_000 + WATCHDOG_US) is State.SAFE
 
@@ -85,16 +97,16 @@ def test_the_watchdog_trips_half_a_second_after_the_last_beat() -> None:
 def test_a_device_whose_output_is_off_needs_no_beat() -> None:
     core = power_on().core
     core.advance(10 * WATCHDOG_US)
-    core.load(20 * WATCHDOG_US, load_message())
+    core.take(20 * WATCHDOG_US, load_message())
     assert state_at(core, 30 * WATCHDOG_US) is State.LOADED
-    core.enable(30 * WATCHDOG_US)
+    core.take(30 * WATCHDOG_US, Enable())
     assert state_at(core, 31 * WATCHDOG_US - 1) is State.LIVE
 
 
 def test_no_beat_leads_out_of_safe() -> None:
     core = live().core
-    core.stop(10)
-    core.beat(20)
+    core.take(10, Stop())
+    core.take(20, Beat())
     core.advance(30)
     assert core.state is State.SAFE
 
@@ -106,30 +118,30 @@ def test_what_is_due_in_one_leap_happens_in_the_order_of_time(
     time_to_live_us: int, fate: Fate
 ) -> None:
     core = live().core
-    core.arm(0, arm(1, time_to_live_us=time_to_live_us))
+    core.take(0, arm(1, time_to_live_us=time_to_live_us))
     core.advance(10_000_000)
     assert core.state is State.SAFE
-    assert core.query(10_000_000, 1).fate is fate
+    assert core.take(10_000_000, Query(token=1)).fate is fate
 
 
 def test_a_burst_is_handed_over_once_and_whole_when_it_is_over() -> None:
     core, over = live()
-    core.arm(100, arm(1))
-    core.fire(100, 1)
+    core.take(100, arm(1))
+    core.take(100, Fire(token=1))
     core.advance(100 + BURST_US - 1)
     playing = core.playing
     assert (core.state, over) == (State.FIRED, [])
     core.advance(100 + BURST_US)
     assert (core.state, core.playing) == (State.LIVE, None)
-    core.stop(100 + BURST_US)
+    core.take(100 + BURST_US, Stop())
     assert over == [playing]
     assert over[0].cut_us is None
 
 
 def test_a_watchdog_cuts_a_long_burst_when_it_trips_not_when_it_is_noticed() -> None:
     core, over = live(n_samples=40_001)
-    core.arm(200_000, arm(1))
-    core.fire(200_000, 1)
+    core.take(200_000, arm(1))
+    core.take(200_000, Fire(token=1))
     core.advance(9_000_000)
     assert core.state is State.SAFE
     (cut,) = over
@@ -137,14 +149,14 @@ def test_a_watchdog_cuts_a_long_burst_when_it_trips_not_when_it_is_noticed() -> 
     first_zero = (WATCHDOG_US - 200_000) * 48 // 1000
     assert cut.left_v[:first_zero].any()
     assert not cut.left_v[first_zero:].any()
-    assert core.query(9_000_000, 1).fate is Fate.FIRED
+    assert core.take(9_000_000, Query(token=1)).fate is Fate.FIRED
 
 
 def test_time_that_goes_back_is_refused() -> None:
     core = live().core
     core.advance(5)
     with pytest.raises(ValueError, match="now_us must be 5 or later, got 4"):
-        core.beat(4)
+        core.take(4, Beat())
 
 
 # --- tokens
@@ -154,64 +166,64 @@ def fire_some(core: DeviceCore, tokens: range, start_us: int = 0) -> int:
     now_us = start_us
     for token in tokens:
         now_us += 50_000
-        core.beat(now_us)
-        core.arm(now_us, arm(token))
-        core.fire(now_us, token)
+        core.take(now_us, Beat())
+        core.take(now_us, arm(token))
+        core.take(now_us, Fire(token=token))
     now_us += 50_000
-    core.beat(now_us)
+    core.take(now_us, Beat())
     return now_us
 
 
 def test_a_fired_token_gives_its_record_whatever_the_device_does_since() -> None:
     core, over = live()
-    core.arm(0, arm(1))
-    record = core.fire(10, 1)
-    assert core.fire(20, 1) == record
-    assert core.fire(50_000, 1) == record
-    core.arm(50_000, arm(2))
-    assert core.fire(50_010, 1) == record
+    core.take(0, arm(1))
+    record = core.take(10, Fire(token=1))
+    assert core.take(20, Fire(token=1)) == record
+    assert core.take(50_000, Fire(token=1)) == record
+    core.take(50_000, arm(2))
+    assert core.take(50_010, Fire(token=1)) == record
     assert core.state is State.ARMED
-    core.stop(50_020)
-    assert core.fire(50_030, 1) == core.query(50_030, 1) == record
+    core.take(50_020, Stop())
+    assert core.take(50_030, Fire(token=1)) == core.take(50_030, Query(token=1)) == record
     assert [emission.token for emission in over] == [1]
 
 
 def test_a_late_fire_cannot_fire() -> None:
     core, over = live()
-    core.arm(0, arm(1, time_to_live_us=1000))
-    assert refusal(lambda: core.fire(1000, 1)) is Refusal.EXPIRED
-    assert core.query(1000, 1).fate is Fate.EXPIRED
-    assert refusal(lambda: core.arm(1000, arm(1))) is Refusal.TOKEN_SPENT
+    core.take(0, arm(1, time_to_live_us=1000))
+    assert refusal(lambda: core.take(1000, Fire(token=1))) is Refusal.EXPIRED
+    assert core.take(1000, Query(token=1)).fate is Fate.EXPIRED
+    assert refusal(lambda: core.take(1000, arm(1))) is Refusal.TOKEN_SPENT
     assert over == []
 
 
 def test_the_last_microsecond_of_the_time_to_live_still_fires() -> None:
     core = live().core
-    core.arm(0, arm(1, time_to_live_us=1000))
-    assert core.fire(999, 1).start_us == 999
+    core.take(0, arm(1, time_to_live_us=1000))
+    assert core.take(999, Fire(token=1)).start_us == 999
 
 
 @pytest.mark.parametrize("armed_before", [True, False])
 def test_a_disarmed_token_can_never_fire(*, armed_before: bool) -> None:
     core, over = live()
     if armed_before:
-        core.arm(0, arm(1))
-    core.disarm(1, 1)
-    assert core.query(2, 1).fate is (Fate.ABORTED if armed_before else Fate.NEVER_ARMED)
-    assert refusal(lambda: core.fire(3, 1)) is Refusal.ABORTED
-    assert refusal(lambda: core.arm(4, arm(1))) is Refusal.TOKEN_SPENT
-    core.arm(5, arm(2))
-    assert refusal(lambda: core.fire(6, 1)) is Refusal.ABORTED
+        core.take(0, arm(1))
+    core.take(1, Disarm(token=1))
+    assert core.take(2, Query(token=1)).fate is (Fate.ABORTED if armed_before else Fate.NEVER_ARMED)
+    assert refusal(lambda: core.take(3, Fire(token=1))) is Refusal.ABORTED
+    assert refusal(lambda: core.take(4, arm(1))) is Refusal.TOKEN_SPENT
+    core.take(5, arm(2))
+    assert refusal(lambda: core.take(6, Fire(token=1))) is Refusal.ABORTED
     assert (core.state, over) == (State.ARMED, [])
 
 
 def test_disarming_leaves_other_tokens_and_playing_bursts_alone() -> None:
     core, over = live()
-    core.arm(0, arm(1))
-    core.disarm(1, 7)
-    record = core.fire(2, 1)
-    core.disarm(3, 1)
-    assert core.query(4, 1) == record
+    core.take(0, arm(1))
+    core.take(1, Disarm(token=7))
+    record = core.take(2, Fire(token=1))
+    core.take(3, Disarm(token=1))
+    assert core.take(4, Query(token=1)) == record
     core.advance(50_000)
     assert [emission.cut_us for emission in over] == [None]
 
@@ -219,29 +231,29 @@ def test_disarming_leaves_other_tokens_and_playing_bursts_alone() -> None:
 def test_a_forgotten_token_is_unknown_and_stays_so_when_it_is_disarmed() -> None:
     core = live(history=3).core
     now_us = fire_some(core, range(1, 6))
-    assert [core.query(now_us, token).fate for token in (1, 2)] == [Fate.UNKNOWN] * 2
-    assert [core.query(now_us, token).fate for token in (3, 4, 5)] == [Fate.FIRED] * 3
-    assert core.query(now_us, 6).fate is Fate.NEVER_ARMED
-    core.disarm(now_us, 1)
-    assert core.query(now_us, 1).fate is Fate.UNKNOWN
-    assert refusal(lambda: core.fire(now_us, 2)) is Refusal.NOT_ARMED
+    assert [core.take(now_us, Query(token=token)).fate for token in (1, 2)] == [Fate.UNKNOWN] * 2
+    assert [core.take(now_us, Query(token=token)).fate for token in (3, 4, 5)] == [Fate.FIRED] * 3
+    assert core.take(now_us, Query(token=6)).fate is Fate.NEVER_ARMED
+    core.take(now_us, Disarm(token=1))
+    assert core.take(now_us, Query(token=1)).fate is Fate.UNKNOWN
+    assert refusal(lambda: core.take(now_us, Fire(token=2))) is Refusal.NOT_ARMED
 
 
 def test_a_forgotten_token_that_is_armed_anew_and_does_not_fire_stays_unknown() -> None:
     core = live(history=2).core
     now_us = fire_some(core, range(1, 5))
-    core.arm(now_us, arm(1))
-    core.disarm(now_us, 1)
-    assert core.query(now_us, 1) == Record(token=1, fate=Fate.UNKNOWN)
+    core.take(now_us, arm(1))
+    core.take(now_us, Disarm(token=1))
+    assert core.take(now_us, Query(token=1)) == Record(token=1, fate=Fate.UNKNOWN)
 
 
 def test_the_armed_token_is_not_forgotten_however_many_others_are_disarmed() -> None:
     core = live(history=2).core
-    core.arm(0, arm(1))
+    core.take(0, arm(1))
     for token in range(10, 20):
-        core.disarm(0, token)
-    assert core.query(0, 1).fate is Fate.ARMED
-    assert core.fire(0, 1).fate is Fate.FIRED
+        core.take(0, Disarm(token=token))
+    assert core.take(0, Query(token=1)).fate is Fate.ARMED
+    assert core.take(0, Fire(token=1)).fate is Fate.FIRED
 
 
 # --- levels and waveforms
@@ -249,19 +261,19 @@ def test_the_armed_token_is_not_forgotten_however_many_others_are_disarmed() -> 
 
 def test_the_record_names_the_levels_that_were_set_and_zero_for_silence() -> None:
     core = live().core
-    core.set_levels(0, Levels(left_mvpp=64_123, right_mvpp=99_000))
-    core.arm(0, arm(1))
-    assert core.fire(0, 1).levels_mvpp == (64_123, 0)
+    core.take(0, Levels(left_mvpp=64_123, right_mvpp=99_000))
+    core.take(0, arm(1))
+    assert core.take(0, Fire(token=1)).levels_mvpp == (64_123, 0)
 
 
 def test_a_level_no_loaded_waveform_could_use_is_refused_when_it_is_set() -> None:
     core = live().core
-    assert refusal(lambda: core.set_levels(0, levels(200_001))) is Refusal.CEILING
-    core.load(0, load_message(slot=1, peak=0.5))
-    core.set_levels(0, levels(300_000))
-    assert refusal(lambda: core.arm(0, arm(1))) is Refusal.CEILING
-    core.arm(0, arm(1, slot=1))
-    core.fire(0, 1)
+    assert refusal(lambda: core.take(0, levels(200_001))) is Refusal.CEILING
+    core.take(0, load_message(slot=1, peak=0.5))
+    core.take(0, levels(300_000))
+    assert refusal(lambda: core.take(0, arm(1))) is Refusal.CEILING
+    core.take(0, arm(1, slot=1))
+    core.take(0, Fire(token=1))
     assert core.playing is not None
     assert 149.9 < np.ptp(core.playing.left_v) <= 150.0
 
@@ -269,12 +281,12 @@ def test_a_level_no_loaded_waveform_could_use_is_refused_when_it_is_set() -> Non
 def test_the_device_keeps_its_own_copy_of_what_was_loaded() -> None:
     core = power_on().core
     message = load_message()
-    core.load(0, message)
+    core.take(0, message)
     message.left[:] = 7
-    core.set_levels(0, levels(100_000))
-    core.enable(0)
-    core.arm(0, arm(1))
-    core.fire(0, 1)
+    core.take(0, levels(100_000))
+    core.take(0, Enable())
+    core.take(0, arm(1))
+    core.take(0, Fire(token=1))
     assert core.playing is not None
     assert core.playing.left_v[0] == 0.0
 
@@ -282,7 +294,7 @@ def test_the_device_keeps_its_own_copy_of_what_was_loaded() -> None:
 def test_a_burst_is_computed_once_for_a_slot_at_its_levels_and_anew_after_a_load() -> None:
     core, over = live()
     fire_some(core, range(1, 3))
-    core.load(200_000, load_message(peak=0.5))
+    core.take(200_000, load_message(peak=0.5))
     fire_some(core, range(3, 4), start_us=200_000)
     first, second, third = over
     assert first.left_v.base is second.left_v.base
@@ -307,28 +319,28 @@ def prepared(state: State) -> Bench:
     bench = power_on()
     core = bench.core
     if state in (State.LOADED, State.LIVE, State.ARMED, State.FIRED):
-        core.load(0, load_message())
-        core.set_levels(0, levels(100_000))
+        core.take(0, load_message())
+        core.take(0, levels(100_000))
     if state in (State.LIVE, State.ARMED, State.FIRED):
-        core.enable(0)
+        core.take(0, Enable())
     if state in (State.ARMED, State.FIRED):
-        core.arm(0, arm(1))
+        core.take(0, arm(1))
     if state is State.FIRED:
-        core.fire(100, 1)
+        core.take(100, Fire(token=1))
     if state is State.SAFE:
-        core.stop(0)
+        core.take(0, Stop())
     core.advance(100)
     assert core.state is state
     return bench
 
 
 MESSAGES: dict[Step, Callable[[DeviceCore], object]] = {
-    Step.LOAD: lambda core: core.load(100, load_message()),
-    Step.LEVEL: lambda core: core.set_levels(100, levels(50_000)),
-    Step.ENABLE: lambda core: core.enable(100),
-    Step.ARM: lambda core: core.arm(100, arm(2)),
-    Step.FIRE: lambda core: core.fire(100, 1 if core.state is State.ARMED else 3),
-    Step.DISARM: lambda core: core.disarm(100, 1),
+    Step.LOAD: lambda core: core.take(100, load_message()),
+    Step.LEVEL: lambda core: core.take(100, levels(50_000)),
+    Step.ENABLE: lambda core: core.take(100, Enable()),
+    Step.ARM: lambda core: core.take(100, arm(2)),
+    Step.FIRE: lambda core: core.take(100, Fire(token=1 if core.state is State.ARMED else 3)),
+    Step.DISARM: lambda core: core.take(100, Disarm(token=1)),
 }
 
 
@@ -348,14 +360,14 @@ def test_a_step_follows_the_table_or_is_refused_and_changes_nothing(
 
 
 BAD_STEPS: list[tuple[State, Refusal, Callable[[DeviceCore], object]]] = [
-    (State.LIVE, Refusal.EDGES_NOT_ZERO, lambda c: c.load(100, bad_load())),
-    (State.LIVE, Refusal.CEILING, lambda c: c.set_levels(100, levels(200_001))),
-    (State.LIVE, Refusal.EMPTY_SLOT, lambda c: c.arm(100, arm(2, slot=5))),
-    (State.LIVE, Refusal.BAD_TIME_TO_LIVE, lambda c: c.arm(100, arm(2, time_to_live_us=0))),
-    (State.LIVE, Refusal.BAD_TOKEN, lambda c: c.disarm(100, 0)),
-    (State.LIVE, Refusal.BAD_TOKEN, lambda c: c.query(100, 2**64)),
-    (State.ARMED, Refusal.WRONG_TOKEN, lambda c: c.fire(100, 2)),
-    (State.ARMED, Refusal.BAD_TOKEN, lambda c: c.fire(100, -1)),
+    (State.LIVE, Refusal.EDGES_NOT_ZERO, lambda c: c.take(100, bad_load())),
+    (State.LIVE, Refusal.CEILING, lambda c: c.take(100, levels(200_001))),
+    (State.LIVE, Refusal.EMPTY_SLOT, lambda c: c.take(100, arm(2, slot=5))),
+    (State.LIVE, Refusal.BAD_TIME_TO_LIVE, lambda c: c.take(100, arm(2, time_to_live_us=0))),
+    (State.LIVE, Refusal.BAD_TOKEN, lambda c: c.take(100, Disarm(token=0))),
+    (State.LIVE, Refusal.BAD_TOKEN, lambda c: c.take(100, Query(token=2**64))),
+    (State.ARMED, Refusal.WRONG_TOKEN, lambda c: c.take(100, Fire(token=2))),
+    (State.ARMED, Refusal.BAD_TOKEN, lambda c: c.take(100, Fire(token=-1))),
 ]
 
 
@@ -380,13 +392,13 @@ def test_a_token_refused_for_lack_of_rest_stays_armed_and_fires_after_it(since_u
     bench = live()
     fire_some(bench.core, range(1, 2), start_us=-50_000)
     now_us = bench.core.now_us
-    bench.core.arm(now_us, arm(2))
-    assert bench.core.fire(now_us, 2).start_us == now_us
+    bench.core.take(now_us, arm(2))
+    assert bench.core.take(now_us, Fire(token=2)).start_us == now_us
     again_us = now_us + since_us
-    bench.core.arm(again_us, arm(3))
+    bench.core.take(again_us, arm(3))
     before = picture(bench)
     if since_us < BURST_US + 10_000:
-        assert refusal(lambda: bench.core.fire(again_us, 3)) is Refusal.LEAST_INTERVAL
+        assert refusal(lambda: bench.core.take(again_us, Fire(token=3))) is Refusal.LEAST_INTERVAL
         assert picture(bench) == before
         again_us = now_us + BURST_US + 10_000
-    assert bench.core.fire(again_us, 3).start_us == again_us
+    assert bench.core.take(again_us, Fire(token=3)).start_us == again_us

@@ -2,7 +2,6 @@
 
 import json
 import re
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,28 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from device.core.core import WATCHDOG_US, DeviceCore
-from device.core.messages import Arm, Levels
+from device.core.messages import (
+    Arm,
+    Beat,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Message,
+    Ping,
+    Query,
+    Stop,
+)
 from device.core.output import OutputStage
+from device.core.states import State
 from device.core.tokens import Fate, Record
 from device.driver import Identity, Refusal, Rejected
 from device.limits import Limits
 from device.wire import codec, frames
-from device.wire.codec import FATES, STATES, Kind
+from device.wire.codec import FATES, REFUSALS, STATES, TABLE, Answer, Kind, Question, Told
 from device.wire.endpoint import Endpoint
 from device.wire.frames import LONGEST_PAYLOAD, Decoder, Frame, encode
+from device.wire.upload import LONGEST_DATA, Begin, Commit, Data
 
 TESTS = Path(__file__).parents[1]
 GOLDEN = json.loads((TESTS / "golden_frames.json").read_text(encoding="utf-8"))
@@ -154,7 +166,7 @@ def endpoint() -> Endpoint:
 def test_an_endpoint_takes_any_bytes(data: bytes) -> None:
     device = endpoint()
     device.receive(1, data)
-    ping = encode(Frame(kind=2, sequence=1, payload=codec.for_boot(device.core.boot_id)))
+    ping = encode(Frame(kind=2, sequence=1, payload=codec.payload(Ping(), device.core.boot_id)))
     assert len(Decoder().feed(device.receive(2, b"\0" + ping))) == 1
 
 
@@ -168,14 +180,15 @@ def test_any_payload_in_a_whole_frame_is_answered_or_dropped(
     kind: int, content: bytes, *, meant: bool
 ) -> None:
     device = endpoint()
-    payload = codec.for_boot(device.core.boot_id) + content if meant else content
+    question = Question(boot_id=device.core.boot_id, content=content)
+    payload = codec.QUESTION.pack(question) if meant else content
     frame = Frame(kind=kind, sequence=3, payload=payload)
     answers = Decoder().feed(device.receive(1, encode(frame)))
     silent = kind == Kind.BEAT or kind >= codec.ANSWER
     assert len(answers) == (0 if silent else 1)
     for answer in answers:
         assert (answer.kind, answer.sequence) == (kind | codec.ANSWER, 3)
-        codec.read_answer(answer.payload)
+        codec.HEAD.read(answer.payload)
 
 
 @pytest.mark.parametrize("ending", [b"\n", b"\r\n"])
@@ -215,7 +228,7 @@ def test_a_question_in_plain_text_inside_a_frame_is_no_question(
 def test_a_plain_question_between_frames_disturbs_neither() -> None:
     device = endpoint()
     ping = [
-        encode(Frame(kind=2, sequence=n, payload=codec.for_boot(device.core.boot_id)))
+        encode(Frame(kind=2, sequence=n, payload=codec.payload(Ping(), device.core.boot_id)))
         for n in (1, 2)
     ]
     said = device.receive(1, ping[0] + b"*IDN?\n" + ping[1])
@@ -242,7 +255,7 @@ def test_the_golden_frames_are_what_they_are_said_to_be(exchange: dict[str, Any]
     if exchange["answer"]:
         (answer,) = Decoder().feed(bytes.fromhex(exchange["answer"]))
         assert (answer.kind, answer.sequence) == (question.kind | 0x80, question.sequence)
-        said = codec.read_answer(answer.payload)
+        said = codec.HEAD.read(answer.payload)
         assert (said.refusal.name if said.refusal else None) == exchange["refusal"]
         assert (said.state.value, said.device_us) == (exchange["state"], exchange["at_us"])
 
@@ -263,47 +276,87 @@ def test_what_is_no_golden_frame_gets_no_answer(noise: dict[str, Any]) -> None:
 # --- values of the messages
 
 
-@pytest.mark.parametrize(
-    "read",
-    [
-        codec.read_arm,
-        codec.read_levels,
-        codec.read_token,
-        codec.read_begin,
-        codec.read_data,
-        codec.read_commit,
-        codec.read_record,
-        codec.read_answer,
-        codec.read_hello,
-        codec.split_boot,
-    ],
-)
+LAYOUTS = {
+    **{kind.name: row.message for kind, row in TABLE.items()},
+    **{f"answer to {kind.name}": row.answer for kind, row in TABLE.items() if row.answer},
+    "question": codec.QUESTION,
+    "answer": codec.HEAD,
+}
+
+
+def test_every_type_has_its_row_and_every_row_its_own_message() -> None:
+    assert set(TABLE) == set(Kind)
+    assert len({row.message.of for row in TABLE.values()}) == len(TABLE)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
 @settings(max_examples=60)
 @given(content=st.binary(max_size=LONGEST_PAYLOAD))
-def test_a_content_is_read_or_refused_as_such(read: Any, content: bytes) -> None:
+def test_a_content_is_read_or_refused_as_such(name: str, content: bytes) -> None:
     codes = set()
     try:
-        read(content)
+        LAYOUTS[name].read(content)
     except Rejected as refused:
         codes.add(refused.code)
     assert codes <= {Refusal.BAD_MESSAGE, Refusal.BAD_TOKEN, Refusal.BAD_SLOT}
 
 
+def test_numbers_that_stand_for_nothing_are_refused() -> None:
+    told = codec.TOLD.pack(codec.Told.of(Record(token=3, fate=Fate.ABORTED)))
+    head = codec.HEAD.pack(Answer(refusal=None, state=State.SAFE, boot_id=5, device_us=9))
+    for layout, content, place, number in (
+        (codec.TOLD, told, 8, len(FATES)),
+        (codec.HEAD, head, 0, len(Refusal) + 1),
+        (codec.HEAD, head, 1, len(STATES)),
+        (codec.HEAD, head, 17, 128),
+    ):
+        wrong = bytearray(content)
+        wrong[place] = number
+        with pytest.raises(Rejected) as refused:
+            layout.read(bytes(wrong))
+        assert refused.value.code is Refusal.BAD_MESSAGE
+
+
+some_token = st.integers(1, 2**64 - 1)
+some_slot = st.integers(0, 7)
+some_u32 = st.integers(0, 2**32 - 1)
+
+
 @given(
-    token=st.integers(1, 2**64 - 1),
-    slot=st.integers(0, 7),
-    level=st.integers(0, 2**32 - 1),
-    fate=st.sampled_from(Fate),
+    message=st.builds(Arm, token=some_token, slot=some_slot, time_to_live_us=some_u32)
+    | st.builds(Levels, left_mvpp=some_u32, right_mvpp=some_u32)
+    | st.sampled_from([Fire, Disarm, Query]).flatmap(lambda of: st.builds(of, token=some_token))
+    | st.sampled_from([Ping(), Enable(), Stop(), Beat()])
+    | st.builds(Begin, slot=some_slot, samples=some_u32)
+    | st.builds(Data, offset=some_u32, octets=st.binary(min_size=1, max_size=LONGEST_DATA))
+    | st.builds(Commit, slot=some_slot, crc=some_u32),
+    boot_id=st.integers(0, 2**64 - 1),
 )
-def test_what_is_packed_is_read_again(token: int, slot: int, level: int, fate: Fate) -> None:
-    arm = Arm(token=token, slot=slot, time_to_live_us=level)
-    assert codec.read_arm(codec.pack_arm(arm)) == arm
-    levels = Levels(left_mvpp=level, right_mvpp=0)
-    assert codec.read_levels(codec.pack_levels(levels)) == levels
-    assert codec.read_token(codec.pack_token(token)) == token
+def test_a_message_that_is_packed_is_read_again(message: Message[Any], boot_id: int) -> None:
+    question = codec.QUESTION.read(codec.payload(message, boot_id))
+    assert question.boot_id == boot_id
+    assert codec.read(codec.kind_of(message), question.content) == message
+
+
+@given(token=some_token, level=some_u32, fate=st.sampled_from(Fate))
+def test_a_record_that_is_told_is_read_again(token: int, level: int, fate: Fate) -> None:
     start_us = 5 if fate is Fate.FIRED else None
     record = Record(token=token, fate=fate, start_us=start_us, levels_mvpp=(level, 1))
-    assert codec.read_record(codec.pack_record(record)) == record
+    assert codec.TOLD.read(codec.TOLD.pack(Told.of(record))).record == record
+
+
+@given(
+    st.builds(
+        Answer,
+        refusal=st.none() | st.sampled_from(Refusal),
+        state=st.sampled_from(STATES),
+        boot_id=st.integers(0, 2**64 - 1),
+        device_us=st.integers(0, 2**63 - 1),
+        body=st.binary(max_size=30),
+    )
+)
+def test_an_answer_that_is_packed_is_read_again(answer: Answer) -> None:
+    assert codec.HEAD.read(codec.HEAD.pack(answer)) == answer
 
 
 # --- the page
@@ -321,20 +374,6 @@ def test_the_page_lists_the_types_with_their_numbers() -> None:
     assert listed == {kind.name: int(kind) for kind in Kind}
 
 
-LAYOUTS = {
-    "HELLO": codec._NONCE,
-    "PING": struct.Struct("<"),
-    "BEGIN": codec._BEGIN,
-    "COMMIT": codec._COMMIT,
-    "LEVEL": codec._LEVELS,
-    "OUTPUT": struct.Struct("<"),
-    "ARM": codec._ARM,
-    "DISARM": codec._TOKEN,
-    "FIRE": codec._TOKEN,
-    "QUERY": codec._TOKEN,
-    "STOP": struct.Struct("<"),
-    "BEAT": struct.Struct("<"),
-}
 SIZES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8}
 
 
@@ -345,12 +384,11 @@ def size_of(layout: str) -> int:
 
 
 def test_the_page_states_the_layouts() -> None:
-    rows = {row[1]: row for row in table_of("Messages")}
-    for name, layout in LAYOUTS.items():
-        assert size_of(rows[name][3]) == layout.size, name
-    assert size_of(rows["HELLO"][4]) == codec._IDENTITY.size
-    assert size_of(rows["FIRE"][4]) == size_of(rows["QUERY"][4]) == codec._RECORD.size
-    assert f"1 to {codec.LONGEST_DATA}" in rows["DATA"][3]
+    page = {row[1]: row for row in table_of("Messages")}
+    for kind, row in TABLE.items():
+        assert size_of(page[kind.name][3]) == row.message.size, kind.name
+        assert size_of(page[kind.name][4]) == (row.answer.size if row.answer else 0), kind.name
+    assert f"1 to {LONGEST_DATA}" in page["DATA"][3]
 
 
 @pytest.mark.parametrize(
@@ -364,6 +402,7 @@ def test_the_page_numbers_states_and_fates(heading: str, names: list[str]) -> No
 def test_the_page_lists_the_refusals() -> None:
     listed = [(int(row[0]), row[1], row[2]) for row in table_of("Refusals")]
     assert listed == [(int(refusal), refusal.name, refusal.text) for refusal in Refusal]
+    assert [number for number, _, _ in listed] == list(range(1, len(REFUSALS)))
 
 
 def test_the_page_states_version_and_times() -> None:

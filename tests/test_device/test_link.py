@@ -22,7 +22,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from device.clock import VirtualClock
 from device.core.core import DeviceCore
 from device.core.host import HostDriver
-from device.core.messages import Arm, Levels
+from device.core.messages import Arm, Beat, Enable, Levels, Message, Ping, Stop
 from device.core.output import Emission, OutputStage
 from device.core.states import State
 from device.driver import (
@@ -310,7 +310,7 @@ class Line:
 
     def receive(self, data: bytes) -> list[Answer]:
         frames = Decoder().feed(self.endpoint.receive(round(self.clock.now_s() * 1e6), data))
-        return [codec.read_answer(frame.payload) for frame in frames]
+        return [codec.HEAD.read(frame.payload) for frame in frames]
 
     def link(self) -> FrameLink:
         return FrameLink(lambda: self, self.clock)
@@ -376,15 +376,16 @@ def test_a_new_host_begins_with_the_outputs_at_zero_though_nothing_was_hung_up()
     assert line.core.state is State.SAFE
 
 
-def question(kind: Kind, number: int, content: bytes = b"", *, boot_id: int = 5) -> bytes:
-    return encode(Frame(kind=kind, sequence=number, payload=codec.for_boot(boot_id, content)))
+def question(message: Message[None], number: int, *, boot_id: int = 5) -> bytes:
+    kind, payload = codec.kind_of(message), codec.payload(message, boot_id)
+    return encode(Frame(kind=kind, sequence=number, payload=payload))
 
 
 def test_an_output_that_a_stop_overtook_stays_off() -> None:
     line, link, _ = live_link()
     number = next(link._numbers) & 0xFFFF
-    line.receive(question(Kind.STOP, number + 1))
-    assert [answer.refusal for answer in line.receive(question(Kind.OUTPUT, number))] == [
+    line.receive(question(Stop(), number + 1))
+    assert [answer.refusal for answer in line.receive(question(Enable(), number))] == [
         Refusal.STALE
     ]
     assert line.core.state is State.SAFE
@@ -401,11 +402,11 @@ def test_a_device_answers_no_answers() -> None:
 def test_a_question_for_another_power_cycle_does_nothing_and_leaves_the_count() -> None:
     line, link, _ = live_link()
     number = (next(link._numbers) + 1000) & 0xFFFF
-    arm = codec.pack_arm(Arm(token=1, slot=0, time_to_live_us=1000))
-    foreign = question(Kind.ARM, number, arm, boot_id=6)
+    arm = Arm(token=1, slot=0, time_to_live_us=1000)
+    foreign = question(arm, number, boot_id=6)
     assert [answer.refusal for answer in line.receive(foreign)] == [Refusal.WRONG_BOOT]
-    line.receive(question(Kind.BEAT, 0, boot_id=6))
-    link.set_levels(Levels(left_mvpp=1, right_mvpp=1))
+    line.receive(question(Beat(), 0, boot_id=6))
+    link.exchange(Levels(left_mvpp=1, right_mvpp=1))
     assert line.core.state is State.LIVE
 
 
@@ -415,7 +416,7 @@ def test_a_stop_is_obeyed_from_anyone(boot_id: int) -> None:
     stop = Frame(kind=Kind.STOP, sequence=(next(link._numbers) - 500) & 0xFFFF, payload=b"")
     line.receive(encode(stop))
     assert line.core.state is State.SAFE
-    line.receive(question(Kind.STOP, 0, boot_id=boot_id))
+    line.receive(question(Stop(), 0, boot_id=boot_id))
     assert line.core.state is State.SAFE
 
 
@@ -431,7 +432,7 @@ def test_a_stop_during_an_enable_has_the_last_word() -> None:
 
     line.on_write = stop_now
     with pytest.raises(Rejected) as refused:
-        link.enable()
+        link.exchange(Enable())
     assert refused.value.code is Refusal.SAFE_STATE
     assert line.core.state is State.SAFE
 
@@ -447,7 +448,7 @@ def test_a_stop_after_the_device_enabled_has_the_last_word_too() -> None:
         return data
 
     line.read = late  # type: ignore[method-assign] # as above
-    link.enable()
+    link.exchange(Enable())
     assert line.core.state is State.SAFE
     assert link.state is State.SAFE
 
@@ -464,7 +465,7 @@ def test_a_stop_during_a_greeting_is_sent_before_the_next_question() -> None:
     line.on_write = stop_at_hello
     link.hello()
     assert link.state is State.SAFE
-    link.set_levels(Levels(left_mvpp=0, right_mvpp=0))
+    link.exchange(Levels(left_mvpp=0, right_mvpp=0))
     assert line.core.state is State.SAFE
     assert not link._stops
 
@@ -493,7 +494,7 @@ def test_the_heart_sends_the_stop_again_until_it_is_confirmed() -> None:
     link.beat()
     (again,) = [frame for data in line.sent[n_sent:] for frame in Decoder().feed(data)]
     assert again.kind == Kind.STOP
-    link.ping()
+    link.exchange(Ping())
     link.beat()
     assert {frame.kind for frame in Decoder().feed(line.sent[-1])} == {Kind.BEAT}
 
@@ -516,7 +517,7 @@ def test_stops_of_many_threads_are_all_confirmed() -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    link.ping()
+    link.exchange(Ping())
     assert (link._stops, link.state) == (set(), State.SAFE)
 
 

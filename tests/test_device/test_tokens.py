@@ -56,7 +56,7 @@ def test_a_record_has_an_onset_just_if_it_fired(fate: Fate) -> None:
         Record(token=1, fate=fate, start_us=start_us)
 
 
-def exchange(record: Record, *, device_us: int, interval_s: float = 0.002) -> Exchange:
+def exchange(record: Record, *, device_us: int, interval_s: float = 0.002) -> Exchange[Record]:
     return Exchange(
         record=record,
         boot_id=3,
