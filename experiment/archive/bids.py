@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
 from experiment.archive.bids_tables import (
     SESSION_COLUMNS,
@@ -19,6 +19,7 @@ from experiment.archive.bids_tables import (
     participants_sidecar,
     tsv,
 )
+from experiment.archive.disk import lock_on
 from experiment.archive.files import ArchiveError, replaced
 from experiment.archive.folders import session_folders
 from experiment.archive.participants import (
@@ -141,7 +142,7 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
     for folder in folders:
         refuse_withdrawn(root, folder.participant)
     try:
-        with FileLock(root / ".export.lock", timeout=0), replaced(out, root) as new:
+        with lock_on(root / ".export.lock", timeout=0), replaced(out, root) as new:
             sessions = tuple(_write_session(new, f, with_sources=with_sourcedata) for f in folders)
             return _write_about(new, sessions, read_people(root))
     except Timeout as error:

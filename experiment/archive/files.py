@@ -12,15 +12,17 @@ import hashlib
 import json
 import os
 import re
+import secrets
 import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from experiment.archive.journal import sync_folder
+from experiment.archive.disk import DISK, FOLDER_MODE, make_folder, write_new
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from experiment.archive.disk import Disk
 
 
 TEMPORARY = ".tmp"
@@ -50,7 +52,7 @@ def check_identifier(name: str, value: str) -> str:
     return value
 
 
-def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
+def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
     """Write a file so that it is either there as a whole or as it was before.
 
     Raises
@@ -59,27 +61,22 @@ def write_atomically(path: Path, text: str, *, durable: bool = True) -> None:
         If it cannot be written; the former file, if any, is unchanged then.
     """
     try:
-        _write_and_replace(path, text, durable=durable)
+        _write_and_replace(path, text.encode(), disk)
     except OSError as error:
         error.filename = str(path)
         raise
-    if durable:
-        sync_folder(path.parent)
 
 
-def _write_and_replace(path: Path, text: str, *, durable: bool) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=TEMPORARY, dir=path.parent)
+def _write_and_replace(path: Path, data: bytes, disk: Disk) -> None:
+    """Write beside the file and rename; content first, or the name could come to hold nothing."""
+    new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY}")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
+        write_new(new, data, disk)
+        new.replace(path)
     except BaseException:
-        Path(name).unlink(missing_ok=True)
+        new.unlink(missing_ok=True)
         raise
+    disk.sync_folder(path.parent)
 
 
 MANIFEST: Final = ".tactstrip-export.json"
@@ -89,19 +86,17 @@ SCHEMA: Final = 1
 class NewFolder:
     """A folder that is being filled; it keeps the checksum of each file."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, disk: Disk) -> None:
         self._path = path
+        self._disk = disk
         self._sha256: dict[str, str] = {}
 
     def write(self, name: str, content: bytes | str) -> None:
         """Write a file, by its path in the folder; it is on the disk when this returns."""
         data = content.encode() if isinstance(content, str) else content
         file = self._path / name
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("xb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
+        make_folder(file.parent, self._disk)
+        write_new(file, data, self._disk)
         self._sha256[name] = hashlib.sha256(data).hexdigest()
 
     def close(self) -> None:
@@ -109,11 +104,11 @@ class NewFolder:
         listed = dict(sorted(self._sha256.items()))
         self.write(MANIFEST, json.dumps({"schema": SCHEMA, "files": listed}, indent=1) + "\n")
         for place, _, _ in os.walk(self._path):
-            sync_folder(Path(place))
+            self._disk.sync_folder(Path(place))
 
 
 @contextlib.contextmanager
-def replaced(out: Path, source: Path) -> Iterator[NewFolder]:
+def replaced(out: Path, source: Path, disk: Disk = DISK) -> Iterator[NewFolder]:
     """Make a folder anew: it is there as a whole when this ends, or as it was before.
 
     Parameters
@@ -122,6 +117,8 @@ def replaced(out: Path, source: Path) -> Iterator[NewFolder]:
         The folder; where it is there, an unchanged export.
     source : Path
         The study's folder that is exported.
+    disk : Disk
+        Where it is kept.
 
     Raises
     ------
@@ -137,20 +134,20 @@ def replaced(out: Path, source: Path) -> Iterator[NewFolder]:
     refuse_target(out, source)
     out = out.resolve()  # "." has no name of its own
     new = out.with_name(f".{out.name}.tactstrip-new")
-    out.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(out.parent, disk)
     _delete(new)
-    new.mkdir()
+    new.mkdir(FOLDER_MODE)
     try:
-        folder = NewFolder(new)
+        folder = NewFolder(new, disk)
         yield folder
         folder.close()
         refuse_target(out, source)
-        _exchange(new, out)
+        _exchange(new, out, disk)
     finally:
         _delete(new)
 
 
-def _exchange(new: Path, out: Path) -> None:
+def _exchange(new: Path, out: Path, disk: Disk) -> None:
     old = out.with_name(f".{out.name}.tactstrip-old")
     if out.exists():
         _delete(old)
@@ -160,7 +157,7 @@ def _exchange(new: Path, out: Path) -> None:
     except OSError:
         old.rename(out)
         raise
-    sync_folder(out.parent)
+    disk.sync_folder(out.parent)
     _delete(old)
 
 

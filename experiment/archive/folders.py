@@ -7,8 +7,9 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
+from experiment.archive.disk import DISK, lock_on, make_folder
 from experiment.archive.files import TEMPORARY, ArchiveError, check_identifier, write_atomically
 from experiment.archive.history import replay
 from experiment.archive.journal import (
@@ -16,7 +17,6 @@ from experiment.archive.journal import (
     JournalError,
     JournalWriteError,
     read_journal,
-    sync_folder,
 )
 from experiment.archive.participants import (
     NO_FACTS,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from experiment.archive.disk import Disk
     from experiment.archive.history import History
 
 
@@ -56,8 +57,8 @@ class SessionFolder:
         The study's folder.
     participant, session : str
         Identifiers, 1 to 32 letters or digits.
-    durable : bool
-        Whether files are on the disk when a method returns; a simulation has nothing to lose.
+    disk : Disk
+        Where it is kept.
     facts : tuple of Fact
         What is known of the participant, for participants.tsv.
     """
@@ -65,7 +66,7 @@ class SessionFolder:
     root: Path
     participant: str
     session: str
-    durable: bool = True
+    disk: Disk = DISK
     facts: tuple[Fact, ...] = NO_FACTS
 
     def __post_init__(self) -> None:
@@ -101,8 +102,8 @@ class SessionFolder:
         ArchiveError
             If another process holds it.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(self.path / ".lock")
+        make_folder(self.path, self.disk)
+        lock = lock_on(self.path / ".lock")
         try:
             lock.acquire(blocking=False)
         except Timeout as error:
@@ -146,12 +147,9 @@ class SessionFolder:
         names = [column.name for column in columns]
         read_people(self.root).with_person(self.participant, names, self.facts)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
-        write_atomically(self.path / "header.json", header_text, durable=self.durable)
-        enter_person(self.root, self.participant, columns, self.facts, durable=self.durable)
-        write_atomically(self.plan_path, plan.to_json(), durable=self.durable)
-        if self.durable:
-            sync_folder(self.path.parent)
-            sync_folder(self.root)
+        write_atomically(self.path / "header.json", header_text, disk=self.disk)
+        enter_person(self.root, self.participant, columns, self.facts, disk=self.disk)
+        write_atomically(self.plan_path, plan.to_json(), disk=self.disk)
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.
@@ -176,7 +174,7 @@ class SessionFolder:
 
     def open_journal(self, now_s: Callable[[], float]) -> Journal:
         """Open the journal for writing, at its end."""
-        return Journal(self.journal_path, now_s=now_s, durable=self.durable)
+        return Journal(self.journal_path, now_s=now_s, disk=self.disk)
 
     def read_history(self, plan: Plan) -> History:
         """Read the journal, none being an empty one, and return what it says.
@@ -210,7 +208,7 @@ class SessionFolder:
         """
         history = self.read_history(self.read_plan())
         try:
-            write_atomically(self.trials_path, trials_csv(history.rows), durable=self.durable)
+            write_atomically(self.trials_path, trials_csv(history.rows), disk=self.disk)
         except OSError as error:
             raise JournalWriteError(
                 f"{self.trials_path}: cannot be written ({error.strerror})"

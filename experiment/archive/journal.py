@@ -14,9 +14,13 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from experiment.archive.disk import DISK, write_new
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
+
+    from experiment.archive.disk import Disk
 
 
 SCHEMA = 1
@@ -55,7 +59,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class JournalFile:
     """A journal as it was found: its entries, and the bytes of a last line that was cut short."""
 
     entries: tuple[Entry, ...]
@@ -63,7 +67,7 @@ class Reading:
     torn: bytes
 
 
-def read_journal(path: Path) -> Reading:
+def read_journal(path: Path) -> JournalFile:
     """Read and verify a journal; a last line that was cut short is returned apart.
 
     Raises
@@ -74,7 +78,7 @@ def read_journal(path: Path) -> Reading:
     lines = path.read_bytes().split(b"\n")
     torn = lines.pop()
     entries = tuple(_parse(path, number, line) for number, line in enumerate(lines, start=1))
-    return Reading(entries, sum(len(line) + 1 for line in lines), torn)
+    return JournalFile(entries, sum(len(line) + 1 for line in lines), torn)
 
 
 def _parse(path: Path, number: int, line: bytes) -> Entry:
@@ -104,8 +108,8 @@ class Journal:
         The file; it is made if it does not exist, and continued if it does.
     now_s : callable
         Returns the time on the session's clock.
-    durable : bool
-        Whether `append` waits for the disk where it is asked to; a simulation has nothing to lose.
+    disk : Disk
+        Where it is kept.
     wall_s : callable
         Returns the calendar time in seconds since 1970.
 
@@ -124,13 +128,13 @@ class Journal:
         path: Path,
         *,
         now_s: Callable[[], float],
-        durable: bool = True,
+        disk: Disk = DISK,
         wall_s: Callable[[], float] = time.time,
     ) -> None:
         self._path = path
         self._now_s = now_s
         self._wall_s = wall_s
-        self._durable = durable
+        self._disk = disk
         self._broken = False
         self.entries: tuple[Entry, ...] = ()
         self.torn_file: Path | None = None
@@ -142,23 +146,21 @@ class Journal:
 
     def _open(self) -> None:
         if self._path.exists():
-            reading = read_journal(self._path)
-            self.entries = reading.entries
-            if reading.torn:
-                self.torn_file = self._set_aside(reading)
-        self._file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | _BINARY, 0o644)
-        if self._durable:
-            sync_folder(self._path.parent)
+            found = read_journal(self._path)
+            self.entries = found.entries
+            if found.torn:
+                self.torn_file = self._set_aside(found)
+        self._file = self._disk.open(self._path, new=False)
+        self._disk.sync_folder(self._path.parent)
 
-    def _set_aside(self, reading: Reading) -> Path:
+    def _set_aside(self, found: JournalFile) -> Path:
         number = 1
         while (aside := self._path.with_name(f"journal.torn-{number}")).exists():
             number += 1
-        with aside.open("xb") as file:
-            file.write(reading.torn)
-            file.flush()
-            os.fsync(file.fileno())
-        os.truncate(self._path, reading.sound_bytes)
+        write_new(aside, found.torn, self._disk)
+        # The torn line goes only when its copy has a name on the disk: at no moment is it nowhere.
+        self._disk.sync_folder(self._path.parent)
+        os.truncate(self._path, found.sound_bytes)
         return aside
 
     def append(
@@ -185,10 +187,9 @@ class Journal:
         ).encode()
         line = b'{"crc":"%08x",%b\n' % (zlib.crc32(body), body[1:])
         try:
-            while line:
-                line = line[os.write(self._file, line) :]
-            if sync and self._durable:
-                os.fsync(self._file)
+            self._disk.write(self._file, line)
+            if sync:
+                self._disk.sync(self._file)
         except OSError as error:
             self._broken = True
             raise self._write_error(error) from error
@@ -199,24 +200,10 @@ class Journal:
 
     def close(self) -> None:
         """Close the file."""
-        os.close(self._file)
+        self._disk.close(self._file)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-_BINARY: int = getattr(os, "O_BINARY", 0)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the names of a folder's files are on the disk, where the system can."""
-    if os.name == "nt":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -10,8 +10,7 @@ import re
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from filelock import FileLock
-
+from experiment.archive.disk import DISK, lock_on, make_folder
 from experiment.archive.files import (
     FOLDER,
     TEMPORARY,
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
+    from experiment.archive.disk import Disk
     from experiment.study.sections.dataset import ParticipantColumn
 
 
@@ -106,14 +106,14 @@ def read_tombstone(root: Path, participant: str) -> Tombstone | None:
         ) from error
 
 
-def write_tombstone(root: Path, tombstone: Tombstone) -> None:
+def write_tombstone(root: Path, tombstone: Tombstone, *, disk: Disk = DISK) -> None:
     """Write a tombstone; it is on the disk when this returns."""
     path = tombstone_path(root, tombstone.participant)
-    path.parent.mkdir(exist_ok=True)
+    make_folder(path.parent, disk)
     for left_over in path.parent.glob(f".{path.name}.*{TEMPORARY}"):
         left_over.unlink()
     text = json.dumps({"schema": SCHEMA} | asdict(tombstone), indent=1) + "\n"
-    write_atomically(path, text)
+    write_atomically(path, text, disk=disk)
 
 
 def refuse_withdrawn(root: Path, participant: str) -> None:
@@ -330,7 +330,7 @@ def enter_person(
     columns: Iterable[ParticipantColumn],
     facts: Iterable[Fact],
     *,
-    durable: bool = True,
+    disk: Disk = DISK,
 ) -> None:
     """Enter a person and what is known of them; nothing is written where nothing is new.
 
@@ -340,15 +340,15 @@ def enter_person(
         If a fact differs from what is there already, or the person was withdrawn.
     """
     names = [column.name for column in columns]
-    with FileLock(root / _LOCK):
+    with lock_on(root / _LOCK):
         refuse_withdrawn(root, participant)
         before = read_people(root)
         after = before.with_person(participant, names, facts)
         if after != before:
-            write_atomically(root / FILE_NAME, after.text(), durable=durable)
+            write_atomically(root / FILE_NAME, after.text(), disk=disk)
 
 
-def remove_person(root: Path, participant: str) -> None:
+def remove_person(root: Path, participant: str, *, disk: Disk = DISK) -> None:
     """Remove a person's row, also from a table that was left half written.
 
     Raises
@@ -356,9 +356,9 @@ def remove_person(root: Path, participant: str) -> None:
     ArchiveError
         If participants.tsv is no such table.
     """
-    with FileLock(root / _LOCK):
+    with lock_on(root / _LOCK):
         for left_over in root.glob(f".{FILE_NAME}.*{TEMPORARY}"):
             left_over.unlink()
         before = read_people(root)
         if before.row_of(participant) is not None:
-            write_atomically(root / FILE_NAME, before.without(participant).text())
+            write_atomically(root / FILE_NAME, before.without(participant).text(), disk=disk)

@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
+from experiment.archive.disk import DISK, lock_on
 from experiment.archive.files import FOLDER, ArchiveError, check_identifier
-from experiment.archive.journal import sync_folder
 from experiment.archive.participants import (
     FILE_NAME,
     ID_COLUMN,
@@ -39,6 +39,8 @@ from experiment.archive.participants import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+
+    from experiment.archive.disk import Disk
 
 
 _PERSON: Final = re.compile(r"sub-[A-Za-z0-9]+")
@@ -332,7 +334,7 @@ def held(person: Person) -> Iterator[contextlib.ExitStack]:
             if not (person.folder / name).is_dir():
                 continue
             try:
-                locks.enter_context(FileLock(person.folder / name / ".lock", timeout=0))
+                locks.enter_context(lock_on(person.folder / name / ".lock", timeout=0))
             except Timeout as error:
                 raise ArchiveError(
                     f"{person.folder / name}: another process is running this session; "
@@ -341,7 +343,9 @@ def held(person: Person) -> Iterator[contextlib.ExitStack]:
         yield locks
 
 
-def remove(person: Person, locks: contextlib.ExitStack, *, today: str) -> Tombstone:
+def remove(
+    person: Person, locks: contextlib.ExitStack, *, today: str, disk: Disk = DISK
+) -> Tombstone:
     """Remove a person whose sessions are held.
 
     Parameters
@@ -352,6 +356,8 @@ def remove(person: Person, locks: contextlib.ExitStack, *, today: str) -> Tombst
         What `held` yielded.
     today : str
         The day, as YYYY-MM-DD in UTC.
+    disk : Disk
+        Where it is kept.
 
     Returns
     -------
@@ -368,22 +374,24 @@ def remove(person: Person, locks: contextlib.ExitStack, *, today: str) -> Tombst
         raise ArchiveError(f"{person.folder}: it changed meanwhile; nothing was changed")
     day = person.tombstone.withdrawn if person.tombstone else today
     begun = Tombstone(participant=person.participant, withdrawn=day, removed=False)
-    write_tombstone(person.root, begun)
+    # First the mark, on the disk: data that vanish without one look like data that were lost.
+    write_tombstone(person.root, begun, disk=disk)
     _delete(person.grave)
     if person.folder.exists():
         if os.name == "nt":  # which moves no folder with an open file in it
             locks.close()
+        # One rename, since deleting file by file would leave, if stopped, half a session that reads
+        # like a whole one. A power cut must not bring the folder back once its files are gone.
         person.folder.rename(person.grave)
-        sync_folder(person.grave.parent)
-        sync_folder(person.root)
-    remove_person(person.root, person.participant)
+        disk.sync_folder(person.root)
+    remove_person(person.root, person.participant, disk=disk)
     _delete(person.grave)
+    # The last mark lies in the folder that the files went from: one sync is for both.
     done = Tombstone(participant=person.participant, withdrawn=day, removed=True)
-    write_tombstone(person.root, done)
+    write_tombstone(person.root, done, disk=disk)
     return done
 
 
 def _delete(folder: Path) -> None:
     if folder.exists():
         shutil.rmtree(folder)
-        sync_folder(folder.parent)

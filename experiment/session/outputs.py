@@ -110,7 +110,7 @@ class Emission:
         try:
             self.delivery = self._device.fire(self._token)
         except RefusedError as error:
-            self._journal.append("fault", fault_facts(error), sync=True)
+            self._journal.append("fault", fault_facts(error))  # synced with the trial's end
             return events.NotFired()
         except DeviceError as error:
             return self.fail(error)

@@ -9,6 +9,7 @@ import numpy as np
 from device.clock import VirtualClock
 from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import mock_device
+from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.session.conduct import begin
@@ -180,7 +181,7 @@ def simulate_study(
     gains = study_gains(study) if gains is None else gains
     children = np.random.SeedSequence(seed).spawn(participants)
     for number, child in enumerate(children, start=1):
-        folder = SessionFolder(root, f"{number:02d}", "01", durable=False)
+        folder = SessionFolder(root, f"{number:02d}", "01", disk=UNWAITED)
         plan = draw_plan(
             study,
             participant=folder.participant,

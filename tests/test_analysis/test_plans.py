@@ -20,6 +20,7 @@ from analysis.results.tables import analyse
 from device.clock import VirtualClock
 from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import mock_device
+from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.session.conduct import begin
@@ -140,7 +141,7 @@ def test_warm_up_may_be_repeated_and_a_planned_trial_may_not(results: Path) -> N
 
 def test_placed_levels_make_no_other_study(results: Path, tmp_path: Path) -> None:
     study = study_from_canonical(SessionFolder(results, "01", "01").read_plan().study)
-    folder = SessionFolder(results, "placed", "01", durable=False)
+    folder = SessionFolder(results, "placed", "01", disk=UNWAITED)
     plan = draw_plan(
         study,
         participant="placed",

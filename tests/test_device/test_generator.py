@@ -36,6 +36,7 @@ from device.scpi.line import PATIENCE_S
 from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import mock_device
 from experiment.apparatus.slots import host_limits
+from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.session.conduct import begin
@@ -681,7 +682,7 @@ def test_a_paper_session_gives_the_same_answers_as_the_mock(tmp_path: Path) -> N
         clock = VirtualClock()
         bench = Bench(limits=host_limits(study.device), clock=clock)
         device: BurstDevice = mock_device(study, clock) if name == "mock" else bench.device
-        folder = SessionFolder(tmp_path / name, "01", "01", durable=False)
+        folder = SessionFolder(tmp_path / name, "01", "01", disk=UNWAITED)
         setting = Setting(
             device=device,
             responder=simulated_responder(study, plan, clock),

@@ -16,6 +16,7 @@ from device.driver import LinkError, Outcome, Refusal, rejection
 from experiment.apparatus.noise import NoiseError, NoiseFacts, NoiseHealth
 from experiment.apparatus.rig import mock_device
 from experiment.apparatus.slots import SuitabilityError
+from experiment.archive.disk import UNWAITED
 from experiment.archive.files import ArchiveError
 from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
@@ -160,7 +161,7 @@ class Lab:
         self.study = study
         self.clock = VirtualClock()
         self.device: MockDevice = mock_device(study, self.clock)
-        self.folder = SessionFolder(root, "01", "01", durable=False)
+        self.folder = SessionFolder(root, "01", "01", disk=UNWAITED)
         self.plan = draw_plan(study, participant="01", session="01", seed=3)
         self.responder = Scripted(self.clock)
         self.noise = FakeNoise(ok=None)

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiment.archive.disk import UNWAITED
 from experiment.archive.journal import Journal, JournalError, JournalWriteError, read_journal
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def write(path: Path, *events: str) -> None:
-    with Journal(path, now_s=lambda: 1.25, wall_s=lambda: 2.0) as journal:
+    with Journal(path, now_s=lambda: 1.25, wall_s=lambda: 2.0, disk=UNWAITED) as journal:
         for event in events:
             journal.append(event, {"note": "é\n\u2028", "value": 0.1}, sync=True)
 
@@ -79,7 +80,7 @@ def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> N
     start = whole.index(b"\n") + 1
     for number, end in enumerate(range(start + 1, len(whole)), start=1):
         path.write_bytes(whole[:end])
-        with Journal(path, now_s=lambda: 0.0) as journal:
+        with Journal(path, now_s=lambda: 0.0, disk=UNWAITED) as journal:
             assert [entry.event for entry in journal.entries] == ["first"]
             assert journal.torn_file == path.with_name(f"journal.torn-{number}")
             assert journal.torn_file.read_bytes() == whole[start:end]
@@ -92,6 +93,7 @@ def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path: Path) -> None:
     del resource
     program = """
 import resource, sys, pathlib
+from experiment.archive.disk import UNWAITED
 from experiment.archive.journal import Journal, JournalWriteError
 with Journal(pathlib.Path(sys.argv[1]), now_s=lambda: 0.0) as journal:
     journal.append("first")

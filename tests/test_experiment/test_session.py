@@ -370,10 +370,10 @@ def test_a_full_disk_at_the_end_says_that_the_record_is_whole(study_path: Path) 
 import resource, sys
 from experiment.archive import folders
 write = folders.write_atomically
-def write_until_full(path, text, *, durable):
+def write_until_full(path, text, *, disk):
     if path.name == "trials.csv":
         resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
-    write(path, text, durable=durable)
+    write(path, text, disk=disk)
 folders.write_atomically = write_until_full
 from tactstrip import main
 main(sys.argv[1:])

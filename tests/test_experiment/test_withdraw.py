@@ -54,7 +54,7 @@ def withdraw(results: Path, *more: str, typed: str = "01\n") -> Result:
     return CliRunner().invoke(main, arguments, input=typed)
 
 
-STEPS = 24
+STEPS = 22
 """How often a withdrawal changes the disk."""
 
 
@@ -184,9 +184,6 @@ def test_what_comes_back_from_a_backup_is_removed_again_under_the_first_day(
     tombstone = read_tombstone(results, "01")
     assert tombstone is not None
     assert tombstone.withdrawn == "2001-02-03"
-
-
-STEPS = 24
 
 
 @pytest.mark.parametrize("step", range(1, STEPS + 1))

@@ -1,0 +1,117 @@
+"""The disk as a record needs it: whose files they are, and what has surely arrived.
+
+Every file and folder of a study is made here. A file belongs to its owner and, where the umask
+leaves it, to the group; others never get a right, for what it holds is a person's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+from filelock import FileLock
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+FILE_MODE: Final = 0o660
+FOLDER_MODE: Final = 0o770
+"""Less the umask, which the system takes off whatever is created."""
+
+
+class Disk(Protocol):
+    """Where a record is kept. What is written may be lost until it is synced."""
+
+    def open(self, path: Path, *, new: bool) -> int:
+        """Open a file for writing: a new one, or one that is continued or made."""
+        ...
+
+    def write(self, file: int, data: bytes) -> None:
+        """Write all of the data at the file's end."""
+        ...
+
+    def sync(self, file: int) -> None:
+        """Return when everything written to the file is on the disk."""
+        ...
+
+    def close(self, file: int) -> None:
+        """Close a file."""
+        ...
+
+    def sync_folder(self, folder: Path) -> None:
+        """Return when the names in a folder are on the disk: a file without one is lost."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SystemDisk:
+    """The system's disk; a simulation, which has nothing to lose, does not wait for it."""
+
+    waits: bool = True
+
+    def open(self, path: Path, *, new: bool) -> int:
+        """Open a file for writing."""
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | (os.O_EXCL if new else 0)
+        return os.open(path, flags | _BINARY, FILE_MODE)
+
+    def write(self, file: int, data: bytes) -> None:
+        """Write all of the data, however little the system takes at once."""
+        while data:
+            data = data[os.write(file, data) :]
+
+    def sync(self, file: int) -> None:
+        """Wait for the disk."""
+        if self.waits:
+            os.fsync(file)
+
+    def close(self, file: int) -> None:
+        """Close a file."""
+        os.close(file)
+
+    def sync_folder(self, folder: Path) -> None:
+        """Wait for the names, where the system can."""
+        if not self.waits or os.name == "nt":
+            return
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+_BINARY: int = getattr(os, "O_BINARY", 0)
+DISK: Final = SystemDisk()
+UNWAITED: Final = SystemDisk(waits=False)
+
+
+def write_new(path: Path, data: bytes, disk: Disk) -> None:
+    """Write a new file, all of it on the disk when this returns; its name is not yet."""
+    file = disk.open(path, new=True)
+    try:
+        disk.write(file, data)
+        disk.sync(file)
+    finally:
+        disk.close(file)
+
+
+def make_folder(folder: Path, disk: Disk) -> None:
+    """Make a folder and those above it, where they are not there; their names are on the disk."""
+    if folder.is_dir():
+        return
+    make_folder(folder.parent, disk)
+    folder.mkdir(FOLDER_MODE, exist_ok=True)
+    disk.sync_folder(folder.parent)
+
+
+def lock_on(path: Path, timeout: float = -1) -> FileLock:
+    """Return the lock of a file, which is made here: by itself FileLock lets others read it.
+
+    The mode is told nevertheless, for earlier releases of FileLock set theirs on every file.
+    """
+    with contextlib.suppress(FileExistsError):
+        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, FILE_MODE))
+    return FileLock(path, timeout=timeout, mode=stat.S_IMODE(path.stat().st_mode))
