@@ -1,8 +1,7 @@
-"""The commands `init` and `check`."""
+"""The command `check`."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,6 @@ from experiment.terms.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, re
 
 if TYPE_CHECKING:
     from experiment.apparatus.rig import Rig
-    from experiment.preview.check import StudyCheck
     from experiment.preview.check_device import DeviceCheck
     from experiment.study.study import Study
 
@@ -46,28 +44,31 @@ def check(
     """
     from experiment.apparatus.rig import assemble
     from experiment.preview.check import check_study, require_mock_suitable
-    from experiment.preview.check_device import device_text
-    from experiment.preview.check_report import check_json, check_text
+    from experiment.preview.check_device import device_findings
+    from experiment.preview.check_report import check_findings
     from experiment.study.read import read_study
 
     if not with_device and (driver is not None or port is not None or confirm_hardware):
         raise CommandError("--driver, --port and --confirm-hardware need --device")
-    found: StudyCheck = check_study(read_study(study_file))
-    require_mock_suitable(found.study, driver)
+    checked = check_study(read_study(study_file))
+    require_mock_suitable(checked.study, driver)
+    found = check_findings(checked, str(study_file))
     if not as_json:
-        click.echo(check_text(found, str(study_file)))
-    if found.verdict == "unfit" or not with_device:
-        if as_json:
-            click.echo(check_json(found))
-        click.get_current_context().exit(ANSWER_IS_NO if found.verdict == "unfit" else 0)
-    rig = assemble(found.study, driver=driver, port=port, simulated=True)
-    device = _device_check(found.study, rig, given=confirm_hardware)
+        click.echo(found.text)
+    device = None
+    if with_device and checked.verdict != "unfit":
+        rig = assemble(checked.study, driver=driver, port=port, simulated=True)
+        device = _device_check(checked.study, rig, given=confirm_hardware)
+        told = device_findings(device)
+        found.part("device_check", told)
+        if not as_json:
+            click.echo(told.text)
     if as_json:
-        report = json.loads(check_json(found)) | {"device_check": device.facts}
-        click.echo(json.dumps(report, allow_nan=False))
-    else:
-        click.echo(device_text(device))
-    _end(device)
+        click.echo(found.json)
+    if checked.verdict == "unfit":
+        click.get_current_context().exit(ANSWER_IS_NO)
+    if device is not None:
+        _end(device)
 
 
 def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:

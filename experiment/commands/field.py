@@ -76,7 +76,8 @@ def _check_target(out: Path) -> None:
 def _computed(
     study: Study, frequency_hz: float | None, band_hz: tuple[float, float] | None
 ) -> PlateMap | PlateBand:
-    from experiment.preview.field import plate_band, plate_map, plate_of
+    from experiment.preview.field import plate_band, plate_map
+    from experiment.preview.plate import plate_of
 
     plate = plate_of(study)
     if band_hz is not None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from device.driver import Outcome
 from experiment.apparatus.rig import require_confirmed
 from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s, require_suitable
+from experiment.preview.findings import Findings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -111,29 +112,6 @@ class DeviceCheck:
     levels_vpp: tuple[float, ...]
     channels: tuple[ChannelCheck, ...]
 
-    @property
-    def facts(self) -> dict[str, Any]:
-        """List what was found, for programs."""
-        return {
-            "identity": asdict(self.identity),
-            "cannot": list(self.cannot),
-            "levels_vpp": list(self.levels_vpp),
-            "channels": [_channel_facts(channel) for channel in self.channels],
-        }
-
-
-def _channel_facts(channel: ChannelCheck) -> dict[str, Any]:
-    delivery = channel.delivery
-    return {
-        "side": channel.side,
-        "level_vpp": channel.level_vpp,
-        "outcome": None if delivery is None else delivery.outcome.value,
-        "read_back_vpp": channel.read_back_vpp,
-        "uncertainty_s": None if delivery is None else delivery.uncertainty_s,
-        "seen": channel.seen,
-        "good": channel.good,
-    }
-
 
 def check_device(
     study: Study,
@@ -230,15 +208,33 @@ def _tokens() -> Iterator[int]:
         yield token
 
 
-def device_text(check: DeviceCheck) -> str:
-    """Write the check of a device as aligned plain text."""
+def device_findings(check: DeviceCheck) -> Findings:
+    """Tell what the check of a device found."""
     from device.commands.devices import describe
 
     levels = " ".join(f"{level_vpp:g}" for level_vpp in check.levels_vpp)
-    lines = [
-        ("answers", describe(check.identity)),
-        *(("", f"cannot {promise}") for promise in check.cannot),
-        ("takes", f"{levels} Vpp"),
-        *((channel.side, channel.text) for channel in check.channels),
-    ]
-    return "\n".join(f"{label:<15}{text}" for label, text in lines)
+    found = Findings()
+    found.tell("answers", describe(check.identity), identity=asdict(check.identity))
+    found.note(cannot=list(check.cannot))
+    for promise in check.cannot:
+        found.tell("", f"cannot {promise}")
+    found.tell("takes", f"{levels} Vpp", levels_vpp=list(check.levels_vpp))
+    found.parts("channels", map(_channel_findings, check.channels))
+    return found
+
+
+def _channel_findings(channel: ChannelCheck) -> Findings:
+    delivery = channel.delivery
+    found = Findings()
+    found.tell(
+        channel.side,
+        channel.text,
+        side=channel.side,
+        level_vpp=channel.level_vpp,
+        outcome=None if delivery is None else delivery.outcome.value,
+        read_back_vpp=channel.read_back_vpp,
+        uncertainty_s=None if delivery is None else delivery.uncertainty_s,
+        seen=channel.seen,
+        good=channel.good,
+    )
+    return found

@@ -9,239 +9,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from experiment.study.physics import field_strip, fingertips_of, loads_of, loads_per_volt
-from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement, displacement_map
+from experiment.preview.plate import RTOL
+from stimuli import displacement_map
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from experiment.study.study import Study
-
-    Complex = NDArray[np.complex128]
-    Real = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
-    """How strongly each actuator of a study is driven.
-
-    Attributes
-    ----------
-    names : tuple of str
-        What the actuators are called, in the study's order.
-    units : tuple of str
-        Unit of each one's load.
-    amplitudes : tuple of float
-        Amplitude of each one's load in that unit; unit loads where no level is stated.
-    bases : tuple of str
-        How each amplitude is known; empty for unit loads.
-    level_vpp : float or None
-        Level of the drive; none for unit loads.
-
-    Examples
-    --------
-    >>> Drive(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
-    ...       bases=("measured", "predicted"), level_vpp=200.0).basis
-    'left measured, right predicted, at 200 Vpp'
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    amplitudes: tuple[float, ...]
-    bases: tuple[str, ...]
-    level_vpp: float | None
-
-    @property
-    def basis(self) -> str:
-        """What the displacements rest on, in words."""
-        if self.level_vpp is None:
-            units = [f"1 {unit}" for unit in dict.fromkeys(self.units)]
-            return f"per unit load of {' or '.join(units)}"
-        each = [f"{name} {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
-        words = ", ".join(each) if len(set(self.bases)) > 1 else self.bases[0]
-        return f"{words}, at {self.level_vpp:g} Vpp"
-
-    def per_load(self, driven: int) -> str:
-        """Return what follows the unit of an actuator's displacement: the unit of its load, if any.
-
-        Parameters
-        ----------
-        driven : int
-            Which actuator.
-        """
-        return "" if self.level_vpp is not None else f" per {self.units[driven]}"
-
-    @property
-    def per_any_load(self) -> str:
-        """The same for displacements of all actuators."""
-        same = len(set(self.units)) == 1 or self.level_vpp is not None
-        return self.per_load(0) if same else " per unit load"
-
-
-def drive_of(study: Study) -> Drive:
-    """Return how strongly a study's actuators are driven where its field is shown.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    Drive
-        The study's highest level, or unit loads if the displacement of an actuator is not known.
-
-    Raises
-    ------
-    StudyError
-        If the displacement of an actuator cannot be had from what is stated of it.
-
-    Examples
-    --------
-    >>> from experiment.study.read import paper_study
-    >>> drive_of(paper_study()).basis
-    'measured, at 200 Vpp'
-    """
-    units = tuple(load.unit for load in loads_of(study))
-    names = tuple(actuator.label for actuator in study.actuators)
-    known = [(load, basis) for load, basis in loads_per_volt(study) if load and basis]
-    if len(known) < len(units):
-        ones = tuple(1.0 for _ in units)
-        return Drive(names=names, units=units, amplitudes=ones, bases=(), level_vpp=None)
-    level_vpp = max(study.design.levels_vpp)
-    return Drive(
-        names=names,
-        units=units,
-        amplitudes=tuple(load_per_v * level_vpp / 2 for load_per_v, _ in known),
-        bases=tuple(basis for _, basis in known),
-        level_vpp=level_vpp,
-    )
-
-
-RTOL: Final = 1e-4
-"""Relative error wanted of what is shown."""
-
-_FINGERS: Final = 2
-"""The first actuators have a finger above them, left and right."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plate:
-    """A study's plate with what bends it and what touches it.
-
-    Attributes
-    ----------
-    study : Study
-        The study.
-    strip : Strip
-        The strip whose field is computed.
-    loads : tuple of Load
-        One for each actuator.
-    drive : Drive
-        What they are called and how strongly they are driven.
-    fingertips : tuple of Fingertip
-        One above each actuator.
-    """
-
-    study: Study
-    strip: Strip
-    loads: tuple[Load, ...]
-    drive: Drive
-    fingertips: tuple[Fingertip, ...]
-
-    @property
-    def scene(self) -> Scene:
-        """The loads and the centres of the fingertips."""
-        points_m = tuple((finger.x_m, finger.y_m) for finger in self.fingertips)
-        return Scene(strip=self.strip, loads=self.loads, points_m=points_m)
-
-    @property
-    def is_shortened(self) -> bool:
-        """Whether the plate has short ends that the strip has not."""
-        return self.strip.length_m is None and self.study.strip.length_m is not None
-
-    @property
-    def basis(self) -> str:
-        """What the displacements rest on."""
-        return f"{self.drive.basis}{'; endless strip' if self.is_shortened else ''}"
-
-    @property
-    def remark(self) -> str:
-        """The same, said to a reader."""
-        ends = "; the plate's short ends are left out" if self.is_shortened else ""
-        return f"{self.drive.basis}; amplitudes, each actuator driven alone{ends}"
-
-    @property
-    def masking_limit_db(self) -> float:
-        """Level below a finger's own from which another one feels nothing, equation (29)."""
-        return self.study.masking_limit_db
-
-    @property
-    def drive_hz(self) -> float:
-        """Frequency of the first condition's burst; the peak of its spectrum for another drive."""
-        burst = self.study.conditions[0].burst
-        return burst.frequency_hz if isinstance(burst, Burst) else burst.peak_hz()
-
-    @property
-    def fingers(self) -> tuple[Fingertip, ...]:
-        """The participant's two fingertips."""
-        return self.fingertips[:_FINGERS]
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """What is above each actuator, in words."""
-        names = self.drive.names
-        fingers = tuple(f"{name} finger" for name in names[:_FINGERS])
-        return fingers + tuple(f"place above {name}" for name in names[_FINGERS:])
-
-    def others_of(self, driven: int) -> tuple[int, ...]:
-        """Return the fingers that are not above a driven actuator."""
-        return tuple(finger for finger in range(_FINGERS) if finger != driven)
-
-    def scaled(self, per_load_m: Complex) -> Complex:
-        """Return displacements of the driven actuators from those per unit load.
-
-        Parameters
-        ----------
-        per_load_m : ndarray of complex128, shape (n_loads, ...)
-            Metres per unit load.
-        """
-        amplitudes = np.array(self.drive.amplitudes)
-        return np.asarray(per_load_m * amplitudes.reshape(-1, *[1] * (per_load_m.ndim - 1)))
-
-    def at_fingers_m(self, frequencies_hz: ArrayLike) -> Complex:
-        """Return the displacement at the fingertips' centres.
-
-        Parameters
-        ----------
-        frequencies_hz : array_like of float, shape (n_frequencies,)
-            Frequencies.
-
-        Returns
-        -------
-        ndarray of complex128, shape (n_driven, n_fingertips, n_frequencies)
-            Amplitude in metres, for the drive.
-        """
-        found = displacement(self.scene, frequencies_hz, RTOL)
-        return self.scaled(np.moveaxis(found, 0, -1))
-
-
-def plate_of(study: Study) -> Plate:
-    """Return the plate of a study with its loads, its drive and the fingertips.
-
-    Examples
-    --------
-    >>> from experiment.study.read import paper_study
-    >>> len(plate_of(paper_study()).loads)
-    2
-    """
-    return Plate(
-        study=study,
-        strip=field_strip(study),
-        loads=loads_of(study),
-        drive=drive_of(study),
-        fingertips=fingertips_of(study),
-    )
+    from experiment.preview.plate import Complex, Plate, Real
 
 
 BAND_FREQUENCIES: Final = 500
@@ -362,7 +136,7 @@ def plate_map(plate: Plate, frequency_hz: float) -> PlateMap:
     --------
     Below the cut-off the plate moves most above the driven actuator:
 
-    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.plate import plate_of
     >>> from experiment.study.read import paper_study
     >>> found = plate_map(plate_of(paper_study()), 500.0)
     >>> [round(1e3 * place_m, 6) for place_m in found.peak_of(0)[1:]]
@@ -418,7 +192,7 @@ def plate_band(
     --------
     The plate's own cut-off is left out, where the field has no finite value:
 
-    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.plate import plate_of
     >>> from experiment.study.read import paper_study
     >>> found = plate_band(plate_of(paper_study()), (400.0, 2900.0), n_frequencies=6)
     >>> found.frequencies_hz.tolist(), len(found.left_out_hz)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    from experiment.preview.field import Plate, PlateBand
+    from experiment.preview.field import PlateBand
+    from experiment.preview.plate import Plate
     from experiment.study.sections.plate import Actuator
 
 

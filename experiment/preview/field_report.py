@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from experiment.preview.field import PlateBand, PlateMap
+from experiment.preview.findings import Findings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from experiment.preview.field import Plate
+    from experiment.preview.plate import Plate
 
 
-_COLUMN: Final = 15
 _LEVELS: Final = "at the other finger's centre re above the driven actuator, for a tone"
 _PREFIXES: Final = (("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
@@ -42,7 +42,7 @@ def field_csv(field: PlateMap | PlateBand) -> str:
 
     Examples
     --------
-    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.plate import plate_of
     >>> from experiment.preview.field import plate_map
     >>> from experiment.study.read import paper_study
     >>> head, first, *_ = field_csv(plate_map(plate_of(paper_study()), 500.0)).splitlines()
@@ -98,32 +98,34 @@ def field_text(field: PlateMap | PlateBand, file_name: str) -> str:
 
     Examples
     --------
-    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.plate import plate_of
     >>> from experiment.preview.field import plate_map
     >>> from experiment.study.read import paper_study
     >>> print(field_text(plate_map(plate_of(paper_study()), 500.0), "study.toml").splitlines()[-1])
     right driven   5.25 um at x = 35, y = 12.5 mm; left finger -90.8 dB
     """
     plate = field.plate
-    lines = [
-        _line("study", f"{plate.study.name} ({file_name})"),
-        _line("strip", strip_text(plate)),
-        _line("basis", plate.remark),
-        *(_map_lines(field) if isinstance(field, PlateMap) else _band_lines(field)),
-    ]
-    return "\n".join(lines)
+    found = Findings()
+    found.tell("study", f"{plate.study.name} ({file_name})")
+    found.tell("strip", strip_text(plate))
+    found.tell("basis", plate.remark)
+    if isinstance(field, PlateMap):
+        _tell_map(found, field)
+    else:
+        _tell_band(found, field)
+    return found.text
 
 
-def _map_lines(field: PlateMap) -> Iterable[str]:
+def _tell_map(found: Findings, field: PlateMap) -> None:
     drive = field.plate.drive
     ends_mm = (field.x_m[[0, -1]] * 1e3).tolist()
-    yield _line("map", f"{hertz(field.frequency_hz)}, x from {ends_mm[0]:g} to {ends_mm[1]:g} mm")
-    yield _line("levels", _LEVELS)
+    found.tell("map", f"{hertz(field.frequency_hz)}, x from {ends_mm[0]:g} to {ends_mm[1]:g} mm")
+    found.tell("levels", _LEVELS)
     for driven, name in enumerate(drive.names):
         peak_m, x_m, y_m = field.peak_of(driven)
         place = f"x = {x_m * 1e3:g}, y = {y_m * 1e3:g} mm"
         told = f"{metres(peak_m)}{drive.per_load(driven)} at {place}; {levels_text(field, driven)}"
-        yield _line(f"{name} driven", told)
+        found.tell(f"{name} driven", told)
 
 
 def levels_text(field: PlateMap, driven: int) -> str:
@@ -142,24 +144,25 @@ def levels_text(field: PlateMap, driven: int) -> str:
     )
 
 
-def _band_lines(field: PlateBand) -> Iterable[str]:
+def _tell_band(found: Findings, field: PlateBand) -> None:
     drive, asked_hz = field.plate.drive, field.frequencies_hz
     ends = f"{hertz(field.band_hz[0])} to {hertz(field.band_hz[1])}"
-    yield _line("band", f"{ends}, {asked_hz.size} frequencies")
+    found.tell("band", f"{ends}, {asked_hz.size} frequencies")
     for cutoff_hz in field.left_out_hz:
-        yield _line("left out", f"{hertz(cutoff_hz)}, a cut-off: infinite without loss")
+        found.tell("left out", f"{hertz(cutoff_hz)}, a cut-off: infinite without loss")
     material = field.plate.strip.material
     between = [f for f in field.cutoffs_hz if f not in field.left_out_hz]
     if between and not (material.loss_factor or material.viscous_time_s):
         told = ", ".join(hertz(cutoff_hz) for cutoff_hz in between)
-        yield _line("not shown", f"without loss the field grows without end towards {told}")
-    yield _line("levels", _LEVELS)
+        found.tell("not shown", f"without loss the field grows without end towards {told}")
+    found.tell("levels", _LEVELS)
     for driven, name in enumerate(drive.names):
         size_m = np.abs(field.at_fingers_m[driven, driven])
         largest = int(np.argmax(size_m))
         told = f"{metres(float(size_m[largest]))}{drive.per_load(driven)} above it"
-        yield _line(f"{name} driven", f"largest of those {told}, at {hertz(asked_hz[largest])}")
-        yield from (_line("", _loudest(field, driven, n)) for n in field.plate.others_of(driven))
+        found.tell(f"{name} driven", f"largest of those {told}, at {hertz(asked_hz[largest])}")
+        for other in field.plate.others_of(driven):
+            found.tell("", _loudest(field, driven, other))
 
 
 def _loudest(field: PlateBand, driven: int, other: int) -> str:
@@ -178,7 +181,7 @@ def strip_text(plate: Plate) -> str:
 
     Examples
     --------
-    >>> from experiment.preview.field import plate_of
+    >>> from experiment.preview.plate import plate_of
     >>> from experiment.study.read import paper_study
     >>> strip_text(plate_of(paper_study()))
     'cut-off 2900 Hz (measured), elastic edges'
@@ -233,7 +236,3 @@ def prefixed(size_m: float) -> tuple[str, float]:
     ('um', 1e-06)
     """
     return next((pair for pair in _PREFIXES if abs(size_m) >= pair[1]), _PREFIXES[-1])
-
-
-def _line(name: str, text: str) -> str:
-    return f"{name:{_COLUMN}}{text}"

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from device.clock import VirtualClock
 from experiment.archive.history import replay
 from experiment.preview.check import check_study
-from experiment.preview.check_report import check_json, check_text
+from experiment.preview.check_report import check_findings
 from experiment.session.simulate import simulated_responder
 from experiment.study.read import paper_study, study_from_text
 from experiment.terms.responder import Question
@@ -191,13 +191,13 @@ def test_the_check_counts_them_apart_and_their_time(make_study: Callable[[str], 
     assert (check.audibility_trials, check.control_trials) == (6, 10)
     # 16 trials of 1.4 s until the stimulus and 1 s for the answer, one more break of 15 s
     assert check.duration_s - before.duration_s == pytest.approx(16 * 2.4 + 15)
-    lines = check_text(check, "s.toml").splitlines()
+    lines = check_findings(check, "s.toml").text.splitlines()
     (line,) = [line for line in lines if line.startswith("fingers off")]
     assert line.endswith(
         "6 trials before everything else, is the plate heard; 10 at the end; all at 200 Vpp"
     )
-    assert "fingers off" not in check_text(before, "s.toml")
-    report = json.loads(check_json(check))
+    assert "fingers off" not in check_findings(before, "s.toml").text
+    report = json.loads(check_findings(check, "s.toml").json)
     assert (report["audibility_trials"], report["control_trials"]) == (6, 10)
 
 

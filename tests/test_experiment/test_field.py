@@ -16,16 +16,15 @@ from click.testing import CliRunner, Result
 
 from experiment.commands.field import field
 from experiment.preview.field import (
-    Drive,
     PlateBand,
     PlateMap,
     level_db,
     plate_band,
     plate_map,
-    plate_of,
 )
 from experiment.preview.field_figure import render
 from experiment.preview.field_report import field_csv, field_text, metres
+from experiment.preview.plate import DriveLevels, plate_of
 from experiment.study.physics import field_strip, loads_of
 from experiment.study.read import paper_study, study_from_text
 from stimuli import Fingertip, ForceRectangle, Scene, displacement
@@ -82,7 +81,7 @@ def files() -> list[str]:
 
 
 def at_volts(found: PlateMap | PlateBand) -> PlateMap | PlateBand:
-    drive = Drive(
+    drive = DriveLevels(
         names=("left", "right"),
         units=("N m/m", "N m/m"),
         amplitudes=(0.13, 0.13),
@@ -165,7 +164,7 @@ def test_a_plate_with_loss_has_a_field_at_its_cutoff_too() -> None:
 def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
     plate = plate_of(paper_study())
     motor = ForceRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.004, length_y_m=0.01)
-    drive = Drive(
+    drive = DriveLevels(
         names=("left", "right", "motor"),
         units=("N m/m", "N m/m", "N"),
         amplitudes=(1.0, 1.0, 1.0),
