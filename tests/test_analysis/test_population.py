@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+import warnings
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,7 @@ def test_the_threshold_and_spread_of_a_population_are_found() -> None:
     assert low < found.threshold_vpp < high
 
 
+@pytest.mark.slow
 def test_its_limits_cover_the_threshold_of_the_population() -> None:
     """Of 60 studies of five people; the share has a standard error of 3 to 5 %."""
     limits = [only(study(people=5, seed=seed)).threshold_limits_vpp for seed in range(60)]
@@ -88,6 +90,25 @@ def test_people_who_are_alike_are_no_failure_to_converge() -> None:
     assert found.reason == ""
     assert found.between_sd < 0.01
     assert found.threshold_limits_vpp[0] < 100 < found.threshold_limits_vpp[1]
+
+
+def test_no_warning_of_the_fit_is_hidden_but_that_of_its_own_goal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from statsmodels.genmod.bayes_mixed_glm import BinomialBayesMixedGLM
+    from statsmodels.tools.sm_exceptions import ConvergenceWarning
+
+    fit = BinomialBayesMixedGLM.fit_map
+
+    def warning(*arguments: Any, **named: Any) -> Any:
+        warnings.warn("Laplace fitting did not converge, |gradient|=1", ConvergenceWarning, 1)
+        warnings.warn("overflow", RuntimeWarning, stacklevel=1)
+        return fit(*arguments, **named)
+
+    monkeypatch.setattr(BinomialBayesMixedGLM, "fit_map", warning)
+    with pytest.warns(RuntimeWarning) as caught:
+        only(study(people=3, n=12))
+    assert [str(one.message) for one in caught] == ["overflow"]
 
 
 def test_more_trials_than_the_model_can_hold_are_told() -> None:

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.answers.intervals import proportion_ci
-from analysis.results.figures.drawing import panels
+from analysis.results.figures.drawing import Prepared, each_condition, panels
 from experiment.terms.record import RESPONSES
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from analysis.results.tables import Analysis
 
 
 _ROW_IN = 0.62
@@ -41,6 +43,18 @@ class ConfusionData:
     confusion: pd.DataFrame
     ci: str
     note: str = ""
+
+
+def prepared(analysis: Analysis) -> Prepared | None:
+    """Return the figure of an analysis that has answers."""
+    if analysis.confusion.empty:
+        return None
+    data = ConfusionData(confusion=analysis.confusion, ci=analysis.ci, note=analysis.simulated)
+    alt = (
+        f"Grid of stimuli and answers with the share of each answer{each_condition(analysis)}; the "
+        "counts are in the table of answers."
+    )
+    return Prepared(draw=lambda: draw(data), alt=alt)
 
 
 def draw(data: ConfusionData) -> Figure:

@@ -10,9 +10,12 @@ from analysis.results.figures.drawing import (
     GROUP,
     MANY,
     MARKERS,
+    Prepared,
+    each_condition,
     interval,
     key,
     level_axis,
+    of_people,
     panels,
     short,
 )
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from analysis.axis import Axis
+    from analysis.results.tables import Analysis
 
 
 _HEIGHT_IN = 4.4
@@ -54,6 +58,26 @@ class DetectionData:
     ci: str
     axis: Axis
     note: str = ""
+
+
+def prepared(analysis: Analysis) -> Prepared | None:
+    """Return the figure of an analysis that has a level."""
+    if analysis.levels.empty:
+        return None
+    data = DetectionData(
+        levels=analysis.levels,
+        participants=analysis.participants,
+        forced_choice=analysis.detected_any is None,
+        ci=analysis.ci,
+        axis=analysis.axis,
+        note=analysis.simulated,
+    )
+    people = of_people(analysis.participants["participant"].nunique())
+    alt = (
+        f"Detection probability from 0 to 1 against level in {analysis.axis.label}, {people}"
+        f"{each_condition(analysis)}; the numbers are in the table of detection by level."
+    )
+    return Prepared(draw=lambda: draw(data), alt=alt)
 
 
 def draw(data: DetectionData) -> Figure:

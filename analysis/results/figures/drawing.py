@@ -1,10 +1,11 @@
-"""What all figures share: style, panels, axes of levels; the same bytes on every run."""
+"""What all figures share: style, panels, axes of levels, words; the same bytes on every run."""
 
 from __future__ import annotations
 
 import io
 import math
 import warnings
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from analysis.axis import Axis
+    from analysis.results.tables import Analysis
 
 
 # Okabe & Ito's colours for all kinds of colour vision; yellow is too light for a thin line.
@@ -31,6 +33,11 @@ _LONGEST_NAME = 14
 _BELOW_IN = 0.5
 _CLOSEST_TICKS = 0.1
 _LEAST_MARGIN = 1.001
+# The font lacks a letter of a name: a box stands there, and the tables have the name.
+_NO_SUCH_LETTER = (
+    "Glyph .* missing from font",
+    "Matplotlib currently does not support .* natively",
+)
 _STYLE: Any = {
     "font.size": 10.0,
     "axes.spines.top": False,
@@ -40,6 +47,29 @@ _STYLE: Any = {
     "figure.dpi": 100.0,
     "savefig.dpi": 200.0,
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """A figure that can be drawn, and what it shows, in words for who cannot see it."""
+
+    draw: Callable[[], Figure]
+    alt: str
+
+
+def of_people(number: int) -> str:
+    """Return whose numbers a figure shows.
+
+    >>> of_people(1), of_people(5)
+    ('of one participant', 'of 5 participants')
+    """
+    return "of one participant" if number == 1 else f"of {number} participants"
+
+
+def each_condition(analysis: Analysis) -> str:
+    """Return that there is more than one panel, where there is."""
+    number = analysis.levels["condition"].nunique()
+    return f", one panel for each of {number} conditions" if number > 1 else ""
 
 
 def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
@@ -64,8 +94,8 @@ def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
     import matplotlib as mpl
 
     with mpl.rc_context(), warnings.catch_warnings():
-        # A letter that the font lacks, or names too long for the panel, are no reason to stop.
-        warnings.simplefilter("ignore", UserWarning)
+        for message in _NO_SUCH_LETTER:
+            warnings.filterwarnings("ignore", message, UserWarning)
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
         figure = draw()

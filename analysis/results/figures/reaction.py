@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from analysis.results.figures.drawing import COLOURS, GROUP, key, level_axis, panels
+from analysis.results.figures.drawing import (
+    COLOURS,
+    GROUP,
+    Prepared,
+    each_condition,
+    key,
+    level_axis,
+    panels,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -13,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from analysis.axis import Axis
+    from analysis.results.tables import Analysis
 
 
 _HEIGHT_IN = 4.1
@@ -37,6 +46,21 @@ class ReactionData:
     reaction: pd.DataFrame
     axis: Axis
     note: str = ""
+
+
+def prepared(analysis: Analysis) -> Prepared | None:
+    """Return the figure of an analysis that has reaction times."""
+    if not analysis.reaction_times["n"].gt(0).any():
+        return None
+    data = ReactionData(
+        reaction=analysis.reaction_times, axis=analysis.axis, note=analysis.simulated
+    )
+    alt = (
+        "Median reaction time in seconds of correct answers against level, with 10 % and 90 % "
+        f"points, for each side{each_condition(analysis)}; the numbers are in the table of "
+        "reaction times."
+    )
+    return Prepared(draw=lambda: draw(data), alt=alt)
 
 
 def draw(data: ReactionData) -> Figure:

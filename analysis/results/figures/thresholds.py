@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.results.figures.drawing import GROUP, key, level_axis, panels, short
+from analysis.results.figures.drawing import (
+    GROUP,
+    Prepared,
+    each_condition,
+    key,
+    level_axis,
+    of_people,
+    panels,
+    short,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from analysis.axis import Axis
+    from analysis.results.tables import Analysis
 
 
 BELOW: Final = "threshold_below_levels"
@@ -64,6 +74,25 @@ class _Row:
     status: str
     words: str
     colour: str
+
+
+def prepared(analysis: Analysis) -> Prepared | None:
+    """Return the figure of an analysis that has thresholds."""
+    if analysis.thresholds.empty:
+        return None
+    data = ThresholdData(
+        thresholds=analysis.thresholds,
+        groups=analysis.groups,
+        participants=analysis.participants,
+        axis=analysis.axis,
+        note=analysis.simulated,
+    )
+    people = of_people(analysis.thresholds["participant"].nunique())
+    alt = (
+        f"Thresholds in {analysis.axis.label} with 95 % intervals, {people}"
+        f"{each_condition(analysis)}; the numbers are in the tables of thresholds."
+    )
+    return Prepared(draw=lambda: draw(data), alt=alt)
 
 
 def draw(data: ThresholdData) -> Figure:
