@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-
-from experiment.terms.exits import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,6 +34,11 @@ COMMANDS = {
 """
 
 
+PACKAGES = ("stimuli", "device", "experiment", "analysis")
+"""Ours, beside this file."""
+
+BAD_INPUT = 2
+"""Exit code, as `experiment.terms.exits` has it, which may be hidden."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C outside a session, as shells have it."""
 
@@ -56,6 +62,12 @@ class _FrontDoor(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        if (error := _hidden_package()) is not None:
+            click.echo(f"error: {error}", err=True)
+            sys.exit(BAD_INPUT)
+        return super().main(*args, **kwargs)
+
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         with _one_line("tactstrip"):
             return super().make_context(*args, **kwargs)
@@ -65,9 +77,27 @@ class _FrontDoor(click.Group):
             return super().invoke(ctx)
 
 
+def _hidden_package() -> str | None:
+    """Say which file Python would run in place of one of our packages, if there is one.
+
+    Their names are plain words: a lab's own analysis.py comes first where its folder is on the
+    path, as it is with ``python -m tactstrip`` there. So nothing of ours is imported before this.
+    """
+    for name in PACKAGES:
+        spec, ours = find_spec(name), Path(__file__).resolve().parent / name / "__init__.py"
+        if spec and spec.origin and Path(spec.origin).resolve() != ours:
+            return (
+                f"{spec.origin} hides the package {name} of tactstrip: rename it, or "
+                "take its folder off Python's path"
+            )
+    return None
+
+
 @contextmanager
 def _one_line(command: str) -> Iterator[None]:
     """Say what is wrong with a command line, or that it was interrupted, in one line."""
+    from experiment.terms.exits import CommandError
+
     try:
         yield
     except click.UsageError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import subprocess
 import sys
@@ -12,9 +13,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import tactstrip
 from device.driver import LinkError
 from device.emulate.mock import MockDevice
-from tactstrip import COMMANDS, main
+from experiment.terms import exits
+from tactstrip import COMMANDS, PACKAGES, main
 
 ROOT = Path(__file__).parent.parent
 HEAVY = {"numpy", "scipy", "pandas", "pydantic", "rich", "matplotlib", "statsmodels", "psychopy",
@@ -239,3 +242,83 @@ def test_the_front_door_opens_as_a_module_too() -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "See tactstrip --help" in done.stderr
+
+
+# --- a lab's own files of the same names ----------------------------------------------------------
+
+OWN_FILE = 'print("not ours")\n'
+
+
+def python(*arguments: str, folder: Path, path: Path | None = None) -> tuple[int, str, str]:
+    """Run Python in a folder: its exit code, output and error."""
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=os.environ | ({} if path is None else {"PYTHONPATH": str(path)}),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("arguments", [("check", "study.toml"), ("--help",), ()])
+def test_a_labs_own_file_that_hides_a_package_is_named_and_not_run(
+    name: str, arguments: tuple[str, ...], tmp_path: Path
+) -> None:
+    own = tmp_path / f"{name}.py"
+    own.write_text(OWN_FILE, encoding="utf-8")
+    ended, out, told = python("-m", "tactstrip", *arguments, folder=tmp_path)
+    assert (ended, out) == (2, "")
+    assert told.startswith(f"error: {own} hides the package {name} of tactstrip: rename it")
+    assert told.count("\n") == 1
+
+
+@pytest.mark.process
+def test_a_labs_own_package_on_the_path_is_named_too(tmp_path: Path) -> None:
+    own = tmp_path / "lab" / "analysis" / "__init__.py"
+    own.parent.mkdir(parents=True)
+    own.write_text(OWN_FILE, encoding="utf-8")
+    ended, out, told = python("-m", "tactstrip", folder=tmp_path, path=tmp_path / "lab")
+    assert (ended, out) == (2, "")
+    assert told.startswith(f"error: {own} hides the package analysis")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("device", "from experiment import read_study"),
+        ("stimuli", "from experiment.trial.plan import Plan"),
+        ("experiment", "from analysis import probit_mle"),
+        ("stimuli", "from analysis import read_trials; read_trials"),
+    ],
+)
+def test_a_face_names_the_file_that_hides_what_it_needs(
+    name: str, line: str, tmp_path: Path
+) -> None:
+    own = tmp_path / f"{name}.py"
+    own.write_text(OWN_FILE, encoding="utf-8")
+    ended, out, told = python("-c", line, folder=tmp_path)
+    assert (ended, out) == (1, "")
+    assert told.splitlines()[-1].startswith(f"ImportError: {own} hides the package {name} of")
+
+
+@pytest.mark.process
+def test_a_folder_of_that_name_without_a_package_in_it_hides_nothing(tmp_path: Path) -> None:
+    (tmp_path / "analysis").mkdir()
+    (tmp_path / "device").mkdir()
+    assert python("-m", "tactstrip", "--help", folder=tmp_path)[0] == 0
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("face", PACKAGES)
+def test_a_face_is_imported_without_numpy(face: str, tmp_path: Path) -> None:
+    line = f"import sys, {face}; print('numpy' in sys.modules)"
+    assert python("-c", line, folder=tmp_path)[:2] == (0, "False\n")
+
+
+def test_the_front_door_has_the_exit_code_of_bad_input() -> None:
+    assert tactstrip.BAD_INPUT == exits.BAD_INPUT
