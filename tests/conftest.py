@@ -38,6 +38,8 @@ FAST = "not slow and not process and not gallery and not long"
 LANES = ("slow", "process", "gallery", "long")
 MOST_S = 0.5
 """Processor time of a test of the fast lane: it is run by everybody, all the time."""
+PROCESSES = {"emulator_server", "kill_at"}
+"""Fixtures that start another Python: whoever asks for one is in the lane ``process``."""
 SPENT_S = pytest.StashKey[float]()
 AGAIN = pytest.StashKey[bool]()
 AGAIN_NAME = "slow once"
@@ -46,6 +48,12 @@ AGAIN_NAME = "slow once"
 def pytest_configure(config: pytest.Config) -> None:
     """Watch the doctests of the packages too: a conftest's own hooks see only its folder."""
     config.pluginmanager.register(ProcessorTime(), "processor-time")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Put whoever starts a process by a fixture in the lane of those that do."""
+    if PROCESSES.intersection(getattr(item, "fixturenames", ())):
+        item.add_marker(pytest.mark.process)
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -219,19 +227,19 @@ def kill_at() -> Callable[..., int | None]:
     return run
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def short_study_text() -> str:
     """A study file of five trials in two blocks."""
     return SHORT_DESIGN
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def quick_study_text(short_study_text: str) -> str:
     """The same with a burst whose displacements are computed in a moment."""
     return QUICK_BURST + short_study_text
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_study() -> Callable[[str], Study]:
     """A study from the text of a study file; what the text leaves out is the paper's protocol."""
     return lambda text: study_from_text(text, "study.toml")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from analysis.thresholds.posterior import Nodes
 from benchmarks import (
     analysis,
@@ -22,7 +24,8 @@ from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, disp
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
+pytestmark = pytest.mark.gallery
+
 
 W = 0.025
 

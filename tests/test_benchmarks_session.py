@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, cast
 
+import pytest
+
 from benchmarks import session_path
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import pytest
-
     from device.wire.channels import SerialChannel
     from experiment.session.simulate import SimulatedResponder
     from experiment.terms.responder import Question
+
+pytestmark = pytest.mark.gallery
 
 
 def test_a_file_written_while_an_answer_is_awaited_is_counted_and_no_other(

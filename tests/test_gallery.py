@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from stimuli import PiezoLayers, Strip
 
+pytestmark = pytest.mark.gallery
+
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
 SCRIPTS = sorted(path.stem for path in GALLERY.glob("*_*_*.py"))

@@ -37,15 +37,18 @@ def imported_by(*arguments: str) -> set[str]:
     return {line.split(".")[0] for line in done.stderr.splitlines()}
 
 
+@pytest.mark.process
 def test_help_imports_nothing_heavy() -> None:
     assert not imported_by("--help") & HEAVY
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("command", list(COMMANDS))
 def test_the_help_of_a_command_imports_nothing_heavy(command: str) -> None:
     assert not imported_by(command, "--help") & HEAVY
 
 
+@pytest.mark.process
 def test_a_dry_run_imports_no_psychopy_no_statsmodels_and_no_serial(tmp_path: Path) -> None:
     used = imported_by("dry-run", "--participants", "1", "--out", str(tmp_path / "out"))
     assert not used & {"psychopy", "statsmodels", "serial"}
@@ -93,6 +96,7 @@ def test_bad_input_is_one_line_on_stderr_and_exit_2(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_two_dry_runs_with_one_seed_give_the_same_sessions_and_the_same_analysis(
     tmp_path: Path,
 ) -> None:
@@ -129,6 +133,7 @@ def test_the_command_alone_shows_its_help() -> None:
     assert "Commands:" in result.stdout
 
 
+@pytest.mark.slow
 def test_an_interrupted_dry_run_ends_with_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,12 +176,14 @@ def test_what_no_device_could_run_is_refused_by_the_check(
     assert told in result.stderr
 
 
+@pytest.mark.slow
 def test_a_thick_plate_is_warned_of(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text('[strip]\nedge = "clamped"\nthickness_mm = 5', encoding="utf-8")
     assert "not a thin plate" in CliRunner().invoke(main, ["check", str(study)]).output
 
 
+@pytest.mark.slow
 def test_dry_runs_without_out_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dry-run-1").mkdir()

@@ -99,6 +99,7 @@ def test_each_reading_has_its_verdict(value: Row, readings: tuple[str, ...]) -> 
     assert found.possible == bool(readings)
 
 
+@pytest.mark.slow
 @few
 @given(st.data(), st.sampled_from(CONVENTIONS), st.integers(1, 3))
 def test_what_was_really_measured_is_never_impossible(
@@ -114,6 +115,7 @@ def test_what_was_really_measured_is_never_impossible(
     assert next(one for one in found.verdicts if one.reading == reading).possible
 
 
+@pytest.mark.slow
 def test_the_verdict_is_that_of_trying_everything() -> None:
     n, people = 6, 3
     possible: dict[str, set[tuple[str, ...]]] = {reading: set() for reading in READINGS}

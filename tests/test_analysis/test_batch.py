@@ -49,6 +49,7 @@ def sessions(tmp_path: Path, quick_study_text: str, make_study: Callable[[str], 
     return tmp_path / "results"
 
 
+@pytest.mark.process
 def test_sessions_together_are_the_sessions_alone(sessions: Path) -> None:
     people = sorted(sessions.glob("sub-*"))
     pd.testing.assert_frame_equal(

@@ -164,6 +164,7 @@ def test_a_drift_between_blocks_is_no_serial_effect() -> None:
     assert found.p > 0.05
 
 
+@pytest.mark.slow
 def test_serial_p_is_not_too_small_without_an_effect() -> None:
     rng = np.random.default_rng(5)
     ps = []
@@ -183,6 +184,7 @@ def test_one_side_answered_always_has_no_serial_p() -> None:
     assert (side.p, side.reason) == (None, "only one side was answered")
 
 
+@pytest.mark.slow
 @few
 @given(studies(), st.randoms(use_true_random=False))
 def test_the_order_of_rows_changes_nothing(trials: pd.DataFrame, random: Any) -> None:
@@ -194,6 +196,7 @@ def test_the_order_of_rows_changes_nothing(trials: pd.DataFrame, random: Any) ->
         pd.testing.assert_frame_equal(make(shuffled), make(trials), check_exact=True)
 
 
+@pytest.mark.slow
 @few
 @given(studies())
 def test_names_change_no_number(trials: pd.DataFrame) -> None:
@@ -208,6 +211,7 @@ def test_names_change_no_number(trials: pd.DataFrame) -> None:
     }
 
 
+@pytest.mark.slow
 @few
 @given(studies())
 def test_exchanging_left_and_right_mirrors_every_side(trials: pd.DataFrame) -> None:
@@ -254,6 +258,7 @@ def _rounded(one: Choices) -> Choices:
     return replace(one, wrong_side=replace(one.wrong_side, expected_left=rounded))
 
 
+@pytest.mark.slow
 @few
 @given(studies())
 def test_counts_agree_with_the_other_tables(trials: pd.DataFrame) -> None:

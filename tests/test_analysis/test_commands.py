@@ -56,6 +56,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_the_example_gives_every_file_and_exit_code_0(tmp_path: Path) -> None:
     result = run(TABLE, "--columns", MAP, "--out", tmp_path / "out")
     assert result.exit_code == 0
@@ -63,6 +64,7 @@ def test_the_example_gives_every_file_and_exit_code_0(tmp_path: Path) -> None:
     assert result.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_second_run_gives_the_same_bytes(tmp_path: Path) -> None:
     elsewhere = tmp_path / "else" / "where"
     elsewhere.mkdir(parents=True)
@@ -75,6 +77,7 @@ def test_a_second_run_gives_the_same_bytes(tmp_path: Path) -> None:
     assert files(tmp_path / "1") == files(tmp_path / "2")
 
 
+@pytest.mark.slow
 def test_the_tables_have_the_promised_columns(tmp_path: Path) -> None:
     run(TABLE, "--columns", MAP, "--out", tmp_path, "--no-figures")
     promised = {
@@ -123,6 +126,7 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
         }
 
 
+@pytest.mark.slow
 def test_definitions_and_documentation_name_every_output_column(tmp_path: Path) -> None:
     run(TABLE, "--columns", MAP, "--out", tmp_path, "--no-figures")
     documented = (EXAMPLES.parent / "statistics.md").read_text(encoding="utf-8")
@@ -135,6 +139,7 @@ def test_definitions_and_documentation_name_every_output_column(tmp_path: Path) 
                 assert column in defined, column
 
 
+@pytest.mark.slow
 def test_split_files_give_the_numbers_of_the_whole(tmp_path: Path) -> None:
     lines = TABLE.read_text(encoding="utf-8").splitlines(keepends=True)
     parts = [lines[1:100], lines[100:250], lines[250:]]
@@ -148,6 +153,7 @@ def test_split_files_give_the_numbers_of_the_whole(tmp_path: Path) -> None:
     assert whole == split
 
 
+@pytest.mark.slow
 def test_the_output_reads_in_80_columns(tmp_path: Path) -> None:
     result = run(TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
     lines = result.stdout.splitlines()
@@ -162,6 +168,7 @@ def test_the_output_reads_in_80_columns(tmp_path: Path) -> None:
         assert row.split()[-1] == str(level["detected_any"])
 
 
+@pytest.mark.slow
 def test_a_terminal_gets_the_same_text(tmp_path: Path) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
@@ -175,6 +182,7 @@ def test_a_terminal_gets_the_same_text(tmp_path: Path) -> None:
     assert terminal.getvalue() == plain.getvalue()
 
 
+@pytest.mark.process
 def test_a_closed_standard_output_is_no_failure(tmp_path: Path) -> None:
     code = "from analysis.commands.analyze import analyze; analyze()"
     command = (
@@ -189,6 +197,7 @@ def map_of_example() -> dict[str, Any]:
     return {"values": {"kind": {"null": "blank"}}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_interval_is_the_one_asked_for(tmp_path: Path, method: str) -> None:
     run(TABLE, "--columns", MAP, "--out", tmp_path, "--ci", method, "--no-figures")
@@ -216,6 +225,7 @@ def test_results_of_files_go_into_the_current_folder(
     assert (tmp_path / "here" / "analysis" / "levels.csv").exists()
 
 
+@pytest.mark.slow
 def test_tables_of_older_data_do_not_stay(tmp_path: Path, names: Path) -> None:
     run(TABLE, "--columns", MAP, "--out", tmp_path / "out")
     (tmp_path / "out" / "notes.txt").write_text("mine")
@@ -227,6 +237,7 @@ def test_tables_of_older_data_do_not_stay(tmp_path: Path, names: Path) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_refusal_is_one_line_with_exit_code_2_and_changes_nothing(tmp_path: Path) -> None:
     run(TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
     before = files(tmp_path / "out")
@@ -260,6 +271,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     assert (tmp_path / "out").read_text() == "mine"
 
 
+@pytest.mark.slow
 def test_a_failure_while_drawing_leaves_the_old_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -277,6 +289,7 @@ def test_a_failure_while_drawing_leaves_the_old_results(
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+@pytest.mark.slow
 def test_a_full_disk_names_the_file_and_leaves_the_old_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -309,6 +322,7 @@ def test_a_folder_that_was_made_for_nothing_is_removed(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_what_a_killed_analysis_left_is_removed_and_nothing_else(tmp_path: Path) -> None:
     left, writing, mine = (tmp_path / f".analysis-{name}" for name in ("dead", "alive", "notes"))
     for folder, name in ((left, "both.csv"), (writing, "both.csv"), (mine, "notes.txt")):
@@ -320,6 +334,7 @@ def test_what_a_killed_analysis_left_is_removed_and_nothing_else(tmp_path: Path)
     assert (mine / "notes.txt").exists()
 
 
+@pytest.mark.slow
 def test_nothing_is_written_beside_the_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -348,6 +363,7 @@ def test_files_of_the_user_are_never_replaced_or_removed(
     assert files(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_a_folder_in_the_place_of_a_file_changes_nothing(tmp_path: Path) -> None:
     out = tmp_path / "out"
     run(TABLE, "--columns", MAP, "--out", out, "--no-figures")
@@ -451,6 +467,7 @@ WARNED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("row", "words"), WARNED)
 def test_strict_turns_a_warning_into_exit_code_1(
     tmp_path: Path, names: Path, row: str, words: str
@@ -520,6 +537,7 @@ def test_a_seed_is_a_whole_number(tmp_path: Path, wrong: int, words: str) -> Non
     assert not (tmp_path / "o").exists()
 
 
+@pytest.mark.process
 def test_the_help_imports_no_numpy_pandas_rich_or_matplotlib() -> None:
     code = (
         "import sys\nfrom analysis.commands.analyze import analyze\n"
@@ -529,6 +547,7 @@ def test_the_help_imports_no_numpy_pandas_rich_or_matplotlib() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
 
 
+@pytest.mark.slow
 def test_a_population_is_fitted_only_on_request(tmp_path: Path) -> None:
     options = (TABLE, "--columns", MAP, "--no-figures", "--out", tmp_path)
     assert "of the population" not in run(*options).stdout

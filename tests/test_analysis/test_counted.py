@@ -40,6 +40,7 @@ def test_groups_of_their_columns_are_the_conditions(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 @settings(
     deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

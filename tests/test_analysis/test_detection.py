@@ -244,6 +244,7 @@ def assert_same(one: pd.DataFrame, other: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(one, other, check_exact=True)
 
 
+@pytest.mark.slow
 @fast
 @given(studies(), st.randoms(use_true_random=False))
 def test_the_order_of_trials_changes_nothing(trials: pd.DataFrame, random: Any) -> None:
@@ -254,6 +255,7 @@ def test_the_order_of_trials_changes_nothing(trials: pd.DataFrame, random: Any) 
         assert_same(one, other)
 
 
+@pytest.mark.slow
 @fast
 @given(studies())
 def test_the_names_of_participants_change_no_number(trials: pd.DataFrame) -> None:
@@ -271,6 +273,7 @@ def test_the_names_of_participants_change_no_number(trials: pd.DataFrame) -> Non
         )
 
 
+@pytest.mark.slow
 @fast
 @given(studies())
 def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
@@ -284,6 +287,7 @@ def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
     assert_same(blank_table(trials), there[blank_table(trials).columns])
 
 
+@pytest.mark.slow
 @fast
 @given(studies())
 def test_every_trial_is_counted_or_listed(trials: pd.DataFrame) -> None:
@@ -293,6 +297,7 @@ def test_every_trial_is_counted_or_listed(trials: pd.DataFrame) -> None:
     assert counted + excluded["trials"].sum() == len(trials)
 
 
+@pytest.mark.slow
 @fast
 @given(studies())
 def test_means_lie_within_and_answers_add_up(trials: pd.DataFrame) -> None:

@@ -75,6 +75,7 @@ def texts(shown: DetectionData) -> str:
     return render(shown)[1].decode()
 
 
+@pytest.mark.slow
 def test_both_axes_are_named_with_their_units() -> None:
     svg = texts(data())
     assert "Level, logarithmic (V peak-to-peak)" in svg
@@ -95,6 +96,7 @@ def test_ticks_that_would_cover_each_other_are_left_out() -> None:
     assert "<!-- 101 -->" not in svg
 
 
+@pytest.mark.slow
 def test_few_participants_are_named_and_many_are_not() -> None:
     assert "participant S05" in texts(data(6))
     crowd = texts(data(20))
@@ -115,11 +117,13 @@ def test_no_mean_is_drawn_over_different_people() -> None:
     assert "95 % interval of the group" not in svg
 
 
+@pytest.mark.slow
 def test_guessing_is_marked_only_in_a_forced_choice() -> None:
     assert "guessing left or right: 1/2" in texts(data(forced_choice=True))
     assert "guessing" not in texts(data())
 
 
+@pytest.mark.slow
 def test_conditions_have_a_panel_each() -> None:
     svg = texts(data(2, ("bare", "covered")))
     assert all(f"condition {name}" in svg for name in ("bare", "covered"))
@@ -129,12 +133,14 @@ def test_one_level_is_drawn() -> None:
     assert "<!-- 60 -->" in texts(data(levels=(60.0,)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["$\frac{", "参加者", "_", "<b>&", "W" * 64, "参" * 64])
 @pytest.mark.parametrize("people", [2, 6])
 def test_any_name_can_be_drawn_without_a_warning(name: str, people: int) -> None:
     assert all(len(file) > 1000 for file in render(data(people, ("main", name), name=name)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "levels", [(60.0, 60.00000000000001), (60.0, 60.001), (1e-6, 1e6), (1e-6,), (1e6,)]
 )
@@ -158,6 +164,7 @@ def test_no_warning_is_hidden_but_that_the_font_lacks_a_letter() -> None:
     assert [str(one.message) for one in caught] == ["something else is amiss"]
 
 
+@pytest.mark.slow
 def test_settings_of_the_user_neither_show_nor_change() -> None:
     import matplotlib as mpl
 
@@ -167,6 +174,7 @@ def test_settings_of_the_user_neither_show_nor_change() -> None:
         assert mpl.rcParams["font.size"] == 30.0
 
 
+@pytest.mark.process
 def test_importing_the_module_does_not_import_matplotlib() -> None:
     code = (
         "import sys, analysis.results.figures.figures, analysis.results.figures.drawing; "
@@ -208,6 +216,7 @@ def test_a_threshold_has_its_interval_and_its_unit() -> None:
     assert "mean of 2" in svg
 
 
+@pytest.mark.slow
 def test_a_censored_threshold_is_an_arrow_and_forbids_a_mean() -> None:
     svg = threshold_texts(people(FOUND, BELOW, BELOW, ("threshold_above_levels", NAN, NAN, NAN)))
     assert "below the lowest tested level" in svg
@@ -222,6 +231,7 @@ def test_who_has_no_threshold_is_named_with_the_reason() -> None:
     assert "none: flat" in svg
 
 
+@pytest.mark.slow
 def test_a_crowd_is_ordered_and_not_named() -> None:
     svg = threshold_texts(people(*[FOUND] * 61))
     assert "<!-- S01 -->" not in svg
@@ -232,6 +242,7 @@ def test_a_figure_of_censored_thresholds_alone_is_drawn() -> None:
     assert "median of 2" in threshold_texts(people(BELOW, BELOW))
 
 
+@pytest.mark.slow
 def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     trials = pd.DataFrame({
         "condition": "main", "kind": "single", "side": "left", "reason": "",
@@ -244,6 +255,7 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     assert "ignores that participants differ" in svg
 
 
+@pytest.mark.slow
 def test_reaction_times_are_of_each_side_in_seconds() -> None:
     rows = [("main", v, side, 9, 0.5, 0.4, 0.8) for v in LEVELS_VPP for side in ("left", "right")]
     rows.append(("main", 220.0, "left", 0, NAN, NAN, NAN))
@@ -255,6 +267,7 @@ def test_reaction_times_are_of_each_side_in_seconds() -> None:
     assert "<!-- 220 -->" not in svg
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     table = tmp_path / "t.csv"

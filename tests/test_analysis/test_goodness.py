@@ -30,6 +30,7 @@ def tables(detected: NDArray[np.float64], guess_rate: float = 0.0) -> Tables:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guess", [0.0, 0.5])
 def test_p_is_uniform_under_the_model(guess: float) -> None:
     """Of 400 values, the share below 0.05, 0.25, 0.5 has a standard error of at most 2.5 %."""

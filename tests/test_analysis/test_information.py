@@ -58,6 +58,7 @@ def test_what_the_data_do_not_contain_is_not_given(only: Any, reason: str) -> No
     assert (one.reason, one.plugin_bits, one.miller_madow_bits, one.p) == (reason, None, None, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sizes", "shares", "plug_in", "miller_madow"),
     [

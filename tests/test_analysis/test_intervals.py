@@ -195,6 +195,7 @@ def test_the_group_interval_reaches_0_or_1_where_everybody_does(k: int, exact: i
     assert 0.04 < abs(limits[1 - exact] - exact) < 0.06
 
 
+@pytest.mark.slow
 @fast
 @given(st.lists(counts, min_size=2, max_size=8))
 def test_the_group_interval_ignores_the_order_and_is_wider_than_the_pooled_one(

@@ -117,6 +117,7 @@ def test_levels_are_increasing_and_within_what_can_be_set_or_refused(
     assert levels[-1] <= 200
 
 
+@pytest.mark.slow
 def test_the_papers_levels_find_one_threshold_to_1_3_db_and_placed_levels_to_half_of_that() -> None:
     """150 stimuli; a forced choice with a threshold near the paper's lowest level."""
     fixed = expected_error_db(TYPICAL, PAPER, 150)
@@ -125,6 +126,7 @@ def test_the_papers_levels_find_one_threshold_to_1_3_db_and_placed_levels_to_hal
     assert near == pytest.approx(0.47, abs=0.06)
 
 
+@pytest.mark.slow
 def test_more_trials_make_the_error_smaller_by_their_root() -> None:
     levels = placed(TYPICAL, 200.0)
     errors = [expected_error_db(TYPICAL, levels, trials) for trials in (300, 1200)]
@@ -136,6 +138,7 @@ def test_one_level_finds_no_threshold() -> None:
     assert math.isnan(expected_error_db(TYPICAL, [60.0], 150))
 
 
+@pytest.mark.slow
 def test_a_pilot_places_levels_around_its_threshold() -> None:
     found = place_levels(pilot([0, 0, 1, 2, 4, 5, 5, 5]), "P7", paper_study())
     assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
@@ -144,6 +147,7 @@ def test_a_pilot_places_levels_around_its_threshold() -> None:
     assert (found.trials, found.fixed_levels_vpp) == (150, PAPER)
 
 
+@pytest.mark.slow
 def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
     found = place_levels(pilot([0, 0, 0, 2, 5, 5, 5, 5]), "P7", paper_study())
     assert found.levels_vpp[0] < 80 < found.levels_vpp[-1]
@@ -180,6 +184,7 @@ def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
     assert placed(one, 220.0)[-1] == 220.0
 
 
+@pytest.mark.slow
 def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None:
     target, name = tmp_path / "levels.toml", owner(folder)
     result = run(folder, "--participant", name, "--write", target)

@@ -347,6 +347,7 @@ def test_a_folder_that_cannot_be_read_is_never_passed_over(
     assert str(refused(tmp_path)) == f"{tmp_path / 'sub-2'}: cannot be read: Permission denied"
 
 
+@pytest.mark.slow
 @settings(
     deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

@@ -46,6 +46,7 @@ def test_different_texts_stay_different(one: str, other: str) -> None:
     assert (harmless(one) == harmless(other)) == (one == other)
 
 
+@pytest.mark.slow
 @given(st.lists(TEXTS, min_size=1, max_size=4))
 def test_a_reader_gets_the_harmless_texts(texts: list[str]) -> None:
     table = csv_text(pd.DataFrame({"a": texts, "b": 1.5}))

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import shutil
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -40,12 +41,23 @@ FIRST = "sub-01/ses-01"
 SECOND = "sub-02/ses-01"
 
 
-@pytest.fixture
-def results(tmp_path: Path, quick_study_text: str, make_study: Callable[[str], Study]) -> Path:
+@pytest.fixture(scope="module")
+def simulated(
+    tmp_path_factory: pytest.TempPathFactory,
+    quick_study_text: str,
+    make_study: Callable[[str], Study],
+) -> Path:
     """A study's folder with a short session each of two simulated participants."""
+    folder = tmp_path_factory.mktemp("simulated") / "results"
     study = make_study(quick_study_text)
-    assert len(list(simulate_study(study, tmp_path / "results", participants=2, seed=7))) == 2
-    return tmp_path / "results"
+    assert len(list(simulate_study(study, folder, participants=2, seed=7))) == 2
+    return folder
+
+
+@pytest.fixture
+def results(tmp_path: Path, simulated: Path) -> Path:
+    """A copy of it, to be changed."""
+    return shutil.copytree(simulated, tmp_path / "results")
 
 
 def change(table: Path, line: int, column: str, text: str) -> None:

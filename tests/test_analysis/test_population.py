@@ -151,6 +151,7 @@ def test_where_the_model_does_not_hold_it_says_why_and_gives_no_number(
     assert all(math.isnan(limit) for limit in found.threshold_limits_vpp)
 
 
+@pytest.mark.process
 def test_statsmodels_is_imported_by_nothing_else() -> None:
     code = (
         "import sys, analysis.thresholds.table, analysis.thresholds.population; "

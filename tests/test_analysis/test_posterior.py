@@ -148,6 +148,7 @@ def test_brute_force_finds_the_same(detected: list[int], guess_rate: float) -> N
     assert known.mu[0] == pytest.approx(expected, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_guess_rate_after_blanks_is_integrated_over() -> None:
     guess = GuessRate.after_blanks(answered=6, blanks=40)
     at = np.linspace(0.01, 0.45, 23)
@@ -177,6 +178,7 @@ def test_a_guess_rate_after_very_many_blanks_is_a_number() -> None:
     assert posterior(table, [guess]).mu[0] == pytest.approx(sure.mu[0], abs=1e-5)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(tables_of_counts, st.sampled_from([0.0, 1 / 3, 0.5]))
 def test_a_finer_grid_finds_the_same(detected: list[int], guess_rate: float) -> None:
@@ -188,6 +190,7 @@ def test_a_finer_grid_finds_the_same(detected: list[int], guess_rate: float) -> 
     assert here.lapse_rate[0] == pytest.approx(finer.lapse_rate[0], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_many_posteriors_are_the_single_ones() -> None:
     rng = np.random.default_rng(3)
     k = rng.binomial(30, 0.5 + 0.48 * ndtr((U - 0.4) / 0.3), (150, 5)).astype(float)
@@ -219,6 +222,7 @@ def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
     assert known.best[0] == pytest.approx([0.4, np.log(0.2), 0.02], abs=1e-7)
 
 
+@pytest.mark.slow
 @given(tables_of_counts, st.sampled_from([0.0, 0.5]))
 def test_no_corner_or_neighbour_is_likelier_than_the_fit(
     detected: list[int], guess_rate: float

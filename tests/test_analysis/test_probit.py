@@ -59,6 +59,7 @@ def test_the_fit_is_that_of_an_independent_implementation(
     assert (fit.mu, fit.sigma, fit.deviance) == pytest.approx((mu, sigma, deviance), rel=1e-11)
 
 
+@pytest.mark.slow
 @given(tables)
 def test_the_score_is_zero_at_the_fit(detected: list[int]) -> None:
     assume(rises(detected))
@@ -71,6 +72,7 @@ def test_the_score_is_zero_at_the_fit(detected: list[int]) -> None:
     assert (score * z).sum() == pytest.approx(0, abs=1e-9 * (1 + np.abs(z).max()) ** 2)
 
 
+@pytest.mark.slow
 @given(tables, st.floats(-1e3, 1e3), st.floats(1e-3, 1e3))
 def test_the_fit_shifts_and_scales_with_the_axis(
     detected: list[int], shift: float, factor: float
@@ -84,6 +86,7 @@ def test_the_fit_shifts_and_scales_with_the_axis(
     assert there.deviance == pytest.approx(here.deviance, abs=1e-8)
 
 
+@pytest.mark.slow
 @given(tables)
 def test_a_mirrored_table_has_the_mirrored_fit(detected: list[int]) -> None:
     assume(rises(detected))
@@ -92,6 +95,7 @@ def test_a_mirrored_table_has_the_mirrored_fit(detected: list[int]) -> None:
     assert (-there.mu, there.sigma) == pytest.approx((here.mu, here.sigma), rel=1e-9)
 
 
+@pytest.mark.slow
 @given(tables, st.permutations(range(5)))
 def test_order_empty_levels_and_split_levels_make_no_difference(
     detected: list[int], order: list[int]

@@ -91,6 +91,7 @@ def test_a_table_that_does_not_rise_below_the_ceiling_is_flat(level: int) -> Non
     assert status([level] * 5, guess=0.5) == "flat"
 
 
+@pytest.mark.slow
 @given(tables, guess_rates)
 def test_only_tables_with_a_threshold_have_numbers(detected: list[int], guess: float) -> None:
     fit = fit_psychometric(PAPER, detected, [30] * 5, guess_rate=guess)
@@ -101,6 +102,7 @@ def test_only_tables_with_a_threshold_have_numbers(detected: list[int], guess: f
         assert PAPER[0] <= fit.threshold <= PAPER[-1]
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(tables, guess_rates, st.floats(0.01, 100))
 def test_a_change_of_the_unit_scales_the_threshold(
@@ -115,6 +117,7 @@ def test_a_change_of_the_unit_scales_the_threshold(
     assert there.sigma == pytest.approx(here.sigma, rel=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(tables, st.floats(-1e3, 1e3))
 def test_a_linear_axis_may_begin_anywhere(detected: list[int], shift: float) -> None:
@@ -145,6 +148,7 @@ def test_volts_in_place_of_their_logarithm_are_another_function_and_no_crash() -
     assert wrong.threshold < 2.5
 
 
+@pytest.mark.slow
 @given(st.permutations(range(5)), guess_rates)
 def test_order_empty_levels_and_split_levels_make_no_difference(
     order: list[int], guess: float
@@ -155,6 +159,7 @@ def test_order_empty_levels_and_split_levels_make_no_difference(
     assert fit_psychometric(*columns, guess_rate=guess) == here
 
 
+@pytest.mark.slow
 def test_many_fits_are_the_single_ones() -> None:
     rng = np.random.default_rng(2)
     p = psychometric(PAPER, threshold_vpp=100, sigma=0.1, guess_rate=0.5, lapse_rate=0.02)
@@ -184,6 +189,7 @@ def test_counts_that_no_guess_rate_explains_are_fitted_without_a_warning() -> No
     assert 130 < fit.threshold_limits[0] < fit.threshold < fit.threshold_limits[1] < 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("guess", "presented", "within_db"), [(0.0, 30, 0.06), (0.5, 120, 0.08)], ids=["none", "forced"]
 )
@@ -206,6 +212,7 @@ def test_limits_cover_the_threshold_they_are_for(
     assert errors_db.mean() == pytest.approx(0, abs=3 * errors_db.std() / 24 + within_db)
 
 
+@pytest.mark.slow
 def test_the_error_is_that_of_fishers_information() -> None:
     """Known lambda: the Cramer-Rao bound; the lambda to be found adds little at gamma 0."""
     studies, n, mu, sigma = 1000, 300.0, 2.0, 0.1

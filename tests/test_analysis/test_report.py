@@ -113,6 +113,7 @@ def test_control_characters_are_refused_in_names(tmp_path: Path, mark: str) -> N
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mark", ["\u202e", "\u200f", "\u2066", "\u200b"])
 def test_marks_that_show_no_sign_are_spelled_out_in_every_file(tmp_path: Path, mark: str) -> None:
     report(tmp_path, (f"S{mark}1", "S1"))
@@ -143,6 +144,7 @@ def test_trials_clean_has_every_trial_with_its_reason(hostile: Path) -> None:
         assert row["reason"] == ("practice" if left_out else "n/a")
 
 
+@pytest.mark.slow
 def test_the_page_asks_for_nothing_and_may_not(tmp_path: Path) -> None:
     text = report(tmp_path)
     outline = Outline(text)
@@ -155,6 +157,7 @@ def test_the_page_asks_for_nothing_and_may_not(tmp_path: Path) -> None:
     assert "unsafe" not in policy
 
 
+@pytest.mark.slow
 def test_headings_are_in_order_and_everything_has_words(tmp_path: Path) -> None:
     text = report(tmp_path)
     outline = Outline(text)
@@ -168,6 +171,7 @@ def test_headings_are_in_order_and_everything_has_words(tmp_path: Path) -> None:
     assert "<title>" in text
 
 
+@pytest.mark.slow
 def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
     told = Outline(report(tmp_path, ("S1", "S2"))).text
     counted = "26 trials of 2 participants in 2 sessions, 2 conditions"
@@ -176,12 +180,14 @@ def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
         assert words in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("simulated", "marks"), [(True, 1), (False, 0)])
 def test_simulated_participants_are_marked(tmp_path: Path, *, simulated: bool, marks: int) -> None:
     text = report(tmp_path, simulated=simulated)
     assert text.count('<p class="mark">Simulated participants.</p>') == marks
 
 
+@pytest.mark.slow
 def test_every_file_is_the_same_on_a_rerun(tmp_path: Path) -> None:
     made = []
     for place in ("one", "two"):

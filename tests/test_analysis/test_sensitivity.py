@@ -93,6 +93,7 @@ def test_the_group_is_the_mean_of_those_who_have_a_value() -> None:
         mean_sensitivity(())
 
 
+@pytest.mark.slow
 @given(st.integers(0, 80), st.integers(0, 80), st.integers(1, 9), st.integers(1, 9))
 def test_the_binomial_p_is_that_of_scipy(left: int, right: int, a: int, b: int) -> None:
     if left + right == 0:

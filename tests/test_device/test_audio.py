@@ -388,6 +388,7 @@ def _comes_out(null_sink: NullSink, expected: list[tuple[float, float]]) -> bool
     return bool((short_v >= 0).all() and (short_v < 0.02).all())
 
 
+@pytest.mark.process
 def test_the_program_ends_although_the_sound_system_hangs() -> None:
     hang = (
         "import time; from device.sound.stream import in_a_thread; "

@@ -56,6 +56,7 @@ def reason_against(peak: float, level_vpp: float, limits: Limits) -> str:
     return ""
 
 
+@pytest.mark.slow
 def test_of_a_million_combinations_none_above_the_ceiling_is_emitted() -> None:
     rng = np.random.default_rng(20)
     n_played = n_exact = 0
@@ -89,6 +90,7 @@ def burst(peak: float) -> FloatArray:
     return peak * np.array([0.0, 1.0, 0.0, -1.0, 0.0])
 
 
+@pytest.mark.slow
 def test_a_whole_device_plays_or_refuses_each_of_thousands() -> None:
     rng = np.random.default_rng(21)
     n_played = 0

@@ -39,6 +39,7 @@ def start() -> Iterator[Start]:
         process.stdout.close()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("options", [["--pty"], ["--tcp", "0", "--generator", "keysight"]])
 def test_an_emulator_that_is_told_to_end_ends_well(
@@ -50,6 +51,7 @@ def test_an_emulator_that_is_told_to_end_ends_well(
     assert process.wait() == 0
 
 
+@pytest.mark.process
 def test_ceiling_and_sample_rate_are_those_of_the_options(start: Start) -> None:
     _, port = start("--ceiling-vpp", "120", "--sample-rate-hz", "96000", "--baud", "1000000")
     identity = identify(port)
@@ -58,6 +60,7 @@ def test_ceiling_and_sample_rate_are_those_of_the_options(start: Start) -> None:
     assert (identity.ceiling_vpp, identity.sample_rate_hz) == (120.0, 96_000.0)
 
 
+@pytest.mark.process
 def test_an_emulator_that_is_started_again_is_the_same_device(start: Start) -> None:
     seen = [identify(start(*options)[1]) for options in ([], [], ["--serial-number", "B 7"])]
     first, again, other = (identity for identity in seen if identity is not None)
@@ -66,6 +69,7 @@ def test_an_emulator_that_is_started_again_is_the_same_device(start: Start) -> N
     assert other.serial_number == "B 7"
 
 
+@pytest.mark.process
 def test_a_truth_file_is_added_to(tmp_path: Path, start: Start) -> None:
     truth = tmp_path / "truth.jsonl"
     for count in (1, 2):
@@ -79,6 +83,7 @@ def test_a_truth_file_is_added_to(tmp_path: Path, start: Start) -> None:
         assert [event["event"] for event in events].count("boot") == count
 
 
+@pytest.mark.process
 def test_devices_tells_who_answers_and_that_it_writes(start: Start) -> None:
     _, ours = start("--tcp", "0")
     _, generator = start("--tcp", "0", "--generator", "keysight")
@@ -124,6 +129,7 @@ def test_what_cannot_be_emulated_is_one_line_and_exit_2(options: list[str], told
     assert told in result.stderr
 
 
+@pytest.mark.process
 def test_a_port_that_is_taken_is_one_line(start: Start) -> None:
     _, port = start("--tcp", "0")
     result = CliRunner().invoke(main, ["emulate", "--tcp", port.rsplit(":", 1)[1]])

@@ -395,6 +395,14 @@ IMPLEMENTATIONS = {
     "audio": audio_rig,
 }
 
+LANES = {"pty": pytest.mark.process, "tcp": pytest.mark.process}
+SLOW = {
+    ("audio", test): pytest.mark.slow  # each sample of an hour is played
+    for test in (
+        "test_a_live_host_may_be_idle_for_as_long_as_it_likes",
+        "test_the_same_token_again_gives_the_same_record_and_no_other_burst",
+    )
+}
 WAITS = "fire returns when the burst is over: it is not known earlier that it came out"
 NO_WATCHDOG = "it has none of its own: the driver says so before a session"
 DOES_NOT_APPLY = {
@@ -418,7 +426,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         names = list(IMPLEMENTATIONS)
         if metafunc.config.getoption("--device-url"):
             names.append("hardware")
-        metafunc.parametrize("implementation", names)
+        test = metafunc.function.__name__
+        lanes = {name: LANES.get(name, SLOW.get((name, test), ())) for name in names}
+        metafunc.parametrize(
+            "implementation", [pytest.param(name, marks=lanes[name]) for name in names]
+        )
 
 
 @pytest.fixture

@@ -131,6 +131,7 @@ BAD_LINES = {
 }
 
 
+@pytest.mark.process
 @LINES
 @pytest.mark.parametrize("name", BAD_LINES)
 def test_what_the_host_says_over_a_real_line_is_what_was_emitted(
@@ -151,6 +152,7 @@ def test_what_the_host_says_over_a_real_line_is_what_was_emitted(
         assert trials.counts["indeterminate"] <= 0.01 * n_trials
 
 
+@pytest.mark.slow
 def test_a_tcp_line_lost_at_any_byte_of_a_trial_leaves_no_trial_wrong(emulate: Emulate) -> None:
     counts: Counter[str] = Counter()
     ready_bytes = bytes_until_ready(emulate)
@@ -281,6 +283,7 @@ def test_a_host_that_stands_still_is_noticed_by_the_watchdog(emulate: Emulate, k
         finish(host)
 
 
+@pytest.mark.process
 def test_a_host_that_is_idle_keeps_its_output_on(emulate: Emulate) -> None:
     port, truth, _ = emulate("pty")
     device = device_at(port)
@@ -362,6 +365,7 @@ def test_a_device_says_who_it_is_in_plain_text_and_in_frames(emulate: Emulate, k
     assert (identity.model, identity.emulated) == ("emulator", True)
 
 
+@pytest.mark.process
 def test_what_is_no_device_of_this_kind_has_no_identity() -> None:
     ours, theirs = os.openpty()
     name = os.ttyname(theirs)
@@ -374,6 +378,7 @@ def test_what_is_no_device_of_this_kind_has_no_identity() -> None:
         os.close(ours)
 
 
+@pytest.mark.process
 def test_waiting_costs_an_emulator_little(emulate: Emulate) -> None:
     port, _, pid = emulate("pty")
     host = host_on(port)

@@ -66,6 +66,7 @@ def test_a_frame_survives_the_wire(frame: Frame) -> None:
     assert len(coded) <= LONGEST_PAYLOAD + 8 + 3
 
 
+@pytest.mark.slow
 @settings(max_examples=500)
 @given(data=st.binary(max_size=600), cuts=st.lists(st.integers(0, 600), max_size=8))
 @example(data=bytes(range(256)) * 2, cuts=[1, 2, 3])
@@ -79,6 +80,7 @@ def test_any_bytes_are_read_without_an_error_and_in_bounded_memory(
     assert decoder.feed(encode(ping))[-1] == ping
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(
     sent=st.lists(some_frame, max_size=5),
@@ -161,6 +163,7 @@ def endpoint() -> Endpoint:
     return Endpoint(core, identity)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(data=st.binary(max_size=400))
 def test_an_endpoint_takes_any_bytes(data: bytes) -> None:
@@ -170,6 +173,7 @@ def test_an_endpoint_takes_any_bytes(data: bytes) -> None:
     assert len(Decoder().feed(device.receive(2, b"\0" + ping))) == 1
 
 
+@pytest.mark.slow
 @settings(max_examples=500)
 @given(
     kind=st.sampled_from(sorted(Kind)) | st.integers(0, 255),

@@ -468,6 +468,7 @@ def test_another_run_says_not_fired_for_its_own_boot_id_only() -> None:
 # --- ceiling
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=150)
 @given(
     peak=st.floats(0.001, 1.0),
@@ -604,6 +605,7 @@ def test_a_block_arrives_whole_however_it_is_cut(data: bytes, cut: int) -> None:
     assert answers == NO_ERROR + b'"A"\n'
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(data=st.binary(max_size=300))
 def test_no_bytes_break_the_emulator(data: bytes) -> None:
@@ -612,6 +614,7 @@ def test_no_bytes_break_the_emulator(data: bytes) -> None:
     generator.receive(1, b"\n" * 2)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("make_line", [lambda: TcpLine(0), PtyLine], ids=["tcp", "pty"])
 def test_the_truth_file_says_what_the_driver_was_told(
     make_line: Callable[[], TcpLine | PtyLine],
@@ -674,6 +677,7 @@ def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_und
 COLUMNS = ("trial", "side", "response", "correct", "level_left_vpp", "level_right_vpp", "status")
 
 
+@pytest.mark.slow
 def test_a_paper_session_gives_the_same_answers_as_the_mock(tmp_path: Path) -> None:
     study = paper_study()
     plan = draw_plan(study, participant="01", session="01", seed=5, gains=study_gains(study))

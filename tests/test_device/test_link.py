@@ -229,6 +229,7 @@ SEEDS = range(4)
 TRIALS_EACH = 250
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_what_the_host_says_is_what_was_emitted_or_it_says_that_it_does_not_know(name: str) -> None:
     counts: Counter[str] = Counter()
@@ -240,6 +241,7 @@ def test_what_the_host_says_is_what_was_emitted_or_it_says_that_it_does_not_know
         assert counts["indeterminate"] <= 0.01 * len(SEEDS) * TRIALS_EACH
 
 
+@pytest.mark.slow
 def test_a_line_lost_at_any_byte_of_a_trial_leaves_no_trial_wrong() -> None:
     whole = 0
     counts: Counter[str] = Counter()
@@ -648,5 +650,5 @@ class AnyOrder(RuleBasedStateMachine):
             check(self.trials)
 
 
-TestAnyOrder = AnyOrder.TestCase
+TestAnyOrder = pytest.mark.slow(AnyOrder.TestCase)
 TestAnyOrder.settings = settings(deadline=None, max_examples=60, stateful_step_count=25)

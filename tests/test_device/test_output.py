@@ -36,6 +36,7 @@ def highest_level_mvpp(peak: float, limits: Limits) -> int:
     return level_mvpp
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(
     peak=st.floats(0.01, 1.0),

@@ -8,6 +8,7 @@ from device.core.tokens import OUTCOMES, Exchange, Fate, Record, TokenHistory, d
 from device.driver import Outcome
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(
     tokens=st.lists(st.integers(1, 40), unique=True, max_size=30),

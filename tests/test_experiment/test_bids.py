@@ -157,6 +157,7 @@ def assert_only_missing_facts(found: list[dict[str, Any]]) -> None:
     assert all(code.endswith("_KEY_RECOMMENDED") or code == "TOO_FEW_AUTHORS" for code in codes)
 
 
+@pytest.mark.slow
 def test_the_validator_accepts_a_dry_run_and_misses_only_facts_that_the_study_lacks(
     validator: Path, tmp_path: Path
 ) -> None:
@@ -174,6 +175,7 @@ def test_the_validator_accepts_a_dry_run_and_misses_only_facts_that_the_study_la
     }  # fmt: skip
 
 
+@pytest.mark.process
 def test_the_validators_own_command_says_the_same(validator: Path, results: Path) -> None:
     bids = exported(results)
     done = subprocess.run(
@@ -195,6 +197,7 @@ def test_the_validator_accepts_broken_off_sessions_sources_and_columns_of_partic
     assert_only_missing_facts(issues(validator, bids))
 
 
+@pytest.mark.slow
 def test_facts_that_the_study_gives_are_not_missed(validator: Path, tmp_path: Path) -> None:
     bids = exported(dry_run(tmp_path, STUDY + DATASET, 1))
     missed = {issue.get("subCode") for issue in issues(validator, bids)}
@@ -283,6 +286,7 @@ def test_nothing_is_invented_about_the_data_set(results: Path) -> None:
     assert [maker["Name"] for maker in description["GeneratedBy"]] == ["tactstrip"]
 
 
+@pytest.mark.slow
 def test_the_study_describes_the_data_set(tmp_path: Path) -> None:
     bids = exported(dry_run(tmp_path, STUDY + DATASET, 1))
     description = json.loads((bids / "dataset_description.json").read_text("utf-8"))
@@ -452,6 +456,7 @@ def test_a_data_set_is_named_from_the_folder_in_which_one_stands(
 # --- kills ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_export_killed_anywhere_leaves_the_old_or_the_new_one_and_is_run_again(
     results: Path, kill_at: Callable[..., int | None]
 ) -> None:

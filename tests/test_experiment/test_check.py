@@ -82,6 +82,7 @@ def test_an_unknown_preset_is_a_usage_error() -> None:
 # --- check ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_papers_protocol_is_fit_for_its_plate() -> None:
     result = run(check, study_file(""))
     assert result.exit_code == 0
@@ -94,6 +95,7 @@ def test_the_papers_protocol_is_fit_for_its_plate() -> None:
     assert result.stderr == ""
 
 
+@pytest.mark.slow
 def test_the_check_gives_the_published_energies() -> None:
     # one cycle of 500 Hz, no window: 3.2958e-4 above 2.9 kHz (40-digit integration)
     (condition,) = check_study(paper_study()).conditions
@@ -101,6 +103,7 @@ def test_the_check_gives_the_published_energies() -> None:
     assert condition.burst.staircase_energy_above_cutoff > condition.burst.energy_above_cutoff
 
 
+@pytest.mark.slow
 def test_an_unfit_stimulus_exits_1_and_says_why() -> None:
     result = run(check, study_file(UNFIT))
     assert result.exit_code == 1
@@ -109,6 +112,7 @@ def test_an_unfit_stimulus_exits_1_and_says_why() -> None:
     assert "UNFIT" in result.stdout
 
 
+@pytest.mark.slow
 def test_an_accepted_unfit_stimulus_exits_0_and_says_so() -> None:
     result = run(check, study_file(UNFIT + 'accept_unfit = "spread on purpose"\n'))
     assert result.exit_code == 0
@@ -117,6 +121,7 @@ def test_an_accepted_unfit_stimulus_exits_0_and_says_so() -> None:
     assert "verdict        unfit, and accepted" in result.stdout
 
 
+@pytest.mark.slow
 def test_one_unfit_condition_makes_the_study_unfit() -> None:
     conditions = '[[condition]]\nname = "low"\n[[condition]]\nname = "high"\nfrequency_hz = 2800\n'
     result = run(check, study_file(conditions))
@@ -126,6 +131,7 @@ def test_one_unfit_condition_makes_the_study_unfit() -> None:
     assert "310: 2 conditions with 75 left" in result.stdout
 
 
+@pytest.mark.slow
 def test_a_slow_device_makes_the_papers_burst_unfit_by_its_staircase() -> None:
     found = check_study(study_from_text("[device]\nsample_rate_hz = 8000", "s.toml"))
     (condition,) = found.conditions
@@ -135,6 +141,7 @@ def test_a_slow_device_makes_the_papers_burst_unfit_by_its_staircase() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_cutoff_of_a_supported_strip_is_equation_14() -> None:
     text = '[strip]\nedge = "simply-supported"'
     found = check_study(study_from_text(text, "s.toml"))
@@ -147,6 +154,7 @@ def test_the_cutoff_of_a_supported_strip_is_equation_14() -> None:
     assert "computed from simply-supported edges" in run(check, study_file(text)).stdout
 
 
+@pytest.mark.slow
 def test_a_balanced_study_is_counted_exactly() -> None:
     run(init, "--preset", "recommended")
     result = run(check, "study.toml")
@@ -154,6 +162,7 @@ def test_a_balanced_study_is_counted_exactly() -> None:
     assert "in 5 blocks" in result.stdout
 
 
+@pytest.mark.slow
 def test_more_trials_take_longer() -> None:
     texts = ("trials_per_side = 50", "trials_per_side = 75", "practice_trials = 50")
     short, paper, practised = (
@@ -162,6 +171,7 @@ def test_more_trials_take_longer() -> None:
     assert short < paper < practised
 
 
+@pytest.mark.slow
 def test_json_is_one_object_and_nothing_else() -> None:
     result = run(check, study_file(""), "--json")
     report = json.loads(result.stdout)
@@ -174,6 +184,7 @@ def test_json_is_one_object_and_nothing_else() -> None:
     assert result.stdout.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_json_of_an_unfit_study_exits_1_and_names_the_reasons() -> None:
     result = run(check, study_file(UNFIT), "--json")
     assert result.exit_code == 1
@@ -212,6 +223,7 @@ def test_a_missing_study_exits_2() -> None:
     assert result.stderr == "error: none.toml: No such file or directory\n"
 
 
+@pytest.mark.process
 def test_the_help_imports_neither_numpy_nor_pydantic() -> None:
     program = (
         "import sys, experiment.commands.check\n"
@@ -248,6 +260,7 @@ def displacements(result: Result, condition: int = 0) -> dict[str, dict[str, Any
     return {one["name"]: one for one in found["actuators"]}
 
 
+@pytest.mark.slow
 def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
     result = run(check, study_file(""))
     assert "peak of the burst over the fingertip's contact area at 200 Vpp" in result.stdout
@@ -264,6 +277,7 @@ def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_displacement_is_that_of_the_highest_level() -> None:
     paper = displacements(run(check, study_file(""), "--json"))["left"]["own_um"]
     half = displacements(run(check, study_file("[design]\nlevels_vpp = [50, 100]\n"), "--json"))
@@ -274,6 +288,7 @@ def test_the_displacement_is_that_of_the_highest_level() -> None:
     )
 
 
+@pytest.mark.slow
 def test_actuators_too_near_are_unfit_and_both_numbers_are_named() -> None:
     result = run(check, study_file(NEAR))
     assert result.exit_code == 1
@@ -288,12 +303,14 @@ def test_actuators_too_near_are_unfit_and_both_numbers_are_named() -> None:
     assert len(found["conditions"][0]["reasons"]) == 2
 
 
+@pytest.mark.slow
 def test_too_strong_at_the_other_finger_may_be_accepted() -> None:
     result = run(check, study_file(NEAR + '[burst]\naccept_unfit = "how near is too near"\n'))
     assert result.exit_code == 0
     assert "main: accepted" in result.stdout
 
 
+@pytest.mark.slow
 def test_the_masking_limit_decides() -> None:
     # the level at the other finger of the paper's burst lies between the two
     assert run(check, study_file("[burst]\nmasking_limit_db = 25\n")).exit_code == 0
@@ -303,6 +320,7 @@ def test_the_masking_limit_decides() -> None:
     )
 
 
+@pytest.mark.slow
 def test_unknown_displacements_still_have_levels() -> None:
     text = re.sub("measured_.*\n", "", NEAR).replace("= 9", "= 35").replace("= -9", "= -35")
     result = run(check, study_file(text))
@@ -313,6 +331,7 @@ def test_unknown_displacements_still_have_levels() -> None:
     assert left["fingers"][0]["level_db"] < -20
 
 
+@pytest.mark.slow
 def test_an_array_is_predicted_and_only_the_two_under_the_fingers_decide() -> None:
     text = NEAR.replace("= 9", "= 35").replace("= -9", "= -35")
     text += '[[actuator]]\nside = "other"\nname = "mid"\nx_mm = 22\ndiameter_mm = 8\n'
@@ -325,6 +344,7 @@ def test_an_array_is_predicted_and_only_the_two_under_the_fingers_decide() -> No
     assert "mid            disc 8 mm at x = 22" in result.stdout
 
 
+@pytest.mark.slow
 def test_a_chosen_window_is_told_with_what_it_costs() -> None:
     result = run(check, study_file('[burst]\nwindow = "auto"\nwanted_level_db = -45\n'))
     assert result.exit_code == 0
@@ -335,6 +355,7 @@ def test_a_chosen_window_is_told_with_what_it_costs() -> None:
     assert burst["wanted_level_db"] == -45
 
 
+@pytest.mark.slow
 def test_a_click_is_checked_like_a_burst() -> None:
     samples = [math.sin(2 * math.pi * k / 96) for k in range(96)]
     Path("click.csv").write_text("".join(f"{value:.9f}\n" for value in [*samples, 0.0]))
@@ -358,6 +379,7 @@ def test_a_click_that_the_device_cannot_play_is_refused() -> None:
     assert "cannot be played at device.sample_rate_hz = 48000" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_constant_loss_is_turned_to_a_viscous_one_and_the_check_says_so() -> None:
     result = run(check, study_file("[strip]\nloss_factor = 0.01\nviscous_time_us = 2\n"))
     # 0.01 at the cut-off of 2900 Hz is 0.549 us, and 2 us are there already

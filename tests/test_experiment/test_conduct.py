@@ -1008,6 +1008,7 @@ def test_a_participant_may_stop_at_the_welcome_and_before_a_part(lab: Lab, call:
 # --- killed at every line -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_killed_after_any_line_of_a_lively_session_it_is_resumed_and_loses_nothing(
     make_study: Callable[[str], Study], short_study_text: str, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -184,6 +184,7 @@ def test_whoever_resumes_begins_with_the_audibility_check() -> None:
 # --- the check ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_check_counts_them_apart_and_their_time(make_study: Callable[[str], Study]) -> None:
     before = check_study(make_study('[burst]\nwindow = "hann"'))
     check = check_study(make_study(f'[burst]\nwindow = "hann"\n[design]\n{OFF_PLATE}'))

@@ -370,6 +370,7 @@ def test_an_event_outside_the_table_is_refused_and_changes_nothing(
     assert repr(state) == before
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.data())
 def test_whatever_happens_every_trial_ends_and_ok_comes_once_for_each(data: st.DataObject) -> None:

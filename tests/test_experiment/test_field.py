@@ -101,6 +101,7 @@ def test_the_paper_plate_confines_a_tone_of_its_burst() -> None:
         assert found.level_db(driven, 1 - driven) < -80
 
 
+@pytest.mark.slow
 def test_a_map_ends_with_the_plate_and_has_its_edges_at_rest() -> None:
     found = study_map(paper_study(), 500.0)
     assert (found.x_m[0], found.x_m[-1]) == pytest.approx((-0.1, 0.1), abs=1e-15)
@@ -161,6 +162,7 @@ def test_a_plate_with_loss_has_a_field_at_its_cutoff_too() -> None:
     assert np.argmax(np.abs(found.at_fingers_m[0, 0])) == 28
 
 
+@pytest.mark.slow
 def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
     plate = plate_of(paper_study())
     motor = ForceRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.004, length_y_m=0.01)
@@ -193,6 +195,7 @@ def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
 # --- the files ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition() -> None:
     result = run()
     assert result.exit_code == 0, result.stderr
@@ -208,6 +211,7 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition() -> No
         assert told in result.stdout
 
 
+@pytest.mark.slow
 def test_the_table_of_a_map_has_the_librarys_values() -> None:
     assert run("--frequency-hz", "3300", "--out", "map.csv").exit_code == 0
     rows = table("map.csv")
@@ -242,6 +246,7 @@ def test_the_table_of_a_band_has_the_librarys_values_in_full_precision() -> None
             assert np.array_equal(u_um, found.at_fingers_m[i, j] * 1e6)
 
 
+@pytest.mark.slow
 def test_a_band_says_where_the_other_finger_comes_near_and_what_is_left_out() -> None:
     result = run("--band", "500", "2900", "--out", "band.svg")
     assert result.exit_code == 0, result.stderr
@@ -260,6 +265,7 @@ def test_the_ending_may_be_in_capitals() -> None:
 # --- the figures ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "basis", "unit"),
     [("", "measured, at 200 Vpp", "µm"), (OFF_CENTRE, "per unit load of 1 N m/m", "µm per N m/m")],
@@ -283,6 +289,7 @@ def test_a_map_names_its_axes_its_unit_its_cutoff_and_its_basis(
         assert told in svg
 
 
+@pytest.mark.slow
 def test_a_band_names_its_axes_its_unit_its_cutoffs_and_its_basis() -> None:
     svg = render(study_band(paper_study(), (100.0, 5000.0)), "svg").decode()
     for told in (
@@ -297,12 +304,14 @@ def test_a_band_names_its_axes_its_unit_its_cutoffs_and_its_basis() -> None:
         assert told in svg
 
 
+@pytest.mark.slow
 def test_figures_have_the_same_bytes_on_every_run() -> None:
     for found in (study_map(paper_study(), 500.0), study_band(paper_study(), (100.0, 5000.0))):
         for file_type in ("png", "svg"):
             assert render(found, file_type) == render(found, file_type)
 
 
+@pytest.mark.slow
 def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -> None:
     found = at_volts(study_map(paper_study(), 500.0))
     head, first, *_ = field_csv(found).splitlines()
@@ -327,6 +336,7 @@ def test_a_displacement_has_a_prefix_that_suits_it(size_m: float, told: str) -> 
 # --- what is refused ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
@@ -387,6 +397,7 @@ def test_a_write_that_fails_leaves_no_file_behind(monkeypatch: pytest.MonkeyPatc
     assert files() == ["study.toml"]
 
 
+@pytest.mark.process
 def test_a_table_imports_no_matplotlib() -> None:
     program = (
         "import sys\nfrom experiment.commands.field import field\n"
@@ -399,6 +410,7 @@ def test_a_table_imports_no_matplotlib() -> None:
     assert done.stdout.splitlines()[-1] == "False"
 
 
+@pytest.mark.slow
 def test_the_headline_has_the_numbers_of_the_map() -> None:
     found = study_map(study_from_text(OFF_CENTRE, "s"), 3000.0)
     for driven, line in enumerate(field_text(found, "s").splitlines()[-2:]):

@@ -163,6 +163,7 @@ def test_the_other_finger_of_the_paper_is_masked(paper: ConditionGains) -> None:
     assert -35.0 < paper.level_db(1, 0) < -26.0
 
 
+@pytest.mark.slow
 def test_gains_are_proportional_to_what_was_measured() -> None:
     weak, strong = (
         gains_of(discs(MEASURED.format(um=um), MEASURED.format(um=2.6))) for um in (1.3, 2.6)
@@ -173,6 +174,7 @@ def test_gains_are_proportional_to_what_was_measured() -> None:
     assert strong.per_vpp[0][1] == weak.per_vpp[0][1]
 
 
+@pytest.mark.slow
 def test_a_slow_measurement_is_the_static_displacement_of_a_slow_burst() -> None:
     # far below the cut-off the plate follows the drive: the peak is that of the sine
     text = discs(MEASURED.format(um=2.6), MEASURED.format(um=2.6)).replace("_hz = 300", "_hz = 50")
@@ -180,6 +182,7 @@ def test_a_slow_measurement_is_the_static_displacement_of_a_slow_burst() -> None
     assert gains.per_vpp[0][0] * 100.0 == pytest.approx(2.6, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_layers_predict_and_say_so() -> None:
     gains = gains_of(discs(LAYERS, LAYERS))
     assert gains.bases == ("predicted", "predicted")
@@ -187,6 +190,7 @@ def test_layers_predict_and_say_so() -> None:
     assert 0.005 < gains.per_vpp[0][0] < 0.1
 
 
+@pytest.mark.slow
 def test_without_a_displacement_the_level_in_db_is_the_same(paper: ConditionGains) -> None:
     gains = gains_of(discs())
     assert gains.bases == (None, None)
@@ -194,6 +198,7 @@ def test_without_a_displacement_the_level_in_db_is_the_same(paper: ConditionGain
     assert gains.level_db(1, 0) == pytest.approx(paper.level_db(1, 0), abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_windowed_burst_is_played_with_the_same_peak() -> None:
     # the device scales every burst to a peak of 1, and so does the matrix
     text = "[burst]\nfrequency_hz = 100\nwindow = '{}'\n"
@@ -201,10 +206,12 @@ def test_a_windowed_burst_is_played_with_the_same_peak() -> None:
     assert hann.per_vpp[0][0] == pytest.approx(plain.per_vpp[0][0], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_window_quiets_the_other_finger(paper: ConditionGains) -> None:
     assert gains_of("[burst]\nwindow = 'hann'").level_db(1, 0) < paper.level_db(1, 0) - 6
 
 
+@pytest.mark.slow
 def test_a_third_actuator_changes_nothing_for_the_two(paper: ConditionGains) -> None:
     known = MEASURED.format(um=2.6)
     more = '[[actuator]]\nside = "other"\nname = "mid"\nx_mm = 0\ndiameter_mm = 10\n'
@@ -217,6 +224,7 @@ def test_a_third_actuator_changes_nothing_for_the_two(paper: ConditionGains) -> 
     assert gains.per_vpp[2][2] == 1.0
 
 
+@pytest.mark.slow
 def test_a_motor_pushes_and_its_measured_displacement_counts() -> None:
     motor = (
         '[[actuator]]\nside = "{}"\nshape = "motor"\nx_mm = {}\nlength_x_mm = 8\nlength_y_mm = 8\n'
@@ -227,6 +235,7 @@ def test_a_motor_pushes_and_its_measured_displacement_counts() -> None:
     assert 1.0 < gains.per_vpp[0][0] * 100.0 / 5 < 1.15
 
 
+@pytest.mark.slow
 def test_a_wider_fingertip_feels_at_least_as_much(paper: ConditionGains) -> None:
     known = MEASURED.format(um=2.6)
     wide = gains_of(discs(known + "finger_diameter_mm = 16\n", known))
@@ -241,6 +250,7 @@ def test_a_displacement_measured_above_the_cutoff_tells_no_load() -> None:
         study_gains(study_from_text(text, "s.toml"))
 
 
+@pytest.mark.slow
 def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
     study = study_from_text('[burst]\nwindow = "auto"\nwanted_level_db = -35', "s.toml")
     (condition,) = study.conditions
@@ -252,6 +262,7 @@ def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
         chosen_burst(study, replace(condition, auto=None))
 
 
+@pytest.mark.slow
 def test_a_level_that_no_window_reaches_is_refused_in_one_line() -> None:
     text = '[burst]\nfrequency_hz = 2800\ncycles = 19\nwindow = "auto"\nwanted_level_db = -190'
     with pytest.raises(StudyError, match="condition main: window = auto") as caught:
@@ -259,6 +270,7 @@ def test_a_level_that_no_window_reaches_is_refused_in_one_line() -> None:
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_field_that_the_measured_value_is_tied_to_is_that_of_the_disc() -> None:
     # an independent way: displacement per unit moment at 300 Hz scales to 2.6 um
     study = paper_study()
@@ -306,5 +318,6 @@ def test_a_plan_of_another_schema_is_refused(paper: ConditionGains, schema: int)
         plan_from_json(json.dumps(contents | {"schema": schema}))
 
 
+@pytest.mark.slow
 def test_the_same_study_has_the_same_matrix_again(paper: ConditionGains) -> None:
     assert study_gains(paper_study()) == (paper,)

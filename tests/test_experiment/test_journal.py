@@ -88,6 +88,7 @@ def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> N
         assert [entry.event for entry in read_journal(path).entries] == ["first", "third"]
 
 
+@pytest.mark.process
 def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path: Path) -> None:
     resource = pytest.importorskip("resource", reason="file size limits are a POSIX feature")
     del resource

@@ -195,6 +195,7 @@ def answers_of(out: Path) -> dict[str, list[str]]:
     }
 
 
+@pytest.mark.slow
 def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
     tmp_path: Path, start: Start
 ) -> None:
@@ -228,6 +229,7 @@ def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
     require_true_by_time(tmp_path / "generator", tmp_path / "generator.jsonl")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
 def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     kind: str, tmp_path: Path, start: Start
@@ -256,6 +258,7 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     require_true(out, truth)
 
 
+@pytest.mark.process
 def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
     tmp_path: Path, start: Start
 ) -> None:
@@ -278,6 +281,7 @@ def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
         require_true(out, truth, f"{done:02d}")
 
 
+@pytest.mark.process
 def test_a_generator_on_a_line_that_breaks_costs_no_trial_and_no_truth(
     tmp_path: Path, start: Start
 ) -> None:
@@ -291,6 +295,7 @@ def test_a_generator_on_a_line_that_breaks_costs_no_trial_and_no_truth(
     assert require_true_by_time(out, truth)["ok"] == 11
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("kind", ["pty", "tcp"])
 def test_a_host_that_is_killed_doubles_nothing(kind: str, tmp_path: Path, start: Start) -> None:
     study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
@@ -305,6 +310,7 @@ def test_a_host_that_is_killed_doubles_nothing(kind: str, tmp_path: Path, start:
     assert require_true(out, truth)["ok"] == 11
 
 
+@pytest.mark.process
 def test_an_answer_on_the_machines_clock_comes_after_its_reaction_time(
     tmp_path: Path, start: Start
 ) -> None:
@@ -362,6 +368,7 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RealGenera
     generator.end()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("command", ["run", "check"])
 def test_without_a_word_for_its_safety_a_real_device_is_sent_nothing(
     command: str, tmp_path: Path, real: RealGenerator
@@ -377,6 +384,7 @@ def test_without_a_word_for_its_safety_a_real_device_is_sent_nothing(
     assert not out.exists()
 
 
+@pytest.mark.process
 def test_a_word_for_its_safety_is_kept_with_what_the_device_cannot_promise(
     tmp_path: Path, real: RealGenerator
 ) -> None:
@@ -395,6 +403,7 @@ def test_a_word_for_its_safety_is_kept_with_what_the_device_cannot_promise(
     assert len(confirmed["confirmed"]) == 3
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(("answers", "exit_code"), [("y\n", 0), ("n\n", 2), ("", 2)])
 def test_the_operator_is_asked_once_on_a_terminal(
     answers: str,
@@ -413,6 +422,7 @@ def test_the_operator_is_asked_once_on_a_terminal(
     assert (b"OUTP" in real.received.upper()) == (exit_code == 0)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("given", [(), ("--confirm-hardware",)])
 def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
     given: tuple[str, ...], tmp_path: Path, start: Start
@@ -427,6 +437,7 @@ def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
     assert header["device_cannot"] == []
 
 
+@pytest.mark.slow
 def test_a_sound_card_without_a_word_is_not_even_opened(tmp_path: Path) -> None:
     study, out = study_file(tmp_path, TINY), tmp_path / "out"
     result = invoke(*run_options(study, out, "--driver", "audio", "--port", "no such card"))
@@ -434,6 +445,7 @@ def test_a_sound_card_without_a_word_is_not_even_opened(tmp_path: Path) -> None:
     assert "--confirm-hardware" in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -449,6 +461,7 @@ def test_a_driver_says_which_key_it_lacks(options: list[str], told: str, tmp_pat
     assert told in result.stderr
 
 
+@pytest.mark.process
 def test_the_study_names_driver_and_port_and_options_name_others(
     tmp_path: Path, start: Start
 ) -> None:
@@ -464,6 +477,7 @@ def test_the_study_names_driver_and_port_and_options_name_others(
     assert invoke(*run_options(study, tmp_path / "c", "--port", port)).exit_code == 0
 
 
+@pytest.mark.process
 def test_the_mocks_ceiling_is_none_of_another_devices(tmp_path: Path, start: Start) -> None:
     loud = TINY.replace("[device]", "[device]\nceiling_vpp = 260") + "levels_vpp = [60, 250]\n"
     loud = loud.replace("trials_per_side = 1", "trials_per_side = 2")
@@ -486,6 +500,7 @@ def check(study: str, port: str, *more: str, answers: str | None = None) -> Resu
     return invoke("check", study, *reached, *more, answers=answers)
 
 
+@pytest.mark.process
 def test_the_check_of_a_device_plays_a_tenth_on_each_channel(tmp_path: Path, start: Start) -> None:
     truth = tmp_path / "truth.jsonl"
     _, port = start("--pty", "--truth", str(truth))
@@ -501,6 +516,7 @@ def test_the_check_of_a_device_plays_a_tenth_on_each_channel(tmp_path: Path, sta
     assert [channel["good"] for channel in found["device_check"]["channels"]] == [True, True]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -524,6 +540,7 @@ def test_a_check_without_a_device_ends_with_3(tmp_path: Path) -> None:
     assert (result.exit_code, len(result.stderr.splitlines())) == (3, 1)
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("answers", "exit_code", "told"),
     [

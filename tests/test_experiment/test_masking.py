@@ -140,6 +140,7 @@ def test_when_start_returns_the_noise_has_its_full_level(card: Card) -> None:
     assert noise.health().ok is True
 
 
+@pytest.mark.slow
 def test_a_card_of_the_right_speed_is_healthy_for_an_hour(card: Card) -> None:
     card.speed = 1.001
     noise = playing_on(card)
@@ -275,6 +276,7 @@ def test_without_portaudio_one_line_says_what_is_missing(monkeypatch: pytest.Mon
         noise.start()
 
 
+@pytest.mark.process
 def test_portaudio_is_not_looked_for_before_the_noise_starts() -> None:
     lines = (
         "import sys",

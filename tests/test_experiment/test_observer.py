@@ -397,6 +397,7 @@ def test_thresholds_in_micrometres_are_drawn_alike() -> None:
     assert micrometres / 1.5 == pytest.approx(volts / 60.0)
 
 
+@pytest.mark.slow
 def test_the_default_population_gives_a_table_like_the_papers() -> None:
     # paper, table I: 60 V below the rest, means of 0.86 and above; here 60 V is lower
     rng = np.random.default_rng(0)

@@ -260,6 +260,7 @@ def beside(what: str, told_path: Path, *more: str) -> Terminal:
     return Terminal(BESIDE, what, str(told_path), *more)
 
 
+@pytest.mark.process
 def test_the_view_says_where_the_session_stands(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.expect("11 of 155 trials done   block 2 of 5   ready   10 min left")
@@ -270,6 +271,7 @@ def test_the_view_says_where_the_session_stands(told_path: Path) -> None:
         assert "vpp" not in terminal.seen.lower()
 
 
+@pytest.mark.process
 def test_each_picture_takes_the_place_of_the_last(told_path: Path) -> None:
     with beside("progress", told_path) as terminal:
         terminal.expect("put the cup away")
@@ -278,6 +280,7 @@ def test_each_picture_takes_the_place_of_the_last(told_path: Path) -> None:
         assert "12 of 155" in terminal.seen
 
 
+@pytest.mark.process
 def test_nothing_is_drawn_while_an_answer_is_awaited_unless_the_operator_types(
     told_path: Path,
 ) -> None:
@@ -289,6 +292,7 @@ def test_nothing_is_drawn_while_an_answer_is_awaited_unless_the_operator_types(
         terminal.expect("77 of 155")
 
 
+@pytest.mark.process
 def test_a_pause_is_asked_for_by_p_and_ended_by_r(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.expect("p pause")
@@ -301,6 +305,7 @@ def test_a_pause_is_asked_for_by_p_and_ended_by_r(told_path: Path) -> None:
     assert told(told_path) | {"paused": False, "go_on": True} == told(told_path)
 
 
+@pytest.mark.process
 def test_a_resume_where_nothing_is_paused_is_not_kept_for_the_next_pause(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.expect("p pause")
@@ -311,6 +316,7 @@ def test_a_resume_where_nothing_is_paused_is_not_kept_for_the_next_pause(told_pa
     assert told(told_path)["go_on"] is False
 
 
+@pytest.mark.process
 def test_a_pause_that_another_asked_for_is_ended_by_r(told_path: Path) -> None:
     with beside("paused", told_path) as terminal:
         terminal.expect("paused")
@@ -319,6 +325,7 @@ def test_a_pause_that_another_asked_for_is_ended_by_r(told_path: Path) -> None:
     assert told(told_path)["go_on"] is True
 
 
+@pytest.mark.process
 def test_a_note_is_written_corrected_and_kept(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.expect("p pause")
@@ -333,6 +340,7 @@ def test_a_note_is_written_corrected_and_kept(told_path: Path) -> None:
     assert told(told_path)["notes"] == ["chair moved, späť"]
 
 
+@pytest.mark.process
 def test_a_stop_has_to_be_confirmed_and_then_ends_a_wait_of_the_main_thread(
     told_path: Path,
 ) -> None:
@@ -352,6 +360,7 @@ def test_a_stop_has_to_be_confirmed_and_then_ends_a_wait_of_the_main_thread(
     assert told(told_path)["asked"] is True
 
 
+@pytest.mark.process
 def test_keys_typed_before_the_view_are_not_taken_for_it(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.type("sy\n")
@@ -361,6 +370,7 @@ def test_keys_typed_before_the_view_are_not_taken_for_it(told_path: Path) -> Non
         assert not terminal.screen.has("stop the session")
 
 
+@pytest.mark.process
 def test_the_terminal_is_given_back_at_the_end_and_by_a_signal(told_path: Path) -> None:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         with beside("idle", told_path) as terminal:
@@ -373,6 +383,7 @@ def test_the_terminal_is_given_back_at_the_end_and_by_a_signal(told_path: Path) 
             assert not terminal.screen.has("p pause")
 
 
+@pytest.mark.process
 def test_the_terminal_is_given_back_when_the_session_fails(told_path: Path) -> None:
     with beside("fail", told_path) as terminal:
         assert terminal.ended() == 1
@@ -380,6 +391,7 @@ def test_the_terminal_is_given_back_when_the_session_fails(told_path: Path) -> N
         assert "a fault of the session" in terminal.seen
 
 
+@pytest.mark.process
 def test_a_suspended_program_gives_the_terminal_back_and_takes_it_again(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.expect("p pause")
@@ -399,6 +411,7 @@ def test_a_suspended_program_gives_the_terminal_back_and_takes_it_again(told_pat
     assert told(told_path)["notes"] == ["still here"]
 
 
+@pytest.mark.process
 def test_where_no_shell_could_continue_it_the_program_is_not_halted(told_path: Path) -> None:
     with beside("idle", told_path, "own") as terminal:
         terminal.expect("p pause")
@@ -409,6 +422,7 @@ def test_where_no_shell_could_continue_it_the_program_is_not_halted(told_path: P
     assert told(told_path)["notes"] == ["still here"]
 
 
+@pytest.mark.process
 def test_settings_changed_while_it_was_halted_are_those_given_back(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.expect("p pause")
@@ -422,6 +436,7 @@ def test_settings_changed_while_it_was_halted_are_those_given_back(told_path: Pa
         assert termios.tcgetattr(terminal.near) == terminal.settings
 
 
+@pytest.mark.process
 def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Path) -> None:
     with beside("idle", told_path, "own") as terminal:
         terminal.expect("p pause")
@@ -432,6 +447,7 @@ def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Pa
     assert told(told_path)["asked"] is True
 
 
+@pytest.mark.process
 def test_where_that_signal_is_ignored_the_session_goes_on_without_a_view(told_path: Path) -> None:
     with beside("deaf", told_path, "own") as terminal:
         terminal.until(Path(f"{told_path}.deaf").exists)
@@ -442,6 +458,7 @@ def test_where_that_signal_is_ignored_the_session_goes_on_without_a_view(told_pa
     assert told(told_path)["shown"] == 19
 
 
+@pytest.mark.process
 def test_a_terminal_whose_output_is_held_holds_nothing_up(told_path: Path) -> None:
     with beside("many", told_path) as terminal:
         termios.tcflow(terminal.near, termios.TCOOFF)
@@ -451,6 +468,7 @@ def test_a_terminal_whose_output_is_held_holds_nothing_up(told_path: Path) -> No
         assert not terminal.read()
 
 
+@pytest.mark.process
 def test_in_the_background_of_a_shell_there_is_neither_view_nor_halt(told_path: Path) -> None:
     with beside("many", told_path, "own", "behind") as terminal:
         assert told(told_path)["shown"] == 1499
@@ -458,6 +476,7 @@ def test_in_the_background_of_a_shell_there_is_neither_view_nor_halt(told_path: 
         assert not terminal.seen
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("piped", ["stdin", "stdout"])
 def test_in_a_pipe_it_is_silent_and_has_no_thread(told_path: Path, piped: str) -> None:
     far, near = pty.openpty()
@@ -474,6 +493,7 @@ def test_in_a_pipe_it_is_silent_and_has_no_thread(told_path: Path, piped: str) -
     assert told(told_path) | {"threads": 1, "rich": False} == told(told_path)
 
 
+@pytest.mark.process
 def test_a_whole_session_heeds_the_operators_keys(tmp_path: Path, quick_study_text: str) -> None:
     study_path = tmp_path / "study.toml"
     text = '[masking]\nnoise = "none"\n' + quick_study_text + "minimum_break_s = 0\n"

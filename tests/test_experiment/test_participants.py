@@ -113,6 +113,7 @@ def test_a_half_written_table_goes_with_the_row(tmp_path: Path) -> None:
     assert not list(tmp_path.glob(".*.tmp"))
 
 
+@pytest.mark.slow
 def test_a_simulated_study_has_the_declared_columns_without_values(
     tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
 ) -> None:

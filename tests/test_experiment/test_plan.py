@@ -50,6 +50,7 @@ def test_the_seed_and_the_generators_name_are_recorded() -> None:
     assert plan["generator"].startswith("PCG64 of numpy ")
 
 
+@pytest.mark.slow
 def test_random_levels_scatter_like_independent_draws() -> None:
     counts = [
         Counter(t.level_vpp for t in draw(paper_study(), seed).trials if t.kind == "single")[60.0]

@@ -47,6 +47,7 @@ def test_a_python_too_new_for_psychopy_is_refused_first(monkeypatch: pytest.Monk
     require_python((3, 12))
 
 
+@pytest.mark.process
 def test_dry_run_analyze_and_check_need_no_psychopy(tmp_path: Path, quick_study_text: str) -> None:
     study, results = tmp_path / "study.toml", tmp_path / "dry"
     study.write_text(quick_study_text, encoding="utf-8")

@@ -130,6 +130,7 @@ def test_a_session_is_run_from_study_to_trials(study_path: Path) -> None:
     assert header["device_identity"]["emulated"] is True
 
 
+@pytest.mark.slow
 def test_killed_after_any_journal_line_a_session_is_resumed_and_loses_nothing(
     study_path: Path,
 ) -> None:
@@ -148,6 +149,7 @@ def test_killed_after_any_journal_line_a_session_is_resumed_and_loses_nothing(
     assert lines > 5 * 5
 
 
+@pytest.mark.slow
 def test_killed_again_and_again_a_session_still_comes_to_its_end(study_path: Path) -> None:
     assert kill_after(study_path, 7, "--seed", "1")
     kills = 1
@@ -159,6 +161,7 @@ def test_killed_again_and_again_a_session_still_comes_to_its_end(study_path: Pat
     assert_complete_and_true(study_path, ())
 
 
+@pytest.mark.process
 def test_an_interrupted_simulation_gives_the_answers_of_an_unbroken_one(
     study_path: Path,
 ) -> None:
@@ -176,6 +179,7 @@ def rows_of_session(study_path: Path, session: str) -> dict[str, str]:
         return {row["trial"]: row["response"] for row in csv.DictReader(file)}
 
 
+@pytest.mark.process
 def test_a_torn_last_line_is_set_aside_and_told(study_path: Path) -> None:
     kill_after(study_path, 9, "--seed", "1")
     journal = folder_of(study_path).journal_path
@@ -200,6 +204,7 @@ def refused(study_path: Path, *more: str) -> str:
     return result.stderr
 
 
+@pytest.mark.process
 def test_a_flipped_byte_in_the_middle_is_refused_with_its_line(study_path: Path) -> None:
     kill_after(study_path, 9, "--seed", "1")
     journal = folder_of(study_path).journal_path
@@ -210,6 +215,7 @@ def test_a_flipped_byte_in_the_middle_is_refused_with_its_line(study_path: Path)
     assert f"journal.jsonl:{line}: this line is damaged" in refused(study_path, "--resume")
 
 
+@pytest.mark.process
 def test_a_changed_plan_is_refused(study_path: Path) -> None:
     kill_after(study_path, 9, "--seed", "1")
     plan = folder_of(study_path).plan_path
@@ -217,6 +223,7 @@ def test_a_changed_plan_is_refused(study_path: Path) -> None:
     assert "changed after it was sealed" in refused(study_path, "--resume")
 
 
+@pytest.mark.process
 def test_a_plan_of_another_session_is_refused(study_path: Path) -> None:
     run(study_path, "--seed", "2", "--session", "02")
     kill_after(study_path, 9, "--seed", "1")
@@ -225,6 +232,7 @@ def test_a_plan_of_another_session_is_refused(study_path: Path) -> None:
     assert "must be the plan of participant 01, session 01" in refused(study_path, "--resume")
 
 
+@pytest.mark.slow
 def test_a_journal_of_another_plan_is_refused(study_path: Path) -> None:
     kill_after(study_path, 9, "--seed", "1")
     journal = folder_of(study_path).journal_path.read_bytes()
@@ -235,6 +243,7 @@ def test_a_journal_of_another_plan_is_refused(study_path: Path) -> None:
     assert "the journal belongs to the plan" in refused(study_path, "--resume")
 
 
+@pytest.mark.process
 def test_a_second_process_on_the_same_session_is_refused(study_path: Path) -> None:
     with subprocess.Popen(
         [sys.executable, "-c", KILLED_AFTER, "9", *arguments(study_path, "--seed", "1")],
@@ -249,6 +258,7 @@ def test_a_second_process_on_the_same_session_is_refused(study_path: Path) -> No
     assert run(study_path, "--resume").exit_code == 0
 
 
+@pytest.mark.slow
 def test_the_same_participant_twice_is_refused(study_path: Path) -> None:
     run(study_path, "--seed", "1")
     assert "this session exists already" in refused(study_path)
@@ -262,6 +272,7 @@ def test_nothing_to_resume_is_said(study_path: Path) -> None:
     assert not (study_path.parent / "results").exists()
 
 
+@pytest.mark.process
 def test_resume_refuses_options_that_contradict_the_session(
     study_path: Path, tmp_path: Path
 ) -> None:
@@ -279,6 +290,7 @@ def test_resume_refuses_options_that_contradict_the_session(
     assert run(study_path, "--resume", "--seed", "1").exit_code == 0
 
 
+@pytest.mark.process
 def test_placed_levels_are_sealed_into_the_plan_and_kept_on_resume(
     study_path: Path, tmp_path: Path
 ) -> None:
@@ -289,6 +301,7 @@ def test_placed_levels_are_sealed_into_the_plan_and_kept_on_resume(
     assert {r["level_vpp"] for r in rows_of(study_path)} <= {"70", "150"}
 
 
+@pytest.mark.slow
 def test_a_finished_session_only_gets_its_table_again(study_path: Path) -> None:
     run(study_path, "--seed", "1")
     table = folder_of(study_path).path / "trials.csv"
@@ -299,6 +312,7 @@ def test_a_finished_session_only_gets_its_table_again(study_path: Path) -> None:
     assert len(entries_of(study_path)) == lines
 
 
+@pytest.mark.slow
 def test_export_builds_the_tables_anew_from_the_journals(study_path: Path) -> None:
     run(study_path, "--seed", "1")
     table = folder_of(study_path).path / "trials.csv"
@@ -311,6 +325,7 @@ def test_export_builds_the_tables_anew_from_the_journals(study_path: Path) -> No
     assert result.exit_code == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="file size limits are a POSIX feature")
 def test_on_a_full_disk_the_session_stops_and_nothing_recorded_is_lost(study_path: Path) -> None:
     limited = """
@@ -348,6 +363,7 @@ main(sys.argv[2:])
         assert history.finished
 
 
+@pytest.mark.process
 def test_a_session_that_cannot_be_created_leaves_no_session(study_path: Path) -> None:
     limited = """
 import resource, sys
@@ -365,6 +381,7 @@ main(sys.argv[1:])
     assert run(study_path, "--seed", "1").exit_code == 0
 
 
+@pytest.mark.process
 def test_a_full_disk_at_the_end_says_that_the_record_is_whole(study_path: Path) -> None:
     limited = """
 import resource, sys
@@ -388,6 +405,7 @@ main(sys.argv[1:])
     assert_complete_and_true(study_path, ())
 
 
+@pytest.mark.slow
 def test_what_a_killed_process_left_half_written_is_swept_up(study_path: Path) -> None:
     folder = folder_of(study_path)
     folder.path.mkdir(parents=True)
@@ -396,6 +414,7 @@ def test_what_a_killed_process_left_half_written_is_swept_up(study_path: Path) -
     assert not list(folder.path.glob(".*.tmp"))
 
 
+@pytest.mark.slow
 def test_a_table_of_participants_that_is_none_is_refused_by_name(study_path: Path) -> None:
     table = study_path.parent / "results" / "participants.tsv"
     table.parent.mkdir()
@@ -411,6 +430,7 @@ def test_a_table_of_participants_that_is_none_is_refused_by_name(study_path: Pat
     assert table.read_text("utf-8") == "participant_id\tage\nsub-00\t20\nsub-01\tn/a\n"
 
 
+@pytest.mark.slow
 def test_one_session_that_cannot_be_exported_does_not_stop_the_others(study_path: Path) -> None:
     for session in ("01", "02", "03"):
         run(study_path, "--session", session)
@@ -472,6 +492,7 @@ def test_every_row_has_the_displacements_of_the_sealed_matrix(study_path: Path) 
             assert len(digits) <= 4
 
 
+@pytest.mark.slow
 def test_without_a_stated_displacement_the_columns_say_so(study_path: Path) -> None:
     study_path.write_text(EVERY_KIND + UNKNOWN, encoding="utf-8")
     assert run(study_path, "--seed", "1").exit_code == 0
@@ -481,6 +502,7 @@ def test_without_a_stated_displacement_the_columns_say_so(study_path: Path) -> N
         assert told == ("n/a", "n/a", "n/a")
 
 
+@pytest.mark.process
 def test_a_session_never_computes_its_matrix_again(
     study_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -496,6 +518,7 @@ def test_a_session_never_computes_its_matrix_again(
     assert "measured" in {row["displacement_basis"] for row in rows_of(study_path)}
 
 
+@pytest.mark.slow
 def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
     study_path: Path, short_study_text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -518,6 +541,7 @@ def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
     assert "not the study that this session was begun with" in refused(study_path, "--resume")
 
 
+@pytest.mark.slow
 def test_a_changed_click_ends_the_resume(study_path: Path, short_study_text: str) -> None:
     click = study_path.parent / "click.csv"
     click.write_text("0\n1\n2\n1\n0\n-1\n-2\n-1\n0\n", encoding="utf-8")
@@ -538,6 +562,7 @@ def test_a_changed_click_ends_the_resume(study_path: Path, short_study_text: str
     }
 
 
+@pytest.mark.process
 def test_a_session_of_another_schema_is_refused_so_nothing_changed(study_path: Path) -> None:
     assert kill_after(study_path, 9, "--seed", "1")
     folder = folder_of(study_path)
@@ -551,6 +576,7 @@ def test_a_session_of_another_schema_is_refused_so_nothing_changed(study_path: P
     assert {path: path.read_bytes() for path in folder.path.iterdir()} == before
 
 
+@pytest.mark.slow
 def test_an_unfit_place_of_the_actuators_stops_a_run_before_anything_is_written(
     study_path: Path,
 ) -> None:

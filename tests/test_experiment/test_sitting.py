@@ -161,6 +161,7 @@ def play(monkeypatch: pytest.MonkeyPatch, noise: FakeNoise) -> list[dict[str, An
 # --- the header -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_simulated_session_says_that_nobody_was_there(study_path: Path) -> None:
     assert run(study_path, "--responder", "simulated").exit_code == 0
     header = header_of(study_path)
@@ -171,6 +172,7 @@ def test_a_simulated_session_says_that_nobody_was_there(study_path: Path) -> Non
     assert header["consent_version"] == "2.1"
 
 
+@pytest.mark.slow
 def test_the_header_keeps_operator_consent_keys_and_screen(
     study_path: Path, screen: type[FakeScreen]
 ) -> None:
@@ -192,6 +194,7 @@ def test_the_header_keeps_operator_consent_keys_and_screen(
     assert header["texts"]["prompt"] == Texts().prompt
 
 
+@pytest.mark.slow
 def test_the_mapping_names_accepted_answers_only(
     study_path: Path, screen: type[FakeScreen]
 ) -> None:
@@ -201,6 +204,7 @@ def test_the_mapping_names_accepted_answers_only(
     assert "none" not in header_of(study_path)["response_mapping"]
 
 
+@pytest.mark.slow
 def test_the_window_gets_what_the_study_says(study_path: Path, screen: type[FakeScreen]) -> None:
     run(study_path, "--responder", "screen")
     assert set(screen.asked) == {"responses", "screen", "keys", "texts", "requests", "stop"}
@@ -209,6 +213,7 @@ def test_the_window_gets_what_the_study_says(study_path: Path, screen: type[Fake
     assert screen.parts == ["audibility", "main", "control", "closed"]
 
 
+@pytest.mark.slow
 def test_none_is_an_answer_with_the_fingers_off_and_invalid_with_them_on(
     study_path: Path, screen: type[FakeScreen]
 ) -> None:
@@ -225,6 +230,7 @@ def test_none_is_an_answer_with_the_fingers_off_and_invalid_with_them_on(
     assert {(row.peak_left_um, row.displacement_basis) for row in control} == {(None, None)}
 
 
+@pytest.mark.slow
 def test_whoever_resumes_is_noted_anew(study_path: Path, screen: type[FakeScreen]) -> None:
     assert run(study_path, "--responder", "screen", "--operator", "first").exit_code == 0
     folder = folder_of(study_path)
@@ -274,6 +280,7 @@ def test_a_machine_without_a_window_is_told_before_anything_else(
     assert not (study_path.parent / "results").exists()
 
 
+@pytest.mark.slow
 def test_no_window_ends_it_in_one_line_and_nothing_is_begun(
     study_path: Path, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -284,6 +291,7 @@ def test_no_window_ends_it_in_one_line_and_nothing_is_begun(
     assert not (study_path.parent / "results").exists()
 
 
+@pytest.mark.slow
 def test_the_noise_is_played_from_before_the_session_to_its_end(
     study_path: Path, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -296,6 +304,7 @@ def test_the_noise_is_played_from_before_the_session_to_its_end(
     assert (header["masking_noise_played"], header["noise_level_dba"]) == (True, 64.0)
 
 
+@pytest.mark.slow
 def test_noise_that_cannot_be_played_is_a_failed_device_and_nothing_is_begun(
     study_path: Path, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -308,6 +317,7 @@ def test_noise_that_cannot_be_played_is_a_failed_device_and_nothing_is_begun(
     assert not folder_of(study_path).plan_path.exists()
 
 
+@pytest.mark.slow
 def test_a_simulated_participant_is_told_to_the_noise(
     study_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -316,6 +326,7 @@ def test_a_simulated_participant_is_told_to_the_noise(
     assert [one["simulated"] for one in asked] == [True]
 
 
+@pytest.mark.slow
 def test_the_operator_sees_it_unless_the_terminal_is_the_participants(
     study_path: Path, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -341,6 +352,7 @@ def test_the_operator_sees_it_unless_the_terminal_is_the_participants(
     assert len(seen) == 1
 
 
+@pytest.mark.process
 def test_sessions_without_a_window_never_import_psychopy(study_path: Path) -> None:
     program = (
         "import sys; from click.testing import CliRunner; from tactstrip import main\n"

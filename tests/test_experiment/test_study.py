@@ -163,6 +163,7 @@ def test_comments_order_and_repeated_defaults_keep_the_checksum() -> None:
     assert study_from_text(text, "s.toml").sha256 == paper_study().sha256
 
 
+@pytest.mark.process
 def test_the_checksum_is_the_same_in_every_process() -> None:
     program = "from experiment.study.read import paper_study; print(paper_study().sha256)"
     found = {
@@ -539,6 +540,7 @@ def test_stimuli_that_contradict_themselves_are_refused(
     assert said in refusal(text)
 
 
+@pytest.mark.slow
 def test_a_chosen_window_is_recorded_and_never_chosen_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -560,6 +562,7 @@ def test_a_chosen_window_is_recorded_and_never_chosen_again(
     assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
 
 
+@pytest.mark.slow
 def test_a_condition_may_ask_for_a_quieter_window_than_the_burst() -> None:
     text = (
         '[burst]\nwindow = "auto"\nwanted_level_db = -25\n[[condition]]\nname = "loud"\n'

@@ -99,6 +99,7 @@ def rows(study_path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.process
 def test_what_is_pressed_is_what_is_recorded(study_path: Path) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(LEFT, RIGHT, DOWN)
@@ -114,6 +115,7 @@ def test_what_is_pressed_is_what_is_recorded(study_path: Path) -> None:
     assert b"160" not in terminal.shown.replace(folder, b"")
 
 
+@pytest.mark.process
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(study_path: Path) -> None:
     off_plate = 'audibility_trials = 2\ncontrol_trials = 2\n[texts]\ncontrol = "Hände weg"\n'
     study_path.write_text(study_path.read_text(encoding="utf-8") + off_plate, encoding="utf-8")
@@ -144,6 +146,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(study_path: Path)
     assert all(row["status"] == "ok" for row in recorded)
 
 
+@pytest.mark.process
 def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
     study_path: Path,
 ) -> None:
@@ -170,6 +173,7 @@ def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
     assert statuses.count("voided") == 2
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_while_an_answer_is_awaited_stops_the_session_safely(
     study_path: Path, number: signal.Signals
@@ -182,6 +186,7 @@ def test_a_signal_while_an_answer_is_awaited_stops_the_session_safely(
     assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
 
 
+@pytest.mark.process
 def test_a_terminal_that_is_closed_stops_the_session_safely(study_path: Path) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(LEFT)
@@ -191,6 +196,7 @@ def test_a_terminal_that_is_closed_stops_the_session_safely(study_path: Path) ->
     assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
 
 
+@pytest.mark.process
 def test_a_function_key_is_one_invalid_answer(study_path: Path) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(b"\x1b[15~", b"\x1b[1;5D", LEFT)
@@ -200,6 +206,7 @@ def test_a_function_key_is_one_invalid_answer(study_path: Path) -> None:
     assert [row["response"] for row in rows(study_path)] == ["invalid", "invalid", "left"]
 
 
+@pytest.mark.process
 def test_without_a_terminal_it_says_what_to_use_instead(study_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", "from tactstrip import main; main()", "run", str(study_path),

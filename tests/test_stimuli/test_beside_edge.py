@@ -19,6 +19,7 @@ WIDTH_M = 0.025
 RTOLS = (1e-1, 1e-2, 1e-4, 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [1e-3, 1e-4])
 @pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED], ids=["clamped", "supported"])
 @pytest.mark.parametrize("kind", ["force", "disc that touches"])

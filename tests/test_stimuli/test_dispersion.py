@@ -157,6 +157,7 @@ def test_roots_agree_with_those_found_in_40_digits(
 # --- completeness --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=150)
 @given(section=sections(), count=st.integers(1, 50))
 def test_no_root_is_missed_and_none_found_twice(section: Section, count: int) -> None:
@@ -173,6 +174,7 @@ def test_no_root_is_missed_and_none_found_twice(section: Section, count: int) ->
     assert roots_to_the_left(section, between) == pytest.approx(place + 1, abs=1e-6)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(section=sections(), count=st.integers(2, 50))
 def test_asking_for_more_waves_does_not_change_the_first(section: Section, count: int) -> None:

@@ -136,6 +136,7 @@ def test_sums_by_two_products_are_the_sums() -> None:
 # --- energies and bands --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @laws
 @given(drive=sampled(), frequency=st.floats(1, 5000))
 def test_energy_above_is_what_parseval_leaves(drive: SampledDrive, frequency: float) -> None:

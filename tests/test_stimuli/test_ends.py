@@ -150,6 +150,7 @@ def by_orders(strip: Strip, load: PointForce, points_m: Points, frequency_hz: fl
     return [float(v.real) for v in values]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("from_end_m", [0.02, 0.003, 0.0004, 0.0])
 @pytest.mark.parametrize("frequency_hz", [700.0, 5000.0])
 def test_supported_strips_agree_with_a_beam_for_each_order(
@@ -184,6 +185,7 @@ def polynomials(count: int, scale: float, held: str, places: object) -> list[obj
     return [np.array(rows) for rows in found]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [CLAMPED, FIRM], ids=["clamped", "elastic"])
 @pytest.mark.parametrize("frequency_hz", [500.0, 5000.0])
 def test_held_strips_agree_with_polynomials_in_both_directions(
@@ -237,6 +239,7 @@ def test_held_strips_agree_with_polynomials_in_both_directions(
 # --- laws ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", EDGES, ids=NAMES)
 @pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 5000.0, 30_000.0])
 def test_a_load_and_a_point_may_be_exchanged(
@@ -346,6 +349,7 @@ def test_an_end_far_away_is_not_felt(edge: IdealEdge | ElasticEdge) -> None:
         np.testing.assert_allclose(values[0], values[1], rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", EDGES, ids=NAMES)
 def test_every_length_is_computed_without_nan_or_warning(edge: IdealEdge | ElasticEdge) -> None:
     for length_m in (0.01, 0.05, 0.3, 2.0, 10.0):
@@ -368,6 +372,7 @@ def test_a_spring_of_no_stiffness_is_a_simple_support() -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_resonance_without_loss_is_large_but_finite() -> None:
     load, points_m = PointForce(x_m=0.0, y_m=W / 2), ((0.0, W / 2),)
     sweep_hz = np.linspace(4400.0, 7000.0, 27)
@@ -384,6 +389,7 @@ def test_a_cutoff_without_loss_is_refused() -> None:
         displacement(scene, [PLATE.cutoff_hz()])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [FIRM, CLAMPED], ids=["elastic", "clamped"])
 @pytest.mark.parametrize("detuning", [1e-12, 1e-9, 1e-6, 1e-4])
 def test_an_exceptional_point_does_not_show(edge: IdealEdge | ElasticEdge, detuning: float) -> None:
@@ -406,6 +412,7 @@ def test_an_exceptional_point_does_not_show(edge: IdealEdge | ElasticEdge, detun
 # --- frequencies ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length_m", [0.002, 0.01, 0.03])
 @pytest.mark.parametrize("nu", [0.0, 0.346, 0.499])
 def test_no_finite_strip_resonates_below_the_bound_of_its_sweep(length_m: float, nu: float) -> None:
@@ -419,6 +426,7 @@ def test_no_finite_strip_resonates_below_the_bound_of_its_sweep(length_m: float,
     assert np.all(np.diff(found) > 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", EDGES, ids=NAMES)
 def test_a_sweep_agrees_with_each_frequency_by_itself(edge: IdealEdge | ElasticEdge) -> None:
     strip = on(edge, 0.012, nu=0.499)
@@ -435,6 +443,7 @@ def test_a_sweep_agrees_with_each_frequency_by_itself(edge: IdealEdge | ElasticE
     np.testing.assert_allclose(swept[[3, 31, 59]], alone, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_complex_frequencies_continue_the_real_ones() -> None:
     scene = Scene(
         strip=on(FIRM, loss=0.01),
@@ -450,6 +459,7 @@ def test_complex_frequencies_continue_the_real_ones() -> None:
 # --- what is left out ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", EDGES, ids=NAMES)
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-7])
 def test_skipping_changes_the_counts_and_no_result(
@@ -490,6 +500,7 @@ def test_both_sides_of_the_border_of_skipping_agree(edge: IdealEdge | ElasticEdg
     assert abs(near[0] - far[0]) < rtol * abs(far[0])
 
 
+@pytest.mark.slow
 def test_the_estimate_covers_the_error() -> None:
     """On a fixed random sample, loads at least 2.5 mm from the ends."""
     rng = np.random.default_rng(5)

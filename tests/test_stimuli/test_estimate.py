@@ -69,6 +69,7 @@ def rounding_m(scene: Scene, frequencies_hz: list[float], size_m: float) -> floa
     return 1e-14 * (1 + 10 / k2) * size_m
 
 
+@pytest.mark.slow
 def test_the_estimate_is_no_less_than_the_error_and_at_most_a_hundred_times_it() -> None:
     rng = np.random.default_rng(21)
     kept, covered, narrow = [], [], []
@@ -89,6 +90,7 @@ def test_the_estimate_is_no_less_than_the_error_and_at_most_a_hundred_times_it()
     assert np.mean(narrow) >= 0.99
 
 
+@pytest.mark.slow
 def test_so_it_is_between_the_frequencies_that_are_solved() -> None:
     rng = np.random.default_rng(22)
     kept, covered, narrow = [], [], []
@@ -190,6 +192,7 @@ def test_close_waves_are_summed_to_the_tolerance_wherever_they_are_taken_togethe
     assert np.all(np.abs(rough - exact) <= rtol * np.maximum(np.abs(exact), 1e-3 * size_m))
 
 
+@pytest.mark.slow
 def test_no_scene_leaves_the_range_of_numbers() -> None:
     rng = np.random.default_rng(24)
     for _ in range(120):

@@ -47,6 +47,7 @@ CYCLE = Burst(frequency_hz=500.0, cycles=1, window="none")
 HANN = Burst(frequency_hz=500.0, cycles=2, window="hann")
 
 
+@pytest.mark.slow
 def test_equal_actuators_under_the_fingers_give_a_symmetric_matrix() -> None:
     peaks_m = felt(HELD, DISCS, TIPS, CYCLE)
     assert peaks_m.shape == (2, 2)
@@ -62,6 +63,7 @@ def test_a_load_and_a_point_may_be_exchanged() -> None:
     assert peaks_m[0, 1] == pytest.approx(peaks_m[1, 0], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_each_load_is_driven_by_itself() -> None:
     loads: tuple[Load, ...] = (DISCS[0], PointForce(x_m=0.02, y_m=0.01))
     together = felt(HELD, loads, POINTS, HANN)
@@ -78,6 +80,7 @@ def test_the_peak_is_linear_in_the_load() -> None:
     assert pressure_m / area_m2 == pytest.approx(force_m, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_peak_is_linear_in_the_drive() -> None:
     samples = np.sin(2 * np.pi * np.arange(33) / 32) * np.hanning(33)
     one, half = (
@@ -88,6 +91,7 @@ def test_the_peak_is_linear_in_the_drive() -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_stiffer_and_as_much_heavier_plate_moves_less_in_proportion() -> None:
     triple = Material(youngs_modulus_pa=3 * 67e9, poisson_ratio=0.346, density_kg_m3=3 * 2700.0)
     strip = dataclasses.replace(BETWEEN_CLAMPS, material=triple)
@@ -110,6 +114,7 @@ def watched(strip: Strip, drive: Drive, until_s: float) -> Any:
     return transient(scene, drive, times_s, 1e-3)[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STRIPS)
 @pytest.mark.parametrize("drive", [CYCLE, HANN], ids=str)
 @pytest.mark.parametrize("loss", [0.0, 0.01])
@@ -123,6 +128,7 @@ def test_window_and_step_hold_the_peak_to_a_twentieth_of_a_decibel(
     assert np.max(np.abs(20 * np.log10(peaks_m / true_m))) < 0.05
 
 
+@pytest.mark.slow
 def test_a_click_has_its_peak_held_too() -> None:
     click = SampledDrive(samples=[0.0, 1.0, -0.6, 0.2, 0.0], sample_rate_hz=8000.0)
     peaks_m = felt(HELD, DISCS[:1], POINTS, click)[:, 0]
@@ -153,12 +159,14 @@ def test_levels_seventy_millimetres_away_are_the_known_ones(name: str, number: i
     assert 20 * math.log10(far_m / source_m) == pytest.approx(KNOWN_DB[name][number], abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_contact_area_feels_at_least_what_its_centre_does() -> None:
     area_m, point_m = felt(HELD, DISCS, TIPS, HANN), felt(HELD, DISCS, POINTS, HANN)
     assert np.all(area_m >= point_m * (1 - 1e-3))
     assert level_db(area_m, own=0, other=1) > level_db(point_m, own=0, other=1)
 
 
+@pytest.mark.slow
 def test_a_fingertip_of_no_size_is_the_limit_of_small_ones() -> None:
     tiny = tuple(dataclasses.replace(tip, radius_m=1e-7) for tip in TIPS)
     np.testing.assert_allclose(
@@ -196,6 +204,7 @@ def test_what_is_felt_of_a_constant_loss_is_that_of_the_causal_one() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STRIPS)
 @pytest.mark.parametrize("drive", [CYCLE, HANN], ids=str)
 def test_the_causal_loss_gives_the_level_of_the_constant_one(name: str, drive: Burst) -> None:

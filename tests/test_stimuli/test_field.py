@@ -306,6 +306,7 @@ def stencil(order: int) -> NDArray[np.float64]:
     return np.concatenate([half, half[-2::-1]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("edge", "frequency_hz"),
     [(SIMPLY_SUPPORTED, 9000.0), (SOFT, 700.0), (FIRM, 12_000.0), (CLAMPED, 0.0)],
@@ -540,6 +541,7 @@ def test_a_cutoff_of_waves_that_are_not_driven_is_no_obstacle() -> None:
     assert abs(at(PLATE, MIDDLE, 0.0, W / 2, PLATE.cutoff_hz(2))) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [0.0, 0.01, 0.5])
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, FIRM, CLAMPED], ids=str)
 def test_no_place_load_or_frequency_gives_anything_but_numbers(
@@ -628,6 +630,7 @@ def random_case(rng: np.random.Generator) -> tuple[Scene, float]:
     return scene, float(10.0 ** rng.uniform(1.5, 4.7))
 
 
+@pytest.mark.slow
 def test_the_error_keeps_to_the_tolerance_and_to_its_estimate() -> None:
     rng = np.random.default_rng(7)
     cases = [random_case(rng) for _ in range(100)]

@@ -85,6 +85,7 @@ def greatest(
     return float(np.max(np.abs(displacement(scene, [frequency_hz], 1e-4))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
 @pytest.mark.parametrize("load", LOADS, ids=lambda load: type(load).__name__)
 @pytest.mark.parametrize("place", PLACES, ids=str)

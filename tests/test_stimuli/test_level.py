@@ -68,12 +68,14 @@ def test_a_finger_that_is_not_there_is_refused(bad: Any) -> None:
         level_db(MATRIX_M, own=1, other=bad)
 
 
+@pytest.mark.slow
 def test_the_papers_burst_is_some_thirty_decibels_quieter_at_the_other_finger() -> None:
     # one cycle of 500 Hz on the paper's plate (first cut-off 2900 Hz), 70 mm, over 1 cm diameter
     level = level_db(felt(HELD, DISCS, TIPS, CYCLE), own=0, other=1)
     assert level == pytest.approx(-29.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_edge_and_the_window_decide_the_level() -> None:
     hann = Burst(frequency_hz=500.0, cycles=2, window="hann")
     levels = [
@@ -87,6 +89,7 @@ def test_the_edge_and_the_window_decide_the_level() -> None:
     assert levels[3] < levels[1]
 
 
+@pytest.mark.slow
 def test_a_burst_quiet_enough_is_kept() -> None:
     choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-25.0)
     assert choice.burst == CYCLE
@@ -94,6 +97,7 @@ def test_a_burst_quiet_enough_is_kept() -> None:
     assert choice.level_db == level_db(felt(HELD, DISCS, TIPS, CYCLE), own=0, other=1)
 
 
+@pytest.mark.slow
 def test_the_first_window_that_is_quiet_enough_is_taken() -> None:
     choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-65.0)
     order: tuple[Window, ...] = ("none", "tukey", "gaussian", "hann")
@@ -105,6 +109,7 @@ def test_the_first_window_that_is_quiet_enough_is_taken() -> None:
     assert choice.extra_s == pytest.approx(0.002, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_worst_of_all_fingers_counts() -> None:
     near = tuple(
         dataclasses.replace(tip, radius_m=0.0) for tip in (*TIPS, Fingertip(x_m=0.055, y_m=0.0125))
@@ -117,6 +122,7 @@ def test_the_worst_of_all_fingers_counts() -> None:
     assert choice.level_db > level_db(peaks_m, 0, 1)
 
 
+@pytest.mark.slow
 def test_a_level_that_no_burst_reaches_is_refused_with_the_best_one() -> None:
     longest = Burst(frequency_hz=2000.0, cycles=20)
     with pytest.raises(

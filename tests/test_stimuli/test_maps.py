@@ -46,6 +46,7 @@ def on(edge: IdealEdge | ElasticEdge) -> Strip:
     return dataclasses.replace(PLATE, edge=edge)
 
 
+@pytest.mark.slow
 @edges
 @pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 7000.0])
 def test_a_map_is_the_displacement_point_by_point(

@@ -81,6 +81,7 @@ def test_turned_about_it_is_the_same_noise() -> None:
         np.testing.assert_allclose(turned, size, atol=1e-9 * size.max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lag", [1, 2, 4])
 def test_across_the_seam_it_correlates_as_anywhere_and_a_cut_piece_does_not(lag: int) -> None:
     loops = np.array([loop_of(seed, rate_hz=8e3) for seed in range(200)])

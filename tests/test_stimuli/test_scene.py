@@ -67,6 +67,7 @@ def test_nothing_is_skipped_unless_told() -> None:
     assert work.wall_correction
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", EDGES, ids=["supported", "elastic", "clamped"])
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
 def test_skipping_changes_the_counts_and_no_result(

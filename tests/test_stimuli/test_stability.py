@@ -188,6 +188,7 @@ def test_beside_a_cutoff_the_estimate_tells_the_digits_that_are_lost(
     assert error_m < found.error_m[0, 0, 0] < 20 * LONG_EPS / 1e-12 * abs(true_m)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(
     edge=st.one_of(

@@ -138,6 +138,7 @@ def test_oscillators_in_the_wavenumber_domain_agree() -> None:
     assert np.max(np.abs(found - true)) < 1e-6 * np.max(np.abs(true))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
 def test_every_bin_solved_gives_the_same(edge: IdealEdge | ElasticEdge) -> None:
     times = np.linspace(0.0, 0.012, 101)
@@ -149,6 +150,7 @@ def test_every_bin_solved_gives_the_same(edge: IdealEdge | ElasticEdge) -> None:
     assert not any("follow" in reason or "no energy" in reason for reason in of_full.skipped)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("edge", "tau"), [(SIMPLY_SUPPORTED, TAU), (CLAMPED, TAU)])
 def test_the_error_falls_with_rtol(edge: IdealEdge, tau: float) -> None:
     scene = scene_of(edge, tau=tau)
@@ -161,6 +163,7 @@ def test_the_error_falls_with_rtol(edge: IdealEdge, tau: float) -> None:
     assert all(later < 0.1 * earlier for earlier, later in itertools.pairwise(errors))
 
 
+@pytest.mark.slow
 def test_a_burst_with_corners_keeps_rtol_at_its_corners() -> None:
     corner = PLAIN.duration_s + np.array([-1e-5, -1e-6, 0.0, 1e-6, 3e-6, 1e-5, 1e-4])
     times = np.concatenate([[0.0, 1e-6, 3e-6, 1e-5], corner, TIMES])
@@ -169,6 +172,7 @@ def test_a_burst_with_corners_keeps_rtol_at_its_corners() -> None:
         assert misfit(transient(scene_of(), PLAIN, times, rtol=rtol), true) < rtol
 
 
+@pytest.mark.slow
 def test_corners_without_loss_reach_the_default_accuracy() -> None:
     times = np.concatenate([[0.0, 1e-6, 1e-5], PLAIN.duration_s + np.array([0.0, 1e-6, 1e-5])])
     scene = scene_of(tau=0.0, points=(HERE,))
@@ -209,6 +213,7 @@ def test_constant_loss_is_refused_with_the_viscous_time_that_equals_it() -> None
 laws = settings(deadline=None, max_examples=6)
 
 
+@pytest.mark.slow
 @laws
 @given(
     x=st.floats(-0.03, 0.03),
@@ -233,6 +238,7 @@ def test_drives_add_up() -> None:
     assert np.all(np.abs(u + 2 * v - both) < 2e-5 * peak)
 
 
+@pytest.mark.slow
 def test_a_later_drive_moves_the_strip_later() -> None:
     samples = SMOOTH.samples(16e3)
     now = SampledDrive(samples=samples, sample_rate_hz=16e3)
@@ -243,6 +249,7 @@ def test_a_later_drive_moves_the_strip_later() -> None:
     assert misfit(u, v) < 2e-6
 
 
+@pytest.mark.slow
 def test_a_slow_drive_moves_the_strip_as_a_static_load() -> None:
     slow = Burst(frequency_hz=1.0, cycles=1, window="none")
     times = np.linspace(0.05, 0.95, 19)
@@ -261,6 +268,7 @@ def test_times_may_come_in_any_order() -> None:
     assert transient(scene_of(), SMOOTH, [], rtol=1e-3).shape == (0, 1, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [0.05, 1.0])
 def test_long_records_agree_with_short_ones(last: float) -> None:
     times = np.array([0.001, 0.002, 0.003])
@@ -290,6 +298,7 @@ def test_a_held_staircase_is_that_staircase_sampled_finely() -> None:
     assert misfit(u, v) < 2e-4
 
 
+@pytest.mark.slow
 def test_fine_samples_move_the_strip_as_their_burst_does() -> None:
     u = transient(scene_of(), SMOOTH, TIMES, rtol=1e-6)
     errors = []
@@ -302,6 +311,7 @@ def test_fine_samples_move_the_strip_as_their_burst_does() -> None:
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_staircase_of_a_slow_converter_reaches_the_other_finger() -> None:
     held = SampledDrive(samples=SMOOTH.samples(8e3), sample_rate_hz=8e3, held=True)
     smooth, steps = (
@@ -320,6 +330,7 @@ FINDINGS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("burst", "edge", "wanted_db"), FINDINGS)
 def test_corners_of_a_burst_decide_what_arrives_70_mm_away(
     burst: Burst, edge: IdealEdge | ElasticEdge, wanted_db: float
@@ -367,6 +378,7 @@ def test_a_scene_that_is_never_driven_does_not_move() -> None:
     assert np.all(transient(still, SMOOTH, TIMES[:3], rtol=1e-3) == 0)
 
 
+@pytest.mark.slow
 def test_a_point_on_the_edge_does_not_move() -> None:
     u = transient(scene_of(FIRM, points=(HERE, (0.0, 0.0))), SMOOTH, TIMES, rtol=1e-6)
     assert np.max(np.abs(u[..., 1])) < 1e-12 * np.max(np.abs(u[..., 0]))
@@ -382,6 +394,7 @@ def test_work_tells_what_is_left_out_and_why() -> None:
     assert finer.frequencies_solved > work.frequencies_solved
 
 
+@pytest.mark.slow
 def test_bins_between_the_images_of_a_staircase_are_left_out() -> None:
     slow = Burst(frequency_hz=300.0, cycles=6, window="hann")
     held = SampledDrive(samples=slow.samples(96e3), sample_rate_hz=96e3, held=True)

@@ -1,0 +1,14 @@
+"""Print the lower bounds of pyproject.toml as constraints: the oldest versions that it allows."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+PROJECT = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+
+for requirement in (*PROJECT["dependencies"], *EXTRAS["bench"], *EXTRAS["test"]):
+    if bound := re.match(r"([\w-]+)>=([\d.]+)", requirement):
+        print("{}=={}".format(*bound.groups()))
