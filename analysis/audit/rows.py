@@ -22,7 +22,7 @@ READINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class PrintedRow:
     """A row of a printed table.
 
     Attributes
@@ -93,7 +93,7 @@ class RowAudit:
 
     Attributes
     ----------
-    row : Row
+    row : PrintedRow
         As printed.
     verdicts : tuple of Verdict
         One for each of `READINGS`, every number with the decimals of the most exact one.
@@ -102,7 +102,7 @@ class RowAudit:
         even beside 0.45.
     """
 
-    row: Row
+    row: PrintedRow
     verdicts: tuple[Verdict, ...]
     possible_as_shown: tuple[str, ...]
 
@@ -145,7 +145,7 @@ class _Ranges:
     attainable: Range | None
 
 
-def audit(rows: Sequence[Row]) -> Audit:
+def audit(rows: Sequence[PrintedRow]) -> Audit:
     """Tell which rows of a table are impossible, and why.
 
     A row is possible if participants exist whose values give its three numbers: the least at most
@@ -156,7 +156,7 @@ def audit(rows: Sequence[Row]) -> Audit:
 
     Parameters
     ----------
-    rows : sequence of Row
+    rows : sequence of PrintedRow
         At least one.
 
     Returns
@@ -172,7 +172,8 @@ def audit(rows: Sequence[Row]) -> Audit:
     --------
     >>> def row(least, mean, largest):
     ...     texts = {"least": least, "mean": mean, "largest": largest}
-    ...     return Row(label="95", **{name: Printed(text=text) for name, text in texts.items()})
+    ...     printed = {name: Printed(text=text) for name, text in texts.items()}
+    ...     return PrintedRow(label="95", **printed)
     >>> audit([row("0.90", "0.87", "1.00")]).rows[0].verdicts[0].reasons
     ('the mean 0.87 is below the least value 0.90',)
     >>> audit([row("0.90", "0.93", "1.00")]).possible
@@ -200,7 +201,7 @@ def audit(rows: Sequence[Row]) -> Audit:
     return Audit(decimals=decimals, rows=audited, exchange_fits=exchange)
 
 
-def _verdict(row: Row, reading: str, decimals: int, means: Iterable[Printed]) -> Verdict:
+def _verdict(row: PrintedRow, reading: str, decimals: int, means: Iterable[Printed]) -> Verdict:
     found = [_ranges(row, convention, decimals) for convention in READINGS[reading]]
     means_of = [ranges.attainable for ranges in found if ranges.attainable is not None]
     return Verdict(
@@ -216,7 +217,7 @@ def _verdict(row: Row, reading: str, decimals: int, means: Iterable[Printed]) ->
     )
 
 
-def _reasons(row: Row, reading: str, decimals: int | None, mean: Printed) -> tuple[str, ...]:
+def _reasons(row: PrintedRow, reading: str, decimals: int | None, mean: Printed) -> tuple[str, ...]:
     """Return what is impossible about a row with some mean, under the best convention."""
     return min(
         (tuple(_faults(row, convention, decimals, mean)) for convention in READINGS[reading]),
@@ -224,7 +225,7 @@ def _reasons(row: Row, reading: str, decimals: int | None, mean: Printed) -> tup
     )
 
 
-def _feasible(row: Row, ranges: Sequence[Range]) -> tuple[int, ...] | None:
+def _feasible(row: PrintedRow, ranges: Sequence[Range]) -> tuple[int, ...] | None:
     """Return the numbers of stimuli that give a value in one of the ranges."""
     if row.trials is None:
         return None
@@ -232,7 +233,7 @@ def _feasible(row: Row, ranges: Sequence[Range]) -> tuple[int, ...] | None:
     return tuple(n for n in numbers if any(one.counts(n) for one in ranges))
 
 
-def _faults(row: Row, convention: str, decimals: int | None, mean: Printed) -> Iterator[str]:
+def _faults(row: PrintedRow, convention: str, decimals: int | None, mean: Printed) -> Iterator[str]:
     """Yield what is impossible about a row with some mean."""
     found = _ranges(row, convention, decimals)
     stands_for = mean.stands_for(convention, _kept(mean, decimals))
@@ -266,7 +267,7 @@ def _ever(one: Range, trials: tuple[int, int]) -> bool:
     return any(one.counts(n) for n in range(trials[0], trials[1] + 1))
 
 
-def _told(row: Row) -> str:
+def _told(row: PrintedRow) -> str:
     if row.trials is None or row.trials[0] == row.trials[1]:
         return str(row.trials[0]) if row.trials else ""
     return f"from {row.trials[0]} to {row.trials[1]}"
@@ -276,14 +277,14 @@ def _kept(number: Printed, decimals: int | None) -> int:
     return number.decimals if decimals is None else decimals
 
 
-def _ranges(row: Row, convention: str, decimals: int | None) -> _Ranges:
+def _ranges(row: PrintedRow, convention: str, decimals: int | None) -> _Ranges:
     least = row.least.stands_for(convention, _kept(row.least, decimals))
     largest = row.largest.stands_for(convention, _kept(row.largest, decimals))
     mean = attainable(least, largest, row.participants) if least.reaches(largest) else None
     return _Ranges(least=least, largest=largest, attainable=mean)
 
 
-def _exchange_fits(rows: Sequence[Row], verdicts: Sequence[Verdict]) -> bool:
+def _exchange_fits(rows: Sequence[PrintedRow], verdicts: Sequence[Verdict]) -> bool:
     """Tell whether each row can have a mean of its own, in any order (bipartite matching)."""
     fits = [
         [place for place, other in enumerate(rows) if other.mean.text in verdict.fitting_means]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from analysis.reading.columns import ColumnMap
-    from analysis.reading.sources import Source
+    from analysis.reading.sources import InputTable
     from analysis.results.tables import Analysis
 
 
@@ -101,7 +101,7 @@ def write_analysis(
     return analysis
 
 
-def _bar(sources: Sequence[Source]) -> AbstractContextManager[Iterable[Source]]:
+def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[InputTable]]:
     hidden = len(sources) < MANY_TABLES or not sys.stderr.isatty()
     return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
 

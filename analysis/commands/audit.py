@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from analysis.audit.printed import Printed
-from analysis.audit.rows import READINGS, Row
+from analysis.audit.rows import READINGS, PrintedRow
 from analysis.reading.text import ResultFileError, one_line, shown
 from experiment.terms.exits import ANSWER_IS_NO, refusals
 
@@ -35,7 +35,7 @@ _LONGEST_LABEL, _MOST_LISTED, _MOST_BYTES = 64, 12, 1_000_000
 _UNKNOWN = ("", "n/a")
 
 
-def read_table(path: Path) -> tuple[Row, ...]:
+def read_table(path: Path) -> tuple[PrintedRow, ...]:
     r"""Read a table of printed proportions.
 
     Parameters
@@ -46,7 +46,7 @@ def read_table(path: Path) -> tuple[Row, ...]:
 
     Returns
     -------
-    tuple of Row
+    tuple of PrintedRow
         In the order of the file.
 
     Raises
@@ -104,14 +104,14 @@ def _check_columns(columns: list[str], file: str) -> str:
     return labels[0]
 
 
-def _row(cells: pd.Series[str], label: str, file: str) -> Row:
+def _row(cells: pd.Series[str], label: str, file: str) -> PrintedRow:
     line = int(str(cells.name))
     if not 1 <= len(cells[label]) <= _LONGEST_LABEL:
         message = f"column '{label}' must have 1 to {_LONGEST_LABEL} characters"
         raise ResultFileError(file, line, f"{message}, got {shown(cells[label])}")
     try:
         least, mean, largest = (Printed(text=cells[name].strip()) for name in NEEDED)
-        return Row(
+        return PrintedRow(
             label=cells[label],
             least=least,
             mean=mean,

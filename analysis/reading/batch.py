@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from analysis.reading.columns import ColumnMap
-    from analysis.reading.plans import Progress
-    from analysis.reading.sources import Source
+    from analysis.reading.plans import SessionProgress
+    from analysis.reading.sources import InputTable
     from experiment.trial.plan import Plan
 
 
@@ -40,7 +40,7 @@ class InputFile:
     Attributes
     ----------
     name : str
-        As `analysis.reading.sources.Source.name`.
+        As `analysis.reading.sources.InputTable.name`.
     sha256 : str
         Checksum of its bytes.
     """
@@ -50,7 +50,7 @@ class InputFile:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class ReadTable:
     """What is known of one table besides its rows.
 
     Attributes
@@ -63,7 +63,7 @@ class Table:
         Its name and checksum.
     plan : InputFile or None
         Those of the plan beside it, where there is one.
-    progress : Progress or None
+    progress : SessionProgress or None
         How far that plan came.
     """
 
@@ -71,7 +71,7 @@ class Table:
     trials: int
     file: InputFile
     plan: InputFile | None = None
-    progress: Progress | None = None
+    progress: SessionProgress | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,16 +82,16 @@ class Batch:
     ----------
     rows : pandas.DataFrame
         As `analysis.read_trials`, but for trials without a number.
-    tables : tuple of Table
+    tables : tuple of ReadTable
         Where they come from.
     """
 
     rows: pd.DataFrame
-    tables: tuple[Table, ...]
+    tables: tuple[ReadTable, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Part:
+class _Rows:
     """Some rows of one table as text."""
 
     place: int
@@ -101,19 +101,19 @@ class _Part:
     rows: list[list[str]]
 
 
-def batches(sources: Iterable[Source]) -> Iterator[list[Source]]:
+def batches(sources: Iterable[InputTable]) -> Iterator[list[InputTable]]:
     """Put tables together as long as they have at most `MOST_BYTES`, their order kept.
 
     >>> import tempfile
     >>> from pathlib import Path
-    >>> from analysis.reading.sources import Source
+    >>> from analysis.reading.sources import InputTable
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "t.csv"
     ...     _ = path.write_bytes(b"x" * (MOST_BYTES // 2))
-    ...     [len(batch) for batch in batches([Source(path=path, name="t")] * 5)]
+    ...     [len(batch) for batch in batches([InputTable(path=path, name="t")] * 5)]
     [2, 2, 1]
     """
-    batch: list[Source] = []
+    batch: list[InputTable] = []
     size = 0
     for source in sources:
         try:
@@ -129,12 +129,12 @@ def batches(sources: Iterable[Source]) -> Iterator[list[Source]]:
         yield batch
 
 
-def read_batch(sources: Sequence[Source], columns: ColumnMap | None) -> list[Batch]:
+def read_batch(sources: Sequence[InputTable], columns: ColumnMap | None) -> list[Batch]:
     """Read tables together or, where one of them has a fault, one by one.
 
     Parameters
     ----------
-    sources : sequence of Source
+    sources : sequence of InputTable
         The tables.
     columns : ColumnMap, optional
         What the columns are called in tables made elsewhere.
@@ -152,7 +152,7 @@ def read_batch(sources: Sequence[Source], columns: ColumnMap | None) -> list[Bat
     return [_read([source], columns) for source in sources]
 
 
-def _read(sources: Sequence[Source], columns: ColumnMap | None) -> Batch:
+def _read(sources: Sequence[InputTable], columns: ColumnMap | None) -> Batch:
     sealed = [read_plan(source.path) for source in sources]
     counts = [0] * len(sources)
     frames = []
@@ -175,14 +175,14 @@ def _read(sources: Sequence[Source], columns: ColumnMap | None) -> Batch:
     return Batch(rows=rows, tables=tuple(tables))
 
 
-def _table(source: Source, sealed: tuple[Plan, str] | None, told: Sequence[Any]) -> Table:
+def _table(source: InputTable, sealed: tuple[Plan, str] | None, told: Sequence[Any]) -> ReadTable:
     """Check the rows of a table against its plan, where there is one."""
     file = InputFile(name=source.name, sha256=sha256_of(source.path))
     if sealed is None:
-        return Table(path=source.path, trials=len(told), file=file)
+        return ReadTable(path=source.path, trials=len(told), file=file)
     plan, sha256 = sealed
     check_plan(told, str(source.path), plan)
-    return Table(
+    return ReadTable(
         path=source.path,
         trials=len(told),
         file=file,
@@ -192,11 +192,11 @@ def _table(source: Source, sealed: tuple[Plan, str] | None, told: Sequence[Any])
 
 
 def _parts(
-    sources: Sequence[Source],
+    sources: Sequence[InputTable],
     sealed: Sequence[tuple[Plan, str] | None],
     *,
     bom_allowed: bool,
-) -> Iterator[_Part]:
+) -> Iterator[_Rows]:
     for place, (source, plan) in enumerate(zip(sources, sealed, strict=True)):
         file = str(source.path)
         try:
@@ -205,14 +205,14 @@ def _parts(
                     stream, file, bom_allowed=bom_allowed, empty_allowed=plan is not None
                 )
                 for lines, rows in chunks:
-                    yield _Part(place=place, file=file, header=header, lines=lines, rows=rows)
+                    yield _Rows(place=place, file=file, header=header, lines=lines, rows=rows)
         except OSError as error:
             raise unreadable(error, source.path) from None
 
 
-def _joined(parts: Iterator[_Part]) -> Iterator[list[_Part]]:
+def _joined(parts: Iterator[_Rows]) -> Iterator[list[_Rows]]:
     """Put parts together until they have `CHUNK_ROWS` rows; their columns must be the same."""
-    held: list[_Part] = []
+    held: list[_Rows] = []
     header = None
     for part in parts:
         header = part.header if header is None else header
@@ -226,7 +226,7 @@ def _joined(parts: Iterator[_Part]) -> Iterator[list[_Part]]:
         yield held
 
 
-def _typed(parts: list[_Part], columns: ColumnMap | None) -> pd.DataFrame:
+def _typed(parts: list[_Rows], columns: ColumnMap | None) -> pd.DataFrame:
     """Type rows; those of a single part are told apart by their lines, where a fault needs it."""
     lines = [line for part in parts for line in part.lines]
     text = pd.DataFrame(

@@ -157,7 +157,7 @@ def _number(column: Column, text: str, *, signed: bool) -> float | int:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class CellReader:
     """How one column of a table becomes one of ours.
 
     Attributes
@@ -196,7 +196,7 @@ class Reading:
 
         Examples
         --------
-        >>> Reading(column=DETECTED, label="felt").read(pd.Series(["1", "2"], index=[2, 3])).line
+        >>> CellReader(column=DETECTED, label="felt").read(pd.Series(["1", "2"], index=[2, 3])).line
         3
         """
         codes, distinct = pd.factorize(texts.to_numpy(dtype=object))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from analysis.axis import axis_of
-from analysis.reading.cells import DETECTED, UNANSWERED, Reading, allowed, parse
+from analysis.reading.cells import DETECTED, UNANSWERED, CellReader, allowed, parse
 from analysis.reading.sources import read_regular
 from analysis.reading.text import ResultFileError, shown
 from experiment.terms.record import COLUMNS, NOT_AVAILABLE, Column, format_value
@@ -161,7 +161,7 @@ class ColumnMap:
     Examples
     --------
     >>> elsewhere = ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}})
-    >>> elsewhere.reading("response").read(pd.Series(["l", "none", ""])).tolist()
+    >>> elsewhere.reader("response").read(pd.Series(["l", "none", ""])).tolist()
     ['left', 'none', nan]
     """
 
@@ -188,15 +188,15 @@ class ColumnMap:
                 choices = ", ".join(_units_of(ours)) or "no unit but its own"
                 raise ValueError(f"[units] {ours}: allowed {choices}, got {shown(unit)}")
 
-    def reading(self, ours: str) -> Reading:
+    def reader(self, ours: str) -> CellReader:
         """Say how cells of this table become a column of ours; an empty cell is ``n/a``.
 
-        >>> ColumnMap(units={"rt_s": "ms"}).reading("rt_s").read(pd.Series(["612"]))[0]
+        >>> ColumnMap(units={"rt_s": "ms"}).reader("rt_s").read(pd.Series(["612"]))[0]
         np.float64(0.612)
         """
         theirs = self.columns.get(ours) or ours
         scale = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
-        return Reading(
+        return CellReader(
             column=_OURS[ours],
             label=ours if ours == theirs else f"{theirs} ({ours})",
             words={"": NOT_AVAILABLE} | dict(self.values.get(ours, {})),

@@ -5,14 +5,14 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from analysis.axis import Axis, axis_of
 from analysis.definitions import MOST_PRESENTED
 from analysis.reading.batch import InputFile, batches, read_batch, sha256_of
-from analysis.reading.cells import CellFault, Reading, first_fault
+from analysis.reading.cells import CellReader
 from analysis.reading.checks import (
     Rule,
     check_together,
@@ -24,7 +24,7 @@ from analysis.reading.checks import (
 from analysis.reading.columns import COUNTED_COLUMNS, count_columns
 from analysis.reading.plans import PLAN
 from analysis.reading.reasons import with_reasons
-from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows
+from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows, typed
 from analysis.reading.sources import find_sources, unchanged, unreadable
 from analysis.reading.text import ResultFileError, one_line, shown, text_chunks
 from experiment.terms.record import Column
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from contextlib import AbstractContextManager
 
-    from analysis.reading.batch import Table
+    from analysis.reading.batch import ReadTable
     from analysis.reading.columns import ColumnMap, CountColumns
-    from analysis.reading.plans import Progress
-    from analysis.reading.sources import Source
+    from analysis.reading.plans import SessionProgress
+    from analysis.reading.sources import InputTable
 
 
 CELL = ["condition", "level_vpp", "participant"]
@@ -45,13 +45,13 @@ UNKNOWN = ("over_report", "mislocalised", "timeouts", "invalid")
 
 
 def read_counted(
-    sources: Iterable[Source], columns: ColumnMap, counts: CountColumns
+    sources: Iterable[InputTable], columns: ColumnMap, counts: CountColumns
 ) -> tuple[pd.DataFrame, list[InputFile]]:
     """Read tables of counts as one table of cells.
 
     Parameters
     ----------
-    sources : iterable of Source
+    sources : iterable of InputTable
         The tables.
     columns : ColumnMap
         What the columns are called.
@@ -93,7 +93,7 @@ def read_counted(
     return cells.assign(**unknown, none_offered=counts.none_offered), inputs
 
 
-def _frames(source: Source, columns: ColumnMap, counts: CountColumns) -> Iterator[pd.DataFrame]:
+def _frames(source: InputTable, columns: ColumnMap, counts: CountColumns) -> Iterator[pd.DataFrame]:
     file = str(source.path)
     signed = axis_of(columns.axis).signed
     with source.path.open("rb") as stream:
@@ -118,19 +118,13 @@ def _typed(text: pd.DataFrame, file: str, columns: ColumnMap, counts: CountColum
             ", ".join(f"{name}={value}" for name, value in zip(rest, row, strict=True))
             for row in text[rest].itertuples(index=False)
         ]
-    readings = [columns.reading(str(name)) for name in ours.columns]
+    readers = [columns.reader(str(name)) for name in ours.columns]
     for name, theirs in (("detected", counts.detected), ("presented", counts.presented)):
         ours[name] = text[theirs]
         column = Column(name=name, type="int", optional=False, choices=(), description="")
-        readings.append(Reading(column=column, label=theirs))
-    read: dict[str, Any] = {
-        reading.column.name: reading.read(ours[reading.column.name]) for reading in readings
-    }
-    first_fault(file, [column for column in read.values() if isinstance(column, CellFault)])
-    rows = pd.DataFrame({"condition": DEFAULTS["condition"]} | read, index=text.index)
-    rows["file"] = pd.Series(file, index=rows.index, dtype=object)
-    rows["line"] = rows.index
-    return rows
+        readers.append(CellReader(column=column, label=theirs))
+    rows = typed(ours, readers, file)
+    return rows if "condition" in rows else rows.assign(condition=DEFAULTS["condition"])
 
 
 def _rules(rows: pd.DataFrame, counts: CountColumns, *, signed: bool) -> Iterator[Rule]:
@@ -153,7 +147,7 @@ def _rules(rows: pd.DataFrame, counts: CountColumns, *, signed: bool) -> Iterato
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Loaded:
+class LoadedTrials:
     """Checked trials and the files they come from.
 
     Attributes
@@ -166,7 +160,7 @@ class Loaded:
         These, their plans and the map, in the order of their names.
     without_table : tuple of str
         Session folders that hold no trials.csv.
-    progress : tuple of Progress
+    progress : tuple of SessionProgress
         Of each session that has a plan, how far it came.
     axis : Axis
         What the levels are.
@@ -179,7 +173,7 @@ class Loaded:
     paths: tuple[Path, ...]
     inputs: tuple[InputFile, ...]
     without_table: tuple[str, ...]
-    progress: tuple[Progress, ...]
+    progress: tuple[SessionProgress, ...]
     axis: Axis
     cells: pd.DataFrame | None = None
 
@@ -228,8 +222,10 @@ def read_inputs(
     paths: Sequence[str | Path],
     columns: ColumnMap | None = None,
     *,
-    watched: Callable[[Sequence[Source]], AbstractContextManager[Iterable[Source]]] = nullcontext,
-) -> Loaded:
+    watched: Callable[
+        [Sequence[InputTable]], AbstractContextManager[Iterable[InputTable]]
+    ] = nullcontext,
+) -> LoadedTrials:
     """Read result files as `read_trials` does, and tell which files these were.
 
     Parameters
@@ -251,7 +247,7 @@ def read_inputs(
     if columns and counts:
         with unchanged(files), watched(sources) as asked:
             cells, inputs = read_counted(asked, columns, counts)
-        return Loaded(
+        return LoadedTrials(
             trials=with_reasons(no_rows()),
             paths=tuple(source.path for source in sources),
             inputs=_inputs(inputs, columns),
@@ -270,7 +266,7 @@ def read_inputs(
     trials = with_reasons(_numbered(pd.concat(told, ignore_index=True)))
     check_together(trials)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
-    return Loaded(
+    return LoadedTrials(
         trials=trials,
         paths=tuple(source.path for source in sources),
         inputs=_inputs(inputs, columns),
@@ -287,7 +283,7 @@ def _inputs(files: Iterable[InputFile], columns: ColumnMap | None) -> tuple[Inpu
     return tuple(sorted([*files, InputFile(name=one_line(columns.name), sha256=columns.sha256)]))
 
 
-def _check_copies(tables: Sequence[Table]) -> None:
+def _check_copies(tables: Sequence[ReadTable]) -> None:
     first: dict[str, Path] = {}
     for table in tables:
         if not table.trials:  # sessions that were stopped before their first trial are all alike

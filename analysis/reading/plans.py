@@ -31,7 +31,7 @@ _NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class SessionProgress:
     """How far a session came.
 
     Attributes
@@ -170,7 +170,7 @@ def _known(value: Any) -> Any:
     return None if pd.isna(value) else value
 
 
-def progress(told: Sequence[Any], plan: Plan, table: Path) -> Progress:
+def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
     """Count the planned trials that have a valid attempt.
 
     >>> from pathlib import Path
@@ -179,10 +179,11 @@ def progress(told: Sequence[Any], plan: Plan, table: Path) -> Progress:
     >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f")
     >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
     >>> progress(told, plan, Path("trials.csv"))
-    Progress(participant='01', session='01', valid=1, planned=2, file_sha256='f', unexported=0)
+    SessionProgress(participant='01', session='01', valid=1, planned=2, file_sha256='f',
+    unexported=0)
     """
     numbers = {trial.number for trial in plan.trials}
-    return Progress(
+    return SessionProgress(
         participant=plan.participant,
         session=plan.session,
         valid=sum(row.status == "ok" and row.trial in numbers for row in told),

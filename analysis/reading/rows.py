@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from analysis.reading.cells import CellFault, Reading, first_fault
+from analysis.reading.cells import CellFault, CellReader, first_fault
 from analysis.reading.text import ResultFileError, shown
 from experiment.terms.record import (
     COLUMNS,
@@ -77,8 +77,8 @@ def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
     missing = [name for name in _NAMES if name not in text.columns]
     if missing:
         raise ResultFileError(file, 1, f"no column {', '.join(missing)}{_HINT}")
-    readings = [Reading(column=column, label=column.name) for column in COLUMNS]
-    return _typed(text, readings, file)
+    readers = [CellReader(column=column, label=column.name) for column in COLUMNS]
+    return typed(text, readers, file)
 
 
 def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFrame:
@@ -115,7 +115,7 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     [['01', 'single', 2], ['01', 'single', 3]]
     """
     ours = columns.ours(text, file)
-    rows = _typed(ours, [columns.reading(str(name)) for name in ours.columns], file)
+    rows = typed(ours, [columns.reader(str(name)) for name in ours.columns], file)
     if "kind" not in rows:
         kinds = [_KIND_OF_SIDE.get(side, "single") for side in rows["side"]]
         rows["kind"] = pd.Categorical(kinds, categories=list(KINDS))
@@ -131,8 +131,9 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     return rows
 
 
-def _typed(text: pd.DataFrame, readings: list[Reading], file: str) -> pd.DataFrame:
-    read = {reading.column.name: reading.read(text[reading.column.name]) for reading in readings}
+def typed(text: pd.DataFrame, readers: list[CellReader], file: str) -> pd.DataFrame:
+    """Read columns of text cells, one by each reader, and tell where each row stands."""
+    read = {reader.column.name: reader.read(text[reader.column.name]) for reader in readers}
     first_fault(file, [column for column in read.values() if isinstance(column, CellFault)])
     rows = pd.DataFrame(read)
     # As objects: a file's name need not be text that can be encoded.
@@ -143,7 +144,7 @@ def _typed(text: pd.DataFrame, readings: list[Reading], file: str) -> pd.DataFra
 
 def _default(name: str, columns: ColumnMap, lines: pd.Index[Any]) -> Any:
     texts = pd.Series(DEFAULTS.get(name, NOT_AVAILABLE), index=lines, dtype=object)
-    return columns.reading(name).read(texts)
+    return columns.reader(name).read(texts)
 
 
 def no_rows() -> pd.DataFrame:

@@ -19,7 +19,7 @@ TABLE = "trials.csv"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
+class InputTable:
     """A table to read.
 
     Attributes
@@ -35,7 +35,7 @@ class Source:
     name: str
 
 
-def find_sources(paths: list[Path]) -> tuple[list[Source], tuple[str, ...]]:
+def find_sources(paths: list[Path]) -> tuple[list[InputTable], tuple[str, ...]]:
     """List the tables to read, and the session folders without one by their names.
 
     Parameters
@@ -79,7 +79,7 @@ def find_sources(paths: list[Path]) -> tuple[list[Source], tuple[str, ...]]:
             tables.append((path, session / TABLE))
         without += [(path, session) for session in sessions if session not in found]
     names = _names(tables + without)
-    sources = [Source(path=path, name=names[path]) for _, path in tables]
+    sources = [InputTable(path=path, name=names[path]) for _, path in tables]
     return sources, tuple(names[session] for _, session in without)
 
 

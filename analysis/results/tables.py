@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.axis import Axis
     from analysis.reading.batch import InputFile
-    from analysis.reading.load import Loaded
-    from analysis.thresholds.people import People
+    from analysis.reading.load import LoadedTrials
+    from analysis.thresholds.people import PersonCounts
     from analysis.thresholds.population import PopulationThreshold
 
 
@@ -132,7 +132,7 @@ class Analysis:
 
 
 def analyse(
-    loaded: Loaded,
+    loaded: LoadedTrials,
     *,
     ci: str = "wilson",
     seed: int = 0,
@@ -143,7 +143,7 @@ def analyse(
 
     Parameters
     ----------
-    loaded : Loaded
+    loaded : LoadedTrials
         From `analysis.reading.load.read_inputs`.
     ci : str
         Method of the cells' intervals, see `analysis.proportion_ci`.
@@ -200,13 +200,13 @@ def analyse(
     )
 
 
-def _population(people: People, axis: Axis) -> tuple[PopulationThreshold, ...]:
+def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:
     from analysis.thresholds.population import population_thresholds  # statsmodels is slow to load
 
     return population_thresholds(people, axis=axis)
 
 
-def _detected_any(loaded: Loaded) -> pd.DataFrame | None:
+def _detected_any(loaded: LoadedTrials) -> pd.DataFrame | None:
     """Count what was felt at all; of a table of counts that is what was detected."""
     cells = loaded.cells
     if cells is None:
@@ -255,7 +255,7 @@ def _counts(trials: pd.DataFrame) -> Counts:
     )
 
 
-def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
+def _warnings(loaded: LoadedTrials, excluded: pd.DataFrame) -> Iterator[str]:
     trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
     yield from _incomplete(loaded)
@@ -276,7 +276,7 @@ def _warnings(loaded: Loaded, excluded: pd.DataFrame) -> Iterator[str]:
     yield from _about_none(counted)
 
 
-def _studies(loaded: Loaded) -> int:
+def _studies(loaded: LoadedTrials) -> int:
     """Count the studies; levels placed for a participant make no other one, by its plan."""
     trials, key = loaded.trials, ["participant", "session"]
     of_plan = {(one.participant, one.session): one.file_sha256 for one in loaded.progress}
@@ -285,7 +285,7 @@ def _studies(loaded: Loaded) -> int:
     return len({of_plan.get((row[0], row[1]), row[2]) for row in told})
 
 
-def _incomplete(loaded: Loaded) -> Iterator[str]:
+def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
     for folder in loaded.without_table:
         yield f"session {folder} has no trials.csv; tactstrip export DIR builds it"
     for one in loaded.progress:

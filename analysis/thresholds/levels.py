@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from analysis.thresholds.people import People
+    from analysis.thresholds.people import PersonCounts
     from experiment.study.study import Study
 
 
@@ -161,7 +161,7 @@ def place_levels(
     )
 
 
-def _known(people: People, guess: GuessRate) -> tuple[Function, tuple[float, float]]:
+def _known(people: PersonCounts, guess: GuessRate) -> tuple[Function, tuple[float, float]]:
     """Return the function at the posterior medians, and the threshold's limits."""
     scaled = scale(np.log10(people.level_vpp), people.presented)
     tables = Tables(

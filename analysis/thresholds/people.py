@@ -12,7 +12,7 @@ from analysis.answers.detection import cells
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     import pandas as pd
     from numpy.typing import NDArray
@@ -150,7 +150,7 @@ def guessing(*, none_offered: bool, sided_answers: int, blanks: int) -> Guessing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class People:
+class PersonCounts:
     """What was presented to participants, and what they detected.
 
     Attributes
@@ -168,10 +168,10 @@ class People:
     presented: Floats
     guesses: tuple[Guessing, ...]
 
-    def by_content(self) -> People:
+    def by_content(self) -> PersonCounts:
         """Return the same people, ordered by their counts: other names change no last digit."""
         order = sorted(range(len(self.names)), key=self._content)
-        return People(
+        return PersonCounts(
             names=tuple(self.names[i] for i in order),
             level_vpp=self.level_vpp[order],
             detected=self.detected[order],
@@ -185,16 +185,9 @@ class People:
         return (*(one.tolist() for one in counts), [rate.mean, *(rate.beta or ())])
 
 
-def people_of(trials: pd.DataFrame) -> People:
+def people_of(trials: pd.DataFrame) -> PersonCounts:
     """Count the single stimuli and their detections, and find what guesses are worth.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-
-    Examples
-    --------
     >>> import pandas as pd
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
     ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "reason": "",
@@ -203,43 +196,17 @@ def people_of(trials: pd.DataFrame) -> People:
     >>> people.names, people.detected.tolist(), people.presented.tolist()
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
     """
-    names, level_vpp, detected, presented = _side_by_side(cells(trials))
-    return People(
-        names=names,
-        level_vpp=level_vpp,
-        detected=detected,
-        presented=presented,
-        guesses=tuple(_guesses(trials, names)),
-    )
+    return _side_by_side(cells(trials), lambda names: _guesses(trials, names))
 
 
-def people_of_counts(table: pd.DataFrame) -> People:
-    """Lay a table of counts out by participant.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        From `analysis.reading.load.read_counted`.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> table = pd.DataFrame({"participant": "1", "condition": "main", "level_vpp": [2.0, 1.0],
-    ...     "detected": [9, 1], "presented": 10, "none_offered": True})
-    >>> people_of_counts(table).detected.tolist()
-    [[1.0, 9.0]]
-    """
-    names, level_vpp, detected, presented = _side_by_side(table)
+def people_of_counts(table: pd.DataFrame) -> PersonCounts:
+    """Lay a table of counts, from `analysis.reading.load.read_counted`, out by participant."""
     always = table.groupby(_KEY)["none_offered"].all().to_dict()
-    guesses = [
-        guessing(none_offered=bool(always[name]), sided_answers=0, blanks=0) for name in names
-    ]
-    return People(
-        names=names,
-        level_vpp=level_vpp,
-        detected=detected,
-        presented=presented,
-        guesses=tuple(guesses),
+    return _side_by_side(
+        table,
+        lambda names: [
+            guessing(none_offered=bool(always[name]), sided_answers=0, blanks=0) for name in names
+        ],
     )
 
 
@@ -247,9 +214,9 @@ _KEY = ["condition", "participant"]
 
 
 def _side_by_side(
-    table: pd.DataFrame,
-) -> tuple[tuple[tuple[str, str], ...], Floats, Floats, Floats]:
-    """Return names, and levels, detected and presented of each in a row of its own."""
+    table: pd.DataFrame, guesses_of: Callable[[Sequence[tuple[str, str]]], Sequence[Guessing]]
+) -> PersonCounts:
+    """Lay levels, detected and presented of each participant in a row of its own."""
     counts = table.sort_values([*_KEY, "level_vpp"])
     names = tuple(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
     place = {name: i for i, name in enumerate(names)}
@@ -260,7 +227,13 @@ def _side_by_side(
     level_vpp[row, column] = counts["level_vpp"]
     detected[row, column] = counts["detected"]
     presented[row, column] = counts["presented"]
-    return names, level_vpp, detected, presented
+    return PersonCounts(
+        names=names,
+        level_vpp=level_vpp,
+        detected=detected,
+        presented=presented,
+        guesses=tuple(guesses_of(names)),
+    )
 
 
 def _guesses(trials: pd.DataFrame, people: Sequence[tuple[str, str]]) -> list[Guessing]:

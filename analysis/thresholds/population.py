@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
-    from analysis.thresholds.people import People
+    from analysis.thresholds.people import PersonCounts
 
     Floats = NDArray[np.float64]
 
@@ -57,7 +57,9 @@ class PopulationThreshold:
     reason: str = ""
 
 
-def population_thresholds(people: People, *, axis: Axis = VOLTS) -> tuple[PopulationThreshold, ...]:
+def population_thresholds(
+    people: PersonCounts, *, axis: Axis = VOLTS
+) -> tuple[PopulationThreshold, ...]:
     """Fit the population of each condition, if one can be fitted.
 
     logit p = a + b x + u, with u normal for each participant (docs/statistics.md, section 8). It
@@ -65,7 +67,7 @@ def population_thresholds(people: People, *, axis: Axis = VOLTS) -> tuple[Popula
 
     Parameters
     ----------
-    people : People
+    people : PersonCounts
         From `people_of`, or `people_of_counts`.
     axis : Axis
         Of the levels.
@@ -90,7 +92,7 @@ def population_thresholds(people: People, *, axis: Axis = VOLTS) -> tuple[Popula
     return tuple(_population(people, condition, axis) for condition in conditions)
 
 
-def _population(people: People, condition: str, axis: Axis) -> PopulationThreshold:
+def _population(people: PersonCounts, condition: str, axis: Axis) -> PopulationThreshold:
     rows = [i for i, (name, _) in enumerate(people.names) if name == condition]
     person, column = np.nonzero(people.presented[rows] > 0)
     cells = (np.array(rows)[person], column)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from analysis.axis import Axis
     from analysis.thresholds.fit import Status
-    from analysis.thresholds.people import People
+    from analysis.thresholds.people import PersonCounts
 
     Floats = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     return thresholds_of(people_of(trials), seed=seed, axis=axis)
 
 
-def thresholds_of(people: People, *, seed: int, axis: Axis) -> pd.DataFrame:
+def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFrame:
     """Return `threshold_table` of participants whose counts are known, from trials or not."""
     if not people.names:
         return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))

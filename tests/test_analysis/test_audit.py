@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.audit.printed import CONVENTIONS, HALF_EVEN, HALF_UP, TRUNCATED, Printed
-from analysis.audit.rows import READINGS, Row, audit
+from analysis.audit.rows import READINGS, PrintedRow, audit
 from analysis.commands.audit import read_table
 from tactstrip import main
 
@@ -23,8 +23,8 @@ few = settings(deadline=None, max_examples=40)
 
 def row(
     least: str, mean: str, largest: str, n: int | None = None, people: int | None = None
-) -> Row:
-    return Row(
+) -> PrintedRow:
+    return PrintedRow(
         label="60",
         least=Printed(text=least),
         mean=Printed(text=mean),
@@ -93,7 +93,7 @@ def test_exactly_rounded_values_give_0_81() -> None:
         (row("0.0", "1.0", "1.0", people=3), ()),
     ],
 )
-def test_each_reading_has_its_verdict(value: Row, readings: tuple[str, ...]) -> None:
+def test_each_reading_has_its_verdict(value: PrintedRow, readings: tuple[str, ...]) -> None:
     [found] = audit([value]).rows
     assert tuple(verdict.reading for verdict in found.verdicts if verdict.possible) == readings
     assert found.possible == bool(readings)

@@ -11,7 +11,7 @@ import pytest
 from analysis import ColumnMap, ResultFileError, read_trials
 from analysis.reading.batch import read_batch
 from analysis.reading.load import read_inputs
-from analysis.reading.sources import Source
+from analysis.reading.sources import InputTable
 from experiment.session.simulate import simulate_study
 from experiment.terms.record import TrialRow, is_correct, trials_csv
 
@@ -130,7 +130,7 @@ def test_tables_with_columns_in_another_order_or_number_are_read_together(tmp_pa
 
 def test_tables_are_really_read_together(tmp_path: Path) -> None:
     paths = [write(tmp_path / f"{n}.csv", replace(ROW, participant=str(n))) for n in range(3)]
-    [batch] = read_batch([Source(path=path, name=path.name) for path in paths], None)
+    [batch] = read_batch([InputTable(path=path, name=path.name) for path in paths], None)
     assert [table.trials for table in batch.tables] == [1, 1, 1]
     assert batch.rows["file"].tolist() == [str(path) for path in paths]
     assert batch.rows["line"].tolist() == [2, 2, 2]

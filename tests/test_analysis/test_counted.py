@@ -17,7 +17,7 @@ from analysis.reading.load import read_inputs
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from analysis.reading.load import Loaded
+    from analysis.reading.load import LoadedTrials
 
 TABLE = {"detected": "k", "presented": "n", "group": ["participant", "vibration"]}
 MAP = ColumnMap(columns={"level_vpp": "level"}, table=TABLE, axis={"x_scale": "linear"})
@@ -25,7 +25,7 @@ HEADER = "participant,vibration,level,k,n\n"
 KNOWN = ["condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"]
 
 
-def read(folder: Path, text: str, columns: ColumnMap = MAP) -> Loaded:
+def read(folder: Path, text: str, columns: ColumnMap = MAP) -> LoadedTrials:
     path = folder / "t.csv"
     path.write_text(text, encoding="utf-8")
     return read_inputs([path], columns)

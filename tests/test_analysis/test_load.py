@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from analysis.reading.sources import Source
+    from analysis.reading.sources import InputTable
 
 BASE = TrialRow(
     schema=1,
@@ -430,8 +430,8 @@ def test_a_file_that_changes_while_others_are_read_is_refused(
         write_cell(tmp_path / "sub-2" / "ses-01" / "trials.csv", "side", "top")
 
     @contextmanager
-    def watched(sources: Sequence[Source]) -> Iterator[Iterator[Source]]:
-        def ask() -> Iterator[Source]:
+    def watched(sources: Sequence[InputTable]) -> Iterator[Iterator[InputTable]]:
+        def ask() -> Iterator[InputTable]:
             yield from sources
             with changing.open("a", encoding="utf-8") as file:
                 file.write("\n")
