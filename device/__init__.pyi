@@ -12,6 +12,7 @@ from .driver import (
     Rejected,
     StateError,
 )
+from .drivers import make_device
 from .emulate.mock import MockDevice
 from .limits import Limits
 
@@ -33,4 +34,5 @@ __all__ = [
     "Rejected",
     "StateError",
     "VirtualClock",
+    "make_device",
 ]

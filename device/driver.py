@@ -241,10 +241,10 @@ class Identity:
 
     Examples
     --------
-    >>> Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
-    ...          sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
-    ...          longest_waveform=4096, emulated=True).boot_id
-    7
+    >>> print(Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
+    ...                sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
+    ...                longest_waveform=4096, emulated=True))
+    m 1 (emulated), ceiling 200 Vpp, 48000 Hz, 16 bit, 2 channels of up to 4096 samples
     """
 
     model: str
@@ -265,6 +265,15 @@ class Identity:
         require_whole("channels", self.channels, least=1, most=64)
         require_positive("ceiling_vpp", self.ceiling_vpp)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
+
+    def __str__(self) -> str:
+        """Tell in one line what the device says of itself."""
+        emulated = " (emulated)" if self.emulated else ""
+        return (
+            f"{self.model} {self.serial_number}{emulated}, ceiling {self.ceiling_vpp:g} Vpp, "
+            f"{self.sample_rate_hz:g} Hz, {self.bits} bit, {self.channels} channels of up to "
+            f"{self.longest_waveform} samples"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

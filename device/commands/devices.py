@@ -1,13 +1,8 @@
-"""The commands `devices` and `emulate`."""
+"""The command `devices`."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
-
-if TYPE_CHECKING:
-    from device.driver import Identity
 
 
 @click.command()
@@ -43,7 +38,7 @@ def _who(port: str) -> str:
 
     identity = identify(port)
     if identity is not None:
-        return f"{describe(identity)}: --driver serial"
+        return f"{identity}: --driver serial"
     words = identify_generator(port)
     if words is not None:
         return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
@@ -52,28 +47,3 @@ def _who(port: str) -> str:
     except LinkError as error:
         return str(error)
     return "nothing that tactstrip can drive answers"
-
-
-def describe(identity: Identity) -> str:
-    """Tell in one line what a device says of itself.
-
-    Parameters
-    ----------
-    identity : Identity
-        Of the device.
-
-    Examples
-    --------
-    >>> from device.driver import Identity
-    >>> describe(Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
-    ...                   sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
-    ...                   longest_waveform=4096, emulated=True))
-    'm 1 (emulated), ceiling 200 Vpp, 48000 Hz, 16 bit, 2 channels of up to 4096 samples'
-    """
-    emulated = " (emulated)" if identity.emulated else ""
-    return (
-        f"{identity.model} {identity.serial_number}{emulated}, "
-        f"ceiling {identity.ceiling_vpp:g} Vpp, {identity.sample_rate_hz:g} Hz, "
-        f"{identity.bits} bit, {identity.channels} channels of up to "
-        f"{identity.longest_waveform} samples"
-    )

@@ -1,4 +1,4 @@
-"""The commands `devices` and `emulate`."""
+"""The command `emulate`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import IO, TYPE_CHECKING
 
 import click
 
+from device.commands.options import emulator_options, require_together, usage
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -19,46 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option("--pty", "on_pty", is_flag=True, help="On a pseudo-terminal, the default.")
-@click.option(
-    "--tcp",
-    "tcp_port",
-    type=click.IntRange(0, 65535),
-    metavar="PORT",
-    help="On a TCP port of this machine; 0 takes any free one.",
-)
-@click.option(
-    "--generator",
-    type=click.Choice(["keysight"]),
-    help="A generator of this make instead of a device of ours.",
-)
-@click.option(
-    "--truth",
-    "truth_file",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
-    help="Add what really comes out to this file, as JSON lines.",
-)
-@click.option("--fault", "script", metavar="SCRIPT", help="Such as drop=0.01,corrupt=0.01.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the faults; 0 by default.")
-@click.option(
-    "--baud",
-    type=click.IntRange(300, 10_000_000),
-    help="Model a wire of this rate; below 28800 it is too slow for the protocol.",
-)
-@click.option("--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default.")
-@click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default.")
-@click.option(
-    "--serial-number",
-    metavar="S",
-    help="To be told from another emulator; by default each is the same device.",
-)
-@click.option(
-    "--amplifier-gain",
-    type=float,
-    metavar="G",
-    help="Behind a generator, for the volts in the truth file; 1 by default.",
-)
+@emulator_options
 @click.pass_context
 def emulate(
     ctx: click.Context,
@@ -85,19 +48,8 @@ def emulate(
 
     if on_pty and tcp_port is not None:
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
-    own = {
-        "--baud": baud,
-        "--ceiling-vpp": ceiling_vpp,
-        "--sample-rate-hz": sample_rate_hz,
-        "--serial-number": serial_number,
-    }
-    foreign = {"--amplifier-gain": amplifier_gain} if generator is None else own
-    for option, value in foreign.items():
-        if value is not None:
-            raise click.UsageError(
-                f"{option} and --generator {'exclude' if generator else 'need'} each other.", ctx
-            )
-    with _usage(ctx), _until_told(), _opened(truth_file) as truth:
+    require_together(ctx)
+    with usage(ctx), _until_told(), _opened(truth_file) as truth:
         faults = _faults(script or "", seed or 0)
         if generator is not None:
             gain = 1.0 if amplifier_gain is None else amplifier_gain
@@ -197,17 +149,3 @@ def _until_told() -> Iterator[None]:
     finally:
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
-
-
-@contextlib.contextmanager
-def _usage(ctx: click.Context) -> Iterator[None]:
-    """Say in one line what is wrong with a value, a file or a port."""
-    try:
-        yield
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        where = f"{error.filename}: " if error.filename is not None else ""
-        raise click.UsageError(f"{where}{error.strerror or error}.", ctx) from error
-    except ValueError as error:
-        raise click.UsageError(f"{error}.", ctx) from error

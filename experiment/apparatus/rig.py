@@ -9,37 +9,23 @@ from __future__ import annotations
 import getpass
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from device.clock import MonotonicClock, VirtualClock
-from device.core.output import OutputStage
-from device.driver import LinkError
-from device.emulate.mock import DEVICE_LIMITS, MockDevice
+from device.drivers import MOCK, NEEDS, is_emulated, make_device, make_mock
 from experiment.apparatus.slots import host_limits
 from experiment.study.study import StudyError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from device.clock import Clock
     from device.driver import BurstDevice, Identity
+    from device.emulate.mock import MockDevice
     from experiment.study.sections.equipment import DeviceSettings, DriverName, Masking
     from experiment.study.study import Study
 
 
-MOCK: Final = "mock"
-_NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
-    MOCK: (),
-    "serial": ("port",),
-    "generator": ("port", "amplifier_gain"),
-    "audio": ("port", "volts_full_scale"),
-}
-"""Every driver with the keys of [device] that it cannot do without."""
-
-DRIVERS: Final = tuple(_NEEDS)
+DRIVERS: Final = tuple(NEEDS)
 """Every driver by its name in the study file and on the command line."""
-
-_Value = TypeVar("_Value")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,34 +54,7 @@ class Rig:
         LinkError
             If nothing answers that this driver can drive.
         """
-        driver = self.settings.driver
-        if driver == "generator":
-            return _is_emulated_generator(_given(self.settings.port))
-        if driver == "audio":
-            return False
-        return driver == MOCK or _is_emulated_device(_given(self.settings.port))
-
-
-def _is_emulated_device(port: str) -> bool:
-    from device.wire.channels import open_channel
-    from device.wire.link import FrameLink
-
-    clock = MonotonicClock()
-    link = FrameLink(lambda: open_channel(port, clock), clock)
-    try:
-        return link.hello().emulated
-    finally:
-        link.hang_up()
-
-
-def _is_emulated_generator(port: str) -> bool:
-    from device.scpi.dialects import EMULATED
-    from device.scpi.generator import identify_generator
-
-    words = identify_generator(port)
-    if words is None:
-        raise LinkError(f"no generator that is known here answers on {port}")
-    return EMULATED in words.split(",")
+        return is_emulated(self.settings.driver, self.settings.port)
 
 
 def assemble(study: Study, *, driver: str | None, port: str | None, simulated: bool) -> Rig:
@@ -129,7 +88,16 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
         _require_another_card(settings, study.masking)
     real = settings.driver != MOCK or not simulated
     clock = MonotonicClock() if real else VirtualClock()
-    return Rig(device=_device(study, settings, clock), clock=clock, settings=settings)
+    device = make_device(
+        settings.driver,
+        limits=host_limits(settings),
+        clock=clock,
+        port=settings.port,
+        sample_rate_hz=settings.sample_rate_hz,
+        amplifier_gain=settings.amplifier_gain,
+        volts_full_scale=settings.volts_full_scale,
+    )
+    return Rig(device=device, clock=clock, settings=settings)
 
 
 def chosen_settings(
@@ -148,7 +116,7 @@ def require_complete(settings: DeviceSettings) -> None:
     StudyError
         If a key is not given.
     """
-    for key in _NEEDS[settings.driver]:
+    for key in NEEDS[settings.driver]:
         if getattr(settings, key) is None:
             hint = "; --port gives it too" if key == "port" else ""
             raise StudyError(
@@ -167,40 +135,6 @@ def _require_another_card(settings: DeviceSettings, masking: Masking) -> None:
         )
 
 
-def _device(study: Study, settings: DeviceSettings, clock: Clock) -> BurstDevice:
-    if settings.driver == MOCK:
-        return mock_device(study, clock)
-    port, limits = _given(settings.port), host_limits(settings)
-    if settings.driver == "serial":
-        from device.wire.serial import serial_device
-
-        return serial_device(port, limits=limits, clock=clock)
-    if settings.driver == "generator":
-        from device.scpi.generator import generator_device
-
-        return generator_device(
-            port,
-            limits=limits,
-            clock=clock,
-            amplifier_gain=_given(settings.amplifier_gain),
-            sample_rate_hz=settings.sample_rate_hz,
-        )
-    from device.sound.audio import audio_device
-
-    return audio_device(
-        port,
-        limits=limits,
-        clock=clock,
-        volts_full_scale=_given(settings.volts_full_scale),
-        sample_rate_hz=settings.sample_rate_hz,
-    )
-
-
-def _given(value: _Value | None) -> _Value:
-    assert value is not None, "require_complete was called before"
-    return value
-
-
 def mock_device(study: Study, clock: Clock) -> MockDevice:
     """Return a mock device under the study's limits.
 
@@ -211,13 +145,7 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
     clock : Clock
         The host's clock.
     """
-    limits = host_limits(study.device)
-    return MockDevice(
-        clock,
-        limits=limits,
-        device_limits=replace(DEVICE_LIMITS, least_interval_s=limits.least_interval_s),
-        output=OutputStage(sample_rate_hz=study.device.sample_rate_hz),
-    )
+    return make_mock(host_limits(study.device), clock, study.device.sample_rate_hz)
 
 
 QUESTION: Final = (

@@ -55,7 +55,8 @@ def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
     LinkError
         If nothing answers on the port.
     """
-    from experiment.apparatus.rig import MOCK, QUESTION, confirmed_now
+    from device.drivers import MOCK
+    from experiment.apparatus.rig import QUESTION, confirmed_now
 
     driver = rig.settings.driver
     if driver == MOCK:

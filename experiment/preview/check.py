@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from device.clock import VirtualClock
-from experiment.apparatus.rig import MOCK, mock_device
+from device.drivers import MOCK
+from experiment.apparatus.rig import mock_device
 from experiment.apparatus.slots import require_playable, require_suitable
 from experiment.study.sections.design import ASSUMED_ANSWER_S
 from experiment.study.study import StudyError

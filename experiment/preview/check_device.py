@@ -210,11 +210,9 @@ def _tokens() -> Iterator[int]:
 
 def device_findings(check: DeviceCheck) -> Findings:
     """Tell what the check of a device found."""
-    from device.commands.devices import describe
-
     levels = " ".join(f"{level_vpp:g}" for level_vpp in check.levels_vpp)
     found = Findings()
-    found.tell("answers", describe(check.identity), identity=asdict(check.identity))
+    found.tell("answers", str(check.identity), identity=asdict(check.identity))
     found.note(cannot=list(check.cannot))
     for promise in check.cannot:
         found.tell("", f"cannot {promise}")

@@ -1,0 +1,92 @@
+"""The options of an emulator: what they are, which belong together, and what is wrong with them."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+_Command = TypeVar("_Command", bound="Callable[..., object]")
+
+_OPTIONS = (
+    click.option("--pty", "on_pty", is_flag=True, help="On a pseudo-terminal, the default."),
+    click.option(
+        "--tcp",
+        "tcp_port",
+        type=click.IntRange(0, 65535),
+        metavar="PORT",
+        help="On a TCP port of this machine; 0 takes any free one.",
+    ),
+    click.option(
+        "--generator",
+        type=click.Choice(["keysight"]),
+        help="A generator of this make instead of a device of ours.",
+    ),
+    click.option(
+        "--truth",
+        "truth_file",
+        type=click.Path(path_type=Path, dir_okay=False),
+        metavar="FILE",
+        help="Add what really comes out to this file, as JSON lines.",
+    ),
+    click.option("--fault", "script", metavar="SCRIPT", help="Such as drop=0.01,corrupt=0.01."),
+    click.option("--seed", type=click.IntRange(min=0), help="Of the faults; 0 by default."),
+    click.option(
+        "--baud",
+        type=click.IntRange(300, 10_000_000),
+        help="Model a wire of this rate; below 28800 it is too slow for the protocol.",
+    ),
+    click.option(
+        "--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default."
+    ),
+    click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default."),
+    click.option(
+        "--serial-number",
+        metavar="S",
+        help="To be told from another emulator; by default each is the same device.",
+    ),
+    click.option(
+        "--amplifier-gain",
+        type=float,
+        metavar="G",
+        help="Behind a generator, for the volts in the truth file; 1 by default.",
+    ),
+)
+
+
+def emulator_options(command: _Command) -> _Command:
+    """Give a command the options of an emulator."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+def require_together(ctx: click.Context) -> None:
+    """Refuse options of a device for a generator, and of a generator for a device."""
+    given = {option for option, value in ctx.params.items() if value is not None}
+    of_a_device = ("baud", "ceiling_vpp", "sample_rate_hz", "serial_number")
+    foreign = of_a_device if "generator" in given else ("amplifier_gain",)
+    for name in foreign:
+        if name in given:
+            verb = "exclude" if "generator" in given else "need"
+            option = "--" + name.replace("_", "-")
+            raise click.UsageError(f"{option} and --generator {verb} each other.", ctx)
+
+
+@contextlib.contextmanager
+def usage(ctx: click.Context) -> Iterator[None]:
+    """Say in one line what is wrong with a value, a file or a port."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        raise click.UsageError(f"{where}{error.strerror or error}.", ctx) from error
+    except ValueError as error:
+        raise click.UsageError(f"{error}.", ctx) from error

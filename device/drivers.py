@@ -1,0 +1,160 @@
+"""The drivers by name: what each needs, how it is made, and whether an emulator answers it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, TypeVar
+
+from device.clock import MonotonicClock
+from device.core.output import OutputStage
+from device.driver import LinkError
+from device.emulate.mock import DEVICE_LIMITS, MockDevice
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from device.clock import Clock
+    from device.driver import BurstDevice
+    from device.limits import Limits
+
+MOCK: Final = "mock"
+NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
+    MOCK: (),
+    "serial": ("port",),
+    "generator": ("port", "amplifier_gain"),
+    "audio": ("port", "volts_full_scale"),
+}
+"""Every driver by name, with the settings that it cannot do without."""
+
+_Value = TypeVar("_Value")
+
+
+def make_device(
+    name: str,
+    *,
+    limits: Limits,
+    clock: Clock,
+    port: str | None = None,
+    sample_rate_hz: float = 48_000.0,
+    amplifier_gain: float | None = None,
+    volts_full_scale: float | None = None,
+) -> BurstDevice:
+    """Return a device by the name of its driver; nothing is sent before `open` is called.
+
+    Parameters
+    ----------
+    name : str
+        mock, serial, generator or audio.
+    limits : Limits
+        Of the study: what the host refuses to send.
+    clock : Clock
+        The host's; the machine's for anything but the mock.
+    port : str or None
+        Of the serial line, a URL such as ``socket://host:5025``, or the name of the sound card.
+    sample_rate_hz : float
+        At which waveforms are played, where the host sets it; a serial device has its own.
+    amplifier_gain : float or None
+        Volts at the actuator per volt of the generator.
+    volts_full_scale : float or None
+        Volts at the actuator, to both sides, for the sound card's largest sample: a measured
+        calibration.
+
+    Returns
+    -------
+    BurstDevice
+        Not yet open.
+
+    Raises
+    ------
+    ValueError
+        There is no such driver, or one of its settings is missing or out of range.
+
+    Examples
+    --------
+    >>> from device.clock import VirtualClock
+    >>> from device.limits import Limits
+    >>> device = make_device("mock", limits=Limits(ceiling_vpp=200.0), clock=VirtualClock())
+    >>> device.open().emulated
+    True
+    >>> make_device("serial", limits=Limits(ceiling_vpp=200.0), clock=MonotonicClock())
+    Traceback (most recent call last):
+    ValueError: port must be given for the driver serial, got None
+    """
+    if name not in NEEDS:
+        raise ValueError(f"name must be one of {', '.join(NEEDS)}, got {name!r}")
+    if name == MOCK:
+        return make_mock(limits, clock, sample_rate_hz)
+    port = _given(port, "port", name)
+    if name == "serial":
+        from device.wire.serial import serial_device
+
+        return serial_device(port, limits=limits, clock=clock)
+    if name == "generator":
+        from device.scpi.generator import generator_device
+
+        return generator_device(
+            port,
+            limits=limits,
+            clock=clock,
+            amplifier_gain=_given(amplifier_gain, "amplifier_gain", name),
+            sample_rate_hz=sample_rate_hz,
+        )
+    from device.sound.audio import audio_device
+
+    return audio_device(
+        port,
+        limits=limits,
+        clock=clock,
+        volts_full_scale=_given(volts_full_scale, "volts_full_scale", name),
+        sample_rate_hz=sample_rate_hz,
+    )
+
+
+def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice:
+    """Return a mock whose own rest between bursts is the study's."""
+    return MockDevice(
+        clock,
+        limits=limits,
+        device_limits=replace(DEVICE_LIMITS, least_interval_s=limits.least_interval_s),
+        output=OutputStage(sample_rate_hz=sample_rate_hz),
+    )
+
+
+def is_emulated(name: str, port: str | None) -> bool:
+    """Ask what answers on a port whether it is an emulator; nothing is set or switched on.
+
+    A `LinkError` says that nothing answers which this driver can drive. A sound card is never
+    emulated: what hangs behind it cannot be asked.
+    """
+    if name in {MOCK, "audio"}:
+        return name == MOCK
+    port = _given(port, "port", name)
+    return _is_emulated_generator(port) if name == "generator" else _is_emulated_device(port)
+
+
+def _is_emulated_device(port: str) -> bool:
+    from device.wire.channels import open_channel
+    from device.wire.link import FrameLink
+
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(port, clock), clock)
+    try:
+        return link.hello().emulated
+    finally:
+        link.hang_up()
+
+
+def _is_emulated_generator(port: str) -> bool:
+    from device.scpi.dialects import EMULATED
+    from device.scpi.generator import identify_generator
+
+    words = identify_generator(port)
+    if words is None:
+        raise LinkError(f"no generator that is known here answers on {port}")
+    return EMULATED in words.split(",")
+
+
+def _given(value: _Value | None, key: str, name: str) -> _Value:
+    if value is None:
+        raise ValueError(f"{key} must be given for the driver {name}, got None")
+    return value

@@ -1,0 +1,59 @@
+"""The drivers by name: made from settings, refused by the one that is missing."""
+
+from typing import Any
+
+import pytest
+
+import device
+from device.clock import MonotonicClock, VirtualClock
+from device.core.host import HostDriver
+from device.driver import LinkError
+from device.drivers import NEEDS, is_emulated, make_device
+from device.emulate.mock import MockDevice
+from device.limits import Limits
+from device.scpi.generator import GeneratorDevice
+from device.sound.audio import AudioDevice
+
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.02)
+SETTINGS = {"port": "/no/such/port", "amplifier_gain": 20.0, "volts_full_scale": 110.0}
+KINDS = {
+    "mock": MockDevice,
+    "serial": HostDriver,
+    "generator": GeneratorDevice,
+    "audio": AudioDevice,
+}
+
+
+def needed(name: str) -> dict[str, Any]:
+    return {key: SETTINGS[key] for key in NEEDS[name]}
+
+
+@pytest.mark.parametrize("name", NEEDS)
+def test_each_driver_is_made_from_what_it_needs(name: str) -> None:
+    made = make_device(name, limits=LIMITS, clock=MonotonicClock(), **needed(name))
+    assert type(made) is KINDS[name]
+
+
+@pytest.mark.parametrize(("name", "key"), [(name, key) for name in NEEDS for key in NEEDS[name]])
+def test_a_setting_that_is_missing_is_named(name: str, key: str) -> None:
+    settings = needed(name) | {key: None}
+    with pytest.raises(ValueError, match=f"{key} must be given for the driver {name}, got None"):
+        make_device(name, limits=LIMITS, clock=MonotonicClock(), **settings)
+
+
+def test_a_driver_that_does_not_exist_is_refused_with_the_list() -> None:
+    with pytest.raises(ValueError, match="mock, serial, generator, audio, got 'gpib'"):
+        make_device("gpib", limits=LIMITS, clock=VirtualClock())
+
+
+def test_the_mock_plays_at_the_rate_it_is_given() -> None:
+    mock = device.make_device("mock", limits=LIMITS, clock=VirtualClock(), sample_rate_hz=96_000.0)
+    assert mock.open().sample_rate_hz == 96_000.0
+
+
+def test_what_is_emulated_is_told_by_name_or_asked() -> None:
+    assert is_emulated("mock", None)
+    assert not is_emulated("audio", "card")
+    for name in ("serial", "generator"):
+        with pytest.raises(LinkError):
+            is_emulated(name, "/no/such/port")
