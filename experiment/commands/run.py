@@ -271,7 +271,10 @@ def _responder(
     else:
         from experiment.participant.terminal import TerminalResponder
 
-        with TerminalResponder(clock, responses=plan.responses, texts=study.texts) as person_here:
+        lifted = bool(study.design.audibility_trials or study.design.control_trials)
+        with TerminalResponder(
+            clock, responses=plan.responses, texts=study.texts, lifted=lifted
+        ) as person_here:
             yield person_here
 
 

@@ -7,14 +7,14 @@ import os
 import re
 import select
 import sys
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from experiment.operator.requests import StopRequested
-from experiment.study.sections.presentation import Texts
 from experiment.terms.responder import ESCAPE, Part, Press
 
 if TYPE_CHECKING:
     from device.clock import Clock
+    from experiment.study.sections.presentation import Texts
     from experiment.terms.responder import Progress, Question
 
 
@@ -42,12 +42,11 @@ KEY_NAMES = {
 _KEY = re.compile(rb"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|.", re.DOTALL)
 """A key: a control sequence as a whole, or one byte."""
 _GO_ON = (b"\r", b"\n", b" ")
-_TEXTS: Final = Texts()
 _HANDS_OFF = (Part.AUDIBILITY, Part.CONTROL)
 
 
 class NoTerminalError(ValueError):
-    """Nobody can press a key here."""
+    """Nobody can press a key here, or read what has to be read."""
 
 
 class TerminalResponder:
@@ -61,21 +60,28 @@ class TerminalResponder:
         The answers offered.
     texts : Texts
         What is read before a part without the fingers on the plate, and after it.
+    lifted : bool
+        Whether there is such a part: else nothing of the texts is shown.
 
     Raises
     ------
     NoTerminalError
-        If standard input is no terminal, or the system has no POSIX terminals.
+        If standard input is no terminal, the system has no POSIX terminals, or a text cannot be
+        encoded for it.
     """
 
     simulated = False
 
-    def __init__(self, clock: Clock, *, responses: tuple[str, ...], texts: Texts = _TEXTS) -> None:
+    def __init__(
+        self, clock: Clock, *, responses: tuple[str, ...], texts: Texts, lifted: bool
+    ) -> None:
         if os.name != "posix" or not sys.stdin.isatty():
             raise NoTerminalError(
                 "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
                 "use --responder simulated to try a study out without one"
             )
+        if lifted:
+            _require_encodable(texts, sys.stdout.encoding)
         self._clock = clock
         self._responses = responses
         self._texts = texts
@@ -232,6 +238,19 @@ class TerminalResponder:
             self._lose_terminal()
             raise StopRequested
         return typed
+
+
+def _require_encodable(texts: Texts, encoding: str) -> None:
+    """Refuse texts that would end the session in its midst, when they are written."""
+    for part in Part:
+        try:
+            getattr(texts, part.value).encode(encoding)
+        except UnicodeEncodeError as error:
+            raise NoTerminalError(
+                f"texts.{part.value} cannot be shown on this terminal, whose encoding is "
+                f"{encoding}; got {error.object[error.start : error.end]!a} in {error.object!a}: "
+                "use a terminal of UTF-8, or --responder screen"
+            ) from error
 
 
 def _key_lines(responses: tuple[str, ...]) -> list[str]:

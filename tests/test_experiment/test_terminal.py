@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import select
 import signal
 import subprocess
@@ -35,12 +36,13 @@ def study_path(tmp_path: Path, quick_study_text: str) -> Path:
 class Terminal:
     """`tactstrip run` in a process of its own, with a pseudo-terminal for a keyboard."""
 
-    def __init__(self, study_path: Path, *more: str) -> None:
+    def __init__(self, study_path: Path, *more: str, env: dict[str, str] | None = None) -> None:
         self._keyboard, inner = pty.openpty()
         self.process = subprocess.Popen(
             [sys.executable, "-c", "from tactstrip import main; main()", "run", str(study_path),
              "--participant", "01", "--out", str(study_path.parent / "results"), *more],
             stdin=inner, stdout=inner, stderr=inner, start_new_session=True,
+            env=os.environ | (env or {}),
         )  # fmt: skip
         os.close(inner)
         self._seen = b""
@@ -217,3 +219,45 @@ def test_without_a_terminal_it_says_what_to_use_instead(study_path: Path) -> Non
     assert "--responder simulated" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert not (study_path.parent / "results").exists()
+
+
+OFF_PLATE = 'audibility_trials = 2\n[texts]\ncontrol = "Hände weg"\n'
+NO_UTF_8 = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.mark.parametrize("env", [{"PYTHONIOENCODING": "ascii"}, NO_UTF_8])
+def test_texts_that_the_terminal_cannot_show_are_refused_before_anything_begins(
+    study_path: Path, env: dict[str, str]
+) -> None:
+    study_path.write_text(study_path.read_text("utf-8") + OFF_PLATE, encoding="utf-8")
+    with Terminal(study_path, "--seed", "1", env=env) as terminal:
+        assert terminal.ended() == 2
+    assert re.fullmatch(
+        rb"seed 1\r\nerror: texts\.control cannot be shown on this terminal, whose encoding is "
+        rb"[\w.-]+; got '\\xe4' in 'H\\xe4nde weg': use a terminal of UTF-8, or [^\n]*\r\n",
+        terminal.shown,
+    ), terminal.shown
+    assert not (study_path.parent / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("env", "encoding"), [({"PYTHONIOENCODING": "latin-1"}, "latin-1"), ({"LC_ALL": "C"}, "utf-8")]
+)
+def test_texts_are_shown_in_the_encoding_of_the_terminal(
+    study_path: Path, env: dict[str, str], encoding: str
+) -> None:
+    text = OFF_PLATE.replace("control =", "audibility =")
+    study_path.write_text(study_path.read_text("utf-8") + text, encoding="utf-8")
+    with Terminal(study_path, "--seed", "1", env=env) as terminal:
+        terminal.expect("Hände weg".encode(encoding))
+        terminal.press(ESCAPE)
+        assert terminal.ended() == 4, terminal.shown
+
+
+def test_texts_that_the_terminal_never_shows_are_no_reason_to_refuse(study_path: Path) -> None:
+    text = OFF_PLATE.replace("audibility_trials = 2", "audibility_trials = 0")
+    study_path.write_text(study_path.read_text("utf-8") + text, encoding="utf-8")
+    with Terminal(study_path, "--seed", "1", env=NO_UTF_8) as terminal:
+        terminal.answer(LEFT, ESCAPE)
+        terminal.press(ESCAPE)
+        assert terminal.ended() == 4, terminal.shown
