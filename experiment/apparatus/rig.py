@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-DRIVERS: Final = tuple(NEEDS)
-"""Every driver by its name in the study file and on the command line."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rig:
     """A device, not yet opened, with the clock that it runs on.

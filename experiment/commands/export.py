@@ -1,4 +1,4 @@
-"""The commands `export` and `withdraw`."""
+"""The command `export`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands `export` and `withdraw`."""
+"""The command `withdraw`."""
 
 from __future__ import annotations
 

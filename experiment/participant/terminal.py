@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import select
 import sys
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
+from experiment.operator.keys import KEY
 from experiment.operator.requests import StopRequested
 from experiment.terms.responder import ESCAPE, Part, Press
 
@@ -18,31 +18,30 @@ if TYPE_CHECKING:
     from experiment.terms.responder import Progress, Question
 
 
-_ESCAPE_KEY = b"\x1b"
-_ANSWER_OF = {
-    b"\x1b[D": "left",
-    b"\x1bOD": "left",
-    b"l": "left",
-    b"\x1b[C": "right",
-    b"\x1bOC": "right",
-    b"r": "right",
-    b"\x1b[B": "both",
-    b"\x1bOB": "both",
-    b"b": "both",
-    b" ": "none",
-    b"n": "none",
+_ESCAPE_KEY: Final = "\x1b"
+_ANSWER_OF: Final = {
+    "\x1b[D": "left",
+    "\x1bOD": "left",
+    "l": "left",
+    "\x1b[C": "right",
+    "\x1bOC": "right",
+    "r": "right",
+    "\x1b[B": "both",
+    "\x1bOB": "both",
+    "b": "both",
+    " ": "none",
+    "n": "none",
     _ESCAPE_KEY: ESCAPE,
 }
-KEY_NAMES = {
+TERMINAL_KEYS: Final = {
     "left": "left arrow or l",
     "right": "right arrow or r",
     "both": "down arrow or b",
     "none": "space or n",
 }
-_KEY = re.compile(rb"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|.", re.DOTALL)
-"""A key: a control sequence as a whole, or one byte."""
-_GO_ON = (b"\r", b"\n", b" ")
-_HANDS_OFF = (Part.AUDIBILITY, Part.CONTROL)
+"""What a person may press for each answer, for the explanation and for the session's header."""
+_GO_ON: Final = ("\r", "\n", " ")
+_HANDS_OFF: Final = (Part.AUDIBILITY, Part.CONTROL)
 
 
 class NoTerminalError(ValueError):
@@ -88,7 +87,7 @@ class TerminalResponder:
         self._hands_off = False
         self._input = sys.stdin.fileno()
         self._settings: list[Any] = []
-        self._typed = b""
+        self._typed = ""
         self._gone = False
 
     def __enter__(self) -> Self:
@@ -189,7 +188,7 @@ class TerminalResponder:
 
         with contextlib.suppress(termios.error):
             termios.tcflush(self._input, termios.TCIFLUSH)
-        self._typed = b""
+        self._typed = ""
 
     def _say(self, *lines: str) -> None:
         """Write lines; the last stays open. A terminal that is gone ends the next wait."""
@@ -208,8 +207,8 @@ class TerminalResponder:
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)
 
-    def _read(self, until_s: float | None) -> bytes | None:
-        """Return the bytes of the next key, or ``None`` when the time is over.
+    def _read(self, until_s: float | None) -> str | None:
+        """Return the next key, or ``None`` when the time is over.
 
         Raises
         ------
@@ -224,12 +223,12 @@ class TerminalResponder:
             if not ready:
                 return None
             self._typed = self._typed_now()
-        match = _KEY.match(self._typed)
+        match = KEY.match(self._typed)
         assert match is not None
         self._typed = self._typed[match.end() :]
         return match[0]
 
-    def _typed_now(self) -> bytes:
+    def _typed_now(self) -> str:
         try:
             typed = os.read(self._input, 64)
         except OSError:
@@ -237,7 +236,7 @@ class TerminalResponder:
         if not typed:
             self._lose_terminal()
             raise StopRequested
-        return typed
+        return typed.decode(errors="replace")
 
 
 def _require_encodable(texts: Texts, encoding: str) -> None:
@@ -254,4 +253,4 @@ def _require_encodable(texts: Texts, encoding: str) -> None:
 
 
 def _key_lines(responses: tuple[str, ...]) -> list[str]:
-    return [f"  {response:<6} {KEY_NAMES[response]}" for response in responses]
+    return [f"  {response:<6} {TERMINAL_KEYS[response]}" for response in responses]

@@ -122,9 +122,9 @@ def _mapping(responder: ResponderName, study: Study, plan: Plan) -> dict[str, li
     if responder == "simulated":
         return {}
     if responder == "terminal":
-        from experiment.participant.terminal import KEY_NAMES
+        from experiment.participant.terminal import TERMINAL_KEYS
 
-        keys = {meaning: words.split(" or ") for meaning, words in KEY_NAMES.items()}
+        keys = {meaning: words.split(" or ") for meaning, words in TERMINAL_KEYS.items()}
     else:
         keys = {meaning: list(names) for meaning, names in asdict(study.keys).items()}
     accepted = {*plan.responses}
