@@ -157,10 +157,6 @@ class Faults:
             pieces.append((delay_s, self._damaged(data)))
         return pieces
 
-    def cut_after(self, count: int) -> None:
-        """Lose the line once it has carried so many more bytes, both ways together."""
-        self._room = count
-
     def cut_off(self) -> bool:
         """Tell, once, that the line has carried as many bytes as it was to carry."""
         if self._room > 0:

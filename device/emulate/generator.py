@@ -16,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Final
 
 import numpy as np
 
-from device.clock import Clock, MonotonicClock
+from device.clock import MonotonicClock
 from device.core.output import Emission
 from device.emulate.emulator import TICK_S
 from device.emulate.faults import BadLine, Faults
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.emulate.lines import Line
+
 
 IDENTITY: Final = f"Keysight Technologies,33512B,{EMULATED},tactstrip"
 """Its answer to ``*IDN?``."""
@@ -73,7 +74,7 @@ def _shown(value: object) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Setting:
+class _Command:
     """A header, the attribute of `ChannelState` behind it, and how its argument is read."""
 
     header: str
@@ -82,7 +83,7 @@ class _Setting:
 
 
 _SETTINGS: Final = tuple(
-    _Setting(header=header, attribute=attribute, read=read)
+    _Command(header=header, attribute=attribute, read=read)
     for header, attribute, read in (
         ("OUTPut#:LOAD", "load", _number),
         ("OUTPut#[:STATe]", "on", _switch),
@@ -233,7 +234,7 @@ class EmulatedGenerator:
         else:
             special(value)
 
-    def _find(self, header: str) -> tuple[ChannelState, _Setting]:
+    def _find(self, header: str) -> tuple[ChannelState, _Command]:
         for pattern, setting in _PATTERNS:
             if match := pattern.fullmatch(header):
                 return self._output(match.group(1)), setting
@@ -271,41 +272,6 @@ class EmulatedGenerator:
     def _cut(self, now_us: int) -> None:
         if self._playing is not None:
             self._finish(self._playing.cut(now_us))
-
-
-class LocalChannel:
-    """A `frame_link.Channel` to an emulated generator in this process, on the host's clock.
-
-    Parameters
-    ----------
-    generator : EmulatedGenerator
-        At the other end.
-    clock : Clock
-        Of both ends.
-    """
-
-    def __init__(self, generator: EmulatedGenerator, clock: Clock) -> None:
-        self._generator = generator
-        self._clock = clock
-        self._answers = b""
-
-    def write(self, data: bytes) -> None:
-        """Give bytes to the generator."""
-        self._answers += self._generator.receive(self._now_us(), data)
-
-    def read(self, timeout_s: float) -> bytes:
-        """Return what was answered, or wait for one tick at most."""
-        if not self._answers:
-            self._clock.wait(min(timeout_s, TICK_S))
-        answers, self._answers = self._answers + self._generator.due(self._now_us()), b""
-        return answers
-
-    def close(self) -> None:
-        """Forget what was answered."""
-        self._answers = b""
-
-    def _now_us(self) -> int:
-        return round(self._clock.now_s() * 1e6)
 
 
 class GeneratorEmulator:

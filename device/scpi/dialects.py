@@ -23,7 +23,7 @@ INFINITE_OHM: Final = "9.9E+37"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class ReadBack:
     """A question, and what its answer has to be.
 
     Parameters
@@ -122,9 +122,9 @@ class Dialect:
     channel_load: tuple[str, ...]
     store: str
     channel_setup: tuple[str, ...]
-    channel_readings: tuple[Reading, ...]
+    channel_readings: tuple[ReadBack, ...]
     select: tuple[str, ...]
-    select_readings: tuple[Reading, ...]
+    select_readings: tuple[ReadBack, ...]
     amplitude: str
     output_on: str
     output_off: str
@@ -184,18 +184,18 @@ KEYSIGHT: Final = Dialect(
         "SOUR{channel}:BURS:STAT ON",
     ),
     channel_readings=(
-        Reading(question="OUTP{channel}:LOAD?", answer=INFINITE_OHM),
-        Reading(question="SOUR{channel}:VOLT:LIM:HIGH?", answer="{high}"),
-        Reading(question="SOUR{channel}:VOLT:LIM:LOW?", answer="{low}"),
-        Reading(question="SOUR{channel}:VOLT:LIM:STAT?", answer="1"),
-        Reading(question="SOUR{channel}:VOLT:OFFS?", answer="0"),
-        Reading(question="SOUR{channel}:FUNC?", answer="ARB"),
-        Reading(question="SOUR{channel}:FUNC:ARB:FILT?", answer="OFF"),
-        Reading(question="SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
-        Reading(question="SOUR{channel}:BURS:MODE?", answer="TRIG"),
-        Reading(question="SOUR{channel}:BURS:NCYC?", answer="1"),
-        Reading(question="SOUR{channel}:BURS:STAT?", answer="1"),
-        Reading(question="TRIG{channel}:SOUR?", answer="BUS"),
+        ReadBack(question="OUTP{channel}:LOAD?", answer=INFINITE_OHM),
+        ReadBack(question="SOUR{channel}:VOLT:LIM:HIGH?", answer="{high}"),
+        ReadBack(question="SOUR{channel}:VOLT:LIM:LOW?", answer="{low}"),
+        ReadBack(question="SOUR{channel}:VOLT:LIM:STAT?", answer="1"),
+        ReadBack(question="SOUR{channel}:VOLT:OFFS?", answer="0"),
+        ReadBack(question="SOUR{channel}:FUNC?", answer="ARB"),
+        ReadBack(question="SOUR{channel}:FUNC:ARB:FILT?", answer="OFF"),
+        ReadBack(question="SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
+        ReadBack(question="SOUR{channel}:BURS:MODE?", answer="TRIG"),
+        ReadBack(question="SOUR{channel}:BURS:NCYC?", answer="1"),
+        ReadBack(question="SOUR{channel}:BURS:STAT?", answer="1"),
+        ReadBack(question="TRIG{channel}:SOUR?", answer="BUS"),
     ),
     select=(
         "SOUR{channel}:FUNC:ARB {name}",
@@ -203,9 +203,9 @@ KEYSIGHT: Final = Dialect(
         "SOUR{channel}:VOLT {volts}",
     ),
     select_readings=(
-        Reading(question="OUTP{channel}:LOAD?", answer=INFINITE_OHM),
-        Reading(question="SOUR{channel}:FUNC:ARB?", answer="{name}"),
-        Reading(question="SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
+        ReadBack(question="OUTP{channel}:LOAD?", answer=INFINITE_OHM),
+        ReadBack(question="SOUR{channel}:FUNC:ARB?", answer="{name}"),
+        ReadBack(question="SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
     ),
     amplitude="SOUR{channel}:VOLT?",
     output_on="OUTP{channel} ON",
@@ -247,14 +247,14 @@ RIGOL: Final = Dialect(
         ":SOUR{channel}:BURS:STAT ON",
     ),
     channel_readings=(
-        Reading(question=":OUTP{channel}:LOAD?", answer=INFINITE_OHM),
-        Reading(question=":SOUR{channel}:FUNC:ARB:MODE?", answer="SRATE"),
-        Reading(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
-        Reading(question=":SOUR{channel}:VOLT:OFFS?", answer="0"),
-        Reading(question=":SOUR{channel}:BURS:MODE?", answer="TRIG"),
-        Reading(question=":SOUR{channel}:BURS:NCYC?", answer="1"),
-        Reading(question=":SOUR{channel}:BURS:TRIG:SOUR?", answer="MAN"),
-        Reading(question=":SOUR{channel}:BURS:STAT?", answer="ON"),
+        ReadBack(question=":OUTP{channel}:LOAD?", answer=INFINITE_OHM),
+        ReadBack(question=":SOUR{channel}:FUNC:ARB:MODE?", answer="SRATE"),
+        ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
+        ReadBack(question=":SOUR{channel}:VOLT:OFFS?", answer="0"),
+        ReadBack(question=":SOUR{channel}:BURS:MODE?", answer="TRIG"),
+        ReadBack(question=":SOUR{channel}:BURS:NCYC?", answer="1"),
+        ReadBack(question=":SOUR{channel}:BURS:TRIG:SOUR?", answer="MAN"),
+        ReadBack(question=":SOUR{channel}:BURS:STAT?", answer="ON"),
     ),
     select=(
         ":SOUR{channel}:FUNC:ARB:MODE SRATE",
@@ -262,8 +262,8 @@ RIGOL: Final = Dialect(
         ":SOUR{channel}:VOLT {volts}",
     ),
     select_readings=(
-        Reading(question=":OUTP{channel}:LOAD?", answer=INFINITE_OHM),
-        Reading(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
+        ReadBack(question=":OUTP{channel}:LOAD?", answer=INFINITE_OHM),
+        ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
     ),
     amplitude=":SOUR{channel}:VOLT?",
     output_on=":OUTP{channel} ON",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import TYPE_CHECKING, Final
 
 from device.clock import Clock, MonotonicClock
@@ -123,13 +124,8 @@ def identify_generator(port: str) -> str | None:
     """
     clock = MonotonicClock()
     try:
-        channel = open_channel(port, clock)
+        with closing(open_channel(port, clock)) as channel:
+            words = ScpiLine(channel, clock, patience_s=_GLANCE_S).identify()
     except LinkError:
         return None
-    try:
-        words = ScpiLine(channel, clock, patience_s=_GLANCE_S).identify()
-    except LinkError:
-        return None
-    finally:
-        channel.close()
     return words if dialect_of(words) is not None else None

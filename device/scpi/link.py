@@ -22,7 +22,7 @@ from device.core.messages import Arm, Disarm, Enable, Levels, Load, Message
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import DeviceError, Identity, LinkError, Refusal, SettingError, rejection
-from device.scpi.dialects import EMULATED, Dialect, Reading, dialect_of
+from device.scpi.dialects import EMULATED, Dialect, ReadBack, dialect_of
 from device.scpi.line import BITS, ScpiLine, Wave, decimals, encode, matches
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.limits import Limits
     from device.wire.channels import Channel
+
 
 CANNOT: Final = (
     "bring its outputs to zero when this program or the line to it dies",
@@ -273,12 +274,12 @@ class GeneratorLink(HostedCore):
         command = dialect.store.format(channel=channel, name=self._names[key])
         line.say_block(command, wave.data)
 
-    def _read_back(self, readings: tuple[Reading, ...]) -> None:
+    def _read_back(self, readings: tuple[ReadBack, ...]) -> None:
         for channel in _CHANNELS:
             self._compare(readings, channel, "", 0.0)
 
     def _compare(
-        self, readings: tuple[Reading, ...], channel: int, name: str, volts: float
+        self, readings: tuple[ReadBack, ...], channel: int, name: str, volts: float
     ) -> None:
         line, _ = self._require_talk()
         for reading in readings:

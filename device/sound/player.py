@@ -21,7 +21,7 @@ class Timing(Protocol):
     outputBufferDacTime: float  # noqa: N815 - PortAudio's name
 
 
-class Status(Protocol):
+class StreamStatus(Protocol):
     """What PortAudio tells a callback of trouble."""
 
     output_underflow: bool
@@ -84,7 +84,7 @@ class Counter:
         self.frames = 0
         self.underruns = 0
 
-    def count(self, count: int, status: Status) -> None:
+    def count(self, count: int, status: StreamStatus) -> None:
         """Note one buffer of `count` frames."""
         self.frames += count
         if status.output_underflow:
@@ -138,7 +138,7 @@ class Player(Counter):
         """Play no burst any more."""
         self._burst = None
 
-    def __call__(self, out: Frames, count: int, timing: Timing, status: Status) -> None:
+    def __call__(self, out: Frames, count: int, timing: Timing, status: StreamStatus) -> None:
         """Fill one buffer, shape (count, 2)."""
         out.fill(0)
         burst = self._burst
@@ -247,7 +247,7 @@ class LoopPlayer(Counter):
         """Begin to fall silent with the next buffer."""
         self._step = -1 / self._fade_out
 
-    def __call__(self, out: Frames, count: int, timing: Timing, status: Status) -> None:
+    def __call__(self, out: Frames, count: int, timing: Timing, status: StreamStatus) -> None:
         """Fill one buffer, shape (count, 2)."""
         self.count(count, status)
         out[:] = self._next(count)[:, np.newaxis]

@@ -15,14 +15,14 @@ from device.sound.player import Frames
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from device.sound.player import Status, Timing
+    from device.sound.player import StreamStatus, Timing
 
 
 CHANNELS: Final = 2
 
 _STDERR: Final = 2
 
-Callback: TypeAlias = Callable[[Frames, int, "Timing", "Status"], None]
+Callback: TypeAlias = Callable[[Frames, int, "Timing", "StreamStatus"], None]
 _Result = TypeVar("_Result")
 
 

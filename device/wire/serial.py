@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from typing import TYPE_CHECKING, Final
 
 from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
-from device.driver import DeviceError, Identity, LinkError
+from device.driver import DeviceError, Identity
 from device.wire.channels import Channel, open_channel
 from device.wire.frames import MAKER, QUESTION
 from device.wire.link import FrameLink
@@ -55,17 +56,16 @@ def identify(port: str) -> Identity | None:
     """
     clock = MonotonicClock()
     try:
-        channel = open_channel(port, clock)
-    except LinkError:
-        return None
-    link = FrameLink(lambda: channel, clock)
-    try:
-        return link.hello() if _says_its_name(channel, clock) else None
+        with closing(open_channel(port, clock)) as channel:
+            if not _says_its_name(channel, clock):
+                return None
+            link = FrameLink(lambda: channel, clock)
+            try:
+                return link.hello()
+            finally:
+                link.hang_up()
     except DeviceError:
         return None
-    finally:
-        link.hang_up()
-        channel.close()
 
 
 def _says_its_name(channel: Channel, clock: Clock) -> bool:

@@ -9,14 +9,15 @@ from __future__ import annotations
 from typing import IO, TYPE_CHECKING, Final
 
 from device.driver import LinkError
-from device.emulate.emulator import Emulator, Nature
+from device.emulate.emulator import TICK_S, Emulator, Nature
 from device.emulate.truth import Truth
 from device.wire.channels import BEAT_EVERY_S
 from device.wire.link import FrameLink
 
 if TYPE_CHECKING:
-    from device.clock import VirtualClock
+    from device.clock import Clock, VirtualClock
     from device.emulate.faults import Faults
+    from device.emulate.generator import EmulatedGenerator
 
 _LEAST_STEP_S: Final = 1e-7
 
@@ -174,3 +175,30 @@ class _Channel:
     def _require_line(self) -> None:
         if not self._buffers.connected:
             raise LinkError("the line is gone")
+
+
+class LocalChannel:
+    """A `Channel` to an emulated generator in this process, on the host's clock."""
+
+    def __init__(self, generator: EmulatedGenerator, clock: Clock) -> None:
+        self._generator = generator
+        self._clock = clock
+        self._answers = b""
+
+    def write(self, data: bytes) -> None:
+        """Give bytes to the generator."""
+        self._answers += self._generator.receive(self._now_us(), data)
+
+    def read(self, timeout_s: float) -> bytes:
+        """Return what was answered, or wait for one tick at most."""
+        if not self._answers:
+            self._clock.wait(min(timeout_s, TICK_S))
+        answers, self._answers = self._answers + self._generator.due(self._now_us()), b""
+        return answers
+
+    def close(self) -> None:
+        """Forget what was answered."""
+        self._answers = b""
+
+    def _now_us(self) -> int:
+        return round(self._clock.now_s() * 1e6)

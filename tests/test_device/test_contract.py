@@ -52,7 +52,7 @@ from device.driver import (
     Refusal,
     RefusedError,
 )
-from device.emulate.generator import EmulatedGenerator, LocalChannel
+from device.emulate.generator import EmulatedGenerator
 from device.emulate.mock import MockDevice
 from device.limits import Limits
 from device.scpi.generator import GeneratorDevice
@@ -60,6 +60,7 @@ from device.sound.audio import AudioDevice
 from device.sound.stream import Callback
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
+from tests.test_device.in_process import LocalChannel
 
 Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
 

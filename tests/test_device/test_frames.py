@@ -11,18 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from device.core.core import WATCHDOG_US, DeviceCore
-from device.core.messages import (
-    Arm,
-    Beat,
-    Disarm,
-    Enable,
-    Fire,
-    Levels,
-    Message,
-    Ping,
-    Query,
-    Stop,
-)
+from device.core.messages import Arm, Beat, Disarm, Enable, Fire, Levels, Message, Ping, Query, Stop
 from device.core.output import OutputStage
 from device.core.states import State
 from device.core.tokens import Fate, Record

@@ -25,7 +25,7 @@ from device.driver import (
     RefusedError,
     SettingError,
 )
-from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator, LocalChannel
+from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator
 from device.emulate.instrument import Reader
 from device.emulate.lines import PtyLine, TcpLine
 from device.emulate.mock import MockDevice
@@ -45,6 +45,7 @@ from experiment.session.simulate import simulated_responder
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
+from tests.test_device.in_process import LocalChannel
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 GAIN = 27.5

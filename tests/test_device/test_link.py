@@ -247,7 +247,7 @@ def test_a_line_lost_at_any_byte_of_a_trial_leaves_no_trial_wrong() -> None:
     counts: Counter[str] = Counter()
     for n_bytes in count(1):
         trials = Trials("", n_bytes)
-        trials.faults.cut_after(n_bytes)
+        trials.faults._room = n_bytes
         before_s = trials.clock.now_s()
         trials.trial()
         whole = n_bytes
@@ -626,7 +626,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(n_bytes=st.integers(0, 400))
     def cut(self, n_bytes: int) -> None:
-        self.trials.faults.cut_after(n_bytes)
+        self.trials.faults._room = n_bytes
 
     @rule()
     def restart(self) -> None:
