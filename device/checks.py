@@ -11,8 +11,6 @@ import numpy as np
 def is_real(value: object) -> TypeGuard[float]:
     """Tell whether a value is a finite number; bool is none.
 
-    Examples
-    --------
     >>> is_real(2), is_real(2.5), is_real(True), is_real(float("nan")), is_real("2")
     (True, True, False, False, False)
     """
@@ -26,8 +24,6 @@ def is_real(value: object) -> TypeGuard[float]:
 def is_whole(value: object) -> TypeGuard[int]:
     """Tell whether a value is an integer; bool is none.
 
-    Examples
-    --------
     >>> is_whole(2), is_whole(2.0), is_whole(True)
     (True, False, False)
     """
@@ -39,13 +35,6 @@ def require_real(
 ) -> None:
     """Refuse anything but a finite number from `least` to `most`, both included.
 
-    Raises
-    ------
-    ValueError
-        It names the argument, the range and what was given.
-
-    Examples
-    --------
     >>> require_real("offset_s", -2.5)
     >>> require_real("drift_ppm", 2e6, least=-1e5, most=1e5)
     Traceback (most recent call last):
@@ -58,13 +47,6 @@ def require_real(
 def require_positive(name: str, value: object, *, most: float = math.inf) -> None:
     """Refuse anything but a finite number above 0 and up to `most`.
 
-    Raises
-    ------
-    ValueError
-        It names the argument, the range and what was given.
-
-    Examples
-    --------
     >>> require_positive("gain", 0.0)
     Traceback (most recent call last):
     ValueError: gain must be a number above 0 and up to inf, got 0.0
@@ -76,13 +58,6 @@ def require_positive(name: str, value: object, *, most: float = math.inf) -> Non
 def require_whole(name: str, value: object, *, least: int, most: int) -> None:
     """Refuse anything but an integer from `least` to `most`, both included.
 
-    Raises
-    ------
-    ValueError
-        It names the argument, the range and what was given.
-
-    Examples
-    --------
     >>> require_whole("bits", 16.0, least=2, most=24)
     Traceback (most recent call last):
     ValueError: bits must be an integer from 2 to 24, got 16.0

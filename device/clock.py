@@ -101,8 +101,6 @@ class VirtualClock:
 def resolution_s(clock: Clock) -> float:
     """Return the least step of a clock in seconds; a virtual clock is exact.
 
-    Examples
-    --------
     >>> resolution_s(VirtualClock())
     0.0
     >>> 0.0 < resolution_s(MonotonicClock()) < 0.1
@@ -122,17 +120,8 @@ _STEP_S: Final = 1e-6
 class Sample:
     """One question and answer on both clocks.
 
-    Parameters
-    ----------
-    before_s, after_s : float
-        Host clock, between whose readings the device read its own.
-    device_s : float
-        What it read, in whole microseconds that are over.
-
-    Examples
-    --------
-    >>> Sample(before_s=5.0, after_s=5.25, device_s=1.0).round_trip_s
-    0.25
+    The device read its own clock, `device_s` in whole microseconds that are over, between the two
+    readings of the host's.
     """
 
     before_s: float
@@ -154,16 +143,9 @@ class Sample:
 class ClockEstimate:
     """The device's clock against the host's.
 
-    Parameters
-    ----------
-    offset_s : float
-        Host clock less device clock at the sample with the least round trip of the latest.
-    offset_uncertainty_s : float
-        Half that round trip: the offset is within it for sure.
-    drift : float
-        Seconds that the host's clock gains on the device's, for each second; 0 before two windows.
-    drift_uncertainty : float
-        The drift is within it for sure, if it was constant.
+    The offset, host clock less device clock, is for sure within half the least round trip of the
+    latest; the drift, seconds that the host's clock gains on the device's each second, is 0 before
+    two windows and within its uncertainty if it was constant.
     """
 
     offset_s: float
@@ -176,19 +158,16 @@ CLOCK_TOLERANCE = 1e-4
 """Largest relative drift of a device's clock against the host's that a crystal is trusted with."""
 
 
+# An exchange proves bounds: the device read its clock after the question was sent and before the
+# answer was read. Bounds are carried on by the largest drift and intersected, never averaged: a
+# mean would be closer as a rule, and wrong now and then, while an onset's interval is a promise
+# that the burst began within it.
 class ClockSync:
     """Two clocks kept together by the samples of their exchanges.
 
     Bounds on the offset hold for sure while the clocks drift by less than `tolerance` against each
     other; samples that contradict one another show that they do not, and begin anew.
 
-    Parameters
-    ----------
-    tolerance : float
-        Largest relative drift.
-
-    Examples
-    --------
     A slow exchange is narrowed by a fast one before it:
 
     >>> sync = ClockSync()

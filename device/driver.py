@@ -110,31 +110,11 @@ class LinkError(DeviceError):
 
 
 class SettingError(DeviceError):
-    """A device that did not take a setting, or reports a fault of its own; nothing was played.
-
-    Examples
-    --------
-    >>> raise SettingError("OUTP1:LOAD? must answer 9.9E+37, got +5.0E+01")
-    Traceback (most recent call last):
-    device.driver.SettingError: OUTP1:LOAD? must answer 9.9E+37, got +5.0E+01
-    """
+    """A device that did not take a setting, or reports a fault of its own; nothing was played."""
 
 
 class RefusedError(DeviceError):
-    """A step that was refused, with the reason as `code`; nothing changed.
-
-    Parameters
-    ----------
-    code : Refusal
-        The reason.
-    detail : str
-        What makes the sentence of the code concrete.
-
-    Examples
-    --------
-    >>> str(RefusedError(Refusal.EMPTY_SLOT, "slot 3"))
-    'nothing is loaded in that slot: slot 3'
-    """
+    """A step that was refused, with the reason as `code`; nothing changed."""
 
     def __init__(self, code: Refusal, detail: str = "") -> None:
         super().__init__(f"{code.text}: {detail}" if detail else code.text)
@@ -189,20 +169,8 @@ _LIMIT_CODES = frozenset(
 def rejection(code: Refusal, detail: str = "") -> Rejected:
     """Return the exception for a code, ready to be raised.
 
-    Parameters
-    ----------
-    code : Refusal
-        The reason, as the wire carries it.
-    detail : str
-        What makes the sentence of the code concrete.
+    `detail` makes the sentence of the code concrete.
 
-    Returns
-    -------
-    Rejected
-        A `LimitExceeded` where a limit is the reason.
-
-    Examples
-    --------
     >>> type(rejection(Refusal.DUTY)).__name__, type(rejection(Refusal.BUSY)).__name__
     ('LimitExceeded', 'Rejected')
     """

@@ -78,28 +78,10 @@ class Limits:
 def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tuple[float, float]:
     """Check the waveforms of one slot and return the peak magnitude of each.
 
-    Parameters
-    ----------
-    left, right : ndarray, shape (n,)
-        Normalised samples.
-    limits : Limits
-        Of the study or of the device.
+    Left and right, shape (n,) each: of one length, not too long, finite, in [-1, 1], 0 at both ends
+    and without a DC part, which is |sum| above `dc_tolerance` x sum|.|. Otherwise `Rejected` or
+    `LimitExceeded`.
 
-    Returns
-    -------
-    tuple of float
-        max |left|, max |right|; 0 for a silent channel.
-
-    Raises
-    ------
-    Rejected
-        Empty, of different lengths, or not finite.
-    LimitExceeded
-        Too long, outside [-1, 1], not 0 at both ends, or with a DC part: |sum| above
-        `dc_tolerance` x sum|.|.
-
-    Examples
-    --------
     >>> sine = np.sin(2 * np.pi * np.arange(97) / 96)
     >>> sine[-1] = 0.0
     >>> limits = Limits(ceiling_vpp=200.0)
@@ -143,22 +125,6 @@ def check_ceiling(peak: float, level_vpp: float, limits: Limits) -> None:
     The product is formed in whole numbers from the exact values of the four floats, so that no
     rounding lets a larger one pass.
 
-    Parameters
-    ----------
-    peak : float
-        Of the waveform, 0 to 1.
-    level_vpp : float
-        In peak-to-peak volts.
-    limits : Limits
-        Their ceiling and gain.
-
-    Raises
-    ------
-    LimitExceeded
-        With code CEILING.
-
-    Examples
-    --------
     >>> limits = Limits(ceiling_vpp=200.0)
     >>> check_ceiling(1.0, 200.0, limits)
     >>> check_ceiling(0.5, 400.0, limits)
@@ -181,22 +147,6 @@ def check_burst(
 ) -> None:
     """Check left and right of a burst against the ceiling.
 
-    Parameters
-    ----------
-    peaks : tuple of float
-        Left, right; from `check_waveforms`.
-    levels_vpp : tuple of float
-        Left, right; peak-to-peak volts.
-    limits : Limits
-        Their ceiling and gain.
-
-    Raises
-    ------
-    LimitExceeded
-        With code CEILING.
-
-    Examples
-    --------
     >>> check_burst((1.0, 0.0), (200.0, 1e6), Limits(ceiling_vpp=200.0))   # right is silent
     """
     for peak, level_vpp in zip(peaks, levels_vpp, strict=True):
@@ -209,18 +159,6 @@ def least_peaks(loaded: Iterable[tuple[float, float]]) -> tuple[float, float]:
     A level that is too high even for these cannot be used by any slot, and is refused when it is
     set; which slot will be played is known only when it is armed, and then checked exactly.
 
-    Parameters
-    ----------
-    loaded : iterable of tuple of float
-        Left and right peak of each loaded slot.
-
-    Returns
-    -------
-    tuple of float
-        Left, right; 0 where a channel has nothing but silence.
-
-    Examples
-    --------
     >>> least_peaks([(1.0, 0.0), (0.5, 0.0)])
     (0.5, 0.0)
     """
@@ -236,22 +174,6 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
 
     Each burst pays for its own rest, so that the duty stays within its limit over any long time.
 
-    Parameters
-    ----------
-    since_onset_us : int
-        Microseconds since the onset of the burst before.
-    duration_us : int
-        Microseconds that burst lasted.
-    limits : Limits
-        Their least interval and largest duty.
-
-    Raises
-    ------
-    LimitExceeded
-        With code LEAST_INTERVAL or DUTY.
-
-    Examples
-    --------
     >>> limits = Limits(ceiling_vpp=200.0, least_interval_s=0.05)
     >>> check_rest(since_onset_us=52_000, duration_us=2_000, limits=limits)
     >>> check_rest(since_onset_us=51_999, duration_us=2_000, limits=limits)
@@ -269,20 +191,7 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
 
 
 def check_time_to_live(time_to_live_us: int, limits: Limits) -> None:
-    """Refuse a time to live of less than a microsecond or above the limits' longest.
-
-    Raises
-    ------
-    Rejected
-        With code BAD_TIME_TO_LIVE.
-
-    Examples
-    --------
-    >>> check_time_to_live(500_000, Limits(ceiling_vpp=200.0))
-    >>> check_time_to_live(0, Limits(ceiling_vpp=200.0))
-    Traceback (most recent call last):
-    device.driver.Rejected: the time to live is out of range: 1 to 10000000 us, got 0
-    """
+    """Refuse a time to live of less than a microsecond or above the limits' longest."""
     longest_us = round(limits.longest_time_to_live_s * 1e6)
     if not 1 <= time_to_live_us <= longest_us:
         detail = f"1 to {longest_us} us, got {time_to_live_us}"

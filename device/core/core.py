@@ -140,13 +140,7 @@ class DeviceCore:
         return self._last if self._state is State.FIRED else None
 
     def advance(self, now_us: int) -> None:
-        """Let happen what was due by `now_us`: end of a burst, end of a time to live, watchdog.
-
-        Raises
-        ------
-        ValueError
-            `now_us` is earlier than in the call before.
-        """
+        """Let happen what was due by `now_us`: end of a burst, end of a time to live, watchdog."""
         if now_us < self._now_us:
             raise ValueError(f"now_us must be {self._now_us} or later, got {now_us}")
         while (due := self._next_event()) is not None and due[0] <= now_us:

@@ -47,11 +47,6 @@ class Link(Protocol):
 
     Every message is meant for the power cycle that said hello, and takes effect in no other. A
     refusal by the device is raised as `Rejected`.
-
-    Examples
-    --------
-    >>> sorted(name for name in vars(Link) if not name.startswith("_"))
-    ['boot_id', 'exchange', 'hang_up', 'hello', 'state', 'stop']
     """
 
     @property
@@ -87,17 +82,8 @@ class _HostSlot:
 class HostDriver:
     """A `BurstDevice` over a link; its methods are described there.
 
-    Parameters
-    ----------
-    link : Link
-        To the device.
-    limits : Limits
-        Of the study; the device has its own.
-    clock : Clock
-        The host's.
+    `limits` are the study's; the device has its own.
 
-    Examples
-    --------
     >>> from device.clock import VirtualClock
     >>> from device.emulate.mock import MockDevice
     >>> device: HostDriver = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
@@ -126,10 +112,7 @@ class HostDriver:
     def open(self) -> Identity:
         """Connect and return who answered; levels start at 0, waveforms have to be loaded.
 
-        Raises
-        ------
-        StateError
-            It is open already, and did not restart.
+        Refused where it is open already and did not restart.
         """
         if self._link.state is not State.CLOSED and not self._restarted:
             raise StateError(Refusal.ALREADY_OPEN)
@@ -143,13 +126,7 @@ class HostDriver:
         return identity
 
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
-        """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate.
-
-        Raises
-        ------
-        ValueError
-            `left` or `right` is no row of real numbers.
-        """
+        """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate."""
         identity = self._require(Step.LOAD)
         slot = check_slot(slot)
         left, right = as_waveform("left", left), as_waveform("right", right)

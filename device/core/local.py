@@ -33,15 +33,8 @@ Told = TypeVar("Told")
 class LocalCore:
     """A `host.Link` but for `hello`: calls of a core, with the heart of a host that is well.
 
-    Parameters
-    ----------
-    core : DeviceCore
-        The core; its time is the clock's.
-    clock : Clock
-        The host's.
+    The core's time is the clock's.
 
-    Examples
-    --------
     >>> from device.clock import VirtualClock
     >>> from device.limits import Limits
     >>> from device.core.output import OutputStage
@@ -133,15 +126,6 @@ class HostedCore(LocalCore):
     """The core of a device that has none, in the host; it keeps what became of each token.
 
     A derived class plays what the core has allowed, once, and says what is known of it.
-
-    Parameters
-    ----------
-    clock : Clock
-        The host's.
-    limits : Limits
-        Of the study.
-    output : OutputStage
-        Rate and bits of the waveforms, and the volts of full scale.
     """
 
     def __init__(self, clock: Clock, *, limits: Limits, output: OutputStage) -> None:

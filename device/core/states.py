@@ -13,13 +13,7 @@ from device.driver import Refusal, StateError
 
 
 class State(StrEnum):
-    """States of a device; `CLOSED` is the host's word for one it has not opened.
-
-    Examples
-    --------
-    >>> State.SAFE.value
-    'safe'
-    """
+    """States of a device; `CLOSED` is the host's word for one it has not opened."""
 
     CLOSED = "closed"
     IDLE = "idle"
@@ -31,13 +25,7 @@ class State(StrEnum):
 
 
 class Step(StrEnum):
-    """What can happen to a device: messages, events of its own, and the stop that is both.
-
-    Examples
-    --------
-    >>> TRANSITIONS[State.ARMED, Step.EXPIRE].value
-    'live'
-    """
+    """What can happen to a device: messages, events of its own, and the stop that is both."""
 
     LOAD = "load"
     LEVEL = "level"
@@ -50,6 +38,11 @@ class Step(StrEnum):
     STOP = "stop"
 
 
+# Host and device read the same table, so that the host refuses before a byte is sent what the
+# device would refuse. LOAD and LEVEL stand here even where they change no state: while a token is
+# armed or plays they are illegal, lest something else is felt than was armed. STOP stands in every
+# state, and out of SAFE leads ENABLE alone: nothing that comes late or by itself may switch an
+# output on.
 TRANSITIONS = {
     (State.IDLE, Step.LOAD): State.LOADED,
     (State.IDLE, Step.LEVEL): State.IDLE,
@@ -96,20 +89,9 @@ watchdog's stop is no such step."""
 def require_legal(known: State, step: Step) -> None:
     """Refuse, on the host, a step that is illegal whatever the device has done by itself.
 
-    Parameters
-    ----------
-    known : State
-        The device's state with its last answer, or CLOSED.
-    step : Step
-        What the host is about to send.
+    A `StateError` says that neither the known state nor one that follows from it without the host
+    allows the step.
 
-    Raises
-    ------
-    StateError
-        Neither the known state nor one that follows from it without the host allows the step.
-
-    Examples
-    --------
     >>> require_legal(State.FIRED, Step.ARM)        # the burst may be over by now
     >>> require_legal(State.LOADED, Step.ARM)
     Traceback (most recent call last):

@@ -44,26 +44,10 @@ _AWAKE: Final = (State.LIVE, State.ARMED, State.FIRED)
 class Nature:
     """What kind of device is emulated.
 
-    Parameters
-    ----------
-    limits : Limits
-        The device's own.
-    output : OutputStage
-        Converter and amplifier.
-    baud : int or None
-        Rate of a modelled wire, 10 bits a byte; none for no time on the wire.
-    drift_ppm : float
-        How much faster than the machine's clock its own runs, in parts per million.
-    serial_number : str
-        1 to 16 printable ASCII characters without a comma.
+    The limits are the device's own. A baud rate models a wire of 10 bits a byte, None one that
+    takes no time. Its clock runs `drift_ppm` parts per million faster than the machine's. The
+    serial number is 1 to 16 printable ASCII characters without a comma.
 
-    Raises
-    ------
-    ValueError
-        A field is out of range, or the frames have no room for the ceiling or the sample rate.
-
-    Examples
-    --------
     >>> from device.core.output import OutputStage
     >>> from device.limits import Limits
     >>> Nature(limits=Limits(ceiling_vpp=200.0), output=OutputStage(), baud=115_200).byte_s * 1e6
@@ -99,21 +83,6 @@ class Nature:
 class Emulator:
     """A device between a line and a truth file.
 
-    Parameters
-    ----------
-    line : Line
-        Where its host is.
-    nature : Nature
-        What it is.
-    faults : Faults
-        What goes wrong.
-    truth : Truth
-        What really happened.
-    clock : Clock
-        The machine's; a virtual one for tests within a process.
-
-    Examples
-    --------
     >>> import sys
     >>> import numpy as np
     >>> from device.clock import VirtualClock

@@ -26,13 +26,7 @@ _LONGEST_S: Final = 86_400.0
 
 
 class Mishap(StrEnum):
-    """What happens to the device as a whole.
-
-    Examples
-    --------
-    >>> Mishap.RESET.value
-    'reset'
-    """
+    """What happens to the device as a whole."""
 
     NONE = "none"
     STALL = "stall"
@@ -93,13 +87,6 @@ class FaultScript:
     def parse(text: str) -> FaultScript:
         """Return the script that a text states; an empty one has no fault.
 
-        Raises
-        ------
-        ValueError
-            If a name is unknown or given twice, or a value is no number in its range.
-
-        Examples
-        --------
         >>> FaultScript.parse("drops=0.01")
         Traceback (most recent call last):
         ValueError: faults must be of drop, corrupt, duplicate, delay, stall, reset, disconnect,
@@ -124,15 +111,8 @@ class FaultScript:
 class Faults:
     """A script at work.
 
-    Parameters
-    ----------
-    script : FaultScript
-        How often what goes wrong; may be changed at any time.
-    rng : numpy.random.Generator
-        Where chance comes from.
+    The script may be changed at any time.
 
-    Examples
-    --------
     >>> faults = Faults(FaultScript(drop=1.0), np.random.default_rng(1))
     >>> faults.passed(b"abc")
     [(0.0, b'')]
@@ -195,28 +175,7 @@ _Pieces = list[tuple[float, int, bytes]]
 class BadLine:
     """A `lines.Line` that is in the way of another one.
 
-    Parameters
-    ----------
-    line : Line
-        The good one.
-    faults : Faults
-        What goes wrong on it; what arrives together is a frame.
-    clock : Clock
-        The machine's.
-    restart : callable
-        Restarts what is at the end of the line.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from device.clock import MonotonicClock
-    >>> from device.emulate.faults import FaultScript
-    >>> from device.emulate.lines import PtyLine
-    >>> faults = Faults(FaultScript(drop=0.01), np.random.default_rng(1))
-    >>> line = BadLine(PtyLine(), faults, MonotonicClock(), restart=lambda: None)
-    >>> line.read(0.0) is None
-    True
-    >>> line.close()
+    What arrives together is a frame; `restart` restarts what is at the end of the line.
     """
 
     def __init__(

@@ -281,16 +281,7 @@ class GeneratorEmulator:
     clock at its onset. In a journal of the same machine it belongs to the one attempt that was
     armed before and ended after.
 
-    Parameters
-    ----------
-    line : Line
-        Where its host is.
-    truth : file
-        JSON lines of what really came out.
-    amplifier_gain : float
-        Of an amplifier behind it: the truth tells volts at the actuators.
-    faults : Faults or None
-        What goes wrong on the line; nothing by default.
+    The truth file tells volts at the actuators, behind an amplifier of this gain.
     """
 
     def __init__(

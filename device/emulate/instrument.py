@@ -133,14 +133,8 @@ _DIGITS: Final = b"0123456789"
 class Unit:
     """One command or question.
 
-    Parameters
-    ----------
-    header : str
-        What is to be done, without the colon it may begin with; a question ends in ``?``.
-    argument : str
-        The rest; of a block only what stands before it.
-    data : bytes or None
-        The content of its block, if there is one.
+    The header has no leading colon, and a question's ends in ``?``; of a block the argument is what
+    stands before it and `data` its content.
     """
 
     header: str
@@ -153,8 +147,6 @@ class Reader:
 
     Every unit names its whole path; units of one line are parted by semicolons.
 
-    Examples
-    --------
     >>> reader = Reader()
     >>> reader.feed(b"SOUR1:VOLT 2;:DATA:ARB:DAC a,#12\n")
     []

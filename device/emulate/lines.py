@@ -17,13 +17,7 @@ _CHUNK: Final = 4096
 
 
 class Line(Protocol):
-    """A port, seen from the device.
-
-    Examples
-    --------
-    >>> sorted(name for name in vars(Line) if not name.startswith("_"))
-    ['close', 'drop', 'read', 'write']
-    """
+    """A port, seen from the device."""
 
     name: str
 
@@ -43,8 +37,6 @@ class Line(Protocol):
 class PtyLine:
     """A pseudo-terminal; its name is the port to open.
 
-    Examples
-    --------
     >>> line = PtyLine()
     >>> line.read(0.0) is None
     True
@@ -91,13 +83,8 @@ class PtyLine:
 class TcpLine:
     """A TCP port of this machine; one host at a time, a second one is shown the door.
 
-    Parameters
-    ----------
-    port : int
-        0 takes any free one.
+    Port 0 takes any free one.
 
-    Examples
-    --------
     >>> line = TcpLine(0)
     >>> line.name.startswith("socket://127.0.0.1:")
     True

@@ -23,16 +23,9 @@ class Truth:
     A burst stands in it from its onset, before any answer tells of it; one that was cut short gets
     a line of its own for that.
 
-    Parameters
-    ----------
-    file : file
-        Written to, line by line.
-    volts : bool
-        Whether each burst carries its samples: volts as base64 of little-endian float64, left
-        then right.
+    With `volts` each burst carries its samples: volts as base64 of little-endian float64, left then
+    right.
 
-    Examples
-    --------
     >>> import sys
     >>> Truth(sys.stdout).note(0.5, "boot", boot_id=7)
     {"event": "boot", "t_s": 0.5, "boot_id": 7}

@@ -26,17 +26,7 @@ INFINITE_OHM: Final = "9.9E+37"
 class ReadBack:
     """A question, and what its answer has to be.
 
-    Parameters
-    ----------
-    question : str
-        Template.
-    answer : str
-        Template; numbers are compared as numbers, anything else as words.
-
-    Examples
-    --------
-    >>> Reading(question="OUTP{channel}:LOAD?", answer=INFINITE_OHM).answer
-    '9.9E+37'
+    Both are templates; numbers are compared as numbers, anything else as words.
     """
 
     question: str
@@ -288,8 +278,6 @@ DIALECTS: Final = (KEYSIGHT, RIGOL)
 def dialect_of(identity: str) -> Dialect | None:
     """Return the dialect of the generator that gave this answer to ``*IDN?``, or None.
 
-    Examples
-    --------
     >>> dialect_of("Agilent Technologies,33522B,MY57800256,5.00-1.19-2.00-58-00").name
     'keysight'
     >>> dialect_of("Agilent Technologies,33521B,MY50000000,1.0") is None      # one channel

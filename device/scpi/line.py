@@ -27,8 +27,6 @@ _IDENTITY: Final = "*IDN?"
 def block(data: bytes) -> bytes:
     r"""Return data as a block of definite length (IEEE 488.2, 7.7.6): any byte may be in it.
 
-    Examples
-    --------
     >>> block(b"a\nb")
     b'#13a\nb'
     """
@@ -39,8 +37,6 @@ def block(data: bytes) -> bytes:
 def matches(wanted: str, got: str) -> bool:
     """Tell whether an answer is the wanted one: numbers within 0.1 %, words in any case or quotes.
 
-    Examples
-    --------
     >>> matches("9.9E+37", "+9.90000000000000E+37"), matches("T1", '"T1"'), matches("50", "+51")
     (True, True, False)
     """
@@ -54,17 +50,8 @@ def matches(wanted: str, got: str) -> bool:
 class ScpiLine:
     r"""An instrument at the other end of a channel; nothing that was sent is ever sent again.
 
-    Parameters
-    ----------
-    channel : Channel
-        The line, open.
-    clock : Clock
-        The host's.
-    patience_s : float
-        A question that was not answered for so long, in seconds, is given up.
+    A question that was not answered within `patience_s` is given up.
 
-    Examples
-    --------
     >>> from device.clock import VirtualClock
     >>> class Echo:
     ...     def write(self, data: bytes) -> None: print(data)
@@ -84,13 +71,7 @@ class ScpiLine:
         self._out_of_step = False
 
     def identify(self) -> str:
-        """Return the instrument's answer to ``*IDN?``, whatever was on the line before.
-
-        Raises
-        ------
-        LinkError
-            There is none.
-        """
+        """Return the instrument's answer to ``*IDN?``, whatever was on the line before."""
         while self._channel.read(0.0):
             pass
         self._heard = b""
@@ -112,19 +93,8 @@ class ScpiLine:
     def ask(self, question: str, *, after: tuple[str, ...] = (), within_s: float = 0.0) -> str:
         """Return the answer to a question that is sent behind some commands, in one piece.
 
-        Parameters
-        ----------
-        question : str
-            The question.
-        after : tuple of str
-            Commands that go before it.
-        within_s : float
-            How long the commands may take, in seconds; patience comes on top.
-
-        Raises
-        ------
-        LinkError
-            No answer came. The next question finds out first whether the line is still in step.
+        Patience comes on top of `within_s`, the time that the commands may take. Where no answer
+        comes, a `LinkError`, the next question finds out first whether the line is still in step.
         """
         if self._out_of_step:
             self._fall_into_step()
@@ -133,13 +103,7 @@ class ScpiLine:
         return self._listen(question, self._patience_s + within_s)
 
     def check_errors(self, question: str) -> None:
-        """Ask for errors until the instrument says 0.
-
-        Raises
-        ------
-        SettingError
-            There was one.
-        """
+        """Ask for errors until the instrument says 0."""
         errors: list[str] = []
         for _ in range(_MOST_ERRORS):
             answer = self.ask(question)
@@ -180,12 +144,7 @@ BITS: Final = 16
 class Wave:
     """A waveform as a generator stores it, and the peak that it had before it was stretched.
 
-    Parameters
-    ----------
-    data : bytes
-        Its codes.
-    peak : float
-        Largest magnitude, 0 to 1; 0 for silence.
+    The peak is from 0 to 1, and 0 for silence.
     """
 
     data: bytes
@@ -195,15 +154,6 @@ class Wave:
 def encode(codes: CodeArray, dialect: Dialect) -> Wave:
     """Return a waveform as a dialect's generator stores it, stretched to the converter's range.
 
-    Parameters
-    ----------
-    codes : ndarray of int, shape (n,)
-        16-bit codes.
-    dialect : Dialect
-        Of the generator.
-
-    Examples
-    --------
     >>> from device.scpi.dialects import KEYSIGHT
     >>> wave = encode(np.array([0, 16383, -16383, 0]), KEYSIGHT)
     >>> wave.peak, np.frombuffer(wave.data, "<i2").tolist()
@@ -219,8 +169,6 @@ def encode(codes: CodeArray, dialect: Dialect) -> Wave:
 def decimals(volts: float, digits: int, *, up: bool = False) -> str:
     """Return volts with so many digits after the point, rounded toward zero or away from it.
 
-    Examples
-    --------
     >>> decimals(200 / 27.5, 7), decimals(200 / 27.5, 7, up=True)
     ('7.2727272', '7.2727273')
     """

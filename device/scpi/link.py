@@ -52,21 +52,7 @@ class _GeneratorSlot:
 
 
 class GeneratorLink(HostedCore):
-    """A `host.Link` to a generator, with the core that it lacks.
-
-    Parameters
-    ----------
-    connect : callable
-        Opens the channel; raises `LinkError` where it cannot.
-    clock : Clock
-        The host's.
-    limits : Limits
-        Of the study.
-    amplifier_gain : float
-        Volts at the actuator per volt of the generator.
-    sample_rate_hz : float
-        At which waveforms are played.
-    """
+    """A `host.Link` to a generator, with the core that it lacks."""
 
     def __init__(
         self,

@@ -48,21 +48,7 @@ _SLEW_V_S: Final = 1e12
 class AudioLink(HostedCore):
     """A `host.Link` to a sound card, with the core that it lacks.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens a stream of two channels of int16 that calls the callback it is given; raises
-        `LinkError` where it cannot.
-    clock : Clock
-        The host's.
-    limits : Limits
-        Of the study; no ceiling above full scale.
-    volts_full_scale : float
-        Volts at the actuator, to both sides, for the largest sample.
-    sample_rate_hz : float
-        Of the stream.
-    name : str
-        Of the sound card.
+    The largest sample is `volts_full_scale` at the actuator, to both sides; no ceiling above that.
     """
 
     def __init__(
@@ -164,8 +150,6 @@ class AudioLink(HostedCore):
 def fate_of(burst: Played) -> Fate:
     """Return what is known of a burst that is settled, or was waited for in vain.
 
-    Examples
-    --------
     >>> two = np.zeros((2, 2), dtype=np.int16)
     >>> fate_of(Played(frames=two, taken=2, callbacks_after=1)).value
     'fired'
@@ -184,28 +168,9 @@ def fate_of(burst: Played) -> Fate:
 class AudioDevice(HostDriver):
     """A `BurstDevice` that is a sound card with an amplifier behind it.
 
-    Parameters
-    ----------
-    connect : callable
-        Opens the stream: see `AudioLink`.
-    limits : Limits
-        Of the study.
-    clock : Clock
-        The host's.
-    volts_full_scale : float
-        Volts at the actuator, to both sides, for the largest sample: a measured calibration.
-    sample_rate_hz : float
-        Of the stream.
-    name : str
-        Of the sound card.
+    `volts_full_scale` is a measured calibration: volts at the actuator, to both sides, for the
+    largest sample.
 
-    Raises
-    ------
-    ValueError
-        `volts_full_scale` or `sample_rate_hz` is not a positive finite number.
-
-    Examples
-    --------
     >>> from device.clock import VirtualClock
     >>> from device.limits import Limits
     >>> device = audio_device("no such card", limits=Limits(ceiling_vpp=200.0),
@@ -258,18 +223,8 @@ def audio_device(
 ) -> AudioDevice:
     """Return the driver of a sound card; nothing is opened yet.
 
-    Parameters
-    ----------
-    port : str
-        Name of the sound card, or a part of it that no other has, as `sounddevice` lists them.
-    limits : Limits
-        Of the study.
-    clock : Clock
-        The machine's.
-    volts_full_scale : float
-        Volts at the actuator, to both sides, for the largest sample.
-    sample_rate_hz : float
-        Of the stream.
+    The port is the sound card's name, or a part of it that no other has, as `sounddevice` lists
+    them.
     """
 
     def connect(callback: Callback) -> Stream:

@@ -31,24 +31,9 @@ class StreamStatus(Protocol):
 class Played:
     """A burst on its way to the sound card.
 
-    Parameters
-    ----------
-    frames : ndarray of int16, shape (n, 2)
-        Left and right.
-    taken : int
-        Frames that the sound card has taken.
-    began_s : float
-        Host time at which it took the first.
-    ended_s : float
-        Host time at which it took the last.
-    told_s : float
-        The longest time to its output that PortAudio told, buffer included.
-    callbacks_after : int
-        How often it came for more after the last frame.
-    clean : bool
-        False once it said that it had run out of frames.
-    cut : bool
-        True once a stop came in between.
+    Host times of the first frame that the card took and of the last; the longest time to its output
+    that PortAudio told, buffer included; how often it came for more after the last frame; clean
+    until it said that it had run out of frames, cut by a stop in between.
     """
 
     frames: Frames
@@ -72,13 +57,7 @@ class Played:
 
 
 class Counter:
-    """What every callback of an output stream counts.
-
-    Attributes
-    ----------
-    frames, underruns : int
-        Taken by the sound card so far, and how often it said that it had run out of them.
-    """
+    """What every callback of an output stream counts."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -96,15 +75,6 @@ class Player(Counter):
 
     It takes no lock and waits for nothing: it and the threads that call it exchange whole objects.
 
-    Parameters
-    ----------
-    clock : Clock
-        The host's.
-    sample_rate_hz : float
-        Of the stream.
-
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> from device.clock import VirtualClock
     >>> player = Player(VirtualClock(), 48e3)
@@ -174,12 +144,7 @@ _MARKS_KEPT: Final = 21
 class Mark:
     """How many frames the sound card had taken when it came for more.
 
-    Attributes
-    ----------
-    at_s : float
-        Host time of the call.
-    frames : int
-        Taken since the stream was opened, those of this call included.
+    `frames` counts from the opening of the stream, those of this call included.
     """
 
     at_s: float
@@ -192,24 +157,8 @@ class LoopPlayer(Counter):
     It takes no lock and waits for nothing: other threads read whole objects. It begins with a
     fade-in, and `fade_out` ends it; the gain goes like a squared sine between 0 and 1.
 
-    Parameters
-    ----------
-    loop : ndarray of int16, shape (n,)
-        The samples.
-    clock : Clock
-        The host's.
-    fade_in, fade_out : int
-        Frames from silence to full level, and back.
+    `marks` are the calls of the last ten seconds, every half second, the oldest first.
 
-    Attributes
-    ----------
-    last : Mark or None
-        The last call.
-    marks : tuple of Mark
-        Calls of the last ten seconds, every half second; the oldest first.
-
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> from device.clock import VirtualClock
     >>> player = LoopPlayer(np.array([100, -100, 50], dtype=np.int16), VirtualClock(),

@@ -46,22 +46,8 @@ def open_stream(
 ) -> Stream:
     """Open two channels of int16 that are fed by a callback, and begin to call it.
 
-    Parameters
-    ----------
-    callback : callable
-        Fills a buffer, shape (count, 2).
-    card : str
-        Name of the sound card, or a part of it that no other has, as `sounddevice` lists them;
-        empty for the system's default one.
-    sample_rate_hz : float
-        Of the stream.
-    latency : float or "low"
-        Seconds from callback to output that are wished, or as few as may be.
-
-    Raises
-    ------
-    LinkError
-        If PortAudio is missing, or cannot open or start the card.
+    The card is a name, or a part of it that no other has, as `sounddevice` lists them; empty for
+    the system's default. A `LinkError` says that PortAudio is missing, or cannot open or start it.
     """
     try:
         import sounddevice
@@ -104,8 +90,6 @@ def sound_cards() -> tuple[str, ...]:
 def in_a_thread(act: Callable[[], _Result]) -> Future[_Result]:
     """Begin what may never return, in a thread for which neither caller nor program's end waits.
 
-    Examples
-    --------
     >>> in_a_thread(lambda: 6 * 7).result(timeout=1.0)
     42
     """

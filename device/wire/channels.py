@@ -24,11 +24,6 @@ class Channel(Protocol):
     """A line that carries bytes both ways.
 
     Every method raises `LinkError` once the line is gone.
-
-    Examples
-    --------
-    >>> sorted(name for name in vars(Channel) if not name.startswith("_"))
-    ['close', 'read', 'write']
     """
 
     def write(self, data: bytes) -> None:
@@ -44,13 +39,8 @@ class Channel(Protocol):
 class Heart:
     """A thread that beats until it is told to end, whatever the line is like.
 
-    Parameters
-    ----------
-    beat : callable
-        What it does every 100 ms; a `LinkError` of it is passed over.
+    A `LinkError` of `beat` is passed over.
 
-    Examples
-    --------
     >>> beaten = Event()
     >>> heart = Heart(beaten.set)
     >>> beaten.wait(60.0)
@@ -87,18 +77,6 @@ class SocketChannel:
     pyserial opens such URLs too, but waits 0.3 s whenever it closes one and keeps the socket open
     if the other side was faster.
 
-    Parameters
-    ----------
-    url : str
-        ``socket://host:port``.
-
-    Raises
-    ------
-    LinkError
-        If nobody listens there, or it is no such URL.
-
-    Examples
-    --------
     >>> SocketChannel("socket://nowhere")
     Traceback (most recent call last):
     device.driver.LinkError: cannot open socket://nowhere: it must be socket://host:port
@@ -157,20 +135,8 @@ _GONE: Final = (OSError, TypeError, ValueError, AttributeError)
 class SerialChannel:
     """A `channel.Channel` over a serial port, or a URL that pyserial knows.
 
-    Parameters
-    ----------
-    port : str
-        Name of the port, or a URL.
-    clock : Clock
-        The machine's.
+    A `LinkError` says that it cannot be opened; another process may have it.
 
-    Raises
-    ------
-    LinkError
-        If it cannot be opened; another process may have it.
-
-    Examples
-    --------
     >>> from device.clock import MonotonicClock
     >>> SerialChannel("/no/such/port", MonotonicClock())
     Traceback (most recent call last):
@@ -222,13 +188,6 @@ class SerialChannel:
 def open_channel(port: str, clock: Clock) -> Channel:
     """Return the channel to a port: of this machine, or ``socket://host:port``.
 
-    Raises
-    ------
-    LinkError
-        If it cannot be opened.
-
-    Examples
-    --------
     >>> from device.clock import MonotonicClock
     >>> open_channel("socket://127.0.0.1:1", MonotonicClock())
     Traceback (most recent call last):

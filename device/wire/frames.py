@@ -42,24 +42,8 @@ _DELIMITER: Final = b"\x00"
 class Frame:
     """One message on the wire.
 
-    Parameters
-    ----------
-    kind : int
-        Type of the message, one byte; an answer has that of its question plus 0x80.
-    sequence : int
-        16 bit; an answer has that of its question.
-    payload : bytes
-        Up to 96 bytes.
-
-    Raises
-    ------
-    ValueError
-        A field is out of its range.
-
-    Examples
-    --------
-    >>> Frame(kind=2, sequence=7, payload=b"").answered(b"ok").kind == 0x82
-    True
+    Kind is one byte, the sequence number 16 bit; an answer has those of its question, the kind plus
+    0x80. The payload has up to 96 bytes.
     """
 
     kind: int
@@ -82,8 +66,6 @@ class Frame:
 def encode(frame: Frame) -> bytes:
     """Return a frame's bytes, delimiters included.
 
-    Examples
-    --------
     No byte but the delimiters is zero:
 
     >>> coded = encode(Frame(kind=2, sequence=0, payload=bytes(5)))
@@ -101,13 +83,8 @@ class Decoder:
     A damaged frame is dropped and counted; the next delimiter begins a new one. Never holds more
     than one frame's bytes.
 
-    Attributes
-    ----------
-    dropped : int
-        Pieces between delimiters that were no frame.
+    `dropped` counts the pieces between delimiters that were no frame.
 
-    Examples
-    --------
     >>> decoder = Decoder()
     >>> ping = encode(Frame(kind=2, sequence=9, payload=b""))
     >>> [frame.sequence for frame in decoder.feed(b"noise" + ping + ping[:4])]
@@ -184,13 +161,6 @@ class IdentityLine:
     That is where everything since the last delimiter is text: a frame has its version, which is
     not text, as the second byte after one.
 
-    Parameters
-    ----------
-    identity : Identity
-        Of the device.
-
-    Examples
-    --------
     >>> from device.driver import Identity
     >>> line = IdentityLine(Identity(model="m", serial_number="1", boot_id=5,
     ...                              protocol_version="1.0", sample_rate_hz=48e3, bits=16,

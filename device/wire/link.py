@@ -159,6 +159,8 @@ class FrameLink:
             return self._unknown(message.token, before_s)
         except _Unanswered:
             retries = self._retries
+        # The FIRE may still be on its way: only of a device that has answered the DISARM is what
+        # it then says of the token its last word.
         try:
             self._done(Disarm(token=message.token), boot_id)
             return self._done(Query(token=message.token), boot_id, before_s, retries=retries)

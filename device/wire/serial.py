@@ -21,17 +21,6 @@ _IDENTIFY_WITHIN_S: Final = 0.3
 def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
     """Return the driver of the device on a port; nothing is opened yet.
 
-    Parameters
-    ----------
-    port : str
-        Name of the port, or a URL.
-    limits : Limits
-        Of the study.
-    clock : Clock
-        The machine's.
-
-    Examples
-    --------
     >>> from device.clock import MonotonicClock
     >>> from device.limits import Limits
     >>> device = serial_device("/no/such/port", limits=Limits(ceiling_vpp=200.0),
@@ -48,11 +37,6 @@ def identify(port: str) -> Identity | None:
     """Return who answers on a port, or None where no device of this kind does.
 
     Asks in plain text first: an instrument of another kind is not sent frames that it cannot read.
-
-    Examples
-    --------
-    >>> identify("/no/such/port") is None
-    True
     """
     clock = MonotonicClock()
     try:
