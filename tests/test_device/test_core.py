@@ -266,6 +266,19 @@ def test_the_record_names_the_levels_that_were_set_and_zero_for_silence() -> Non
     assert core.take(0, Fire(token=1)).levels_mvpp == (64_123, 0)
 
 
+@pytest.mark.parametrize("right", [True, False])
+def test_a_weak_waveform_has_its_level_in_the_record_too(*, right: bool) -> None:
+    core, weak = live().core, sine_codes(peak=0.01)
+    silence = np.zeros_like(weak)
+    core.take(
+        0,
+        Load(slot=1, left=silence, right=weak) if right else Load(slot=1, left=weak, right=silence),
+    )
+    core.take(0, Levels(left_mvpp=64_123, right_mvpp=99_000))
+    core.take(0, arm(1, slot=1))
+    assert core.take(0, Fire(token=1)).levels_mvpp == ((0, 99_000) if right else (64_123, 0))
+
+
 def test_a_level_no_loaded_waveform_could_use_is_refused_when_it_is_set() -> None:
     core = live().core
     assert refusal(lambda: core.take(0, levels(200_001))) is Refusal.CEILING

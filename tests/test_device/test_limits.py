@@ -214,6 +214,7 @@ def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> No
         ("max_duty", 1.1),
         ("longest_waveform", 0),
         ("longest_waveform", 1e3),
+        ("longest_waveform", 2**31 + 1),
         ("dc_tolerance", 0.0),
         ("longest_time_to_live_s", 0.0),
     ],
@@ -222,3 +223,16 @@ def test_limits_that_are_none_are_refused_by_name(name: str, value: float) -> No
     given_limits: dict[str, float] = {"ceiling_vpp": 200.0} | {name: value}
     with pytest.raises(ValueError, match=f"{name} must be .*, got {value!r}"):
         Limits(**given_limits)  # type: ignore[arg-type]  # wrong types are the point
+
+
+def test_what_no_study_says_of_its_limits_is_cautious() -> None:
+    assert Limits(ceiling_vpp=200.0) == Limits(
+        ceiling_vpp=200.0,
+        gain=1.0,
+        least_interval_s=0.05,
+        max_duty=0.5,
+        longest_waveform=2**16,
+        dc_tolerance=0.01,
+        longest_time_to_live_s=10.0,
+    )
+    assert Limits(ceiling_vpp=200.0, longest_waveform=2**31).longest_waveform == 2**31

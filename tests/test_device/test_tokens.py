@@ -43,6 +43,13 @@ def test_counting_upwards_keeps_the_answer_for_a_new_token_certain(
         history.keep(Record(token=token, fate=Fate.EXPIRED))
 
 
+def test_a_history_remembers_at_least_one_token() -> None:
+    assert TokenHistory(1).find(1) is TokenHistory(2**31).find(1) is None
+    for capacity in (0, 2**31 + 1):
+        with pytest.raises(ValueError, match="capacity must be"):
+            TokenHistory(capacity)
+
+
 def test_every_fate_has_an_outcome_and_only_certain_ones_are_not_fired() -> None:
     assert set(OUTCOMES) == set(Fate)
     unsure = {fate for fate, outcome in OUTCOMES.items() if outcome is Outcome.INDETERMINATE}
