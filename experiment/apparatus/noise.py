@@ -207,20 +207,8 @@ class SilentNoise:
 class SoundCardNoise:
     """A `NoisePlayer` that repeats a loop of pink noise, always the same, on a sound card.
 
-    Parameters
-    ----------
-    masking : Masking
-        The study's.
-    clock : Clock
-        The machine's.
-    connect : callable
-        Opens a stream of two channels of int16 that calls the callback it is given; raises
-        `LinkError` where it cannot.
-
-    Raises
-    ------
-    NoiseError
-        If the noise would be clipped at its level.
+    `connect` opens a stream of two channels of int16 for a callback, and raises `LinkError` where
+    it cannot. Noise that would be clipped at its level is refused by `NoiseError`.
     """
 
     def __init__(
@@ -255,12 +243,7 @@ class SoundCardNoise:
     def start(self) -> None:
         """Open the sound card, fade in, and return when the noise has its full level.
 
-        What played before is stopped first.
-
-        Raises
-        ------
-        NoiseError
-            If the sound card cannot be opened or does not take the frames.
+        What played before is stopped first. A card that takes no frames is refused by `NoiseError`.
         """
         self.stop()
         rate_hz = self._masking.sample_rate_hz

@@ -105,13 +105,7 @@ def chosen_settings(
 
 
 def require_complete(settings: DeviceSettings) -> None:
-    """Refuse settings that lack what their driver needs.
-
-    Raises
-    ------
-    StudyError
-        If a key is not given.
-    """
+    """Refuse settings that lack what their driver needs, by `StudyError`."""
     for key in NEEDS[settings.driver]:
         if getattr(settings, key) is None:
             hint = "; --port gives it too" if key == "port" else ""

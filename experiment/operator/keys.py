@@ -31,19 +31,7 @@ class _Mode(Enum):
 class OperatorKeys:
     """Reads an operator's keys; p pauses, r resumes, n takes a note, s stops after a y.
 
-    Parameters
-    ----------
-    pause, go_on, stop : callable
-        What the keys ask for. `go_on` returns whether there was anything to resume.
-    note : callable
-        Is given a note.
-
-    Attributes
-    ----------
-    prompt : str
-        What can be typed now, or what is being typed.
-    notice : str
-        What the last key did; empty if nothing.
+    `go_on` returns whether there was anything to resume; `notice` says what the last key did.
 
     Examples
     --------

@@ -70,14 +70,7 @@ class ViewLines:
 
 
 def status_lines(status: Status | None, *, pause_asked: bool) -> list[Text]:
-    """Return what an operator is to know of a session, a line each.
-
-    Parameters
-    ----------
-    status : Status or None
-        None before the first one.
-    pause_asked : bool
-        Whether a pause is wanted or goes on.
+    """Return what an operator is to know of a session, a line each; of none before the first.
 
     Examples
     --------

@@ -24,18 +24,6 @@ class BorrowedTerminal:
 
     It is written to through a file description of its own, which does not block: a terminal that
     is held by Ctrl-S, or read by nobody, loses pictures and holds up nothing.
-
-    Parameters
-    ----------
-    keyboard : int
-        File descriptor that keys come from.
-    name : str
-        The device that is written to.
-
-    Raises
-    ------
-    OSError
-        If the device cannot be opened.
     """
 
     def __init__(self, keyboard: int, name: str) -> None:

@@ -25,20 +25,11 @@ class Stroke:
 
 
 class KeyReader:
-    """Reads every key of every keyboard.
+    """Reads every key of every keyboard; `drop_earlier` spares those to `keep`.
 
     The keyboard's times come from psychtoolbox, whose clock is the wall clock on Linux. Its offset
     from the session's clock is measured with every reading; where it moved by more than
     `LARGEST_JUMP_S` since the last one, strokes are timed by when they were read, and it is told.
-
-    Parameters
-    ----------
-    clock : Clock
-        The session's clock.
-    keep : tuple of str
-        Keys that `drop_earlier` keeps.
-    tell : callable
-        Is given a line about a jump of the clock.
     """
 
     def __init__(

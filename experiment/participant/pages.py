@@ -30,15 +30,7 @@ WIDEST_PANEL = 0.36
 
 
 class Artist:
-    """Draws on a stage.
-
-    Parameters
-    ----------
-    stage : Stage
-        Where.
-    keys : Keys
-        Which keys mean which answer.
-    """
+    """Draws on a stage the plate, fingers and the keys of every answer."""
 
     def __init__(self, stage: Stage, keys: Keys) -> None:
         self._stage = stage
@@ -47,17 +39,7 @@ class Artist:
     def placement(
         self, answers: tuple[str, ...], *, middle: float, hands_off: bool = False
     ) -> list[Any]:
-        """Draw, for each answer in a row, the fingers, what is felt, and the key beside it.
-
-        Parameters
-        ----------
-        answers : tuple of str
-            Of ``left``, ``right``, ``both``, ``none``.
-        middle : float
-            Height of the row's middle.
-        hands_off : bool
-            Whether the fingers are lifted off the plate.
-        """
+        """Draw, for each answer in a row, the fingers, what is felt, and the key beside it."""
         width = min(WIDEST_PANEL, 1.9 * self._stage.half_width / len(answers))
         drawings = []
         for i, answer in enumerate(answers):
@@ -192,17 +174,7 @@ _GOOD, _BAD = "#7fc97f", "#fdae6b"
 
 
 class Pages:
-    """Lays pages out.
-
-    Parameters
-    ----------
-    stage : Stage
-        Where they are shown.
-    screen, keys, texts : Screen, Keys, Texts
-        What the study says of them.
-    responses : tuple of str
-        The answers offered.
-    """
+    """Lays out what a study says, for the answers offered, on a stage."""
 
     def __init__(
         self, stage: Stage, *, screen: Screen, keys: Keys, texts: Texts, responses: tuple[str, ...]

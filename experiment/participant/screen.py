@@ -235,10 +235,7 @@ class ScreenResponder:
     def _stroke(self, until_s: float) -> tuple[str, float] | None:
         """Return a key and when it was pressed, ``None`` when the time is over.
 
-        Raises
-        ------
-        StopRequested
-            If the session is to be stopped, or the window was closed.
+        A window that was closed ends the wait by `StopRequested`, as a wish to stop does.
         """
         while True:
             self._heed_stop()

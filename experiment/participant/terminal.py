@@ -208,13 +208,7 @@ class TerminalResponder:
         os.close(nowhere)
 
     def _read(self, until_s: float | None) -> str | None:
-        """Return the next key, or ``None`` when the time is over.
-
-        Raises
-        ------
-        StopRequested
-            If the terminal is gone: nobody can answer any more.
-        """
+        """Return the next key, ``None`` when the time is over; a terminal that is gone stops."""
         if self._gone:
             raise StopRequested
         if not self._typed:

@@ -12,16 +12,9 @@ if TYPE_CHECKING:
 
 
 def filled(text: str, progress: Progress, *, seconds: int = 0) -> str:
-    """Fill in how far the session has come; braces that are doubled stand for one.
+    """Fill in how far the session has come, and how many seconds a break still lasts.
 
-    Parameters
-    ----------
-    text : str
-        May hold ``{done}``, ``{planned}`` and ``{seconds}``; other braces stay as they are.
-    progress : Progress
-        How far the session has come.
-    seconds : int
-        How long a break still lasts.
+    Braces that are doubled stand for one; other braces stay as they are.
 
     Examples
     --------
@@ -38,15 +31,9 @@ _FILLED: Final = re.compile(r"\{\{|\}\}|\{(?:done|planned|seconds)\}")
 
 
 def wrapped(text: str, fits: Callable[[str], bool]) -> tuple[str, ...]:
-    """Break a text into lines, in reading order; its own line breaks are kept.
+    """Break a text of any language into lines, in reading order; its own line breaks are kept.
 
-    Parameters
-    ----------
-    text : str
-        The text in reading order, of any language.
-    fits : callable
-        Tells whether a line is short enough. Text without spaces is broken anywhere, at least one
-        character to a line.
+    Text without spaces is broken anywhere, at least one character to a line.
 
     Examples
     --------
@@ -85,13 +72,8 @@ def _pieces(word: str, fits: Callable[[str], bool]) -> list[str]:
 def as_drawn(line: str, *, right_to_left: bool) -> str:
     """Return a line's characters from left to right, in the shapes in which they join.
 
-    Parameters
-    ----------
-    line : str
-        One line in reading order. Lines are broken before, since a line that is broken after this
-        would begin with its end.
-    right_to_left : bool
-        Whether the line as a whole runs from right to left.
+    The line is in reading order, and was broken before: one that is broken after this would begin
+    with its end. `right_to_left` is of the line as a whole.
     """
     from arabic_reshaper import ArabicReshaper
     from bidi.algorithm import get_display

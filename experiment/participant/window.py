@@ -31,16 +31,10 @@ def watch_window(
 ) -> None:
     """Have the loss of a window told, on Linux; elsewhere the system tells of a closed one only.
 
-    Parameters
-    ----------
-    window : pyglet.window.Window
-        The window.
-    destroyed : callable
-        Is called, while the window's events are dispatched, if it is no more.
-    cut_off : callable
-        Is called, within a call to the window, if its connection is no more: nothing that needs
-        it may be called from then on, not even to close the window. Where the X server itself is
-        no more, the program ends at once with exit code 4.
+    `destroyed` is called, while the window's events are dispatched, if the window is no more;
+    `cut_off`, within a call to the window, if its connection is: nothing that needs it may be
+    called from then on, not even to close the window. Where the X server itself is no more, the
+    program ends at once with exit code 4.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -72,13 +66,7 @@ def _address(pointer: Any) -> int | None:
 
 
 def abandon(window: Any) -> None:
-    """Have a window that was cut off not be closed, by PsychoPy or pyglet, when the program ends.
-
-    Parameters
-    ----------
-    window : psychopy.visual.Window
-        The window.
-    """
+    """Have PsychoPy and pyglet not close a window that was cut off when the program ends."""
     window._closed = True
     window.winHandle._window = None
 
@@ -141,13 +129,7 @@ def require_window() -> None:
 
 
 def open_window(screen: Screen) -> Any:
-    """Open a PsychoPy window.
-
-    Raises
-    ------
-    NoScreenError
-        Without PsychoPy, a display, or that screen; nothing is opened then.
-    """
+    """Open a PsychoPy window; without PsychoPy, a display, or that screen, refuse and open none."""
     require_window()
     visual = _visual()
     _require_screen(screen.index)

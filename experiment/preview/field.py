@@ -101,12 +101,7 @@ class PlateBand:
 
 
 def level_db(own_m: ArrayLike, other_m: ArrayLike) -> Real:
-    """Return the level at another finger re above the actuator, 20 log10 of the amplitudes.
-
-    Parameters
-    ----------
-    own_m, other_m : array_like of complex
-        Displacements above the driven actuator, and at the other finger.
+    """Return the level at another finger re above the driven actuator, 20 log10 of the amplitudes.
 
     Examples
     --------

@@ -129,15 +129,7 @@ def _tell_map(found: Findings, field: PlateMap) -> None:
 
 
 def levels_text(field: PlateMap, driven: int) -> str:
-    """Say how much the fingers get that are not above a driven actuator.
-
-    Parameters
-    ----------
-    field : PlateMap
-        The map.
-    driven : int
-        Which actuator is driven.
-    """
+    """Say how much the fingers get that are not above a driven actuator."""
     others = field.plate.others_of(driven)
     return ", ".join(
         f"{field.plate.places[other]} {decibels(field.level_db(driven, other))}" for other in others

@@ -14,14 +14,7 @@ _COLUMN: Final = 15
 
 
 class Findings:
-    """Lines for a terminal and, from the same statements, the facts for programs.
-
-    Attributes
-    ----------
-    lines : list of str
-        What was found, in words.
-    facts : dict of str to Any
-        The same, by keys that carry their unit.
+    """Lines for a terminal and, from the same statements, facts by keys that carry their unit.
 
     Examples
     --------

@@ -60,13 +60,7 @@ class DriveLevels:
         return f"{words}, at {self.level_vpp:g} Vpp"
 
     def per_load(self, driven: int) -> str:
-        """Return what follows the unit of an actuator's displacement: the unit of its load, if any.
-
-        Parameters
-        ----------
-        driven : int
-            Which actuator.
-        """
+        """Return what follows the unit of a displacement: the unit of the load, for unit loads."""
         return "" if self.level_vpp is not None else f" per {self.units[driven]}"
 
     @property
@@ -77,22 +71,7 @@ class DriveLevels:
 
 
 def drive_of(study: Study) -> DriveLevels:
-    """Return how strongly a study's actuators are driven where its field is shown.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-
-    Returns
-    -------
-    DriveLevels
-        The study's highest level, or unit loads if the displacement of an actuator is not known.
-
-    Raises
-    ------
-    StudyError
-        If the displacement of an actuator cannot be had from what is stated of it.
+    """Return the drive of a study's highest level; unit loads if a displacement is not known.
 
     Examples
     --------
@@ -197,29 +176,12 @@ class Plate:
         return tuple(finger for finger in range(_FINGERS) if finger != driven)
 
     def scaled(self, per_load_m: Complex) -> Complex:
-        """Return displacements of the driven actuators from those per unit load.
-
-        Parameters
-        ----------
-        per_load_m : ndarray of complex128, shape (n_loads, ...)
-            Metres per unit load.
-        """
+        """Return displacements for the drive, metres, from those per unit load, (n_loads, ...)."""
         amplitudes = np.array(self.drive.amplitudes)
         return np.asarray(per_load_m * amplitudes.reshape(-1, *[1] * (per_load_m.ndim - 1)))
 
     def at_fingers_m(self, frequencies_hz: ArrayLike) -> Complex:
-        """Return the displacement at the fingertips' centres.
-
-        Parameters
-        ----------
-        frequencies_hz : array_like of float, shape (n_frequencies,)
-            Frequencies.
-
-        Returns
-        -------
-        ndarray of complex128, shape (n_driven, n_fingertips, n_frequencies)
-            Amplitude in metres, for the drive.
-        """
+        """Return amplitudes at the fingertips, shape (n_driven, n_fingertips, n_frequencies)."""
         found = displacement(self.scene, frequencies_hz, RTOL)
         return self.scaled(np.moveaxis(found, 0, -1))
 
