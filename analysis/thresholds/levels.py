@@ -228,31 +228,8 @@ def expected_error_db(
 ) -> float:
     """Return the root mean square error of a threshold found with some levels, by simulation.
 
-    Parameters
-    ----------
-    function : Function
-        Of the participant.
-    levels_vpp : sequence of float
-        At least two.
-    trials : int
-        Single stimuli, spread evenly over the levels.
-    seed : int
-        Of the simulated sessions.
-
-    Returns
-    -------
-    float
-        20 log10 of the ratio of posterior median and truth, whatever its status; NaN for one level.
-
-    Examples
-    --------
-    Levels around the threshold find it better than levels that are nearly always felt:
-
-    >>> one = Function(threshold_vpp=61.0, sigma=0.08, lapse_rate=0.02, guess_rate=0.5)
-    >>> near = expected_error_db(one, placed(one, 200.0), 150)
-    >>> far = expected_error_db(one, (60, 95, 130, 165, 200), 150)
-    >>> near < far / 2
-    True
+    In dB: 20 log10 of the ratio of posterior median and truth, whatever its status. `trials`
+    stimuli are spread evenly over the levels; one level alone finds no threshold: NaN.
     """
     x = np.log10(levels_vpp)
     width = float(np.ptp(x))

@@ -12,14 +12,12 @@ from analysis import ColumnMap, ResultFileError, read_trials
 from analysis.reading.batch import read_batch
 from analysis.reading.load import read_inputs
 from analysis.reading.sources import InputTable
-from experiment.session.simulate import simulate_study
 from experiment.terms.record import TrialRow, is_correct, trials_csv
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-    from experiment.study.study import Study
+    from tests.test_analysis.conftest import Simulate
 
 ROW = TrialRow(
     schema=1, participant="1", session="01", condition="main", block=1, trial=1, attempt=1,
@@ -42,14 +40,11 @@ def alone(paths: list[Path], columns: ColumnMap | None = None) -> pd.DataFrame:
 
 
 @pytest.fixture
-def sessions(tmp_path: Path, quick_study_text: str, make_study: Callable[[str], Study]) -> Path:
+def sessions(tmp_path: Path, simulate: Simulate) -> Path:
     """A folder with a short session each of three simulated participants, each with its plan."""
-    study = make_study(quick_study_text)
-    assert len(list(simulate_study(study, tmp_path / "results", participants=3, seed=7))) == 3
-    return tmp_path / "results"
+    return simulate(tmp_path / "results", participants=3)
 
 
-@pytest.mark.process
 def test_sessions_together_are_the_sessions_alone(sessions: Path) -> None:
     people = sorted(sessions.glob("sub-*"))
     pd.testing.assert_frame_equal(

@@ -17,15 +17,12 @@ from analysis.answers.counting import control_table
 from analysis.answers.detection import both_table, level_table
 from analysis.reading.load import read_inputs
 from analysis.results.tables import analyse
-from experiment.session.simulate import simulate_study
 from tactstrip import main
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from click.testing import Result
 
-    from experiment.study.study import Study
+    from tests.test_analysis.conftest import Simulate
 
 HEADER = "participant,block,trial,kind,side,level_vpp,response,status,anticipated,noise_ok\n"
 MAIN = (
@@ -149,10 +146,9 @@ def test_a_block_before_the_audibility_check_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def dry(tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str) -> Path:
-    study = make_study(quick_study_text + "audibility_trials = 4\ncontrol_trials = 2\n")
-    assert len(list(simulate_study(study, tmp_path / "dry", participants=2, seed=3))) == 2
-    return tmp_path / "dry"
+def dry(tmp_path: Path, simulate: Simulate) -> Path:
+    control = "audibility_trials = 4\ncontrol_trials = 2\n"
+    return simulate(tmp_path / "dry", control, participants=2, seed=3)
 
 
 def test_a_simulated_studys_control_trials_are_complete(dry: Path) -> None:

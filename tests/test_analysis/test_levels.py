@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from analysis.thresholds import levels as placing
 from analysis.thresholds.levels import (
     FELT,
     Function,
@@ -20,16 +21,14 @@ from analysis.thresholds.levels import (
     place_levels,
     placed,
 )
-from experiment.session.simulate import simulate_study
 from experiment.study.read import paper_study, read_levels
 from experiment.terms.observer import psychometric
 from tactstrip import main
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-    from experiment.study.study import Study
+    from tests.test_analysis.conftest import Simulate
 
 PAPER = (60.0, 95.0, 130.0, 165.0, 200.0)
 WIDE = (20.0, 40.0, 60.0, 80.0, 100.0, 130.0, 160.0, 200.0)
@@ -75,12 +74,15 @@ def run(*arguments: object) -> Result:
 
 
 @pytest.fixture
-def folder(tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str) -> Path:
+def folder(tmp_path: Path, simulate: Simulate) -> Path:
     """A pilot session of one simulated participant whose threshold is 85 V."""
-    burst = quick_study_text.split("[design]", maxsplit=1)[0]
-    study = make_study(burst + PILOT)
-    assert len(list(simulate_study(study, tmp_path / "pilot", participants=1, seed=11))) == 1
-    return tmp_path / "pilot"
+    return simulate(tmp_path / "pilot", study=PILOT, seed=11)
+
+
+@pytest.fixture
+def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected errors from fewer simulated studies: enough where their digits do not matter."""
+    monkeypatch.setattr(placing, "_STUDIES", 40)
 
 
 def owner(folder: Path) -> str:
@@ -138,7 +140,7 @@ def test_one_level_finds_no_threshold() -> None:
     assert math.isnan(expected_error_db(TYPICAL, [60.0], 150))
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
 def test_a_pilot_places_levels_around_its_threshold() -> None:
     found = place_levels(pilot([0, 0, 1, 2, 4, 5, 5, 5]), "P7", paper_study())
     assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
@@ -147,7 +149,7 @@ def test_a_pilot_places_levels_around_its_threshold() -> None:
     assert (found.trials, found.fixed_levels_vpp) == (150, PAPER)
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
 def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
     found = place_levels(pilot([0, 0, 0, 2, 5, 5, 5, 5]), "P7", paper_study())
     assert found.levels_vpp[0] < 80 < found.levels_vpp[-1]
@@ -184,7 +186,7 @@ def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
     assert placed(one, 220.0)[-1] == 220.0
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
 def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None:
     target, name = tmp_path / "levels.toml", owner(folder)
     result = run(folder, "--participant", name, "--write", target)

@@ -26,38 +26,24 @@ from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.session.conduct import begin
 from experiment.session.setting import Setting
-from experiment.session.simulate import simulate_study, simulated_responder
+from experiment.session.simulate import simulated_responder
 from experiment.study.read import study_from_canonical
 from experiment.terms.record import format_value
 from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
     from pathlib import Path
 
-    from experiment.study.study import Study
+    from tests.test_analysis.conftest import Simulate
 
 FIRST = "sub-01/ses-01"
 SECOND = "sub-02/ses-01"
 
 
-@pytest.fixture(scope="module")
-def simulated(
-    tmp_path_factory: pytest.TempPathFactory,
-    quick_study_text: str,
-    make_study: Callable[[str], Study],
-) -> Path:
-    """A study's folder with a short session each of two simulated participants."""
-    folder = tmp_path_factory.mktemp("simulated") / "results"
-    study = make_study(quick_study_text)
-    assert len(list(simulate_study(study, folder, participants=2, seed=7))) == 2
-    return folder
-
-
 @pytest.fixture
-def results(tmp_path: Path, simulated: Path) -> Path:
-    """A copy of it, to be changed."""
-    return shutil.copytree(simulated, tmp_path / "results")
+def results(tmp_path: Path, two_sessions: Path) -> Path:
+    """Two short sessions, to be changed."""
+    return shutil.copytree(two_sessions, tmp_path / "results")
 
 
 def change(table: Path, line: int, column: str, text: str) -> None:
@@ -89,12 +75,10 @@ def test_plans_are_listed_among_the_inputs(results: Path) -> None:
 
 
 def test_the_plan_tells_whether_none_was_offered_and_blank_trials_have_no_level(
-    tmp_path: Path, quick_study_text: str, make_study: Callable[[str], Study]
+    tmp_path: Path, simulate: Simulate
 ) -> None:
     blank = 'responses = ["left", "right", "both", "none"]\nblank_trials = 2\n'
-    study = make_study(quick_study_text + blank)
-    assert len(list(simulate_study(study, tmp_path, participants=1, seed=7))) == 1
-    trials = read_trials([tmp_path])
+    trials = read_trials([simulate(tmp_path, blank)])
     assert trials["none_offered"].all()
     assert trials["level_vpp"].isna().sum() == 2
 
