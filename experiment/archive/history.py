@@ -255,7 +255,7 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         peak_right_um=right_um,
         displacement_basis=basis,
         anticipated=presentation.end["anticipated"],
-        noise_ok=presentation.end.get("noise_ok"),  # lines of earlier versions say nothing of it
+        noise_ok=presentation.end["noise_ok"],
         simulated=simulated,
         study_sha256=plan.study_sha256,
     )

@@ -50,6 +50,21 @@ def test_the_seed_and_the_generators_name_are_recorded() -> None:
     assert plan["generator"].startswith("PCG64 of numpy ")
 
 
+def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
+    study = study_from_text(
+        "[design]\nlevels_vpp = [80, 120, 160]\ntrials_per_side = 3\nforeperiod_s = [0.5, 2.5]\n",
+        "study.toml",
+    )
+    plan = draw(study)
+    assert [
+        (t.number, t.block, t.condition, t.kind, t.side, t.level_vpp, t.foreperiod_s)
+        for t in plan.warm_up
+    ] == [
+        (len(plan.trials) + 1, 0, "main", "practice", "left", 160.0, 2.5),
+        (len(plan.trials) + 2, 0, "main", "practice", "right", 160.0, 2.5),
+    ]
+
+
 @pytest.mark.slow
 def test_random_levels_scatter_like_independent_draws() -> None:
     counts = [

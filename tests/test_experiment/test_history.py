@@ -1,0 +1,132 @@
+"""What a journal says: the lines of a session, replayed to rows without a session."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from experiment.archive.history import replay
+from experiment.archive.journal import Entry, JournalError
+from experiment.terms.gains import ConditionGains
+from experiment.trial.draw import draw_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from experiment.study.study import Study
+    from experiment.terms.record import TrialRow
+    from experiment.trial.plan import Plan
+
+GAINS = ConditionGains(
+    condition="main",
+    actuators=("left", "right"),
+    bases=("measured", "predicted"),
+    per_vpp=((0.02, 0.003), (0.001, 0.05)),
+)
+"""Four different numbers: whatever is mixed up gives other displacements."""
+
+
+@pytest.fixture
+def plan(make_study: Callable[[str], Study], short_study_text: str) -> Plan:
+    study = make_study(short_study_text.replace("[design]", "[design]\ncontrol_trials = 2"))
+    return draw_plan(study, participant="01", session="01", seed=1, gains=(GAINS,))
+
+
+def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
+    """Return the journal of a session whose one trial had this delivery."""
+    name = {"trial": number, "attempt": 1}
+    end = {"status": "ok", "anticipated": False, "noise_ok": True}
+    told = [
+        ("session_open", {"plan_sha256": plan.sha256, "simulated": False, "boot_id": 7}),
+        ("trial_armed", name | {"token": 12}),
+        ("stimulus_confirmed", name | {"outcome": "fired", "onset_s": 3.5} | confirmed),
+        ("response", name | {"response": "left", "rt_s": 0.5}),
+        ("trial_end", name | end),
+    ]
+    return [Entry(event, float(at), 100.0 + at, facts) for at, (event, facts) in enumerate(told)]
+
+
+def row_of(plan: Plan, number: int, **confirmed: Any) -> TrialRow:
+    (row,) = replay(plan, lines(plan, number, **confirmed)).rows
+    return row
+
+
+def told(row: TrialRow) -> tuple[float | None, float | None, str | None]:
+    return row.peak_left_um, row.peak_right_um, row.displacement_basis
+
+
+@pytest.mark.parametrize(
+    ("levels_vpp", "expected"),
+    [
+        ((100.0, 0.0), (2.0, 0.1, "measured")),
+        ((0.0, 100.0), (0.3, 5.0, "predicted")),
+        ((100.0, 40.0), (2.12, 2.1, "predicted")),
+        ((0.0, 0.0), (0.0, 0.0, "predicted")),
+    ],
+)
+def test_displacements_are_of_the_levels_that_the_device_reported(
+    plan: Plan, levels_vpp: tuple[float, float], expected: tuple[float, float, str]
+) -> None:
+    left_vpp, right_vpp = levels_vpp
+    row = row_of(plan, 1, level_left_vpp=left_vpp, level_right_vpp=right_vpp)
+    assert told(row) == expected
+    assert (row.level_left_vpp, row.level_right_vpp) == levels_vpp
+
+
+def test_no_displacement_is_told_of_a_level_that_nobody_knows_or_a_finger_that_is_off(
+    plan: Plan,
+) -> None:
+    control = next(trial for trial in plan.trials if trial.kind == "control")
+    known = {"level_left_vpp": 100.0, "level_right_vpp": 40.0}
+    assert told(row_of(plan, control.number, **known)) == (None, None, None)
+    for name in known:
+        assert told(row_of(plan, 1, **known | {name: None})) == (None, None, None)
+
+
+def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
+    row = row_of(plan, 1, level_left_vpp=100.0, level_right_vpp=0.0)
+    trial = plan.trials[0]
+    assert (row.trial, row.kind, row.side, row.level_vpp) == (
+        *(1, trial.kind, trial.side),
+        trial.level_vpp,
+    )
+    assert (row.response, row.rt_s, row.onset_s, row.status) == ("left", 0.5, 3.5, "ok")
+    assert (row.anticipated, row.noise_ok, row.simulated) == (False, True, False)
+    assert row.correct is (trial.side == "left")
+
+
+def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -> None:
+    history = replay(plan, lines(plan, 1)[:-1])
+    found = history.open_trial
+    assert found is not None
+    assert (found.token, found.boot_id, found.outcome, found.response) == (12, 7, "fired", "left")
+    assert history.rows == ()
+    assert [task.trial.number for task in history.pending] == [t.number for t in plan.trials]
+    assert (history.last_t_s, history.last_wall_s) == (3.0, 103.0)
+
+
+def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: Plan) -> None:
+    whole = lines(plan, 1)
+    for entries, told_why in (
+        (whole[1:], "first line must be session_open"),
+        ([*whole, whole[2]], "goes on after its end"),
+        (lines(plan, 99), "names trial 99"),
+        ([*whole[:-1], *lines(plan, 2)[1:]], "was never ended, yet others followed"),
+        ([Entry("session_open", 0.0, 0.0, {})], "lacks what it must say"),
+    ):
+        with pytest.raises(JournalError, match=told_why):
+            replay(plan, entries)
+
+
+@pytest.mark.parametrize(("status", "attempt"), [("ok", None), ("voided", 2), ("aborted", 2)])
+def test_a_trial_without_a_valid_answer_is_due_again_at_the_end_of_its_block(
+    plan: Plan, status: str, attempt: int | None
+) -> None:
+    entries = lines(plan, 1)
+    entries[-1] = Entry("trial_end", 4.0, 104.0, {**entries[-1].facts, "status": status})
+    pending = replay(plan, entries).pending
+    block = [task for task in pending if task.trial.block == plan.trials[0].block]
+    again = [task.attempt for task in pending if task.trial.number == 1]
+    assert again == ([] if attempt is None else [attempt])
+    assert (block[-1].trial.number == 1) == (attempt is not None)
