@@ -26,7 +26,7 @@ from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
 from experiment.trial.engine import step, upcoming
-from experiment.trial.events import Armed, Continued, Elapsed, Fired, Key, Phase, State, Task
+from experiment.trial.events import Armed, Continued, Elapsed, Fired, Key, Phase, SessionState, Task
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -53,7 +53,7 @@ def _engine_s(plan: Plan) -> float:
         Phase.ANSWER: Key("left", 0.5),
         Phase.BREAK: Continued(),
     }
-    state = State(
+    state = SessionState(
         pending=tuple(Task(trial, 1) for trial in plan.trials),
         keep_anticipated=False,
         response_window_s=plan.response_window_s,

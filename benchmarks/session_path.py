@@ -72,12 +72,12 @@ class Probe:
         return int(counts["read_bytes"]) + int(counts["write_bytes"])
 
     def step(
-        self, state: events.State, event: events.Event
-    ) -> tuple[events.State, tuple[events.Effect, ...]]:
+        self, state: events.SessionState, event: events.Event
+    ) -> tuple[events.SessionState, tuple[events.Effect, ...]]:
         """Ask the engine; note when it has decided to arm or to fire."""
         after, effects = engine.step(state, event)
         now_s = time.perf_counter()
-        if any(isinstance(effect, events.Arm) for effect in effects):
+        if any(isinstance(effect, events.ArmStimulus) for effect in effects):
             self._arm_s = now_s
         if any(isinstance(effect, events.Fire) for effect in effects):
             self._fire_s = now_s

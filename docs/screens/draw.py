@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from experiment.participant.pages import Pages
 from experiment.participant.window import Stage
 from experiment.study.sections.presentation import Keys, Screen, Texts
-from experiment.terms.responder import Part, Progress
+from experiment.terms.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,7 +47,7 @@ def pages(stage: Stage, screen: Screen, texts: Texts, keys: Keys) -> Iterator[tu
     for i, page in enumerate(instructions, start=1):
         yield f"instructions-{i}", page
     yield "placement", placement
-    for part in Part:
+    for part in SessionPart:
         yield part.value, of.before_part(part, at)[-1]
     yield "ready", of.ready
     yield "prompt", of.prompt

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiment.participant.text import filled
 from experiment.participant.window import BACKGROUND, DIM, FOREGROUND, PITCH
-from experiment.terms.responder import Part
+from experiment.terms.responder import SessionPart
 
 if TYPE_CHECKING:
     from experiment.participant.window import Stage
@@ -169,7 +169,7 @@ _PICTURE_AT = -0.1
 _HALF_PICTURE = 0.14
 _WIDEST_TEXT = 1.3
 _SMALLEST_TEXT = 0.01
-_HANDS_OFF = (Part.AUDIBILITY, Part.CONTROL)
+_HANDS_OFF = (SessionPart.AUDIBILITY, SessionPart.CONTROL)
 _GOOD, _BAD = "#7fc97f", "#fdae6b"
 
 
@@ -209,7 +209,7 @@ class Pages:
             *self._reading(filled(texts.placement, progress), picture),
         ]
 
-    def before_part(self, part: Part, progress: Progress) -> list[Page]:
+    def before_part(self, part: SessionPart, progress: Progress) -> list[Page]:
         """Return what a part asks for, and whether the fingers lie on the plate."""
         hands_off = part in _HANDS_OFF
         answers = self._responses

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from experiment.participant.pages import Page, Pages
     from experiment.participant.window import Stage
     from experiment.study.sections.presentation import Keys, Screen, Texts
-    from experiment.terms.responder import Part, Progress, Question
+    from experiment.terms.responder import Progress, Question, SessionPart
 
 
 POLL_S = 0.004
@@ -122,7 +122,7 @@ class ScreenResponder:
         self._reader.drop_all()
         return self._read_through(self._pages.before_sitting(progress), progress)
 
-    def introduce(self, part: Part, progress: Progress) -> bool:
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Tell what the part asks for, and show whether the fingers lie on the plate."""
         return self._read_through(self._pages.before_part(part, progress), progress)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from experiment.operator.keys import KEY
 from experiment.operator.requests import StopRequested
-from experiment.terms.responder import ESCAPE, Part, Press
+from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -41,7 +41,7 @@ TERMINAL_KEYS: Final = {
 }
 """What a person may press for each answer, for the explanation and for the session's header."""
 _GO_ON: Final = ("\r", "\n", " ")
-_HANDS_OFF: Final = (Part.AUDIBILITY, Part.CONTROL)
+_HANDS_OFF: Final = (SessionPart.AUDIBILITY, SessionPart.CONTROL)
 
 
 class NoTerminalError(ValueError):
@@ -115,7 +115,7 @@ class TerminalResponder:
         """Go on: the keys were explained when the terminal was borrowed."""
         return True
 
-    def introduce(self, part: Part, progress: Progress) -> bool:
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Say when the fingers leave the plate and when they come back; else go on."""
         off = part in _HANDS_OFF
         if not off and not self._hands_off:
@@ -235,7 +235,7 @@ class TerminalResponder:
 
 def _require_encodable(texts: Texts, encoding: str) -> None:
     """Refuse texts that would end the session in its midst, when they are written."""
-    for part in Part:
+    for part in SessionPart:
         try:
             getattr(texts, part.value).encode(encoding)
         except UnicodeEncodeError as error:

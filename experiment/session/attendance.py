@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from experiment.operator.requests import StopSignal
-    from experiment.terms.responder import Part, Press, Progress, Question, Responder
+    from experiment.terms.responder import Press, Progress, Question, Responder, SessionPart
 
 
 class Attendance:
@@ -39,7 +39,7 @@ class Attendance:
         """Welcome and instruct."""
         return self._unless_stopped(lambda: _continued(go_on=self._responder.begin(progress)))
 
-    def introduce(self, part: Part, progress: Progress) -> events.Event:
+    def introduce(self, part: SessionPart, progress: Progress) -> events.Event:
         """Tell what a part asks for."""
         return self._unless_stopped(
             lambda: _continued(go_on=self._responder.introduce(part, progress))

@@ -32,7 +32,7 @@ _EVENT_OF: Mapping[Outcome, events.Event] = {
 }
 
 
-class Emission:
+class StimulusOut:
     """What the device is told of the stimuli, one after the other.
 
     Parameters

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from device.driver import DeviceError
 from experiment.session.attendance import Attendance
-from experiment.session.outputs import Emission, NoiseWatch
+from experiment.session.outputs import NoiseWatch, StimulusOut
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
 from experiment.terms.responder import Question
@@ -92,11 +92,11 @@ class Session:
         self._monitor = monitor
         self._stop = stop
         self._due_s = 0.0
-        self._emission = Emission(study=study, device=device, clock=clock, journal=journal)
+        self._emission = StimulusOut(study=study, device=device, clock=clock, journal=journal)
         self._noise = NoiseWatch(noise, journal)
         self._standing = Standing(plan, study.design, history)
         again = resumed and not responder.simulated
-        self._state = events.State(
+        self._state = events.SessionState(
             pending=history.due(warm_up=again),
             keep_anticipated=study.design.anticipated == "keep",
             response_window_s=study.design.response_window_s,
@@ -108,7 +108,7 @@ class Session:
             events.CloseBlock: self._close_block,
             events.Cue: self._cue,
             events.Wait: self._wait,
-            events.Arm: self._arm,
+            events.ArmStimulus: self._arm,
             events.Fire: self._fire,
             events.Listen: self._listen,
             events.EndTrial: self._end_trial,
@@ -210,7 +210,7 @@ class Session:
     def _wait(self, effect: events.Wait) -> events.Event:
         return self._participant.wait(effect.task, self._due_s)
 
-    def _arm(self, effect: events.Arm) -> events.Event:
+    def _arm(self, effect: events.ArmStimulus) -> events.Event:
         return events.NoiseLost() if self._noise.lost() else self._emission.arm(effect.task)
 
     def _fire(self, _: events.Fire) -> events.Event:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains, FingerGains
     from experiment.terms.observer import Observer
-    from experiment.terms.responder import Part, Progress, Question
+    from experiment.terms.responder import Progress, Question, SessionPart
     from experiment.trial.plan import Plan
 
 
@@ -77,7 +77,7 @@ class SimulatedResponder:
         """Need no instruction."""
         return True
 
-    def introduce(self, part: Part, progress: Progress) -> bool:
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Need no introduction."""
         return True
 

@@ -14,7 +14,7 @@ from experiment.trial.plan import PRACTICE_BLOCK
 if TYPE_CHECKING:
     from experiment.archive.history import History
     from experiment.study.sections.design import Design
-    from experiment.trial.events import EndTrial, State
+    from experiment.trial.events import EndTrial, SessionState
     from experiment.trial.plan import Plan, Trial
 
 
@@ -61,13 +61,13 @@ class Standing:
         if trial.kind == "single":
             self._count(trial.side, end.response)
 
-    def progress(self, state: State) -> Progress:
+    def progress(self, state: SessionState) -> Progress:
         """Return how far the session has come."""
         left = sum(not task.warm_up for task in state.pending)
         practice = bool(state.pending) and state.pending[0].trial.kind == "practice"
         return Progress(done=self._planned - left, planned=self._planned, practice=practice)
 
-    def status(self, state: State, *, noise: str, device: str, message: str) -> Status:
+    def status(self, state: SessionState, *, noise: str, device: str, message: str) -> Status:
         """Return what the operator is shown."""
         progress = self.progress(state)
         return Status(
@@ -83,13 +83,13 @@ class Standing:
             tallies=dict(self._tallies),
         )
 
-    def _block(self, state: State) -> int:
+    def _block(self, state: SessionState) -> int:
         """Return the open block, or the one to come; after the last one, the last."""
         if state.block is not None:
             return state.block
         return state.pending[0].trial.block if state.pending else self._blocks
 
-    def _left_s(self, state: State) -> float:
+    def _left_s(self, state: SessionState) -> float:
         """Expect every trial to take the mean of those so far, every break its shortest time."""
         blocks = {t.trial.block for t in state.pending if t.trial.block > PRACTICE_BLOCK}
         breaks = max(0, len(blocks) - 1)

@@ -10,7 +10,7 @@ ESCAPE = "escape"
 """What `Press.response` says when a pause is asked for."""
 
 
-class Part(StrEnum):
+class SessionPart(StrEnum):
     """A part of a session, by what a person is told before it."""
 
     AUDIBILITY = "audibility"  # fingers off the plate, noise on: is anything heard?
@@ -89,7 +89,7 @@ class Responder(Protocol):
         """Welcome and instruct, before the first trial of a sitting; ``False`` means stop."""
         ...
 
-    def introduce(self, part: Part, progress: Progress) -> bool:
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Tell what the next part asks for, where the fingers lie; ``False`` means stop."""
         ...
 

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, TypeAlias
 from experiment.study.sections.design import EARLIEST_ANSWER_S
 from experiment.terms.record import is_correct
 from experiment.trial.events import (
-    Arm,
     Armed,
+    ArmStimulus,
     BreakDue,
     CloseBlock,
     CloseSession,
@@ -46,9 +46,9 @@ from experiment.trial.events import (
     Phase,
     PracticeOver,
     Rest,
+    SessionState,
     SittingDue,
     StartNoise,
-    State,
     StopAsked,
     TrialDue,
     Wait,
@@ -60,22 +60,22 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-Change: TypeAlias = tuple[State, tuple[Effect, ...]]
-Action: TypeAlias = Callable[[State, Event], Change]
+Change: TypeAlias = tuple[SessionState, tuple[Effect, ...]]
+Action: TypeAlias = Callable[[SessionState, Event], Change]
 
 
-def welcome(state: State, _: Event) -> Change:
+def welcome(state: SessionState, _: Event) -> Change:
     """Welcome the participant, once in a sitting."""
     return replace(state, greeted=True), (Greet(),)
 
 
-def introduce(state: State, _: Event) -> Change:
+def introduce(state: SessionState, _: Event) -> Change:
     """Tell what the next part asks for."""
     part = state.pending[0].part
     return replace(state, part=part), (Introduce(part),)
 
 
-def cue_and_wait(state: State, _: Event) -> Change:
+def cue_and_wait(state: SessionState, _: Event) -> Change:
     """Open the block where it is new, show the cue, let the foreperiod pass."""
     task = state.pending[0]
     opening = () if state.block is not None else (OpenBlock(task),)
@@ -83,143 +83,143 @@ def cue_and_wait(state: State, _: Event) -> Change:
     return state, (*opening, Cue(task), Wait(task))
 
 
-def flag_and_wait_on(state: State, _: Event) -> Change:
+def flag_and_wait_on(state: SessionState, _: Event) -> Change:
     """Remember the early key and let the rest of the foreperiod pass."""
     return replace(state, anticipated=True), (Wait(state.pending[0]),)
 
 
-def arm(state: State, _: Event) -> Change:
+def arm(state: SessionState, _: Event) -> Change:
     """Arm the device."""
-    return state, (Arm(state.pending[0]),)
+    return state, (ArmStimulus(state.pending[0]),)
 
 
-def fire(state: State, _: Event) -> Change:
+def fire(state: SessionState, _: Event) -> Change:
     """Emit the stimulus."""
     return state, (Fire(state.pending[0]),)
 
 
-def listen(state: State, _: Event) -> Change:
+def listen(state: SessionState, _: Event) -> Change:
     """Wait for the answer."""
     return replace(state, failures=0), (Listen(state.pending[0], state.response_window_s),)
 
 
-def take_answer(state: State, event: Event) -> Change:
+def take_answer(state: SessionState, event: Event) -> Change:
     """Record the answer; the trial is done."""
     assert isinstance(event, Key | EarlyKeyKept)
     return _done(state, event.response, event.rt_s)
 
 
-def take_early_answer(state: State, event: Event) -> Change:
+def take_early_answer(state: SessionState, event: Event) -> Change:
     """Record the answer as anticipated; the trial is done."""
     return take_answer(replace(state, anticipated=True), event)
 
 
-def take_timeout(state: State, _: Event) -> Change:
+def take_timeout(state: SessionState, _: Event) -> Change:
     """Record that no answer came; the trial is done."""
     return _done(state, "timeout", None)
 
 
-def void_as_anticipated(state: State, _: Event) -> Change:
+def void_as_anticipated(state: SessionState, _: Event) -> Change:
     """Record the trial as void and present it again later."""
     return _again(replace(state, anticipated=True), "voided")
 
 
-def report_error(state: State, _: Event) -> Change:
+def report_error(state: SessionState, _: Event) -> Change:
     """Record that the stimulus did not go out and present it again later."""
     return _again(replace(state, failures=state.failures + 1), "device_error")
 
 
-def report_indeterminate(state: State, _: Event) -> Change:
+def report_indeterminate(state: SessionState, _: Event) -> Change:
     """Record that nobody knows whether it went out and present it again later."""
     return _again(replace(state, failures=state.failures + 1), "indeterminate")
 
 
-def abort_and_pause(state: State, _: Event) -> Change:
+def abort_and_pause(state: SessionState, _: Event) -> Change:
     """Give the trial up before its stimulus, and pause."""
     state, effects = _again(state, "aborted")
     return state, (*effects, Rest(paused=True))
 
 
-def void_and_pause(state: State, _: Event) -> Change:
+def void_and_pause(state: SessionState, _: Event) -> Change:
     """Give up a trial that was felt, and pause."""
     state, effects = _again(state, "voided")
     return state, (*effects, Rest(paused=True))
 
 
-def pause_between_trials(state: State, _: Event) -> Change:
+def pause_between_trials(state: SessionState, _: Event) -> Change:
     """Pause while no trial is on."""
     return state, (Rest(paused=True),)
 
 
-def abort_for_noise(state: State, event: Event) -> Change:
+def abort_for_noise(state: SessionState, event: Event) -> Change:
     """Give the trial up before its stimulus, and pause until the noise plays again."""
     return abort_and_pause(replace(state, noise_lost=True), event)
 
 
-def void_for_noise(state: State, event: Event) -> Change:
+def void_for_noise(state: SessionState, event: Event) -> Change:
     """Give up a trial that may have been heard, and pause until the noise plays again."""
     return void_and_pause(replace(state, noise_lost=True), event)
 
 
-def pause_for_noise(state: State, event: Event) -> Change:
+def pause_for_noise(state: SessionState, event: Event) -> Change:
     """Pause until the noise plays again."""
     return pause_between_trials(replace(state, noise_lost=True), event)
 
 
-def abort_and_stop(state: State, _: Event) -> Change:
+def abort_and_stop(state: SessionState, _: Event) -> Change:
     """Give the trial up before its stimulus, and stop."""
     return _give_up(state, "aborted")
 
 
-def void_and_stop(state: State, _: Event) -> Change:
+def void_and_stop(state: SessionState, _: Event) -> Change:
     """Give up a trial that was felt, and stop."""
     return _give_up(state, "voided")
 
 
-def report_error_and_stop(state: State, _: Event) -> Change:
+def report_error_and_stop(state: SessionState, _: Event) -> Change:
     """Record that the stimulus did not go out, and stop."""
     return _give_up(state, "device_error")
 
 
-def report_indeterminate_and_stop(state: State, _: Event) -> Change:
+def report_indeterminate_and_stop(state: SessionState, _: Event) -> Change:
     """Record that nobody knows whether it went out, and stop."""
     return _give_up(state, "indeterminate")
 
 
-def close_block(state: State, _: Event) -> Change:
+def close_block(state: SessionState, _: Event) -> Change:
     """Close the block and go straight on."""
     assert state.block is not None
     return replace(state, block=None), (CloseBlock(state.block),)
 
 
-def close_block_and_rest(state: State, _: Event) -> Change:
+def close_block_and_rest(state: SessionState, _: Event) -> Change:
     """Close the block and offer a break."""
     state, effects = close_block(state, _)
     return state, (*effects, Rest(paused=False))
 
 
-def close_block_and_session(state: State, _: Event) -> Change:
+def close_block_and_session(state: SessionState, _: Event) -> Change:
     """Close block and session; every trial is answered."""
     closing = () if state.block is None else (CloseBlock(state.block),)
     return state, (*closing, ZeroOutputs(), *_leave(finished=True))
 
 
-def stop_between_trials(state: State, _: Event) -> Change:
+def stop_between_trials(state: SessionState, _: Event) -> Change:
     """Put the outputs to zero and leave; the session can be resumed."""
     return state, (ZeroOutputs(), *_leave(finished=False))
 
 
-def go_on(state: State, _: Event) -> Change:
+def go_on(state: SessionState, _: Event) -> Change:
     """Return to the trials."""
     return state, ()
 
 
-def go_on_with_noise(state: State, _: Event) -> Change:
+def go_on_with_noise(state: SessionState, _: Event) -> Change:
     """Return to the trials; noise that was lost is started again first."""
     return replace(state, noise_lost=False), (StartNoise(),) if state.noise_lost else ()
 
 
-def _done(state: State, response: str, rt_s: float | None) -> Change:
+def _done(state: SessionState, response: str, rt_s: float | None) -> Change:
     task = state.pending[0]
     end = EndTrial(
         task=task, status="ok", response=response, rt_s=rt_s, anticipated=state.anticipated
@@ -229,7 +229,7 @@ def _done(state: State, response: str, rt_s: float | None) -> Change:
     return replace(state, pending=state.pending[1:]), (end, *told)
 
 
-def _again(state: State, status: str) -> Change:
+def _again(state: SessionState, status: str) -> Change:
     """End the trial with this status and put it at the end of its block, or of the warm-up."""
     task, *rest = state.pending
     end = EndTrial(task=task, status=status, anticipated=state.anticipated)
@@ -239,7 +239,7 @@ def _again(state: State, status: str) -> Change:
     return replace(state, pending=tuple(rest)), (end,)
 
 
-def _give_up(state: State, status: str) -> Change:
+def _give_up(state: SessionState, status: str) -> Change:
     state, effects = _again(state, status)
     return state, (ZeroOutputs(), *effects, *_leave(finished=False))
 
@@ -297,7 +297,7 @@ class IllegalStepError(RuntimeError):
     """An event that the table does not know in this phase: a fault of the program."""
 
 
-def step(state: State, event: Event) -> Change:
+def step(state: SessionState, event: Event) -> Change:
     """Return the state after an event, and what is to be done.
 
     Parameters
@@ -321,7 +321,7 @@ def step(state: State, event: Event) -> Change:
     return replace(after, phase=phase), effects
 
 
-def upcoming(state: State) -> Event:
+def upcoming(state: SessionState) -> Event:
     """Return the event by which a session that is ready goes on."""
     if not state.pending:
         return NothingLeft()
@@ -333,7 +333,7 @@ def upcoming(state: State) -> Event:
     return TrialDue() if task.part is state.part else PartDue()
 
 
-def _refine(state: State, event: Event) -> Event:
+def _refine(state: SessionState, event: Event) -> Event:
     """Call a key too early or too late, and a failure that repeats itself, by their names."""
     match event:
         case Key(response, rt_s) if rt_s is None or rt_s < EARLIEST_ANSWER_S:

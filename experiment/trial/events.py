@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from experiment.terms.responder import Part
+from experiment.terms.responder import SessionPart
 from experiment.trial.plan import PRACTICE_BLOCK
 
 if TYPE_CHECKING:
@@ -48,17 +48,19 @@ class Task:
     warm_up: bool = False
 
     @property
-    def part(self) -> Part:
+    def part(self) -> SessionPart:
         """The part of the session that it belongs to."""
         if self.warm_up:
-            return Part.WARM_UP
+            return SessionPart.WARM_UP
         if self.trial.kind == "control":
-            return Part.AUDIBILITY if self.trial.block < PRACTICE_BLOCK else Part.CONTROL
-        return Part.PRACTICE if self.trial.kind == "practice" else Part.MAIN
+            return (
+                SessionPart.AUDIBILITY if self.trial.block < PRACTICE_BLOCK else SessionPart.CONTROL
+            )
+        return SessionPart.PRACTICE if self.trial.kind == "practice" else SessionPart.MAIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class SessionState:
     """A session between two events.
 
     Attributes
@@ -79,7 +81,7 @@ class State:
         Stimuli in a row that were not delivered.
     greeted : bool
         The participant was welcomed in this sitting.
-    part : Part or None
+    part : SessionPart or None
         The part that was introduced last in this sitting.
     noise_lost : bool
         The masking noise has to be started again before the next trial.
@@ -93,7 +95,7 @@ class State:
     anticipated: bool = False
     failures: int = 0
     greeted: bool = False
-    part: Part | None = None
+    part: SessionPart | None = None
     noise_lost: bool = False
 
 
@@ -209,7 +211,7 @@ class Greet(Effect):
 class Introduce(Effect):
     """Tell what a part asks for. Answered by Continued or StopAsked."""
 
-    part: Part
+    part: SessionPart
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,7 +243,7 @@ class Wait(Effect):
 
 
 @dataclass(frozen=True, slots=True)
-class Arm(Effect):
+class ArmStimulus(Effect):
     """Journal the token, then arm the device. Answered by Armed, NoiseLost or DeviceFailed."""
 
     task: Task

@@ -25,7 +25,7 @@ from experiment.operator.requests import Requests, StopSignal
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
-from experiment.terms.responder import ESCAPE, Part, Press
+from experiment.terms.responder import ESCAPE, Press, SessionPart
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import seal
 
@@ -71,7 +71,7 @@ class Scripted:
     def begin(self, progress: Progress) -> bool:
         return self._next("begin") is not False
 
-    def introduce(self, part: Part, progress: Progress) -> bool:
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
         self.told.append(part)
         return self._next("introduce") is not False
 
@@ -937,13 +937,13 @@ def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
     lab.plan = with_control(lab.plan)
     with pytest.raises(Crash):
         lab.begin(ask={4: Crash()})
-    assert [what for what in lab.responder.told if isinstance(what, Part)] == [
-        Part.AUDIBILITY,
-        Part.MAIN,
+    assert [what for what in lab.responder.told if isinstance(what, SessionPart)] == [
+        SessionPart.AUDIBILITY,
+        SessionPart.MAIN,
     ]
     assert lab.resume().finished
-    told = [what for what in lab.responder.told if isinstance(what, Part)]
-    assert told == [Part.WARM_UP, Part.MAIN, Part.CONTROL]
+    told = [what for what in lab.responder.told if isinstance(what, SessionPart)]
+    assert told == [SessionPart.WARM_UP, SessionPart.MAIN, SessionPart.CONTROL]
     assert (lab.responder.calls["begin"], lab.responder.calls["end"]) == (1, 1)
 
 
@@ -960,12 +960,12 @@ def test_warm_up_comes_only_before_a_trial_on_the_plate(
         else:
             with pytest.raises(Crash):
                 go_on(ask={last: Crash()})
-        parts.append([what for what in lab.responder.told if isinstance(what, Part)])
+        parts.append([what for what in lab.responder.told if isinstance(what, SessionPart)])
     assert parts == [
-        [Part.AUDIBILITY],
-        [Part.AUDIBILITY, Part.WARM_UP, Part.MAIN],
-        [Part.WARM_UP, Part.MAIN, Part.CONTROL],
-        [Part.CONTROL],
+        [SessionPart.AUDIBILITY],
+        [SessionPart.AUDIBILITY, SessionPart.WARM_UP, SessionPart.MAIN],
+        [SessionPart.WARM_UP, SessionPart.MAIN, SessionPart.CONTROL],
+        [SessionPart.CONTROL],
     ]
 
 

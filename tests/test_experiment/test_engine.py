@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiment.study.sections.design import EARLIEST_ANSWER_S
-from experiment.terms.responder import Part
+from experiment.terms.responder import SessionPart
 from experiment.trial.engine import MOST_FAILURES, TRANSITIONS, IllegalStepError, step, upcoming
 from experiment.trial.events import (
-    Arm,
     Armed,
+    ArmStimulus,
     BreakDue,
     CloseBlock,
     CloseSession,
@@ -42,9 +42,9 @@ from experiment.trial.events import (
     Phase,
     PracticeOver,
     Rest,
+    SessionState,
     SittingDue,
     StartNoise,
-    State,
     StopAsked,
     Task,
     TrialDue,
@@ -72,8 +72,8 @@ def trial(number: int, block: int = 1, kind: str = "single", side: str = "left")
     )
 
 
-def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) -> State:
-    return State(
+def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) -> SessionState:
+    return SessionState(
         pending=tuple(Task(t, 1) for t in trials),
         keep_anticipated=keep_anticipated,
         response_window_s=3.0,
@@ -81,7 +81,7 @@ def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) 
     )
 
 
-def follow(state: State, events: Iterable[Event]) -> tuple[State, list[Effect]]:
+def follow(state: SessionState, events: Iterable[Event]) -> tuple[SessionState, list[Effect]]:
     effects: list[Effect] = []
     for event in events:
         state, new = step(state, event)
@@ -99,7 +99,7 @@ def test_a_trial_goes_from_cue_to_answer_and_ends_ok() -> None:
         OpenBlock(task),
         Cue(task),
         Wait(task),
-        Arm(task),
+        ArmStimulus(task),
         Fire(task),
         Listen(task, 3.0),
         EndTrial(task=task, status="ok", response="left", rt_s=0.5),
@@ -248,7 +248,7 @@ CONTINUED = {
 }
 
 
-def go_on_to_the_end(state: State) -> list[Effect]:
+def go_on_to_the_end(state: SessionState) -> list[Effect]:
     effects: list[Effect] = []
     while state.phase is not Phase.FINISHED:
         event = upcoming(state) if state.phase is Phase.READY else CONTINUED[state.phase]
@@ -270,12 +270,12 @@ def test_a_sitting_begins_with_a_welcome_and_every_part_with_its_introduction() 
     effects = go_on_to_the_end(state)
     assert [e for e in effects if isinstance(e, Greet | Introduce | Rest | Farewell)] == [
         Greet(),
-        Introduce(Part.AUDIBILITY),
-        Introduce(Part.PRACTICE),
-        Introduce(Part.MAIN),
+        Introduce(SessionPart.AUDIBILITY),
+        Introduce(SessionPart.PRACTICE),
+        Introduce(SessionPart.MAIN),
         Rest(paused=False),
         Rest(paused=False),
-        Introduce(Part.CONTROL),
+        Introduce(SessionPart.CONTROL),
         Farewell(finished=True),
     ]
 
@@ -285,7 +285,7 @@ def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
     state = ready(trial(1, block=0, kind="practice"), trial(2))
     state = replace(state, pending=(warm_up, *state.pending), greeted=False)
     state, _ = follow(state, [SittingDue(), Continued(), PartDue(), Continued()])
-    assert state.part is Part.WARM_UP
+    assert state.part is SessionPart.WARM_UP
     state, _ = follow(state, [*FELT, Key("left", 0.05)])
     assert [task.trial.number for task in state.pending] == [9, 1, 2]
     assert state.pending[0] == replace(warm_up, attempt=2)
@@ -350,7 +350,7 @@ EVENTS = [
 def test_an_event_outside_the_table_is_refused_and_changes_nothing(
     phase: Phase, event: Event
 ) -> None:
-    state = State(
+    state = SessionState(
         pending=(Task(trial(1), 1),),
         keep_anticipated=True,
         response_window_s=3.0,

@@ -37,7 +37,7 @@ def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
     """Return the journal of a session whose one trial had this delivery."""
     name = {"trial": number, "attempt": 1}
     end = {"status": "ok", "anticipated": False, "noise_ok": True}
-    told = [
+    told: list[tuple[str, dict[str, Any]]] = [
         ("session_open", {"plan_sha256": plan.sha256, "simulated": False, "boot_id": 7}),
         ("trial_armed", name | {"token": 12}),
         ("stimulus_confirmed", name | {"outcome": "fired", "onset_s": 3.5} | confirmed),

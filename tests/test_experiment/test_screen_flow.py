@@ -13,7 +13,7 @@ from experiment.operator.requests import Requests, StopRequested, StopSignal
 from experiment.participant.keys import Stroke
 from experiment.participant.screen import END_S, ScreenResponder
 from experiment.study.sections.presentation import Keys, Screen, Texts
-from experiment.terms.responder import ESCAPE, Part, Press, Progress, Question
+from experiment.terms.responder import ESCAPE, Press, Progress, Question, SessionPart
 
 PROGRESS = Progress(done=1, planned=4, practice=False)
 
@@ -65,7 +65,7 @@ class Pages:
     def before_sitting(self, _: Progress) -> list[str]:
         return ["welcome", "placement"]
 
-    def before_part(self, part: Part, _: Progress) -> list[str]:
+    def before_part(self, part: SessionPart, _: Progress) -> list[str]:
         return [part.value]
 
     def pause(self, _: Progress, *, go_on: bool) -> str:
@@ -212,10 +212,10 @@ def test_pages_are_read_one_after_the_other(room: Room) -> None:
     room.keyboard.coming.extend(
         [Stroke("escape", 3.0), Stroke("return", 4.0), Stroke("return", 5.0)]
     )
-    assert room.responder.introduce(Part.CONTROL, PROGRESS)
+    assert room.responder.introduce(SessionPart.CONTROL, PROGRESS)
     assert room.stage.shown[2:] == ["control", "pause, go on", "control"]
     room.keyboard.coming.extend([Stroke("escape", 6.0), Stroke("escape", 7.0)])
-    assert not room.responder.introduce(Part.MAIN, PROGRESS)
+    assert not room.responder.introduce(SessionPart.MAIN, PROGRESS)
 
 
 def test_a_key_for_another_window_is_no_answer_and_is_noted(room: Room) -> None:

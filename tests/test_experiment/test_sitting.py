@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from experiment.operator.requests import Requests
-    from experiment.terms.responder import Part, Progress, Question
+    from experiment.terms.responder import Progress, Question, SessionPart
 
 STUDY = """
 [study]
@@ -89,7 +89,7 @@ class FakeScreen:
     def begin(self, progress: Progress) -> bool:
         return True
 
-    def introduce(self, part: Part, progress: Progress) -> bool:
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
         self.parts.append(str(part))
         return True
 
