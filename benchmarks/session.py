@@ -26,7 +26,7 @@ from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
 from experiment.trial.engine import step, upcoming
-from experiment.trial.events import Armed, Continued, Elapsed, Fired, Key, Phase, SessionState, Task
+from experiment.trial.events import Event, Happening, Key, Phase, SessionState, Task
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,14 +44,14 @@ REPEATS = 20
 
 def _engine_s(plan: Plan) -> float:
     """Return the time per trial of the engine alone, from the cue to the answer."""
-    answers = {
-        Phase.WELCOME: Continued(),
-        Phase.INTRODUCTION: Continued(),
-        Phase.FOREPERIOD: Elapsed(),
-        Phase.ARMING: Armed(),
-        Phase.FIRING: Fired(),
+    answers: dict[Phase, Happening] = {
+        Phase.WELCOME: Event.CONTINUED,
+        Phase.INTRODUCTION: Event.CONTINUED,
+        Phase.FOREPERIOD: Event.ELAPSED,
+        Phase.ARMING: Event.ARMED,
+        Phase.FIRING: Event.FIRED,
         Phase.ANSWER: Key("left", 0.5),
-        Phase.BREAK: Continued(),
+        Phase.BREAK: Event.CONTINUED,
     }
     state = SessionState(
         pending=tuple(Task(trial, 1) for trial in plan.trials),

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 from experiment.operator.requests import StopRequested
 from experiment.terms.responder import ESCAPE
-from experiment.trial import events
+from experiment.trial.events import Event, Key
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from experiment.operator.requests import StopSignal
     from experiment.terms.responder import Press, Progress, Question, Responder, SessionPart
+    from experiment.trial.events import Happening, Task
 
 
 class Attendance:
@@ -35,29 +36,29 @@ class Attendance:
         self._stop = stop
         self._responses = responses
 
-    def greet(self, progress: Progress) -> events.Event:
+    def greet(self, progress: Progress) -> Happening:
         """Welcome and instruct."""
         return self._unless_stopped(lambda: _continued(go_on=self._responder.begin(progress)))
 
-    def introduce(self, part: SessionPart, progress: Progress) -> events.Event:
+    def introduce(self, part: SessionPart, progress: Progress) -> Happening:
         """Tell what a part asks for."""
         return self._unless_stopped(
             lambda: _continued(go_on=self._responder.introduce(part, progress))
         )
 
-    def wait(self, task: events.Task, until_s: float) -> events.Event:
+    def wait(self, task: Task, until_s: float) -> Happening:
         """Let the foreperiod pass."""
         return self._unless_stopped(
             lambda: self._event_of(self._responder.wait(until_s), task, onset_s=None)
         )
 
-    def ask(self, task: events.Task, question: Question) -> events.Event:
+    def ask(self, task: Task, question: Question) -> Happening:
         """Wait for an answer."""
         return self._unless_stopped(
             lambda: self._event_of(self._responder.ask(question), task, onset_s=question.onset_s)
         )
 
-    def rest(self, progress: Progress, *, paused: bool, minimum_s: float) -> events.Event:
+    def rest(self, progress: Progress, *, paused: bool, minimum_s: float) -> Happening:
         """Hold a pause, or offer a break."""
         return self._unless_stopped(
             lambda: _continued(
@@ -65,34 +66,32 @@ class Attendance:
             )
         )
 
-    def leave(self, progress: Progress, *, finished: bool) -> events.Event:
+    def leave(self, progress: Progress, *, finished: bool) -> Happening:
         """Say good-bye; a stop from outside leaves no time for it."""
 
-        def end() -> events.Event:
+        def end() -> Happening:
             self._responder.end(progress, finished=finished)
-            return events.Continued()
+            return Event.CONTINUED
 
         return self._unless_stopped(end)
 
-    def _unless_stopped(self, wait: Callable[[], events.Event]) -> events.Event:
+    def _unless_stopped(self, wait: Callable[[], Happening]) -> Happening:
         try:
             with self._stop.interruptible():
                 return wait()
         except StopRequested:
-            return events.StopAsked()
+            return Event.STOP_ASKED
 
-    def _event_of(
-        self, press: Press | None, task: events.Task, *, onset_s: float | None
-    ) -> events.Event:
+    def _event_of(self, press: Press | None, task: Task, *, onset_s: float | None) -> Happening:
         if press is None:
-            return events.Elapsed()
+            return Event.ELAPSED
         if press.response == ESCAPE:
-            return events.PauseAsked()
+            return Event.PAUSE_ASKED
         control = task.trial.kind == "control"
         offered = (*self._responses, "none") if control else self._responses
         rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
-        return events.Key(press.response if press.response in offered else "invalid", rt_s)
+        return Key(press.response if press.response in offered else "invalid", rt_s)
 
 
-def _continued(*, go_on: bool) -> events.Event:
-    return events.Continued() if go_on else events.StopAsked()
+def _continued(*, go_on: bool) -> Event:
+    return Event.CONTINUED if go_on else Event.STOP_ASKED

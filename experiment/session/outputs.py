@@ -9,7 +9,7 @@ from device.driver import DeviceError, Outcome, RefusedError
 from experiment.apparatus.noise import NoiseError
 from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s
 from experiment.session.setting import fault_facts, trial_name
-from experiment.trial import events
+from experiment.trial.events import Event
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,16 +19,17 @@ if TYPE_CHECKING:
     from experiment.apparatus.noise import NoiseHealth, NoisePlayer
     from experiment.archive.journal import Journal
     from experiment.study.study import Study
+    from experiment.trial.events import Task
     from experiment.trial.plan import Trial
 
 
 ARM_TO_FIRE_S = 1.0
 """How long the device may hold a stimulus ready; later it cannot be fired any more."""
 
-_EVENT_OF: Mapping[Outcome, events.Event] = {
-    Outcome.FIRED: events.Fired(),
-    Outcome.NOT_FIRED: events.NotFired(),
-    Outcome.INDETERMINATE: events.FiredPerhaps(),
+_EVENT_OF: Mapping[Outcome, Event] = {
+    Outcome.FIRED: Event.FIRED,
+    Outcome.NOT_FIRED: Event.NOT_FIRED,
+    Outcome.INDETERMINATE: Event.FIRED_PERHAPS,
 }
 
 
@@ -90,7 +91,7 @@ class StimulusOut:
             self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
         return self._rested_s
 
-    def arm(self, task: events.Task) -> events.Event:
+    def arm(self, task: Task) -> Event:
         """Journal a new token, then arm the device with it."""
         trial = task.trial
         level_vpp = trial.level_vpp or min(self._study.design.levels_vpp)
@@ -102,26 +103,26 @@ class StimulusOut:
         except DeviceError as error:
             return self.fail(error)
         self._journal.append("stimulus_commanded", {"token": self._token})
-        return events.Armed()
+        return Event.ARMED
 
-    def fire(self) -> events.Event:
+    def fire(self) -> Event:
         """Emit the stimulus; nothing is journaled of one that went out."""
         self._rested_s = self._clock.now_s() + self._interval_s
         try:
             self.delivery = self._device.fire(self._token)
         except RefusedError as error:
             self._journal.append("fault", fault_facts(error))  # synced with the trial's end
-            return events.NotFired()
+            return Event.NOT_FIRED
         except DeviceError as error:
             return self.fail(error)
         self.onset_s = (self.delivery.host_before_s + self.delivery.host_after_s) / 2
         return _EVENT_OF[self.delivery.outcome]
 
-    def fail(self, error: DeviceError) -> events.Event:
+    def fail(self, error: DeviceError) -> Event:
         """Note that the device cannot go on."""
         self.failure = error
         self._journal.append("fault", fault_facts(error), sync=True)
-        return events.DeviceFailed()
+        return Event.DEVICE_FAILED
 
 
 class NoiseWatch:

@@ -12,6 +12,7 @@ from experiment.session.standing import Standing
 from experiment.terms.responder import Question
 from experiment.trial import events
 from experiment.trial.engine import step, upcoming
+from experiment.trial.events import Event
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from experiment.operator.requests import Monitor, Requests, StopSignal
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
+    from experiment.trial.events import Happening
     from experiment.trial.plan import Plan
 
 
@@ -101,7 +103,7 @@ class Session:
             keep_anticipated=study.design.anticipated == "keep",
             response_window_s=study.design.response_window_s,
         )
-        self._perform: Mapping[type[events.Effect], Callable[..., events.Event | None]] = {
+        self._perform: Mapping[type[events.Effect], Callable[..., Happening | None]] = {
             events.Greet: self._greet,
             events.Introduce: self._introduce,
             events.OpenBlock: self._open_block,
@@ -144,7 +146,7 @@ class Session:
             self._device.stop()
         return self._state.phase is events.Phase.FINISHED
 
-    def _step(self, event: events.Event) -> events.Event:
+    def _step(self, event: Happening) -> Happening:
         self._state, effects = step(self._state, event)
         answer = None
         for effect in effects:
@@ -154,17 +156,17 @@ class Session:
             answer = self._perform[type(effect)](effect) or answer
         return self._look_around() if answer is None else answer
 
-    def _look_around(self) -> events.Event:
+    def _look_around(self) -> Happening:
         """Between two trials: note what is new, show how it stands, heed the operator."""
         if self._state.phase is events.Phase.READY:
             self._note()
             self._show()
         event = upcoming(self._state)
-        if isinstance(event, events.NothingLeft):
+        if event is Event.NOTHING_LEFT:
             return event
         if self._stop.asked:
-            return events.StopAsked()
-        return events.PauseAsked() if self._requests.paused else event
+            return Event.STOP_ASKED
+        return Event.PAUSE_ASKED if self._requests.paused else event
 
     def _note(self) -> None:
         """Journal the operator's notes, and the noise where it changed."""
@@ -185,10 +187,10 @@ class Session:
         )
         self._monitor.show(status)
 
-    def _greet(self, _: events.Greet) -> events.Event:
+    def _greet(self, _: events.Greet) -> Happening:
         return self._participant.greet(self._standing.progress(self._state))
 
-    def _introduce(self, effect: events.Introduce) -> events.Event:
+    def _introduce(self, effect: events.Introduce) -> Happening:
         return self._participant.introduce(effect.part, self._standing.progress(self._state))
 
     def _open_block(self, effect: events.OpenBlock) -> None:
@@ -207,20 +209,20 @@ class Session:
         self._responder.cue(self._standing.progress(self._state))
         self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
 
-    def _wait(self, effect: events.Wait) -> events.Event:
+    def _wait(self, effect: events.Wait) -> Happening:
         return self._participant.wait(effect.task, self._due_s)
 
-    def _arm(self, effect: events.ArmStimulus) -> events.Event:
-        return events.NoiseLost() if self._noise.lost() else self._emission.arm(effect.task)
+    def _arm(self, effect: events.ArmStimulus) -> Happening:
+        return Event.NOISE_LOST if self._noise.lost() else self._emission.arm(effect.task)
 
-    def _fire(self, _: events.Fire) -> events.Event:
+    def _fire(self, _: events.Fire) -> Happening:
         """Emit the stimulus; nothing touches the disk from here to the answer."""
         event = self._emission.fire()
-        if isinstance(event, events.Fired):
+        if event is Event.FIRED:
             self._noise.hear_onset()
         return event
 
-    def _listen(self, effect: events.Listen) -> events.Event:
+    def _listen(self, effect: events.Listen) -> Happening:
         delivery = self._emission.delivery
         assert delivery is not None
         question = Question(
@@ -233,7 +235,7 @@ class Session:
         )
         event = self._participant.ask(effect.task, question)
         lost = self._noise.lost()
-        return events.NoiseLost() if lost and not isinstance(event, events.StopAsked) else event
+        return Event.NOISE_LOST if lost and event is not Event.STOP_ASKED else event
 
     def _end_trial(self, effect: events.EndTrial) -> None:
         name = trial_name(effect.task)
@@ -251,7 +253,7 @@ class Session:
     def _feedback(self, effect: events.Feedback) -> None:
         self._responder.feedback(correct=effect.correct)
 
-    def _rest(self, effect: events.Rest) -> events.Event:
+    def _rest(self, effect: events.Rest) -> Happening:
         self._note()
         self._journal.append("pause" if effect.paused else "break", sync=True)
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
@@ -261,8 +263,8 @@ class Session:
             self._requests.go_on()
         return event
 
-    def _start_noise(self, _: events.StartNoise) -> events.Event | None:
-        return None if self._noise.start_again() else events.NoiseLost()
+    def _start_noise(self, _: events.StartNoise) -> Happening | None:
+        return None if self._noise.start_again() else Event.NOISE_LOST
 
     def _zero_outputs(self, _: events.ZeroOutputs) -> None:
         self._device.stop()

@@ -6,227 +6,204 @@ done it returns as effects; whoever performs them answers with the next event.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from experiment.study.sections.design import EARLIEST_ANSWER_S
 from experiment.terms.record import is_correct
 from experiment.trial.events import (
-    Armed,
     ArmStimulus,
-    BreakDue,
     CloseBlock,
     CloseSession,
-    Continued,
     Cue,
-    DeviceFailed,
-    EarlyKey,
-    EarlyKeyKept,
     Effect,
-    Elapsed,
     EndTrial,
     Event,
     Farewell,
     Feedback,
     Fire,
-    Fired,
-    FiredPerhaps,
     Greet,
+    Happening,
     Introduce,
     Key,
     Listen,
-    NoiseLost,
-    NotFired,
-    NotFiredAgain,
-    NothingLeft,
     OpenBlock,
-    PartDue,
-    PauseAsked,
     Phase,
-    PracticeOver,
     Rest,
     SessionState,
-    SittingDue,
     StartNoise,
-    StopAsked,
-    TrialDue,
     Wait,
     ZeroOutputs,
 )
 from experiment.trial.plan import PRACTICE_BLOCK
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
 
 Change: TypeAlias = tuple[SessionState, tuple[Effect, ...]]
-Action: TypeAlias = Callable[[SessionState, Event], Change]
 
 
-def welcome(state: SessionState, _: Event) -> Change:
-    """Welcome the participant, once in a sitting."""
-    return replace(state, greeted=True), (Greet(),)
+class Row(NamedTuple):
+    """Where the session goes, and the status with which the current trial ends, if it ends."""
+
+    then: Phase
+    trial: str | None = None
 
 
-def introduce(state: SessionState, _: Event) -> Change:
-    """Tell what the next part asks for."""
-    part = state.pending[0].part
-    return replace(state, part=part), (Introduce(part),)
+# A row reads aloud: "in the foreperiod, when a pause is asked for, the session is paused, and the
+# trial ends as aborted". That is all that may stand here. What an event changes wherever it comes
+# (a lost noise is remembered, a block is opened) is `_HEED`; what is done on arrival, however a
+# phase was reached (a pause offers a rest, a stop says good-bye), is `_ARRIVE`: so neither can be
+# forgotten in one row and done in another.
+#
+# From its cue on a trial ends exactly once. Every row that leads from FOREPERIOD, ARMING, FIRING or
+# ANSWER to a phase that is none of them therefore names a status, and no other row does. The status
+# says what the participant got, never what would be convenient: "aborted" is for a stimulus that
+# was never asked of the device, "voided" for one that was felt and for a trial in which a key came
+# too early, "device_error" for one that the device surely did not play, "indeterminate" wherever
+# nobody can tell. Hence a device that fails while it arms and one that fails while it fires differ.
+# All but "ok" put the trial at the end of its block, so that "ok" comes once for each planned one.
+#
+# ARMING and FIRING have no row for keys, pauses and stops: they last milliseconds, in which nobody
+# is listened to, and a stimulus on its way must have an outcome before anything else is decided.
+# Lost noise has no row in FOREPERIOD and FIRING either: it is asked for last thing before arming,
+# and after the onset together with the answer. A stimulus that failed is tried again; the third in
+# a row stops the session, for then the device does not do its work.
+#
+# What has no row cannot happen. If it does, the program is at fault, and nothing is changed.
+TRANSITIONS: Mapping[tuple[Phase, Event], Row] = {
+    (Phase.READY, Event.SITTING_DUE): Row(Phase.WELCOME),
+    (Phase.READY, Event.PART_DUE): Row(Phase.INTRODUCTION),
+    (Phase.READY, Event.TRIAL_DUE): Row(Phase.FOREPERIOD),
+    (Phase.READY, Event.PRACTICE_OVER): Row(Phase.READY),
+    (Phase.READY, Event.BREAK_DUE): Row(Phase.BREAK),
+    (Phase.READY, Event.NOISE_LOST): Row(Phase.PAUSED),
+    (Phase.READY, Event.PAUSE_ASKED): Row(Phase.PAUSED),
+    (Phase.READY, Event.NOTHING_LEFT): Row(Phase.FINISHED),
+    (Phase.READY, Event.STOP_ASKED): Row(Phase.STOPPED),
+    (Phase.WELCOME, Event.CONTINUED): Row(Phase.READY),
+    (Phase.WELCOME, Event.STOP_ASKED): Row(Phase.STOPPED),
+    (Phase.INTRODUCTION, Event.CONTINUED): Row(Phase.READY),
+    (Phase.INTRODUCTION, Event.STOP_ASKED): Row(Phase.STOPPED),
+    (Phase.FOREPERIOD, Event.ELAPSED): Row(Phase.ARMING),
+    (Phase.FOREPERIOD, Event.EARLY_KEY): Row(Phase.READY, "voided"),
+    (Phase.FOREPERIOD, Event.EARLY_KEY_KEPT): Row(Phase.FOREPERIOD),
+    (Phase.FOREPERIOD, Event.PAUSE_ASKED): Row(Phase.PAUSED, "aborted"),
+    (Phase.FOREPERIOD, Event.STOP_ASKED): Row(Phase.STOPPED, "aborted"),
+    (Phase.ARMING, Event.ARMED): Row(Phase.FIRING),
+    (Phase.ARMING, Event.NOISE_LOST): Row(Phase.PAUSED, "aborted"),
+    (Phase.ARMING, Event.DEVICE_FAILED): Row(Phase.STOPPED, "device_error"),
+    (Phase.FIRING, Event.FIRED): Row(Phase.ANSWER),
+    (Phase.FIRING, Event.NOT_FIRED): Row(Phase.READY, "device_error"),
+    (Phase.FIRING, Event.NOT_FIRED_AGAIN): Row(Phase.STOPPED, "device_error"),
+    (Phase.FIRING, Event.FIRED_PERHAPS): Row(Phase.READY, "indeterminate"),
+    (Phase.FIRING, Event.DEVICE_FAILED): Row(Phase.STOPPED, "indeterminate"),
+    (Phase.ANSWER, Event.KEY): Row(Phase.READY, "ok"),
+    (Phase.ANSWER, Event.EARLY_KEY): Row(Phase.READY, "voided"),
+    (Phase.ANSWER, Event.EARLY_KEY_KEPT): Row(Phase.READY, "ok"),
+    (Phase.ANSWER, Event.ELAPSED): Row(Phase.READY, "ok"),
+    (Phase.ANSWER, Event.NOISE_LOST): Row(Phase.PAUSED, "voided"),
+    (Phase.ANSWER, Event.PAUSE_ASKED): Row(Phase.PAUSED, "voided"),
+    (Phase.ANSWER, Event.STOP_ASKED): Row(Phase.STOPPED, "voided"),
+    (Phase.BREAK, Event.CONTINUED): Row(Phase.READY),
+    (Phase.BREAK, Event.STOP_ASKED): Row(Phase.STOPPED),
+    (Phase.PAUSED, Event.CONTINUED): Row(Phase.READY),
+    (Phase.PAUSED, Event.STOP_ASKED): Row(Phase.STOPPED),
+}
+"""The table of the session: in this phase, on this event, go there and end the trial so."""
 
 
-def cue_and_wait(state: SessionState, _: Event) -> Change:
-    """Open the block where it is new, show the cue, let the foreperiod pass."""
+def _greeted(state: SessionState) -> Change:
+    return replace(state, greeted=True), ()
+
+
+def _next_part(state: SessionState) -> Change:
+    return replace(state, part=state.pending[0].part), ()
+
+
+def _cue(state: SessionState) -> Change:
+    """Open the block where it is new, and show that a trial begins."""
     task = state.pending[0]
     opening = () if state.block is not None else (OpenBlock(task),)
-    state = replace(state, block=task.trial.block, anticipated=False)
-    return state, (*opening, Cue(task), Wait(task))
+    return replace(state, block=task.trial.block, anticipated=False), (*opening, Cue(task))
 
 
-def flag_and_wait_on(state: SessionState, _: Event) -> Change:
-    """Remember the early key and let the rest of the foreperiod pass."""
-    return replace(state, anticipated=True), (Wait(state.pending[0]),)
-
-
-def arm(state: SessionState, _: Event) -> Change:
-    """Arm the device."""
-    return state, (ArmStimulus(state.pending[0]),)
-
-
-def fire(state: SessionState, _: Event) -> Change:
-    """Emit the stimulus."""
-    return state, (Fire(state.pending[0]),)
-
-
-def listen(state: SessionState, _: Event) -> Change:
-    """Wait for the answer."""
-    return replace(state, failures=0), (Listen(state.pending[0], state.response_window_s),)
-
-
-def take_answer(state: SessionState, event: Event) -> Change:
-    """Record the answer; the trial is done."""
-    assert isinstance(event, Key | EarlyKeyKept)
-    return _done(state, event.response, event.rt_s)
-
-
-def take_early_answer(state: SessionState, event: Event) -> Change:
-    """Record the answer as anticipated; the trial is done."""
-    return take_answer(replace(state, anticipated=True), event)
-
-
-def take_timeout(state: SessionState, _: Event) -> Change:
-    """Record that no answer came; the trial is done."""
-    return _done(state, "timeout", None)
-
-
-def void_as_anticipated(state: SessionState, _: Event) -> Change:
-    """Record the trial as void and present it again later."""
-    return _again(replace(state, anticipated=True), "voided")
-
-
-def report_error(state: SessionState, _: Event) -> Change:
-    """Record that the stimulus did not go out and present it again later."""
-    return _again(replace(state, failures=state.failures + 1), "device_error")
-
-
-def report_indeterminate(state: SessionState, _: Event) -> Change:
-    """Record that nobody knows whether it went out and present it again later."""
-    return _again(replace(state, failures=state.failures + 1), "indeterminate")
-
-
-def abort_and_pause(state: SessionState, _: Event) -> Change:
-    """Give the trial up before its stimulus, and pause."""
-    state, effects = _again(state, "aborted")
-    return state, (*effects, Rest(paused=True))
-
-
-def void_and_pause(state: SessionState, _: Event) -> Change:
-    """Give up a trial that was felt, and pause."""
-    state, effects = _again(state, "voided")
-    return state, (*effects, Rest(paused=True))
-
-
-def pause_between_trials(state: SessionState, _: Event) -> Change:
-    """Pause while no trial is on."""
-    return state, (Rest(paused=True),)
-
-
-def abort_for_noise(state: SessionState, event: Event) -> Change:
-    """Give the trial up before its stimulus, and pause until the noise plays again."""
-    return abort_and_pause(replace(state, noise_lost=True), event)
-
-
-def void_for_noise(state: SessionState, event: Event) -> Change:
-    """Give up a trial that may have been heard, and pause until the noise plays again."""
-    return void_and_pause(replace(state, noise_lost=True), event)
-
-
-def pause_for_noise(state: SessionState, event: Event) -> Change:
-    """Pause until the noise plays again."""
-    return pause_between_trials(replace(state, noise_lost=True), event)
-
-
-def abort_and_stop(state: SessionState, _: Event) -> Change:
-    """Give the trial up before its stimulus, and stop."""
-    return _give_up(state, "aborted")
-
-
-def void_and_stop(state: SessionState, _: Event) -> Change:
-    """Give up a trial that was felt, and stop."""
-    return _give_up(state, "voided")
-
-
-def report_error_and_stop(state: SessionState, _: Event) -> Change:
-    """Record that the stimulus did not go out, and stop."""
-    return _give_up(state, "device_error")
-
-
-def report_indeterminate_and_stop(state: SessionState, _: Event) -> Change:
-    """Record that nobody knows whether it went out, and stop."""
-    return _give_up(state, "indeterminate")
-
-
-def close_block(state: SessionState, _: Event) -> Change:
-    """Close the block and go straight on."""
-    assert state.block is not None
-    return replace(state, block=None), (CloseBlock(state.block),)
-
-
-def close_block_and_rest(state: SessionState, _: Event) -> Change:
-    """Close the block and offer a break."""
-    state, effects = close_block(state, _)
-    return state, (*effects, Rest(paused=False))
-
-
-def close_block_and_session(state: SessionState, _: Event) -> Change:
-    """Close block and session; every trial is answered."""
+def _close_block(state: SessionState) -> Change:
     closing = () if state.block is None else (CloseBlock(state.block),)
-    return state, (*closing, ZeroOutputs(), *_leave(finished=True))
+    return replace(state, block=None), closing
 
 
-def stop_between_trials(state: SessionState, _: Event) -> Change:
-    """Put the outputs to zero and leave; the session can be resumed."""
-    return state, (ZeroOutputs(), *_leave(finished=False))
+def _too_early(state: SessionState) -> Change:
+    return replace(state, anticipated=True), ()
 
 
-def go_on(state: SessionState, _: Event) -> Change:
-    """Return to the trials."""
-    return state, ()
+def _not_delivered(state: SessionState) -> Change:
+    return replace(state, failures=state.failures + 1), ()
 
 
-def go_on_with_noise(state: SessionState, _: Event) -> Change:
-    """Return to the trials; noise that was lost is started again first."""
+def _delivered(state: SessionState) -> Change:
+    return replace(state, failures=0), ()
+
+
+def _noise_lost(state: SessionState) -> Change:
+    return replace(state, noise_lost=True), ()
+
+
+def _noise_again(state: SessionState) -> Change:
     return replace(state, noise_lost=False), (StartNoise(),) if state.noise_lost else ()
 
 
-def _done(state: SessionState, response: str, rt_s: float | None) -> Change:
-    task = state.pending[0]
+_HEED: Mapping[Event, Callable[[SessionState], Change]] = {
+    Event.SITTING_DUE: _greeted,
+    Event.PART_DUE: _next_part,
+    Event.TRIAL_DUE: _cue,
+    Event.PRACTICE_OVER: _close_block,
+    Event.BREAK_DUE: _close_block,
+    Event.NOTHING_LEFT: _close_block,
+    Event.EARLY_KEY: _too_early,
+    Event.EARLY_KEY_KEPT: _too_early,
+    Event.NOT_FIRED: _not_delivered,
+    Event.FIRED_PERHAPS: _not_delivered,
+    Event.FIRED: _delivered,
+    Event.NOISE_LOST: _noise_lost,
+    Event.CONTINUED: _noise_again,
+}
+"""What an event changes by itself; the others only lead on."""
+
+
+_ARRIVE: Mapping[Phase, Callable[[SessionState], tuple[Effect, ...]]] = {
+    Phase.READY: lambda _: (),
+    Phase.WELCOME: lambda _: (Greet(),),
+    Phase.INTRODUCTION: lambda state: (Introduce(state.pending[0].part),),
+    Phase.FOREPERIOD: lambda state: (Wait(state.pending[0]),),
+    Phase.ARMING: lambda state: (ArmStimulus(state.pending[0]),),
+    Phase.FIRING: lambda state: (Fire(state.pending[0]),),
+    Phase.ANSWER: lambda state: (Listen(state.pending[0], state.response_window_s),),
+    Phase.BREAK: lambda _: (Rest(paused=False),),
+    Phase.PAUSED: lambda _: (Rest(paused=True),),
+    Phase.FINISHED: lambda _: (CloseSession(finished=True), Farewell(finished=True)),
+    Phase.STOPPED: lambda _: (CloseSession(finished=False), Farewell(finished=False)),
+}
+"""What is done in a phase that was just reached, however it was reached."""
+
+_TIMEOUT = Key("timeout", None)
+"""What is recorded where no answer came in its time."""
+
+
+def _done(state: SessionState, answer: Key) -> Change:
+    """Record the answer; the trial is not presented again."""
+    task, *rest = state.pending
     end = EndTrial(
-        task=task, status="ok", response=response, rt_s=rt_s, anticipated=state.anticipated
+        task=task,
+        status="ok",
+        response=answer.response,
+        rt_s=answer.rt_s,
+        anticipated=state.anticipated,
     )
-    correct = is_correct(task.trial.kind, task.trial.side, response)
+    correct = is_correct(task.trial.kind, task.trial.side, answer.response)
     told = (Feedback(bool(correct)),) if task.trial.kind == "practice" else ()
-    return replace(state, pending=state.pending[1:]), (end, *told)
+    return replace(state, pending=tuple(rest)), (end, *told)
 
 
 def _again(state: SessionState, status: str) -> Change:
@@ -239,56 +216,6 @@ def _again(state: SessionState, status: str) -> Change:
     return replace(state, pending=tuple(rest)), (end,)
 
 
-def _give_up(state: SessionState, status: str) -> Change:
-    state, effects = _again(state, status)
-    return state, (ZeroOutputs(), *effects, *_leave(finished=False))
-
-
-def _leave(*, finished: bool) -> tuple[Effect, ...]:
-    return CloseSession(finished), Farewell(finished)
-
-
-TRANSITIONS: Mapping[tuple[Phase, type[Event]], tuple[Phase, Action]] = {
-    (Phase.READY, SittingDue): (Phase.WELCOME, welcome),
-    (Phase.READY, PartDue): (Phase.INTRODUCTION, introduce),
-    (Phase.READY, TrialDue): (Phase.FOREPERIOD, cue_and_wait),
-    (Phase.READY, PracticeOver): (Phase.READY, close_block),
-    (Phase.READY, BreakDue): (Phase.BREAK, close_block_and_rest),
-    (Phase.READY, NoiseLost): (Phase.PAUSED, pause_for_noise),
-    (Phase.READY, PauseAsked): (Phase.PAUSED, pause_between_trials),
-    (Phase.READY, NothingLeft): (Phase.FINISHED, close_block_and_session),
-    (Phase.READY, StopAsked): (Phase.STOPPED, stop_between_trials),
-    (Phase.WELCOME, Continued): (Phase.READY, go_on),
-    (Phase.WELCOME, StopAsked): (Phase.STOPPED, stop_between_trials),
-    (Phase.INTRODUCTION, Continued): (Phase.READY, go_on),
-    (Phase.INTRODUCTION, StopAsked): (Phase.STOPPED, stop_between_trials),
-    (Phase.FOREPERIOD, Elapsed): (Phase.ARMING, arm),
-    (Phase.FOREPERIOD, EarlyKey): (Phase.READY, void_as_anticipated),
-    (Phase.FOREPERIOD, EarlyKeyKept): (Phase.FOREPERIOD, flag_and_wait_on),
-    (Phase.FOREPERIOD, PauseAsked): (Phase.PAUSED, abort_and_pause),
-    (Phase.FOREPERIOD, StopAsked): (Phase.STOPPED, abort_and_stop),
-    (Phase.ARMING, Armed): (Phase.FIRING, fire),
-    (Phase.ARMING, NoiseLost): (Phase.PAUSED, abort_for_noise),
-    (Phase.ARMING, DeviceFailed): (Phase.STOPPED, report_error_and_stop),
-    (Phase.FIRING, Fired): (Phase.ANSWER, listen),
-    (Phase.FIRING, NotFired): (Phase.READY, report_error),
-    (Phase.FIRING, NotFiredAgain): (Phase.STOPPED, report_error_and_stop),
-    (Phase.FIRING, FiredPerhaps): (Phase.READY, report_indeterminate),
-    (Phase.FIRING, DeviceFailed): (Phase.STOPPED, report_indeterminate_and_stop),
-    (Phase.ANSWER, Key): (Phase.READY, take_answer),
-    (Phase.ANSWER, EarlyKey): (Phase.READY, void_as_anticipated),
-    (Phase.ANSWER, EarlyKeyKept): (Phase.READY, take_early_answer),
-    (Phase.ANSWER, Elapsed): (Phase.READY, take_timeout),
-    (Phase.ANSWER, NoiseLost): (Phase.PAUSED, void_for_noise),
-    (Phase.ANSWER, PauseAsked): (Phase.PAUSED, void_and_pause),
-    (Phase.ANSWER, StopAsked): (Phase.STOPPED, void_and_stop),
-    (Phase.BREAK, Continued): (Phase.READY, go_on),
-    (Phase.BREAK, StopAsked): (Phase.STOPPED, stop_between_trials),
-    (Phase.PAUSED, Continued): (Phase.READY, go_on_with_noise),
-    (Phase.PAUSED, StopAsked): (Phase.STOPPED, stop_between_trials),
-}
-"""The table of the session: in this phase, on this event, go there and do that."""
-
 MOST_FAILURES = 3
 """So many stimuli in a row that were not delivered are a failure of the device."""
 
@@ -297,51 +224,68 @@ class IllegalStepError(RuntimeError):
     """An event that the table does not know in this phase: a fault of the program."""
 
 
-def step(state: SessionState, event: Event) -> Change:
+def step(state: SessionState, happened: Happening) -> Change:
     """Return the state after an event, and what is to be done.
 
     Parameters
     ----------
-    state : State
+    state : SessionState
         Where the session stands; it is not changed.
-    event : Event
-        What happened.
+    happened : Event or Key
+        What happened; a key press is a `Key`.
 
     Raises
     ------
     IllegalStepError
         If the table has no row for this event in this phase.
     """
-    event = _refine(state, event)
-    row = TRANSITIONS.get((state.phase, type(event)))
+    event = _word(state, happened)
+    row = TRANSITIONS.get((state.phase, event))
     if row is None:
-        raise IllegalStepError(f"{type(event).__name__} cannot happen in phase {state.phase}")
-    phase, action = row
-    after, effects = action(state, event)
-    return replace(after, phase=phase), effects
+        raise IllegalStepError(f"{event.name} cannot happen in phase {state.phase}")
+    after, heeded = _HEED[event](state) if event in _HEED else (state, ())
+    ended: tuple[Effect, ...] = ()
+    if row.trial == "ok":
+        late = event is Event.ELAPSED
+        after, ended = _done(
+            after, happened if isinstance(happened, Key) and not late else _TIMEOUT
+        )
+    elif row.trial is not None:
+        after, ended = _again(after, row.trial)
+    after = replace(after, phase=row.then)
+    # Before anything is written or said at the end, for either may take a while, the outputs are 0.
+    silence = (ZeroOutputs(),) if row.then in (Phase.FINISHED, Phase.STOPPED) else ()
+    return after, (*silence, *heeded, *ended, *_ARRIVE[row.then](after))
 
 
 def upcoming(state: SessionState) -> Event:
     """Return the event by which a session that is ready goes on."""
     if not state.pending:
-        return NothingLeft()
+        return Event.NOTHING_LEFT
     if not state.greeted:
-        return SittingDue()
+        return Event.SITTING_DUE
     task = state.pending[0]
     if state.block is not None and task.trial.block != state.block:
-        return PracticeOver() if state.block <= PRACTICE_BLOCK else BreakDue()
-    return TrialDue() if task.part is state.part else PartDue()
+        return Event.PRACTICE_OVER if state.block <= PRACTICE_BLOCK else Event.BREAK_DUE
+    return Event.TRIAL_DUE if task.part is state.part else Event.PART_DUE
 
 
-def _refine(state: SessionState, event: Event) -> Event:
-    """Call a key too early or too late, and a failure that repeats itself, by their names."""
-    match event:
-        case Key(response, rt_s) if rt_s is None or rt_s < EARLIEST_ANSWER_S:
-            return EarlyKeyKept(response, rt_s) if state.keep_anticipated else EarlyKey()
+_KEYS = (Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_KEPT)
+
+
+def _word(state: SessionState, happened: Happening) -> Event:
+    """Return the table's word: a key is in time, too early or too late; failures add up."""
+    match happened:
+        case Key(_, rt_s) if rt_s is None or rt_s < EARLIEST_ANSWER_S:
+            return Event.EARLY_KEY_KEPT if state.keep_anticipated else Event.EARLY_KEY
         case Key(_, float(rt_s)) if rt_s > state.response_window_s:
-            return Elapsed()
-        case NotFired() if state.failures + 1 >= MOST_FAILURES:
-            return NotFiredAgain()
-        case FiredPerhaps() if state.failures + 1 >= MOST_FAILURES:
-            return DeviceFailed()
-    return event
+            return Event.ELAPSED
+        case Key():
+            return Event.KEY
+        case Event.NOT_FIRED if state.failures + 1 >= MOST_FAILURES:
+            return Event.NOT_FIRED_AGAIN
+        case Event.FIRED_PERHAPS if state.failures + 1 >= MOST_FAILURES:
+            return Event.DEVICE_FAILED
+    if happened in _KEYS:
+        raise IllegalStepError(f"{happened.name} must be told as a Key, with response and time")
+    return happened

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from experiment.terms.responder import SessionPart
 from experiment.trial.plan import PRACTICE_BLOCK
@@ -99,100 +99,40 @@ class SessionState:
     noise_lost: bool = False
 
 
-# What happened: the events.
+class Event(StrEnum):
+    """What can happen. A key press is a `Key`; the table knows it by one of three words."""
+
+    SITTING_DUE = "sitting due"  # the participant was not welcomed yet
+    PART_DUE = "part due"  # the next trial belongs to a part that was not introduced yet
+    TRIAL_DUE = "trial due"  # the next trial belongs to the open block, or opens one
+    PRACTICE_OVER = "practice over"  # no trial left before the first block, which follows at once
+    BREAK_DUE = "break due"  # the open block has no trial left, a later one has
+    NOTHING_LEFT = "nothing left"  # no trial at all
+    ELAPSED = "elapsed"  # the foreperiod, or the time for an answer, is over
+    KEY = "key"  # an answer within its time
+    EARLY_KEY = "early key"  # a key before an answer was possible; the trial is void
+    EARLY_KEY_KEPT = "early key kept"  # the same, where the study keeps and flags such a trial
+    ARMED = "armed"  # the device holds the stimulus ready
+    FIRED = "fired"  # the device confirmed that the stimulus went out
+    NOT_FIRED = "not fired"  # the device confirmed that it did not
+    NOT_FIRED_AGAIN = "not fired again"  # the same for the last time: it does not do its work
+    FIRED_PERHAPS = "fired perhaps"  # nobody can tell whether it went out
+    DEVICE_FAILED = "device failed"  # it refused, or its link is lost
+    NOISE_LOST = "noise lost"  # the masking noise does not play, or did not at the onset
+    PAUSE_ASKED = "pause asked"  # Esc was pressed, or the operator asked for a pause
+    CONTINUED = "continued"  # welcome, introduction, break or pause is over
+    STOP_ASKED = "stop asked"  # the session is to be stopped now
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened."""
-
-
-class SittingDue(Event):
-    """The participant was not welcomed yet."""
-
-
-class PartDue(Event):
-    """The next trial belongs to a part that was not introduced yet."""
-
-
-class TrialDue(Event):
-    """The next trial belongs to the open block, or opens one."""
-
-
-class PracticeOver(Event):
-    """What stands before the first block has no trial left; a later block follows at once."""
-
-
-class BreakDue(Event):
-    """The open block has no trial left, a later one has."""
-
-
-class NothingLeft(Event):
-    """No trial is left."""
-
-
-class Elapsed(Event):
-    """The foreperiod, or the time for an answer, is over."""
-
-
-@dataclass(frozen=True, slots=True)
-class Key(Event):
+class Key:
     """An answer key was pressed; `rt_s` after the onset, or before it where there is none."""
 
     response: str
     rt_s: float | None
 
 
-class EarlyKey(Event):
-    """A key came before an answer was possible; the trial is void."""
-
-
-@dataclass(frozen=True, slots=True)
-class EarlyKeyKept(Event):
-    """The same, where the study keeps and flags such a trial."""
-
-    response: str
-    rt_s: float | None
-
-
-class Armed(Event):
-    """The device holds the stimulus ready."""
-
-
-class Fired(Event):
-    """The device confirmed that the stimulus went out."""
-
-
-class NotFired(Event):
-    """The device confirmed that it did not."""
-
-
-class NotFiredAgain(Event):
-    """The same for the last time: the device does not do its work."""
-
-
-class FiredPerhaps(Event):
-    """Nobody can tell whether it went out."""
-
-
-class DeviceFailed(Event):
-    """The device refused, or its link is lost."""
-
-
-class NoiseLost(Event):
-    """The masking noise does not play, or did not at the onset."""
-
-
-class PauseAsked(Event):
-    """Esc was pressed, or the operator asked for a pause."""
-
-
-class Continued(Event):
-    """Welcome, introduction, break or pause is over."""
-
-
-class StopAsked(Event):
-    """The session is to be stopped now."""
+Happening: TypeAlias = Event | Key
 
 
 # What is to be done: the effects.
@@ -204,12 +144,12 @@ class Effect:
 
 
 class Greet(Effect):
-    """Welcome and instruct the participant. Answered by Continued or StopAsked."""
+    """Welcome and instruct the participant. Answered by CONTINUED or STOP_ASKED."""
 
 
 @dataclass(frozen=True, slots=True)
 class Introduce(Effect):
-    """Tell what a part asks for. Answered by Continued or StopAsked."""
+    """Tell what a part asks for. Answered by CONTINUED or STOP_ASKED."""
 
     part: SessionPart
 
@@ -237,28 +177,28 @@ class Cue(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Wait(Effect):
-    """Let the foreperiod pass, or its rest. Answered by Elapsed, Key, PauseAsked or StopAsked."""
+    """Let the foreperiod pass, or its rest. Answered by ELAPSED, Key, PAUSE_ASKED or STOP_ASKED."""
 
     task: Task
 
 
 @dataclass(frozen=True, slots=True)
 class ArmStimulus(Effect):
-    """Journal the token, then arm the device. Answered by Armed, NoiseLost or DeviceFailed."""
+    """Journal the token, then arm the device. Answered by ARMED, NOISE_LOST or DEVICE_FAILED."""
 
     task: Task
 
 
 @dataclass(frozen=True, slots=True)
 class Fire(Effect):
-    """Emit the stimulus. Answered by Fired, NotFired, FiredPerhaps or DeviceFailed."""
+    """Emit the stimulus. Answered by FIRED, NOT_FIRED, FIRED_PERHAPS or DEVICE_FAILED."""
 
     task: Task
 
 
 @dataclass(frozen=True, slots=True)
 class Listen(Effect):
-    """Wait for the answer. Answered by Key, Elapsed, NoiseLost, PauseAsked or StopAsked."""
+    """Wait for the answer. Answered by Key, ELAPSED, NOISE_LOST, PAUSE_ASKED or STOP_ASKED."""
 
     task: Task
     window_s: float
@@ -284,13 +224,13 @@ class Feedback(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Rest(Effect):
-    """Offer a break, or hold a pause. Answered by Continued or StopAsked."""
+    """Offer a break, or hold a pause. Answered by CONTINUED or STOP_ASKED."""
 
     paused: bool
 
 
 class StartNoise(Effect):
-    """Start the masking noise again. Answered by NoiseLost if that fails."""
+    """Start the masking noise again. Answered by NOISE_LOST if that fails."""
 
 
 class ZeroOutputs(Effect):
