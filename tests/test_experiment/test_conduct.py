@@ -746,18 +746,6 @@ def test_an_answer_on_record_keeps_what_was_known_of_its_noise(lab: Lab) -> None
     assert (lab.rows[0].status, lab.rows[0].noise_ok) == ("ok", True)
 
 
-def test_a_journal_that_says_nothing_of_noise_is_still_replayed(lab: Lab) -> None:
-    lab.noise = FakeNoise()
-    lab.begin()
-    entries = [
-        Entry(e.event, e.t_s, e.wall_s, {k: v for k, v in e.facts.items() if k != "noise_ok"})
-        for e in read_journal(lab.folder.journal_path).entries
-        if e.event != "noise_status"
-    ]
-    rows = replay(lab.plan, entries).rows
-    assert rows == tuple(replace(row, noise_ok=None) for row in lab.rows)
-
-
 # --- the operator ---------------------------------------------------------------------------------
 
 
