@@ -40,6 +40,14 @@ MOST_S = 0.5
 """Processor time of a test of the fast lane: it is run by everybody, all the time."""
 PROCESSES = {"emulator_server", "kill_at"}
 """Fixtures that start another Python: whoever asks for one is in the lane ``process``."""
+SLOW_DOCTESTS = {
+    "check_study",
+    "check_findings",
+    "study_gains",
+    "expected_error_db",
+    "shortest_window",
+}
+"""Examples worth their second: an example has no place for a marker."""
 SPENT_S = pytest.StashKey[float]()
 AGAIN = pytest.StashKey[bool]()
 AGAIN_NAME = "slow once"
@@ -47,13 +55,7 @@ AGAIN_NAME = "slow once"
 
 def pytest_configure(config: pytest.Config) -> None:
     """Watch the doctests of the packages too: a conftest's own hooks see only its folder."""
-    config.pluginmanager.register(ProcessorTime(), "processor-time")
-
-
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """Put whoever starts a process by a fixture in the lane of those that do."""
-    if PROCESSES.intersection(getattr(item, "fixturenames", ())):
-        item.add_marker(pytest.mark.process)
+    config.pluginmanager.register(Lanes(), "lanes")
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -75,11 +77,19 @@ def in_a_slower_lane(item: pytest.Item) -> bool:
     return any(item.get_closest_marker(lane) is not None for lane in LANES)
 
 
-class ProcessorTime:
-    """Fails a test of the fast lane that takes too much processor time twice in a row.
+class Lanes:
+    """Puts tests in their lanes, and keeps the fast one fast.
 
-    Once is forgiven: the first test to need a library pays for its import.
+    A test of it that takes too much processor time twice in a row fails. Once is forgiven: the
+    first test to need a library pays for its import.
     """
+
+    def pytest_itemcollected(self, item: pytest.Item) -> None:
+        """Mark what cannot be marked where it stands."""
+        if PROCESSES.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.process)
+        if isinstance(item, pytest.DoctestItem) and item.name.split(".")[-1] in SLOW_DOCTESTS:
+            item.add_marker(pytest.mark.slow)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(

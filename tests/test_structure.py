@@ -1,0 +1,67 @@
+"""The tree stays one in which a newcomer finds the way: folders of a few modules of one idea."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.size import ROOT, Folder, code_lines, folders, table
+
+EVERY = folders()
+MODULES = [module for folder in EVERY for module in folder.modules]
+SMALL = {
+    "experiment": "a package's own root: what it has is in its folders",
+    "analysis": "a package's own root: the axis and the names that all its folders share",
+}
+"""Folders of fewer than three modules, with the reason."""
+SAYS_NOTHING = {"utils", "util", "common", "base", "helpers", "misc"}
+
+
+@pytest.mark.parametrize("folder", EVERY, ids=lambda folder: str(folder.path))
+def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
+    least = 0 if str(folder.path) in SMALL else 3
+    assert least <= len(folder.modules) <= 10
+
+
+def test_there_are_at_most_185_modules() -> None:
+    assert len(MODULES) <= 185
+
+
+def test_a_module_is_of_at_most_400_lines_unless_a_decision_says_why() -> None:
+    decisions = "".join(p.read_text(encoding="utf-8") for p in (ROOT / "docs/decisions").glob("*"))
+    long = {
+        module.relative_to(ROOT).as_posix()
+        for module in MODULES
+        if module.read_text(encoding="utf-8").count("\n") > 400
+    }
+    assert {module for module in long if f"`{module}`" not in decisions} == set()
+
+
+def test_no_name_says_nothing() -> None:
+    paths = [module.relative_to(ROOT).with_suffix("") for module in MODULES]
+    assert not [path for path in paths if SAYS_NOTHING.intersection(path.parts)]
+
+
+def test_folders_are_at_most_four_deep() -> None:
+    assert max(len(module.relative_to(ROOT).parts) for module in MODULES) <= 4
+
+
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ("", 0),
+        ('"""Two\nlines."""\n\n# a comment\nimport a\nfrom b import (\n    c,\n)\n', 0),
+        ("x = [  # why\n    1,\n\n    2,\n]\n", 4),
+        ('def f():\n    """Say."""\n    return """a\nb"""\n', 3),
+    ],
+)
+def test_code_lines_are_neither_docstrings_comments_imports_nor_blank(
+    text: str, lines: int
+) -> None:
+    assert code_lines(text) == lines
+
+
+@pytest.mark.slow
+def test_the_table_has_every_package() -> None:
+    assert [line.split()[0] for line in table().splitlines()[1:6]] == [
+        *("stimuli", "device", "experiment", "analysis", "together")
+    ]
