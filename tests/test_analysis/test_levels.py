@@ -82,7 +82,7 @@ def folder(tmp_path: Path, simulate: Simulate) -> Path:
 @pytest.fixture
 def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected errors from fewer simulated studies: enough where their digits do not matter."""
-    monkeypatch.setattr(placing, "_STUDIES", 40)
+    monkeypatch.setattr(placing, "_STUDIES", 20)
 
 
 def owner(folder: Path) -> str:
