@@ -129,13 +129,8 @@ class Axis:
 def axis_of(section: Mapping[str, Any]) -> Axis:
     """Return the axis that a map's section ``[axis]`` describes.
 
-    Raises
-    ------
-    ValueError
-        For another key, and as `Axis`.
+    Raises ValueError for another key, and as `Axis`.
 
-    Examples
-    --------
     >>> axis_of({"x_scale": "linear"}).x_scale
     'linear'
     """

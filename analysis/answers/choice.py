@@ -121,19 +121,9 @@ class _Coded:
 def confusion_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Count the answers to each kind of stimulus, over levels and participants.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
+    Columns `CONFUSION_COLUMNS`; one row per condition, kind and side that was presented. The
+    answers of a row add up to ``presented``.
 
-    Returns
-    -------
-    pandas.DataFrame
-        Columns `CONFUSION_COLUMNS`; one row per condition, kind and side that was presented. The
-        answers of a row add up to ``presented``.
-
-    Examples
-    --------
     >>> trials = pd.DataFrame({"condition": "main", "kind": "single", "side": "left",
     ...     "response": ["left", "both"], "reason": ""})
     >>> confusion_table(trials)[["side", "left", "both", "presented"]].to_numpy().tolist()

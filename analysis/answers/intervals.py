@@ -113,6 +113,8 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
         raise ValueError(f"presented must be a row of counts above 0, got {presented!r}")
     if k.size == 1:
         return float("nan"), float("nan")
+    # People who differ more than chance allows are worth fewer trials than they gave. An effect
+    # below 1 is chance as well, and would make the interval narrower than one of equal people.
     total, pooled = n.sum(), k.sum() / n.sum()
     binomial = pooled * (1 - pooled) / total
     # Sorted, so that the order of the participants does not show in the last digit.

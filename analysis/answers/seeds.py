@@ -13,22 +13,10 @@ DRAWS = 999
 def seeded_by(data: bytes, seed: int, occurrence: int = 0) -> np.random.Generator:
     """Return a generator for what was observed.
 
-    Parameters
-    ----------
-    data : bytes
-        The observations in an order of their own.
-    seed : int
-        At least 0.
-    occurrence : int
-        Tells apart observations that are the same by chance, counted from 0.
+    `occurrence` tells apart observations that are the same by chance, counted from 0.
 
-    Raises
-    ------
-    ValueError
-        For a seed that is not a whole number of at least 0.
+    Raises ValueError for a seed that is not a whole number of at least 0.
 
-    Examples
-    --------
     >>> seeded_by(b"a", 0).random() == seeded_by(b"a", 0).random()
     True
     >>> seeded_by(b"a", 0).random() == seeded_by(b"a", 0, occurrence=1).random()

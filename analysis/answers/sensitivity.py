@@ -100,17 +100,9 @@ def detection_sensitivity(hits: Share, false_alarms: Share, reason: str = "") ->
     H = (h + 1/2) / (N1 + 1) and F = (f + 1/2) / (N0 + 1), the log-linear correction (M. J. Hautus,
     Behav. Res. Methods 27 (1995) 46-51). Formulas: docs/statistics.md, section 11.
 
-    Parameters
-    ----------
-    hits : Share
-        Felt single stimuli.
-    false_alarms : Share
-        Felt blank trials.
-    reason : str
-        Why there is no value although trials exist; empty where there may be one.
+    Of felt single stimuli and felt blank trials; `reason` says why there is no value although
+    trials exist.
 
-    Examples
-    --------
     Who answers "felt" to everything is not sensitive, only willing:
 
     >>> found = detection_sensitivity(Share(count=20, of=20), Share(count=20, of=20))
@@ -127,14 +119,9 @@ def detection_sensitivity(hits: Share, false_alarms: Share, reason: str = "") ->
 def spatial_sensitivity(hits: Share, false_alarms: Share) -> Sensitivity:
     """Return d' = (z(H) - z(F)) / sqrt 2 of left against right, and the criterion.
 
-    Parameters
-    ----------
-    hits, false_alarms : Share
-        Answers "left" among the left or right answers to left stimuli, and to right ones. A
-        criterion above 0 prefers "right".
+    Of answers "left" among the left or right answers to left stimuli, and to right ones. A
+    criterion above 0 prefers "right".
 
-    Examples
-    --------
     >>> one = spatial_sensitivity(Share(count=9, of=10), Share(count=1, of=10))
     >>> one.criterion, one.d_prime > 1
     (0.0, True)
@@ -206,17 +193,9 @@ def side_preference(
 ) -> SidePreference:
     """Test left against right.
 
-    Parameters
-    ----------
-    left, right : int
-        How often it was left and right.
-    odds : tuple of int
-        Left to right without a preference.
-    of : str
-        What is counted, for the reason where there is none of it.
+    `odds` are left to right without a preference; `of` is what is counted, for the reason where
+    there is none of it.
 
-    Examples
-    --------
     >>> side_preference(9, 1, of="answers").p
     0.021484375
     >>> side_preference(0, 0, of="answers").reason
@@ -239,20 +218,8 @@ def binomial_p(left: int, right: int, odds: tuple[int, int] = (1, 1)) -> float:
 
     The sum of the probabilities of all splits that are not more likely than this one.
 
-    Parameters
-    ----------
-    left, right : int
-        The split, both at least 0.
-    odds : tuple of int
-        Left to right in expectation, both above 0.
+    Raises ValueError for counts below 0 and odds that are not above 0.
 
-    Raises
-    ------
-    ValueError
-        For counts below 0 and odds that are not above 0.
-
-    Examples
-    --------
     >>> binomial_p(5, 5), binomial_p(0, 5)
     (1.0, 0.0625)
     """

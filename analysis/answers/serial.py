@@ -139,12 +139,7 @@ def rearrange(data: bytes, seed: int, occurrence: int = 0) -> Rearranged:
     A place keeps what it is linked to; the trials, stimulus and answer together, change places.
     Blocks of one length share a set of orders and take them in an order of their own.
 
-    Parameters
-    ----------
-    data : bytes
-        From `canonical`.
-    seed, occurrence : int
-        As `analysis.answers.seeds.seeded_by` takes them.
+    `data` comes from `canonical`; seed and occurrence are those of `seeded_by`.
     """
     rng = seeded_by(data, seed, occurrence)
     blocks = _blocks(data)
@@ -219,24 +214,10 @@ def serial_effects(
 ) -> tuple[tuple[SerialEffects, ...], SerialEffects]:
     """Return the effects of each participant and of all together.
 
-    Parameters
-    ----------
-    people : sequence of bytes
-        From `canonical`.
-    seed : int
-        At least 0.
-    none_offered : bool
-        Whether "none" could be answered; without it everything was felt.
+    `people` come from `canonical`; their order and names change none of the values. Together the
+    pairs are added up, each participant rearranged on their own. Without `none_offered` everything
+    was felt.
 
-    Returns
-    -------
-    each : tuple of SerialEffects
-        In the order of `people`; their order and names change none of the values.
-    together : SerialEffects
-        Pairs added up, each participant rearranged on their own.
-
-    Examples
-    --------
     Left and right in turn never come again:
 
     >>> codes = np.array([0, 7] * 10, np.int8)

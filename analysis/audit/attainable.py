@@ -10,21 +10,9 @@ from analysis.audit.printed import Range
 def attainable(least: Range, largest: Range, participants: int | None) -> Range | None:
     """Return what the mean may be: all but one at the least value, to all but one at the largest.
 
-    Parameters
-    ----------
-    least, largest : Range
-        What the least and the largest value stand for; a number of the first is at most one of the
-        second.
-    participants : int or None
-        Their number, at least 1; ``None`` allows any number.
+    `participants` may be ``None`` for any number; so is the mean of a single participant who would
+    need two values.
 
-    Returns
-    -------
-    Range or None
-        ``None`` where a single participant would need two values.
-
-    Examples
-    --------
     With one of five at 0.45 and none above 0.9:
 
     >>> one, other = (Range(low=Fraction(x), high=Fraction(x)) for x in ("0.45", "0.9"))
@@ -74,15 +62,6 @@ def counts_fit(
 
     The sums that P counts can have, one of them the least and one the largest, have no gap.
 
-    Parameters
-    ----------
-    least, largest, mean : Range
-        What the three values stand for.
-    participants, trials : int
-        Participants, and stimuli of each; at least 1.
-
-    Examples
-    --------
     The mean of two participants with 10 stimuli each is a multiple of 1/20:
 
     >>> half, whole, mean = (Range(low=Fraction(x), high=Fraction(x)) for x in ("0.5", "1", "0.7"))

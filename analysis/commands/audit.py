@@ -38,24 +38,11 @@ _UNKNOWN = ("", "n/a")
 def read_table(path: Path) -> tuple[PrintedRow, ...]:
     r"""Read a table of printed proportions.
 
-    Parameters
-    ----------
-    path : Path
-        A CSV file with the columns `NEEDED`, one of `LABELS`, and `OPTIONAL` ones: ``n`` stimuli of
-        each participant, a number or a range such as 20-40.
+    A CSV file with the columns `NEEDED`, one of `LABELS`, and `OPTIONAL` ones: ``n`` stimuli of
+    each participant, a number or a range such as 20-40.
 
-    Returns
-    -------
-    tuple of PrintedRow
-        In the order of the file.
+    Raises ResultFileError for anything that is no such table, with its line.
 
-    Raises
-    ------
-    ResultFileError
-        For anything that is no such table, with its line.
-
-    Examples
-    --------
     >>> import tempfile
     >>> from pathlib import Path
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -141,13 +128,7 @@ def _participants(text: str) -> int | None:
 
 
 def audit_lines(found: Audit) -> Iterator[str]:
-    """Tell an audit in words, a line at a time.
-
-    Parameters
-    ----------
-    found : Audit
-        From `analysis.audit.rows.audit`.
-    """
+    """Tell an audit in words, a line at a time."""
     yield (
         f"{len(found.rows)} rows; {found.decimals} decimals, of which zeros at the end may have "
         "been dropped. Means are taken as unweighted over participants."

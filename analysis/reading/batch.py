@@ -132,17 +132,7 @@ def batches(sources: Iterable[InputTable]) -> Iterator[list[InputTable]]:
 def read_batch(sources: Sequence[InputTable], columns: ColumnMap | None) -> list[Batch]:
     """Read tables together or, where one of them has a fault, one by one.
 
-    Parameters
-    ----------
-    sources : sequence of InputTable
-        The tables.
-    columns : ColumnMap, optional
-        What the columns are called in tables made elsewhere.
-
-    Raises
-    ------
-    ResultFileError
-        The first fault of the first table that has one.
+    Raises ResultFileError for the first fault of the first table that has one.
     """
     if len(sources) > 1:
         try:
@@ -153,6 +143,9 @@ def read_batch(sources: Sequence[InputTable], columns: ColumnMap | None) -> list
 
 
 def _read(sources: Sequence[InputTable], columns: ColumnMap | None) -> Batch:
+    # What costs is the number of pandas calls, not of rows: a thousand short sessions are typed and
+    # checked as one table. The plans are read before and held to afterwards, table by table,
+    # because only a plan knows its own trials.
     sealed = [read_plan(source.path) for source in sources]
     counts = [0] * len(sources)
     frames = []
@@ -247,13 +240,8 @@ def _typed(parts: list[_Rows], columns: ColumnMap | None) -> pd.DataFrame:
 def sha256_of(path: Path) -> str:
     """Return the checksum of a file's bytes.
 
-    Raises
-    ------
-    ResultFileError
-        Where it cannot be read.
+    Raises ResultFileError where it cannot be read.
 
-    Examples
-    --------
     >>> from pathlib import Path
     >>> sha256_of(Path("/dev/null"))[:8]
     'e3b0c442'

@@ -112,13 +112,8 @@ def parse(column: Column, text: str, *, signed: bool = False) -> object:
 
     Of texts, marks of direction and other signs without a form are spelled out.
 
-    Raises
-    ------
-    ValueError
-        For text that is not allowed in this column.
+    Raises ValueError for text that is not allowed in this column.
 
-    Examples
-    --------
     >>> parse(DETECTED, "1"), parse(DETECTED, "n/a")
     ('1', None)
     """

@@ -38,23 +38,11 @@ def check_rows(
 ) -> None:
     """Refuse rows that contradict themselves.
 
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        Typed rows of one or several files, with ``file`` and ``line``.
-    planned : frozenset of str
-        The files beside which a plan tells how long an answer was waited for; in another one, slow
-        answers are taken for milliseconds.
-    signed : bool
-        Whether levels may have any sign.
+    Beside the files in `planned` a plan tells how long an answer was waited for; in another one
+    slow answers are taken for milliseconds. With `signed` a level may have any sign.
 
-    Raises
-    ------
-    ResultFileError
-        Naming the first line of the first file in which a rule is broken.
+    Raises ResultFileError naming the first line of the first file in which a rule is broken.
 
-    Examples
-    --------
     >>> from analysis.reading.columns import ColumnMap
     >>> from analysis.reading.rows import mapped_rows
     >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
@@ -180,19 +168,10 @@ def _check_median(rows: pd.DataFrame) -> None:
 def check_together(trials: pd.DataFrame) -> None:
     """Refuse trials of one or several files that are told twice.
 
-    Parameters
-    ----------
-    trials : pandas.DataFrame
-        Typed rows with ``file`` and ``line``.
+    Raises ResultFileError where participant, session, trial and attempt repeat, or where two
+    attempts of one trial both have the status ok; practice may be repeated, as warm-up after every
+    resume.
 
-    Raises
-    ------
-    ResultFileError
-        Where participant, session, trial and attempt repeat, or where two attempts of one trial
-        both have the status ok; practice may be repeated, as warm-up after every resume.
-
-    Examples
-    --------
     >>> twice = pd.DataFrame({"participant": "1", "session": "01", "trial": 5, "attempt": [1, 2],
     ...     "kind": "single", "status": "ok", "file": "t.csv", "line": [6, 9]})
     >>> check_together(twice.assign(status=["voided", "ok"]))

@@ -74,13 +74,8 @@ class CountColumns:
 def count_columns(section: Mapping[str, Any]) -> CountColumns | None:
     """Return what a map's section ``[table]`` says; without entries none.
 
-    Raises
-    ------
-    ValueError
-        For an unknown or missing key, and as `CountColumns`.
+    Raises ValueError for an unknown or missing key, and as `CountColumns`.
 
-    Examples
-    --------
     >>> count_columns({"detected": "k"})
     Traceback (most recent call last):
     ValueError: [table] needs detected and presented, and may have group and none_offered; got

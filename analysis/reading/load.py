@@ -49,30 +49,13 @@ def read_counted(
 ) -> tuple[pd.DataFrame, list[InputFile]]:
     """Read tables of counts as one table of cells.
 
-    Parameters
-    ----------
-    sources : iterable of InputTable
-        The tables.
-    columns : ColumnMap
-        What the columns are called.
-    counts : CountColumns
-        Its section ``[table]``.
+    One row per condition, level and participant, as `analysis.answers.detection.cells` gives it,
+    over sessions and sides; the columns `UNKNOWN` are NaN. Then ``none_offered``, as the map says.
+    Rows with nothing presented are checked and left out.
 
-    Returns
-    -------
-    cells : pandas.DataFrame
-        One row per condition, level and participant, as `analysis.answers.detection.cells` gives
-        it: ``detected`` of ``presented`` over sessions and sides; the columns `UNKNOWN` are NaN.
-        Then ``none_offered``, as the map says. Rows with nothing presented are checked and
-        left out.
-    inputs : list of InputFile
-        The files.
-
-    Raises
-    ------
-    ResultFileError
-        For counts that are no whole numbers of at least 0, more detected than presented, a level
-        that its axis does not have, another side than left or right, and a cell that is told twice.
+    Raises ResultFileError for counts that are no whole numbers of at least 0, more detected than
+    presented, a level that its axis does not have, another side than left or right, and a cell that
+    is told twice.
     """
     frames: list[pd.DataFrame] = []
     inputs: list[InputFile] = []

@@ -59,19 +59,11 @@ class SessionProgress:
 def read_plan(table: Path) -> tuple[Plan, str] | None:
     """Read the plan beside a trials.csv and the checksum of its bytes, where there is one.
 
-    Parameters
-    ----------
-    table : Path
-        The table; beside one of another name no plan is looked for.
+    Beside a table of another name no plan is looked for.
 
-    Raises
-    ------
-    ResultFileError
-        For a plan that cannot be read, was changed after it was sealed, or belongs to another
-        session than its folder.
+    Raises ResultFileError for a plan that cannot be read, was changed after it was sealed, or
+    belongs to another session than its folder.
 
-    Examples
-    --------
     >>> from pathlib import Path
     >>> read_plan(Path("table.csv")) is None
     True
@@ -112,23 +104,12 @@ def told_rows(rows: pd.DataFrame) -> list[Any]:
 def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
     """Refuse the rows of one session where they contradict its plan.
 
-    Parameters
-    ----------
-    told : sequence of tuple
-        The rows of one file, from `told_rows`; the level of a blank trial is NaN.
-    file : str
-        The name for messages.
-    plan : Plan
-        The session's plan.
+    Rows come from `told_rows`; the level of a blank trial is NaN.
 
-    Raises
-    ------
-    ResultFileError
-        Naming the first line that is of another participant, session or study, presents what was
-        not planned, or has an answer that was not declared or came after the response window.
+    Raises ResultFileError naming the first line that is of another participant, session or study,
+    presents what was not planned, or has an answer that was not declared or came after the response
+    window.
 
-    Examples
-    --------
     >>> from types import SimpleNamespace
     >>> plan = SimpleNamespace(participant="01", session="01", trials=(), warm_up=(),
     ...     responses=("left",), response_window_s=2.0)

@@ -48,25 +48,12 @@ _NAMES = tuple(column.name for column in COLUMNS)
 def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
     """Read rows of a trials.csv.
 
-    Parameters
-    ----------
-    text : pandas.DataFrame
-        Text cells; the index holds their lines.
-    file : str
-        The name for messages.
+    The columns of `experiment.terms.record.COLUMNS`, typed, ``file`` and ``line``, which is the
+    index of the text.
 
-    Returns
-    -------
-    pandas.DataFrame
-        The columns of `experiment.terms.record.COLUMNS`, typed, ``file`` and ``line``.
+    Raises ResultFileError for an unknown or missing column, and for the first cell that cannot be
+    read.
 
-    Raises
-    ------
-    ResultFileError
-        For an unknown or missing column, and for the first cell that cannot be read.
-
-    Examples
-    --------
     >>> own_rows(pd.DataFrame({"colour": ["red"]}, index=[2]), "t.csv")
     Traceback (most recent call last):
     analysis.reading.text.ResultFileError: t.csv:1: unknown column 'colour'; a table made ...
@@ -84,30 +71,13 @@ def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
 def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFrame:
     """Read rows of a table made elsewhere; what it lacks gets its default.
 
-    Parameters
-    ----------
-    text : pandas.DataFrame
-        Text cells; the index holds their lines.
-    file : str
-        The name for messages.
-    columns : ColumnMap
-        Where our columns come from.
+    As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
+    `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
+    answer is ``timeout``.
 
-    Returns
-    -------
-    pandas.DataFrame
-        As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
-        `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
-        answer is ``timeout``.
+    Raises ResultFileError for a column that the map names and the table lacks, a required column
+    without a source, and the first cell that cannot be read.
 
-    Raises
-    ------
-    ResultFileError
-        For a column that the map names and the table lacks, a required column without a source,
-        and the first cell that cannot be read.
-
-    Examples
-    --------
     >>> from analysis.reading.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "007", "side": "left", "level_vpp": "60",
     ...     "response": ["left", "none"]}, index=[2, 3])
@@ -164,26 +134,12 @@ def with_responses(rows: pd.DataFrame) -> pd.DataFrame:
     no side: a felt one counts for the only side at which its file has stimuli. Then tell where
     "none" was an answer.
 
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        All rows of one or several files, from `own_rows` or `mapped_rows`.
+    ``none_offered`` is true where ``detected`` says yes or no, or where "none" was answered in the
+    same file and condition, else missing. Control trials tell nothing of it: "none" is always an
+    answer there.
 
-    Returns
-    -------
-    pandas.DataFrame
-        The columns of `experiment.terms.record.COLUMNS` in their order, ``file``, ``line``, and
-        ``none_offered``: true where ``detected`` says yes or no, or where "none" was answered in
-        the same file and condition, else missing. Control trials tell nothing of it: "none" is
-        always an answer there.
+    Raises ResultFileError for a felt blank trial in a file with stimuli at more than one side.
 
-    Raises
-    ------
-    ResultFileError
-        For a felt blank trial in a file with stimuli at more than one side.
-
-    Examples
-    --------
     >>> from analysis.reading.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "1", "side": ["left", "left", "none"],
     ...     "level_vpp": ["60", "60", "0"], "detected": ["1", "0", "1"]}, index=[2, 3, 4])

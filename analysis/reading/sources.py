@@ -38,20 +38,9 @@ class InputTable:
 def find_sources(paths: list[Path]) -> tuple[list[InputTable], tuple[str, ...]]:
     """List the tables to read, and the session folders without one by their names.
 
-    Parameters
-    ----------
-    paths : list of Path
-        Files, and folders as `analysis.read_trials` takes them.
+    Raises ValueError without a path, ResultFileError for a path that is no regular file or cannot
+    be read, and for a folder without a table.
 
-    Raises
-    ------
-    ValueError
-        Without a path.
-    ResultFileError
-        For a path that is no regular file or cannot be read, and a folder without a table.
-
-    Examples
-    --------
     >>> import tempfile
     >>> from pathlib import Path
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -153,15 +142,9 @@ def unreadable(error: OSError, path: Path) -> ResultFileError:
 def read_regular(path: Path, most_bytes: int) -> bytes:
     """Read a small file as a whole; a pipe, which might never end, is refused.
 
-    Raises
-    ------
-    ValueError
-        For anything but a regular file, and for one with more than `most_bytes`.
-    OSError
-        Where it cannot be read.
+    Raises ValueError for anything but a regular file, and for one with more than `most_bytes`,
+    OSError where it cannot be read.
 
-    Examples
-    --------
     >>> from pathlib import Path
     >>> read_regular(Path("/"), 10)
     Traceback (most recent call last):
@@ -183,18 +166,9 @@ def unchanged(paths: Iterable[Path]) -> Iterator[None]:
     A file that is there only before or only after is another one, too; so is one with other
     permissions. What is found wrong with a file that changes is no fault of that file.
 
-    Parameters
-    ----------
-    paths : iterable of Path
-        The files, whether they exist or not.
+    Raises ResultFileError for the first file with another size, time of change or place on the
+    disk.
 
-    Raises
-    ------
-    ResultFileError
-        For the first file with another size, time of change or place on the disk.
-
-    Examples
-    --------
     >>> import tempfile
     >>> from pathlib import Path
     >>> with tempfile.TemporaryDirectory() as folder, unchanged([Path(folder) / "t.csv"]):

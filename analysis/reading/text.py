@@ -77,33 +77,13 @@ def text_chunks(
 ) -> tuple[list[str], Iterator[Chunk]]:
     r"""Read a comma-separated file as its header and chunks of at most `CHUNK_ROWS` rows of text.
 
-    Parameters
-    ----------
-    stream : binary file
-        Read from where it stands, never further than the first fault.
-    file : str
-        The name for messages.
-    bom_allowed : bool
-        Whether the file may begin with a byte order mark.
-    empty_allowed : bool
-        Whether a header alone will do: one chunk without rows.
+    A chunk has the lines on which its rows begin, and their cells; with `empty_allowed` a header
+    alone is one chunk without rows. Of the stream nothing is read beyond the first fault.
 
-    Returns
-    -------
-    header : list of str
-        The columns' names.
-    chunks : iterator of tuple
-        For some rows the lines on which they begin, and their cells.
+    Raises ResultFileError for an empty file, a header alone, a doubled column, another delimiter, a
+    row with too few or too many fields, text that is not UTF-8, a NUL byte or a line over
+    `MAX_LINE_BYTES`; for what is wrong below the header, when its chunk is asked for.
 
-    Raises
-    ------
-    ResultFileError
-        For an empty file, a header alone, a doubled column, another delimiter, a row with too few
-        or too many fields, text that is not UTF-8, a NUL byte or a line over `MAX_LINE_BYTES`;
-        for what is wrong below the header, when its chunk is asked for.
-
-    Examples
-    --------
     >>> import io
     >>> header, chunks = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
     >>> header, next(chunks)

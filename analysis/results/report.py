@@ -46,17 +46,7 @@ _CENSORED = (
 def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
     """Write the report.
 
-    Parameters
-    ----------
-    analysis : Analysis
-        What came out.
-    pictures : iterable of Picture
-        Its figures; may be empty.
-
-    Returns
-    -------
-    str
-        A page without script, link or request; the same for the same data.
+    A page without script, link or request; the same for the same data.
     """
     drawn = {one.name: figure(one.svg, one.alt) for one in pictures}
     body = [

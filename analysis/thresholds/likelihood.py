@@ -124,6 +124,9 @@ def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Fl
     -------
     ndarray of float64, shape (fits, 3)
     """
+    # Thousands of drawn tables are fitted at once, which a general optimiser takes one by one; with
+    # expected instead of observed information a step goes uphill wherever its damping is enough,
+    # and each table keeps a damping of its own.
     at = np.clip(start, LOWER, UPPER)
     value, damping = log_likelihood(tables, at), np.ones(len(tables))
     active = np.arange(len(tables))

@@ -115,6 +115,9 @@ def posterior(
     Posterior
     """
     fits, levels = len(tables), max(1, tables.u.shape[1])
+    # A grid over the whole prior would need thousands of nodes where many trials make the posterior
+    # narrow: the box is sought first. Whether the grid in it is fine enough is asked of itself, by
+    # leaving out every other node; only the tables whose points move are laid out anew, finer.
     box, best = np.empty((fits, 3, 2)), np.empty((fits, 3))
     for part in _parts(np.arange(fits), _COARSE.cells * levels * _COARSE.lapse // 2):
         box[part], best[part] = _zoom(tables[part])

@@ -58,17 +58,7 @@ def prepared(analysis: Analysis) -> Prepared | None:
 
 
 def draw(data: ConfusionData) -> Figure:
-    """Draw a grid of stimuli and answers; each cell has its share, count and 95 % interval.
-
-    Parameters
-    ----------
-    data : ConfusionData
-        What to show.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw a grid of stimuli and answers; each cell has its share, count and 95 % interval."""
     groups = [(str(name), rows) for name, rows in data.confusion.groupby("condition")]
     heights = [_AROUND_IN + _ROW_IN * len(rows) for _, rows in groups]
     figure, axes = panels([name for name, _ in groups], heights, data.note)

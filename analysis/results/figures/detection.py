@@ -86,15 +86,6 @@ def draw(data: DetectionData) -> Figure:
     Each participant is a thin line. Where everybody was tested at a level, the unweighted mean
     stands on a thick line with the group interval; a single participant has the interval of each
     cell. One panel per condition.
-
-    Parameters
-    ----------
-    data : DetectionData
-        What to show.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     conditions = list(data.levels["condition"].unique())
     figure, axes = panels(conditions, [_HEIGHT_IN] * len(conditions), data.note)

@@ -75,18 +75,6 @@ def each_condition(analysis: Analysis) -> str:
 def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
     """Draw a figure in our style, whatever the user's is; return it as PNG and as SVG.
 
-    Parameters
-    ----------
-    draw : callable
-        Makes the figure.
-
-    Returns
-    -------
-    png, svg : bytes
-        The same on every run.
-
-    Examples
-    --------
     >>> png, svg = written(lambda: panels(["main"], [2.0])[0])
     >>> png[1:4], svg[:5]
     (b'PNG', b'<?xml')
@@ -111,17 +99,6 @@ def panels(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel below the other, each named where there are several.
 
-    Parameters
-    ----------
-    conditions : iterable of str
-        One panel each.
-    heights_in : list of float
-        Of the panels, inches.
-    note : str
-        A remark for the title; may be empty.
-
-    Examples
-    --------
     >>> figure, axes = panels(["bare", "covered"], [2.0, 3.0])
     >>> [one.get_title() for one in axes]
     ['condition bare', 'condition covered']
@@ -157,15 +134,7 @@ def short(name: str) -> str:
 def level_axis(axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06) -> None:
     """Make the x axis one of levels with a tick at each, none over its neighbour.
 
-    Parameters
-    ----------
-    axes : matplotlib Axes
-    levels_vpp : array_like of float
-        The levels that were presented.
-    axis : Axis
-        What they are.
-    beyond : float
-        How far the axis goes on at either end, in parts of the levels' range.
+    The axis goes on at either end by `beyond`, in parts of the levels' range.
     """
     from matplotlib.ticker import FixedLocator, NullLocator
 

@@ -64,17 +64,7 @@ def prepared(analysis: Analysis) -> Prepared | None:
 
 
 def draw(data: ReactionData) -> Figure:
-    """Draw the median reaction time of each side with its 10 % and 90 % points.
-
-    Parameters
-    ----------
-    data : ReactionData
-        What to show.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Draw the median reaction time of each side with its 10 % and 90 % points."""
     timed = data.reaction[data.reaction["n"].gt(0)]
     groups = [(str(name), rows) for name, rows in timed.groupby("condition")]
     figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), data.note)

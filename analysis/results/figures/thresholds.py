@@ -100,15 +100,6 @@ def draw(data: ThresholdData) -> Figure:
 
     A threshold outside the tested levels is an arrow at their end; where there is none the reason
     stands in words. Above 60 participants the lines are ordered by threshold and not named.
-
-    Parameters
-    ----------
-    data : ThresholdData
-        What to show.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
     """
     conditions = list(data.groups["condition"])
     rows = [_rows(data, condition) for condition in conditions]
