@@ -67,7 +67,7 @@ def onset_interval_s(condition: Condition, settings: DeviceSettings) -> float:
         The study's device settings.
     """
     limits = host_limits(settings)
-    duration_s = condition.burst.duration_s + 2 / settings.sample_rate_hz
+    duration_s = condition.drive.duration_s + 2 / settings.sample_rate_hz
     rest_s = max(duration_s + limits.least_interval_s, duration_s / limits.max_duty)
     return rest_s + _MARGIN_S
 

@@ -167,7 +167,7 @@ def _write_session(new: NewFolder, folder: SessionFolder, *, with_sources: bool)
         answered=len(plan.trials) - len(history.pending),
         simulated=history.opening.get("simulated"),
     )
-    durations_s = {c.name: float(c.burst.duration_s) for c in study.conditions}
+    durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
     sidecar = events_sidecar(
         study,
         software_version=header.get("versions", {}).get("tactstrip"),
@@ -209,7 +209,7 @@ def _copy_sources(new: NewFolder, folder: SessionFolder) -> None:
 
 def _write_about(new: NewFolder, sessions: tuple[ExportedSession, ...], people: People) -> Export:
     """Write what is said of the whole data set and of each participant."""
-    columns = {c.name: c for session in sessions for c in session.study.participant_columns}
+    columns = {c.name: c for session in sessions for c in session.study.participants.columns}
     named = {ID_COLUMN, *columns}
     export = Export(
         sessions=sessions, left_out=tuple(name for name in people.heading if name not in named)

@@ -142,7 +142,7 @@ class SessionFolder:
             declares or differs from what is known.
         """
         self.refuse_existing()
-        columns = study_from_canonical(plan.study).participant_columns
+        columns = study_from_canonical(plan.study).participants.columns
         check_facts(columns, self.facts)
         names = [column.name for column in columns]
         read_people(self.root).with_person(self.participant, names, self.facts)

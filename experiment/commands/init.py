@@ -1,4 +1,4 @@
-"""The commented study file that `tactstrip init` writes: a preset, worded by its tables."""
+"""The commented study file that `tactstrip init` writes: a preset, worded by its sections."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ import json
 import textwrap
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_origin
+from typing import Any, Final, Literal, Union, get_args, get_origin
 
 import click
 
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
-
-if TYPE_CHECKING:
-    from experiment.study.sections.table import Table
-
 
 Preset = Literal["paper", "recommended"]
 PRESETS: Final[tuple[str, ...]] = get_args(Preset)
@@ -77,7 +73,7 @@ def write_study_text(preset: str) -> str:
     Returns
     -------
     str
-        TOML text; comments, keys and values come from the tables that read it.
+        TOML text; comments, keys and values come from the sections that read it.
 
     Raises
     ------
@@ -92,13 +88,12 @@ def write_study_text(preset: str) -> str:
     noise = "pink"                         # pink | none
     max_level_dba = 75                     # at the ear; 80 at most
     """
-    from experiment.study.read import checked_tables
+    from experiment.study.study import Study
 
     require_word("preset", preset, PRESETS)
-    tables = checked_tables(_OVERRIDES[preset])
+    study = Study(**_OVERRIDES[preset])
     sections = [_comment(_INTRODUCTIONS[preset])]
-    for name in type(tables).model_fields:
-        table = getattr(tables, name)
+    for name, table in study.sections().items():
         if name == "condition":
             sections.append(_CONDITIONS)
         elif isinstance(table, tuple):
@@ -112,15 +107,17 @@ def write_study_text(preset: str) -> str:
     return "\n".join(sections)
 
 
-def _section(heading: str, table: Table, remark: str = "") -> str:
+def _section(heading: str, table: object, remark: str = "") -> str:
     about = _comment(type(table).__doc__ or "") + _comment(remark)
     return f"{about}{heading}\n{_keys(table, commented=True)}"
 
 
-def _keys(table: Table, *, commented: bool) -> str:
+def _keys(table: object, *, commented: bool) -> str:
     """Write a table's keys; one that is not set stands as a comment, for who needs it."""
+    from experiment.study.sections.table import file_keys
+
     lines = []
-    for key, field in type(table).model_fields.items():
+    for key, field in file_keys(type(table)).items():
         value = getattr(table, key)
         line = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
         comment = "; ".join(filter(None, (_words(field.annotation), field.description)))

@@ -117,7 +117,7 @@ def run(
             plan = _new_plan(folder, study_file, seed, levels_vpp, driver)
         study = study_from_canonical(plan.study)
         if facts:
-            columns = study.participant_columns
+            columns = study.participants.columns
             folder = replace(folder, facts=participant_facts(columns, facts))
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
@@ -190,8 +190,7 @@ def _plan_to_resume(
     facts: tuple[str, ...],
 ) -> Plan:
     """Return the session's plan; refuse options that say otherwise than it does."""
-    from experiment.session.conduct import is_recorded
-    from experiment.study.read import study_from_canonical
+    from experiment.study.read import is_recorded, study_from_canonical
 
     plan = folder.read_plan()
     if facts:
@@ -199,7 +198,7 @@ def _plan_to_resume(
             f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
             "correct participants.tsv while no session runs"
         )
-    if not is_recorded(study_file, plan):
+    if not is_recorded(study_file, plan.study, plan.file_sha256):
         raise CommandError(
             f"STUDY is not the study that this session was begun with; got {study_file}, of "
             f"another sha256 than {plan.file_sha256[:12]}..."

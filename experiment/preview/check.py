@@ -170,7 +170,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
             condition=condition,
             burst=burst,
             gains=gains_of.get(condition.name),
-            masking_limit_db=study.masking_limit_db,
+            masking_limit_db=study.burst.masking_limit_db,
         )
         for condition, burst in zip(study.conditions, bursts, strict=True)
     )
@@ -216,7 +216,7 @@ def require_mock_suitable(study: Study, driver: str | None = None) -> None:
 
 def _check_burst(study: Study, condition: Condition) -> BurstCheck:
     try:
-        return _check_drive(study, condition.burst)
+        return _check_drive(study, condition.drive)
     except ValueError as error:
         raise StudyError(
             f"study {study.name}: condition {condition.name}: [burst] and device.sample_rate_hz "
@@ -226,7 +226,7 @@ def _check_burst(study: Study, condition: Condition) -> BurstCheck:
 
 def _check_drive(study: Study, drive: Burst | SampledDrive) -> BurstCheck:
     """Check the energy of a drive above the cut-off; a click's is that of its samples."""
-    rate_hz, limit = study.device.sample_rate_hz, study.max_energy_above_cutoff
+    rate_hz, limit = study.device.sample_rate_hz, study.burst.max_energy_above_cutoff
     if isinstance(drive, Burst):
         return check_burst(
             drive, study.strip, sample_rate_hz=rate_hz, max_energy_above_cutoff=limit

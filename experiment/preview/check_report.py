@@ -62,8 +62,8 @@ def check_findings(check: StudyCheck, file_name: str) -> Findings:
         study={"name": study.name, "sha256": study.sha256},
     )
     found.part("strip", _strip(check))
-    found.note(max_energy_above_cutoff=study.max_energy_above_cutoff)
-    found.note(masking_limit_db=study.masking_limit_db)
+    found.note(max_energy_above_cutoff=study.burst.max_energy_above_cutoff)
+    found.note(masking_limit_db=study.burst.masking_limit_db)
     found.parts("actuators", map(_actuator, study.actuators))
     found.parts("conditions", [_condition(check, condition) for condition in check.conditions])
     found.space()
@@ -74,7 +74,7 @@ def check_findings(check: StudyCheck, file_name: str) -> Findings:
 
 
 def _strip(check: StudyCheck) -> Findings:
-    strip, material, basis = check.study.strip, check.study.strip.material, check.study.edge_basis
+    strip, material, basis = check.study.strip, check.study.strip.material, check.study.plate.edge
     found = Findings()
     length = "endless" if strip.length_m is None else f"{strip.length_m * 1e3:g}"
     found.tell(
@@ -107,11 +107,11 @@ def _strip(check: StudyCheck) -> Findings:
 
 
 def _basis(check: StudyCheck) -> str:
-    if check.study.edge_basis == "measured-cutoff":
+    if check.study.plate.edge == "measured-cutoff":
         return f"measured; as of elastic edges of K = {check.edge_stiffness_n:.2f} N"
     if check.edge_stiffness_n is not None:
         return f"computed from elastic edges of K = {check.edge_stiffness_n:g} N"
-    return f"computed from {check.study.edge_basis} edges"
+    return f"computed from {check.study.plate.edge} edges"
 
 
 def _actuator(actuator: Actuator) -> Findings:
@@ -149,12 +149,12 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
         "burst",
         _burst_words(condition),
         burst=stimulus_facts(condition),
-        duration_s=condition.burst.duration_s,
+        duration_s=condition.drive.duration_s,
         peak_hz=burst.peak_hz,
     )
     _tell_window(found, condition)
     lower_hz, upper_hz = burst.band_hz
-    ideal = "ideal burst's" if isinstance(condition.burst, Burst) else "samples'"
+    ideal = "ideal burst's" if isinstance(condition.drive, Burst) else "samples'"
     found.tell("band", f"{lower_hz:.1f} to {upper_hz:.1f} Hz at half power", band_hz=burst.band_hz)
     found.tell(
         "above cut-off",
@@ -181,23 +181,23 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
 
 
 def _burst_words(condition: Condition) -> str:
-    burst = condition.burst
-    if not isinstance(burst, Burst):
-        return f"{condition.file}, scaled to a peak of 1, {burst.duration_s * 1e3:g} ms"
-    cycles = "1 cycle" if burst.cycles == 1 else f"{burst.cycles} cycles"
-    window = "no window" if burst.window == "none" else f"{burst.window} window"
-    return f"{cycles} of {burst.frequency_hz:g} Hz, {window}, {burst.duration_s * 1e3:g} ms"
+    drive = condition.drive
+    if not isinstance(drive, Burst):
+        return f"{condition.file}, scaled to a peak of 1, {drive.duration_s * 1e3:g} ms"
+    cycles = "1 cycle" if drive.cycles == 1 else f"{drive.cycles} cycles"
+    window = "no window" if drive.window == "none" else f"{drive.window} window"
+    return f"{cycles} of {drive.frequency_hz:g} Hz, {window}, {drive.duration_s * 1e3:g} ms"
 
 
 def _tell_window(found: Findings, condition: Condition) -> None:
     """Tell what a window that the program chose costs."""
-    auto = condition.auto
-    if auto is not None:
-        extra_s = condition.burst.duration_s - auto.stated_s
+    if condition.wanted_level_db is not None:
+        stated_s = condition.stated.duration_s
+        extra_s = condition.drive.duration_s - stated_s
         found.tell(
             "window = auto",
-            f"the shortest with {auto.wanted_level_db:g} dB at the other finger; it costs "
-            f"{extra_s * 1e3:g} ms more than the {auto.stated_s * 1e3:g} ms stated",
+            f"the shortest with {condition.wanted_level_db:g} dB at the other finger; it costs "
+            f"{extra_s * 1e3:g} ms more than the {stated_s * 1e3:g} ms stated",
         )
 
 
@@ -266,7 +266,7 @@ def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
     from stimuli import causal
 
     material = check.study.strip.material
-    time_s = causal(field_strip(check.study), one.condition.burst).material.viscous_time_s
+    time_s = causal(field_strip(check.study), one.condition.drive).material.viscous_time_s
     found.note(viscous_time_s=time_s)
     if material.loss_factor:
         same_hz = material.loss_factor / (2 * math.pi * (time_s - material.viscous_time_s))
@@ -281,7 +281,9 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     study, design = check.study, check.study.design
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
     found.tell("device", _device_words(study), device=asdict(study.device))
-    found.note(design=asdict(design))
+    stated = asdict(design) | {"both_level_vpp": design.both_level_vpp}
+    del stated["both_level"]  # text or a number; told as a number or null
+    found.note(design=stated)
     found.tell("answers", ", ".join(design.responses))
     found.tell("levels", _levels_words(design))
     found.tell(

@@ -179,7 +179,7 @@ def strip_text(plate: Plate) -> str:
     'cut-off 2900 Hz (measured), elastic edges'
     """
     cutoff = f"cut-off {hertz(plate.strip.cutoff_hz())}"
-    basis = plate.study.edge_basis
+    basis = plate.study.plate.edge
     if basis == "measured-cutoff":
         return f"{cutoff} (measured), elastic edges"
     return f"{cutoff}, {basis} edges".replace("simply-", "simply ")

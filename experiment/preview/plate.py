@@ -151,13 +151,13 @@ class Plate:
     @property
     def masking_limit_db(self) -> float:
         """Level below a finger's own from which another one feels nothing, equation (29)."""
-        return self.study.masking_limit_db
+        return self.study.burst.masking_limit_db
 
     @property
     def drive_hz(self) -> float:
         """Frequency of the first condition's burst; the peak of its spectrum for another drive."""
-        burst = self.study.conditions[0].burst
-        return burst.frequency_hz if isinstance(burst, Burst) else burst.peak_hz()
+        drive = self.study.conditions[0].drive
+        return drive.frequency_hz if isinstance(drive, Burst) else drive.peak_hz()
 
     @property
     def fingers(self) -> tuple[Fingertip, ...]:

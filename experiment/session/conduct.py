@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -23,18 +22,10 @@ from experiment.session.setting import (
     resuming,
     trial_name,
 )
-from experiment.study.read import (
-    checked_tables,
-    complete_study,
-    parsed,
-    read_text,
-    study_from_canonical,
-)
-from experiment.study.study import StudyError
+from experiment.study.read import study_from_canonical
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from device.driver import BurstDevice, Identity
     from experiment.apparatus.noise import NoisePlayer
@@ -238,29 +229,3 @@ def _enter(
     if history.open_trial is not None:
         same_boot = history.open_trial.boot_id == identity.boot_id
         settle_open_trial(history.open_trial, study, journal, setting.device, same_boot=same_boot)
-
-
-def is_recorded(path: Path, plan: Plan) -> bool:
-    """Tell whether a study file says what a plan's study said.
-
-    A window that the program chose is the one of the plan, and is not chosen again.
-
-    Parameters
-    ----------
-    path : Path
-        The study file.
-    plan : Plan
-        The session's plan.
-
-    Raises
-    ------
-    StudyError
-        If there is no such file or it is not a study.
-    """
-    tables = parsed(read_text(path), str(path))
-    recorded = checked_tables(json.loads(plan.study))
-    try:
-        study = complete_study(checked_tables(tables), path.parent, recorded)
-    except ValueError as error:
-        raise StudyError(f"{path}: {error}") from error
-    return study.sha256 == plan.file_sha256

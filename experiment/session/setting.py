@@ -109,7 +109,7 @@ class Sitting:
         shown = self.responder == "screen"
         return {
             **self.facts(study, plan),
-            "consent_version": study.consent_version or NOT_AVAILABLE,
+            "consent_version": study.about.consent_version or NOT_AVAILABLE,
             "screen": asdict(study.screen) if shown else NOT_AVAILABLE,
             "texts": asdict(study.texts) if shown else NOT_AVAILABLE,
         }

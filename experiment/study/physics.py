@@ -122,9 +122,8 @@ def _felt_m(study: Study, condition: Condition) -> NDArray[np.float64]:
     from experiment.study.sections.stimulus import unscaled_peak
     from stimuli import felt
 
-    drive = condition.burst
     try:
-        peaks_m = felt(field_strip(study), loads_of(study), fingertips_of(study), drive)
+        peaks_m = felt(field_strip(study), loads_of(study), fingertips_of(study), condition.drive)
     except ValueError as error:
         raise StudyError(
             f"study {study.name}: condition {condition.name}: the displacement: {error}"
@@ -141,25 +140,27 @@ def chosen_burst(study: Study, condition: Condition) -> Burst:
     study : Study
         The study.
     condition : Condition
-        A condition with `auto`, its burst as the file states it.
+        A condition whose window is to be chosen.
 
     Raises
     ------
     ValueError
         If no standard burst keeps the wanted level at the other finger.
     """
-    from stimuli import Burst, shortest_window
+    from stimuli import shortest_window
 
-    burst, auto = condition.burst, condition.auto
-    if auto is None or not isinstance(burst, Burst):
-        raise ValueError(f"condition {condition.name} must have window = auto; got {burst!r}")
+    wanted_level_db = condition.wanted_level_db
+    if wanted_level_db is None:
+        raise ValueError(
+            f"condition {condition.name} must have window = auto; got {condition.window}"
+        )
     try:
         choice = shortest_window(
             field_strip(study),
             loads_of(study)[:2],
             fingertips_of(study)[:2],
-            burst,
-            auto.wanted_level_db,
+            condition.stated,
+            wanted_level_db,
         )
     except ValueError as error:
         raise ValueError(f"condition {condition.name}: window = auto: {error}") from error

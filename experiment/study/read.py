@@ -9,47 +9,20 @@ from __future__ import annotations
 import base64
 import json
 import re
-import reprlib
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
-from experiment.study.build import built_study
-from experiment.study.sections.design import Design, check_levels
-from experiment.study.sections.equipment import DeviceSettings, Masking
-from experiment.study.sections.plate import Actuator
-from experiment.study.sections.simulation import Simulation
-from experiment.study.sections.stimulus import Condition
+from experiment.study.sections.design import Design
 from experiment.study.study import Study, StudyError
-from experiment.study.tables import StudyTables, section_table
 from experiment.terms.checks import unknown_key
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
-    from pydantic_core import ErrorDetails
+    from experiment.study.sections.stimulus import Condition
 
-    from experiment.study.sections.stimulus import ConditionTable
-
-
-__all__ = [
-    "Actuator",
-    "Condition",
-    "Design",
-    "DeviceSettings",
-    "Masking",
-    "Simulation",
-    "Study",
-    "StudyError",
-    "paper_study",
-    "read_levels",
-    "read_study",
-    "study_from_canonical",
-    "study_from_text",
-    "with_levels",
-]
 
 _TOML_PLACE = re.compile(r" \(at line (?P<line>\d+), column (?P<column>\d+)\)$")
 
@@ -192,10 +165,9 @@ def read_levels(path: Path | str, participant: str) -> tuple[float, ...]:
     if not isinstance(levels_vpp, list):
         raise StudyError(f"{path}: levels_vpp must be a list of numbers; got {levels_vpp!r}")
     try:
-        check_levels(tuple(levels_vpp))
+        return Design(levels_vpp=tuple(levels_vpp)).levels_vpp
     except ValueError as error:
         raise StudyError(f"{path}: {error}") from error
-    return tuple(float(level_vpp) for level_vpp in levels_vpp)
 
 
 def read_text(path: Path) -> str:
@@ -234,172 +206,76 @@ def _place(message: str, text: str) -> tuple[str, int, str]:
     return message[: found.start()], int(found["line"]), f" (column {found['column']})"
 
 
-def _study(tables: Mapping[str, Any], where: str, folder: Path | None = None) -> Study:
+def is_recorded(path: Path, recorded: str, sha256: str) -> bool:
+    """Tell whether a study file says what a recorded study said.
+
+    A window that the program chose is the one that was recorded, and is not chosen again.
+
+    Parameters
+    ----------
+    path : Path
+        The study file.
+    recorded : str
+        The recorded study's canonical text, perhaps with other levels.
+    sha256 : str
+        Checksum of the recorded study as its file stated it.
+
+    Raises
+    ------
+    StudyError
+        If there is no such file or it is not a study.
+    """
+    tables = parsed(read_text(path), str(path))
+    before = study_from_canonical(recorded).conditions
+    return _study(tables, str(path), path.parent, before).sha256 == sha256
+
+
+def _study(
+    tables: dict[str, Any],
+    where: str,
+    folder: Path | None = None,
+    recorded: tuple[Condition, ...] = (),
+) -> Study:
     try:
-        return complete_study(checked_tables(tables), folder, recorded=None)
+        return _completed(Study(**tables), folder, recorded)
     except ValueError as error:
         raise StudyError(f"{where}: {error}") from error
 
 
-MOST_FAULTS = 3
-"""How many faults a message names; it counts the others."""
+def _completed(study: Study, folder: Path | None, recorded: tuple[Condition, ...]) -> Study:
+    """Read the files that the conditions name, then choose the windows that are to be chosen.
 
-_EXPECTED = {
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "int_type": "a whole number",
-    "string_type": "text",
-    "bool_type": "true or false",
-    "tuple_type": "a list",
-    "too_long": "a list of {max_length}",
-    "greater_than": "a number > {gt:g}",
-    "literal_error": "{expected}",
-    "model_type": "a table",
-}
-_ARRAYS = ("actuator", "condition")
-"""The sections that are written [[section]], once for each of several tables."""
-
-
-def checked_tables(tables: Mapping[str, Any]) -> StudyTables:
-    """Check the tables of a study file for types, words and unknown keys.
-
-    Parameters
-    ----------
-    tables : mapping
-        As parsed from TOML or JSON.
-
-    Returns
-    -------
-    StudyTables
-        With every default filled in.
-
-    Raises
-    ------
-    ValueError
-        If something is wrong; one line with the path of each key, what is allowed and what it got.
-
-    Examples
-    --------
-    >>> checked_tables({"design": {"trails_per_side": 60}})
-    Traceback (most recent call last):
-    ValueError: unknown key design.trails_per_side; did you mean trials_per_side?
+    In this order, and with the study checked in between: what a window must keep is worked out
+    from the whole study, which must be fit to be computed with.
     """
-    try:
-        return StudyTables.model_validate(tables)
-    except ValidationError as error:
-        faults = _merged(error.errors(include_url=False), tables)
-    more = len(faults) - MOST_FAULTS
-    named = faults[:MOST_FAULTS] + ([f"and {more} more"] if more > 0 else [])
-    raise ValueError("; ".join(named))
+    read = tuple(_with_samples(condition, study, folder) for condition in study.conditions)
+    if read != study.conditions:
+        study = study.changed(condition=read)
+    chosen = tuple(_with_window(condition, study, recorded) for condition in study.conditions)
+    return study if chosen == study.conditions else study.changed(condition=chosen)
 
 
-def _merged(errors: list[ErrorDetails], tables: Mapping[str, Any]) -> list[str]:
-    """Word the faults; a key that may be of either of two types has one fault, not two."""
-    words: dict[str, list[ErrorDetails]] = {}
-    for error in errors:
-        words.setdefault(_path(error["loc"], tables), []).append(error)
-    return [_fault(path, found) for path, found in words.items()]
-
-
-def _path(steps: tuple[int | str, ...], tables: Mapping[str, Any]) -> str:
-    """Write the place of a value as the file's reader finds it: ``design.levels_vpp[2]``."""
-    path = ""
-    value: Any = tables
-    for step in steps:
-        try:
-            value = value[step]
-        except (KeyError, IndexError):
-            value = None
-        except TypeError:  # not a step into the file, but one type of several that a key may have
-            break
-        path += f"[{step}]" if isinstance(step, int) else f".{step}"
-    return path.removeprefix(".")
-
-
-def _fault(path: str, errors: list[ErrorDetails]) -> str:
-    first = errors[0]
-    if first["type"] == "extra_forbidden":
-        return unknown_key(path, _known_keys(first["loc"][:-1]))
-    if first["type"] == "missing":
-        return f"{path} is missing"
-    if first["type"] == "value_error":
-        return f"{path}.{first['ctx']['error']}".removeprefix(".")
-    allowed = " or ".join(_allowed(error) for error in errors)
-    if path in _ARRAYS:
-        allowed = f"given as [[{path}]]"
-    return f"{path} must be {allowed}; got {_shown(first['input'])}"
-
-
-def _allowed(error: ErrorDetails) -> str:
-    text = _EXPECTED.get(error["type"])
-    return error["msg"] if text is None else text.format(**error.get("ctx", {}))
-
-
-def _known_keys(steps: tuple[int | str, ...]) -> list[str]:
-    """List the keys of the table that the steps lead to."""
-    sections = [step for step in steps if isinstance(step, str)]
-    return list(section_table(*sections).model_fields)
-
-
-def _shown(value: object) -> str:
-    shown = reprlib.Repr()
-    shown.maxstring = shown.maxother = shown.maxlong = 60
-    try:
-        return shown.repr(value)
-    except ValueError:  # Python refuses to write a whole number of so many digits
-        return "a number of thousands of digits"
-
-
-def complete_study(tables: StudyTables, folder: Path | None, recorded: StudyTables | None) -> Study:
-    """Find what is missing in checked tables, write it into them, and build the study.
-
-    Parameters
-    ----------
-    tables : StudyTables
-        Tables of a study; the conditions are filled in.
-    folder : Path or None
-        Where the study file lies; none where the tables are no file's.
-    recorded : StudyTables or None
-        Tables of the same study as a plan holds it: a window that was chosen then is the one.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range, a file cannot be used, or no window does what is wanted.
-    """
-    for condition in tables.condition:
-        if condition.file is not None and condition.samples_base64 is None and folder is not None:
-            condition.samples_base64 = _samples_base64(
-                folder / condition.file, tables.device.sample_rate_hz
-            )
-    study = built_study(tables)
-    waiting = [
-        (place, condition)
-        for place, condition in enumerate(tables.condition)
-        if condition.window == "auto" and condition.auto_window is None
-    ]
-    if not waiting:
-        return study
-    for place, condition in waiting:
-        _choose_window(condition, study, place, recorded)
-    return built_study(tables)
-
-
-def _samples_base64(path: Path, sample_rate_hz: float) -> str:
+def _with_samples(condition: Condition, study: Study, folder: Path | None) -> Condition:
+    if condition.file is None or condition.is_found:
+        return condition
+    if folder is None:
+        raise ValueError(f"condition {condition.name}: file was not read; got {condition.file!r}")
     from experiment.study.click import read_click
 
-    return base64.b64encode(read_click(path, sample_rate_hz).astype("<f8").tobytes()).decode()
+    rate_hz = study.device.sample_rate_hz
+    data = read_click(folder / condition.file, rate_hz).astype("<f8").tobytes()
+    return replace(
+        condition, samples_base64=base64.b64encode(data).decode(), sample_rate_hz=rate_hz
+    )
 
 
-def _choose_window(
-    condition: ConditionTable, study: Study, place: int, recorded: StudyTables | None
-) -> None:
-    for before in recorded.condition if recorded is not None else ():
-        stated = before.model_copy(update={"auto_cycles": None, "auto_window": None})
-        if stated.model_dump() == condition.model_dump() and before.auto_window is not None:
-            condition.auto_cycles, condition.auto_window = before.auto_cycles, before.auto_window
-            return
+def _with_window(condition: Condition, study: Study, recorded: tuple[Condition, ...]) -> Condition:
+    if condition.is_found:
+        return condition
+    for before in recorded:
+        if replace(before, auto_cycles=None, auto_window=None) == condition:
+            return before
     from experiment.study.physics import chosen_burst
 
-    burst = chosen_burst(study, study.conditions[place])
-    condition.auto_cycles, condition.auto_window = burst.cycles, burst.window
+    burst = chosen_burst(study, condition)
+    return replace(condition, auto_cycles=burst.cycles, auto_window=burst.window)

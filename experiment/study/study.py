@@ -1,154 +1,200 @@
-"""A study as everybody but the file's reader sees it: frozen values in SI units.
-
-A file is read by `experiment.study.read`; the ranges are checked here, whoever builds the values.
-"""
+"""A study: the sections of study.toml together, what must agree between them, and its one text."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, get_args
+import hashlib
+import json
+from dataclasses import asdict
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
 
-from experiment.study.sections.dataset import Dataset, ParticipantColumn
+from pydantic import Field, ValidationInfo, field_validator
+
+from experiment.study.sections.dataset import About, Dataset, Participants
+from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import DeviceSettings, Masking
-from experiment.study.sections.plate import Actuator, EdgeBasis, check_actuators
+from experiment.study.sections.plate import (
+    SIDES,
+    Actuator,
+    Plate,
+    check_actuators,
+    paper_actuators,
+)
 from experiment.study.sections.presentation import Keys, Screen, Texts
-from experiment.study.sections.simulation import Simulation
-from experiment.study.sections.stimulus import AutoWindow, Condition
-from experiment.terms.checks import CONDITION_NAME, NAME_RULE, is_line, require_word
-from stimuli.checks import finite
+from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
+from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
+from experiment.study.sections.table import FromTable, file_keys, section
 
 if TYPE_CHECKING:
-    from experiment.study.sections.design import Design
     from stimuli import Strip
-
-
-__all__ = [
-    "AutoWindow",
-    "Condition",
-    "Dataset",
-    "DeviceSettings",
-    "EdgeBasis",
-    "Keys",
-    "Masking",
-    "ParticipantColumn",
-    "Screen",
-    "Simulation",
-    "Study",
-    "StudyError",
-    "Texts",
-]
 
 
 class StudyError(ValueError):
     """A study file, or a file of levels, that cannot be used; the message is one line."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+def _one_condition() -> list[dict[str, Any]]:
+    return [{"name": "main"}]
+
+
+# A section that is left to be filled in from another one stands below it: pydantic checks the
+# fields in their order, and each sees those above it. The order is also that of `tactstrip init`.
+@section
 class Study:
     """Everything that is fixed before the first participant comes.
 
-    Attributes
-    ----------
-    name : str
-        1 to 32 letters, digits, ``_`` or ``-``.
-    strip : Strip
-        The plate.
-    edge_basis : str
-        How its edges were stated: a word of `EdgeBasis`.
-    actuators : tuple of Actuator
-        Left and right, under the two fingers; then the others, which no session drives.
-    conditions : tuple of Condition
-        At least one; each runs the whole design.
-    design : Design
-    device : DeviceSettings
-    masking : Masking
-    simulation : Simulation
-    max_energy_above_cutoff : float
-        Largest fraction of a burst's energy above the strip's first cut-off.
-    masking_limit_db : float
-        By how much the level at the other finger must lie below that at the actuator's own.
-    canonical : str
-        The complete study as JSON text with sorted keys, defaults filled in.
-    sha256 : str
-        Checksum of ``canonical``.
-    screen : Screen
-        The participant's window.
-    keys : Keys
-        The keys that answer.
-    texts : Texts
-        What the participant reads.
-    consent_version : str or None
-        Which version of the consent form the participants sign.
-    participant_columns : tuple of ParticipantColumn
-        What participants.tsv has beside the identifier.
-    dataset : Dataset
-        What a published data set says of itself.
+    Its fields are the sections of a study file, its actuators sorted: left and right, under the
+    two fingers, then the others, which no session drives. Nothing is left out of it but a file
+    that was not read yet and a window that was not chosen yet, see `experiment.study.read`.
 
     Raises
     ------
     ValueError
-        If two parts do not go together: patches off the strip, levels above the device's ceiling,
-        bursts sooner than it allows, conditions or columns of the same name.
+        If a value is out of its range, or two do not go together: patches off the strip, levels
+        above the device's ceiling, bursts longer than the time for an answer, conditions of the
+        same name.
     """
 
-    name: str
-    strip: Strip
-    edge_basis: EdgeBasis
-    actuators: tuple[Actuator, ...]
-    conditions: tuple[Condition, ...]
-    design: Design
-    device: DeviceSettings
-    masking: Masking
-    simulation: Simulation
-    max_energy_above_cutoff: float
-    masking_limit_db: float
-    canonical: str
-    sha256: str
-    screen: Screen
-    keys: Keys
-    texts: Texts
-    consent_version: str | None
-    participant_columns: tuple[ParticipantColumn, ...]
-    dataset: Dataset
+    about: FromTable[About] = Field(default_factory=About, alias="study")
+    plate: FromTable[Plate] = Field(default_factory=Plate, alias="strip")
+    actuators: tuple[FromTable[Actuator], ...] = Field(
+        default_factory=paper_actuators, alias="actuator", strict=False, validate_default=True
+    )
+    burst: FromTable[SharedStimulus] = Field(default_factory=SharedStimulus)
+    conditions: tuple[FromTable[Condition], ...] = Field(
+        default_factory=_one_condition, alias="condition", strict=False, validate_default=True
+    )
+    design: FromTable[Design] = Field(default_factory=Design)
+    device: FromTable[DeviceSettings] = Field(default_factory=DeviceSettings)
+    masking: FromTable[Masking] = Field(default_factory=Masking)
+    screen: FromTable[Screen] = Field(default_factory=Screen)
+    keys: FromTable[Keys] = Field(default_factory=Keys)
+    texts: FromTable[Texts] = Field(default_factory=Texts)
+    participants: FromTable[Participants] = Field(default_factory=Participants)
+    dataset: FromTable[Dataset] = Field(default_factory=Dataset)
+    simulation: FromTable[Simulation] = Field(default_factory=dict, validate_default=True)
+
+    @field_validator("actuators", mode="before")
+    @classmethod
+    def _put_on_the_centre_line(cls, tables: Any, info: ValidationInfo) -> Any:
+        """Put every actuator across the middle of the strip that is nowhere else."""
+        if not isinstance(tables, list):
+            return tables
+        plate = info.data.get("plate", Plate())
+        return [
+            table | {"y_mm": plate.width_mm / 2}
+            if isinstance(table, dict) and table.get("y_mm") is None
+            else table
+            for table in tables
+        ]
+
+    @field_validator("actuators", mode="after")
+    @classmethod
+    def _sort(cls, actuators: tuple[Actuator, ...]) -> tuple[Actuator, ...]:
+        return tuple(sorted(actuators, key=lambda one: (SIDES.index(one.side), one.x_mm, one.y_mm)))
+
+    @field_validator("conditions", mode="before")
+    @classmethod
+    def _take_from_the_burst(cls, tables: Any, info: ValidationInfo) -> Any:
+        if not isinstance(tables, list):
+            return tables
+        if "burst" not in info.data:
+            return ()  # the fault is that of [burst], none of theirs
+        return [
+            completed(table, info.data["burst"]) if isinstance(table, dict) else table
+            for table in tables
+        ]
+
+    @field_validator("simulation", mode="before")
+    @classmethod
+    def _give_a_threshold(cls, table: Any, info: ValidationInfo) -> Any:
+        """Put in the threshold that was left out, in the unit that the actuators allow."""
+        if not isinstance(table, dict) or any(
+            table.get(key) is not None for key in ("threshold_um", "threshold_vpp")
+        ):
+            return table
+        if _displacements_are_known(info.data.get("actuators", ())):
+            return table | {"threshold_um": PAPER_THRESHOLD_UM}
+        return table | {"threshold_vpp": THRESHOLD_VPP}
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not CONDITION_NAME.fullmatch(self.name):
-            raise ValueError(f"study.name must be {NAME_RULE}; got {self.name!r}")
-        if self.consent_version is not None and not is_line(self.consent_version):
-            raise ValueError(
-                "study.consent_version must be a name in one line of text; "
-                f"got {self.consent_version!r}"
-            )
-        require_word("strip.edge", self.edge_basis, get_args(EdgeBasis))
-        limit = self.max_energy_above_cutoff
-        finite("burst.max_energy_above_cutoff", limit, above=0, most=1)
-        finite("burst.masking_limit_db", self.masking_limit_db, least=0, most=200)
         check_actuators(self.actuators, self.strip)
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
             raise ValueError(f"condition names must be distinct, at least one; got {names}")
-        columns = [column.name for column in self.participant_columns]
-        if len(set(columns)) != len(columns):
-            raise ValueError(f"participants.columns must have distinct names; got {columns}")
-        _check_levels(self.design, self.device)
-        _check_durations(self.design, self.conditions)
-
-
-def _check_levels(design: Design, device: DeviceSettings) -> None:
-    ceiling = f"device.ceiling_vpp = {device.ceiling_vpp:g}"
-    named = {f"levels_vpp[{i}]": level_vpp for i, level_vpp in enumerate(design.levels_vpp)}
-    named["both_level"] = design.both_level_vpp or 0.0
-    for name, level_vpp in named.items():
-        if level_vpp > device.ceiling_vpp:
-            raise ValueError(f"design.{name} must be at most {ceiling}; got {level_vpp:g}")
-
-
-def _check_durations(design: Design, conditions: tuple[Condition, ...]) -> None:
-    window = f"design.response_window_s = {design.response_window_s:g}"
-    for condition in conditions:
-        duration_s = condition.burst.duration_s
-        if duration_s > design.response_window_s:
+        if self.simulation.threshold_um is not None and not _displacements_are_known(
+            self.actuators
+        ):
             raise ValueError(
-                f"condition {condition.name}: the burst must last at most {window}; "
-                f"got {duration_s:g} s"
+                "simulation.threshold_um needs the displacement or the layers of the left and the "
+                "right actuator; give threshold_vpp"
             )
+        self._check_levels()
+        self._check_drives()
+
+    def _check_levels(self) -> None:
+        ceiling_vpp = self.device.ceiling_vpp
+        levels_vpp = self.design.levels_vpp
+        named = {f"levels_vpp[{i}]": level_vpp for i, level_vpp in enumerate(levels_vpp)}
+        named["both_level"] = self.design.both_level_vpp or 0.0
+        for name, level_vpp in named.items():
+            if level_vpp > ceiling_vpp:
+                raise ValueError(
+                    f"design.{name} must be at most device.ceiling_vpp = {ceiling_vpp:g}; "
+                    f"got {level_vpp:g}"
+                )
+
+    def _check_drives(self) -> None:
+        window_s, rate_hz = self.design.response_window_s, self.device.sample_rate_hz
+        for place, condition in enumerate(self.conditions):
+            if condition.file is not None and not condition.is_found:
+                continue
+            if condition.sample_rate_hz not in {None, rate_hz}:
+                raise ValueError(
+                    f"condition[{place}].sample_rate_hz must be device.sample_rate_hz = "
+                    f"{rate_hz:g}; got {condition.sample_rate_hz:g}"
+                )
+            if condition.drive.duration_s > window_s:
+                raise ValueError(
+                    f"condition {condition.name}: the burst must last at most "
+                    f"design.response_window_s = {window_s:g}; "
+                    f"got {condition.drive.duration_s:g} s"
+                )
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.about.name
+
+    @property
+    def strip(self) -> Strip:
+        """The plate as the physics has it."""
+        return self.plate.strip
+
+    @cached_property
+    def canonical(self) -> str:
+        """The complete study as JSON text with sorted keys, defaults filled in."""
+        tables = {
+            name: [asdict(one) for one in table] if isinstance(table, tuple) else asdict(table)
+            for name, table in self.sections().items()
+        }
+        return json.dumps(tables, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+    @cached_property
+    def sha256(self) -> str:
+        """Checksum of the canonical text."""
+        return hashlib.sha256(self.canonical.encode()).hexdigest()
+
+    def sections(self) -> dict[str, Any]:
+        """Return the sections by their names in a file, in the order of `tactstrip init`."""
+        names = zip(file_keys(type(self)), self.__dataclass_fields__, strict=True)
+        return {in_file: getattr(self, name) for in_file, name in names}
+
+    def changed(self, **sections: Any) -> Self:
+        """Return the study with other sections, named as in a file, and checked anew."""
+        return type(self)(**self.sections() | sections)
+
+
+def _displacements_are_known(actuators: tuple[Actuator, ...]) -> bool:
+    """Tell whether the two actuators under the fingers have a basis each."""
+    return all(one.basis is not None for one in actuators if one.side != "other")

@@ -156,8 +156,8 @@ def test_a_level_is_the_other_finger_against_the_own_one() -> None:
 
 def test_a_plate_with_loss_has_a_field_at_its_cutoff_too() -> None:
     study = paper_study()
-    lossy = replace(study.strip, material=replace(study.strip.material, loss_factor=0.01))
-    found = study_band(replace(study, strip=lossy), (100.0, 2900.0), n_frequencies=29)
+    lossy = study.changed(strip=replace(study.plate, loss_factor=0.01))
+    found = study_band(lossy, (100.0, 2900.0), n_frequencies=29)
     assert found.left_out_hz == ()
     assert np.argmax(np.abs(found.at_fingers_m[0, 0])) == 28
 

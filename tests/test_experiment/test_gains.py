@@ -256,10 +256,10 @@ def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
     (condition,) = study.conditions
     (gains,) = study_gains(study)
     assert max(gains.level_db(1, 0), gains.level_db(0, 1)) <= -35.0 + 0.05
-    assert condition.auto is not None
-    assert condition.burst.duration_s >= condition.auto.stated_s == 0.002
-    with pytest.raises(ValueError, match="condition main must have window = auto"):
-        chosen_burst(study, replace(condition, auto=None))
+    assert condition.drive.duration_s >= condition.stated.duration_s == 0.002
+    (plain,) = paper_study().conditions
+    with pytest.raises(ValueError, match="condition main must have window = auto; got none"):
+        chosen_burst(study, plain)
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
-from experiment.study.sections.simulation import Simulation
 from experiment.terms.gains import FingerGains
 from experiment.terms.observer import (
     FASTEST_ANSWER_S,
@@ -380,8 +379,7 @@ def test_an_impossible_observer_is_refused_by_name(changed: dict[str, float]) ->
 
 def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
     rng = np.random.default_rng(4)
-    population = Simulation(median=IDEAL, threshold_sd_db=2.0)
-    drawn = [draw_observer(population.median, population.threshold_sd_db, rng) for _ in range(4000)]
+    drawn = [draw_observer(IDEAL, 2.0, rng) for _ in range(4000)]
     level_db = 20 * np.log10([(observer.threshold_vpp or 0.0) / 60.0 for observer in drawn])
     assert abs(np.mean(level_db)) < 5 * 2.0 / math.sqrt(4000)
     assert np.std(level_db) == pytest.approx(2.0, rel=0.06)

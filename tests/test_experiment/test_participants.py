@@ -62,7 +62,7 @@ def test_facts_stand_in_the_declared_columns_and_n_a_where_none_is_given(
     tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
 ) -> None:
     study = make_study(quick_study_text + COLUMNS)
-    facts = participant_facts(study.participant_columns, ["age_group=20-29"])
+    facts = participant_facts(study.participants.columns, ["age_group=20-29"])
     for participant, known in (("01", facts), ("02", ())):
         folder = SessionFolder(tmp_path, participant, "01", facts=known)
         folder.path.mkdir(parents=True)

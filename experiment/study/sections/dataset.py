@@ -1,45 +1,51 @@
-"""What a study declares of its data set: columns about the participants, and its description."""
+"""The sections [study], [participants] and [dataset]: what a study says of itself and its data."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields
+from dataclasses import asdict
 
-from experiment.terms.checks import is_line
+from pydantic import Field
+
+from experiment.study.sections.table import FromTable, section
+from experiment.terms.checks import CONDITION_NAME, NAME_RULE, is_line
 
 _COLUMN = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _IDENTIFIER = "participant_id"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@section
+class About:
+    """What the study is called, and what its participants agree to."""
+
+    name: str = Field(default="paper", description="1 to 32 of A-Z a-z 0-9 _ -")
+    consent_version: str | None = Field(
+        default=None, description="of the form that participants sign"
+    )
+
+    def __post_init__(self) -> None:
+        if not CONDITION_NAME.fullmatch(self.name):
+            raise ValueError(f"name must be {NAME_RULE}; got {self.name!r}")
+        if self.consent_version is not None and not is_line(self.consent_version):
+            raise ValueError(
+                f"consent_version must be a name in one line of text; got {self.consent_version!r}"
+            )
+
+
+@section
 class ParticipantColumn:
-    """A column of participants.tsv beside the identifier.
-
-    Attributes
-    ----------
-    name : str
-        Its heading: 1 to 64 of a-z, 0-9 and ``_``, a letter first.
-    description : str
-        What it says, for its sidecar.
-    levels : tuple of str
-        The words that it may hold; empty where any text or number is legal.
-
-    Raises
-    ------
-    ValueError
-        If the name is no heading, the description is empty, or a word stands twice.
+    """A column of participants.tsv: its heading, what it says, and its words if any will not do.
 
     Examples
     --------
-    >>> ParticipantColumn(name="Age", description="in years")
-    Traceback (most recent call last):
-    ValueError: name must be 1 to 64 of a-z 0-9 _ with a letter first, and not participant_id;
-    got 'Age'
+    >>> hand = ParticipantColumn(name="hand", description="preferred", levels=("left", "right"))
+    >>> hand.levels
+    ('left', 'right')
     """
 
     name: str
     description: str
-    levels: tuple[str, ...] = ()
+    levels: tuple[str, ...] = Field(default=(), strict=False)
 
     def __post_init__(self) -> None:
         if not _COLUMN.fullmatch(self.name) or self.name == _IDENTIFIER:
@@ -52,52 +58,44 @@ class ParticipantColumn:
         _check_lines("levels", self.levels)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dataset:
-    """What a published data set says of itself; what is not known is left out of it.
+@section
+class Participants:
+    """What participants.tsv has beside the identifier.
 
-    Attributes
-    ----------
-    name : str or None
-        Title of the data set.
-    authors : tuple of str
-        Who made it.
-    license : str or None
-        Under which licence it is published.
-    acknowledgements, how_to_acknowledge : str or None
-        Whom it thanks, and how it is to be cited.
-    funding, ethics_approvals, references_and_links : tuple of str
-        Grants; approvals with their numbers; papers and addresses.
-    institution_name, institution_address : str or None
-        Where it was recorded.
-    task_description : str or None
-        What the participants did.
-
-    Raises
-    ------
-    ValueError
-        If a value is empty, or has more than one line; it begins with the name.
+    For example columns = [{ name = "handedness", description = "by questionnaire",
+    levels = ["left", "right", "both"] }]. Declare nothing by which a person can be recognised.
     """
 
-    name: str | None = None
-    authors: tuple[str, ...] = ()
-    license: str | None = None
+    columns: tuple[FromTable[ParticipantColumn], ...] = Field(default=(), strict=False)
+
+    def __post_init__(self) -> None:
+        names = [column.name for column in self.columns]
+        if len(set(names)) != len(names):
+            raise ValueError(f"columns must have distinct names; got {names}")
+
+
+@section
+class Dataset:
+    """What an exported data set (BIDS) says of itself; what is not given is left out of it."""
+
+    name: str | None = Field(default=None, description="title")
+    authors: tuple[str, ...] = Field(default=(), strict=False)
+    license: str | None = Field(default=None, description="such as CC-BY-4.0")
     acknowledgements: str | None = None
     how_to_acknowledge: str | None = None
-    funding: tuple[str, ...] = ()
-    ethics_approvals: tuple[str, ...] = ()
-    references_and_links: tuple[str, ...] = ()
+    funding: tuple[str, ...] = Field(default=(), strict=False)
+    ethics_approvals: tuple[str, ...] = Field(default=(), strict=False)
+    references_and_links: tuple[str, ...] = Field(default=(), strict=False)
     institution_name: str | None = None
     institution_address: str | None = None
     task_description: str | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value: str | tuple[str, ...] | None = getattr(self, field.name)
+        for key, value in asdict(self).items():
             if isinstance(value, tuple):
-                _check_lines(field.name, value)
+                _check_lines(key, value)
             elif value is not None and not is_line(value):
-                raise ValueError(f"{field.name} must be one line of text; got {value!r}")
+                raise ValueError(f"{key} must be one line of text; got {value!r}")
 
 
 def _check_lines(name: str, lines: tuple[str, ...]) -> None:

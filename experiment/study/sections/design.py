@@ -1,13 +1,15 @@
-"""The design of a study: what is presented, how often, in which order, what may be answered."""
+"""The section [design]: what is presented, how often, in which order, what may be answered."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Annotated, Final, Literal
 
+from pydantic import Field
+
+from experiment.study.sections.table import section
 from experiment.terms.checks import require_word
 from experiment.terms.record import ANSWERS
-from stimuli.checks import finite, whole
+from stimuli.checks import finite
 
 Order = Literal["random", "balanced"]
 ConditionOrder = Literal["random", "listed"]
@@ -17,94 +19,87 @@ MAX_TRIALS = 10_000
 """More trials of one sort than a person can be asked for: a slip of the keyboard."""
 LEAST_LEVEL_VPP = 0.1
 """A hundred steps of a device that counts its levels in millivolts."""
+EARLIEST_ANSWER_S = 0.1
+"""A key within this time of the onset cannot be an answer to it."""
+ASSUMED_ANSWER_S: Final = 1.0
+"""How long a person is taken to need for an answer, when a session's length is estimated."""
+
+_Level = Annotated[float, Field(ge=LEAST_LEVEL_VPP)]
+_Wait = Annotated[float, Field(gt=0, le=60)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@section
 class Design:
-    """What is presented, how often, in which order, and what may be answered.
+    """What is presented, how often, and what may be answered; for each condition.
 
-    Attributes
-    ----------
-    levels_vpp : tuple of float
-        Drive levels of the single-finger trials, increasing.
-    trials_per_side : int
-        Single-finger trials of each side.
-    both_trials : int
-        Trials with both fingers at once.
-    both_level_vpp : float or None
-        Their level; none where it is drawn from ``levels_vpp``.
-    blank_trials, practice_trials : int
-        Trials without a stimulus; trials with feedback before the first block.
-    order : str
-        ``random`` draws every level independently, ``balanced`` presents each equally often.
-    condition_order : str
-        ``random`` or ``listed``.
-    responses : tuple of str
-        The answers offered, words of `record.ANSWERS`.
-    foreperiod_s : tuple of float
-        Least and most wait between the cue and the stimulus.
-    response_window_s : float
-        How long an answer is waited for.
-    break_every : int
-        Trials between two breaks; 0 for no break.
-    minimum_break_s : float
-        Shortest break.
-    anticipated : str
-        ``requeue`` repeats a trial answered before it could be felt, ``keep`` only flags it.
-    audibility_trials, control_trials : int
-        Trials with the fingers off the plate, half of them for each side, at the highest level:
-        before everything else, to learn whether the plate is heard, and at the end, the task as
-        before.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range, or two do not go together; it begins with the name.
-
-    Examples
-    --------
-    >>> from dataclasses import replace
-    >>> from experiment.study.read import paper_study
-    >>> replace(paper_study().design, order="balanced", trials_per_side=76)
-    Traceback (most recent call last):
-    ValueError: trials_per_side must be a multiple of the number of levels, 5, where order is
-    balanced; got 76
+    The trials with the fingers off the plate come once: as many of each side, at the highest level.
     """
 
-    levels_vpp: tuple[float, ...]
-    trials_per_side: int
-    both_trials: int
-    both_level_vpp: float | None
-    blank_trials: int
-    practice_trials: int
-    order: Order
-    condition_order: ConditionOrder
-    responses: tuple[str, ...]
-    foreperiod_s: tuple[float, float]
-    response_window_s: float
-    break_every: int
-    minimum_break_s: float
-    anticipated: Anticipated
-    audibility_trials: int = 0
-    control_trials: int = 0
+    levels_vpp: tuple[_Level, ...] = Field(
+        default=(60.0, 95.0, 130.0, 165.0, 200.0), strict=False, description="increasing"
+    )
+    trials_per_side: int = Field(
+        default=75, ge=1, le=MAX_TRIALS, description="one finger at a time"
+    )
+    both_trials: int = Field(default=5, ge=0, le=MAX_TRIALS, description="both fingers at once")
+    both_level: _Level | Literal["random"] = Field(
+        default="random", description="their level in Vpp; random: drawn from levels_vpp"
+    )
+    blank_trials: int = Field(
+        default=0, ge=0, le=MAX_TRIALS, description="no stimulus; needs the answer none"
+    )
+    practice_trials: int = Field(
+        default=0, ge=0, le=MAX_TRIALS, description="with feedback, before the first block"
+    )
+    audibility_trials: int = Field(
+        default=0,
+        ge=0,
+        le=MAX_TRIALS,
+        description="fingers off, at the beginning: is the plate heard? even",
+    )
+    control_trials: int = Field(
+        default=0,
+        ge=0,
+        le=MAX_TRIALS,
+        description="fingers off, at the end: the task as before; even",
+    )
+    order: Order = Field(default="random", description="balanced: each level equally often")
+    condition_order: ConditionOrder = "random"
+    responses: tuple[str, ...] = Field(
+        default=("left", "right", "both"), strict=False, description="of left, right, both, none"
+    )
+    foreperiod_s: tuple[_Wait, _Wait] = Field(
+        default=(0.8, 2.0), strict=False, description="least and most wait before a stimulus"
+    )
+    response_window_s: float = Field(
+        default=3.0, gt=EARLIEST_ANSWER_S, le=60, description="an answer is waited for so long"
+    )
+    break_every: int = Field(default=31, ge=0, le=MAX_TRIALS, description="trials; 0 for no break")
+    minimum_break_s: float = Field(default=15.0, ge=0, le=3600, description="shortest break")
+    anticipated: Anticipated = Field(
+        default="requeue", description="what becomes of a trial answered too early"
+    )
 
     def __post_init__(self) -> None:
-        check_levels(self.levels_vpp)
-        whole("trials_per_side", self.trials_per_side, least=1, most=MAX_TRIALS)
-        for name in ("both_trials", "blank_trials", "practice_trials", "break_every"):
-            whole(name, getattr(self, name), least=0, most=MAX_TRIALS)
+        if not self.levels_vpp:
+            raise ValueError("levels_vpp must hold at least one level; got none")
+        for place, below_vpp in enumerate(self.levels_vpp[:-1], start=1):
+            finite(f"levels_vpp[{place}]", self.levels_vpp[place], above=below_vpp)
         for name in ("audibility_trials", "control_trials"):
-            trials = whole(name, getattr(self, name), least=0, most=MAX_TRIALS)
-            if trials % 2:
+            if (trials := getattr(self, name)) % 2:
                 raise ValueError(f"{name} must be even, half of them for each side; got {trials}")
-        if self.both_level_vpp is not None:
-            finite("both_level", self.both_level_vpp, least=LEAST_LEVEL_VPP)
-        require_word("order", self.order, get_args(Order))
-        require_word("condition_order", self.condition_order, get_args(ConditionOrder))
-        require_word("anticipated", self.anticipated, get_args(Anticipated))
-        self._check_balance()
+        if self.order == "balanced" and self.trials_per_side % len(self.levels_vpp):
+            raise ValueError(
+                "trials_per_side must be a multiple of the number of levels, "
+                f"{len(self.levels_vpp)}, where order is balanced; got {self.trials_per_side}"
+            )
         self._check_responses()
-        self._check_times()
+        finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0], most=60)
+
+    @property
+    def both_level_vpp(self) -> float | None:
+        """Level of the trials with both fingers; none where it is drawn from the levels."""
+        return None if self.both_level == "random" else self.both_level
 
     @property
     def trials(self) -> int:
@@ -115,13 +110,6 @@ class Design:
     def highest_vpp(self) -> float:
         """The highest level that is ever presented."""
         return max(*self.levels_vpp, self.both_level_vpp or 0.0)
-
-    def _check_balance(self) -> None:
-        if self.order == "balanced" and self.trials_per_side % len(self.levels_vpp):
-            raise ValueError(
-                "trials_per_side must be a multiple of the number of levels, "
-                f"{len(self.levels_vpp)}, where order is balanced; got {self.trials_per_side}"
-            )
 
     def _check_responses(self) -> None:
         for place, response in enumerate(self.responses):
@@ -136,34 +124,3 @@ class Design:
                 f"where blank_trials is above 0; missing {', '.join(missing)}, "
                 f"got {list(self.responses)}"
             )
-
-    def _check_times(self) -> None:
-        finite("foreperiod_s[0]", self.foreperiod_s[0], above=0, most=60)
-        finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0], most=60)
-        finite("response_window_s", self.response_window_s, above=EARLIEST_ANSWER_S, most=60)
-        finite("minimum_break_s", self.minimum_break_s, least=0, most=3600)
-
-
-def check_levels(levels_vpp: tuple[float, ...]) -> None:
-    """Refuse levels that are not increasing, or below what a device can set.
-
-    Examples
-    --------
-    >>> check_levels((60.0, 60.0))
-    Traceback (most recent call last):
-    ValueError: levels_vpp[1] must be a finite number > 60, got 60.0
-    """
-    if not levels_vpp:
-        raise ValueError("levels_vpp must hold at least one level; got none")
-    finite("levels_vpp[0]", levels_vpp[0], least=LEAST_LEVEL_VPP)
-    below_vpp = 0.0
-    for place, level_vpp in enumerate(levels_vpp):
-        finite(f"levels_vpp[{place}]", level_vpp, above=below_vpp)
-        below_vpp = level_vpp
-
-
-EARLIEST_ANSWER_S = 0.1
-"""A key within this time of the onset cannot be an answer to it."""
-
-ASSUMED_ANSWER_S: Final = 1.0
-"""How long a person is taken to need for an answer, when a session's length is estimated."""

@@ -1,11 +1,13 @@
-"""What a study says of its equipment: what drives the actuators, and what hides their sound."""
+"""The sections [device] and [masking]: what drives the actuators, and what hides their sound."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-from experiment.terms.checks import is_line, require_word
+from pydantic import Field
+
+from experiment.study.sections.table import section
+from experiment.terms.checks import is_line
 from stimuli.checks import finite
 
 DriverName = Literal["mock", "serial", "generator", "audio"]
@@ -17,105 +19,61 @@ MAX_LEVEL_DBFS = -18.0
 """Louder noise would be clipped: its peaks lie up to 16 dB above its effective value."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@section
 class DeviceSettings:
-    """What drives the actuators, and what it may do.
+    """What drives the actuators, and what it may do."""
 
-    Attributes
-    ----------
-    driver : str
-        Name of the driver.
-    sample_rate_hz : float
-        Rate at which the device puts samples out.
-    ceiling_vpp : float
-        Highest level it may ever put out.
-    least_interval_s : float
-        Shortest rest from the end of a burst to the onset of the next.
-    port : str or None
-        Where a real device is: a port, a URL, or the name of a sound card.
-    amplifier_gain : float or None
-        Volts at the actuator per volt of a generator.
-    volts_full_scale : float or None
-        Volts at the actuator, to both sides, for a sound card's largest sample.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range.
-    """
-
-    driver: DriverName
-    sample_rate_hz: float
-    ceiling_vpp: float
-    least_interval_s: float
-    port: str | None = None
-    amplifier_gain: float | None = None
-    volts_full_scale: float | None = None
+    driver: DriverName = "mock"
+    sample_rate_hz: float = Field(
+        default=48_000.0, ge=1_000, le=10_000_000, description="of its output"
+    )
+    ceiling_vpp: float = Field(
+        default=200.0, gt=0, le=1_000, description="no level is ever above this"
+    )
+    least_interval_s: float = Field(
+        default=0.05, gt=0, le=60, description="rest from a burst's end to the next onset"
+    )
+    port: str | None = Field(default=None, description="where a device is: port, URL or sound card")
+    amplifier_gain: float | None = Field(
+        default=None, gt=0, le=100_000, description="volts at the actuator per volt of a generator"
+    )
+    volts_full_scale: float | None = Field(
+        default=None, gt=0, le=1_000, description="at the actuator, to both sides, of a sound card"
+    )
 
     def __post_init__(self) -> None:
-        require_word("driver", self.driver, get_args(DriverName))
-        finite("sample_rate_hz", self.sample_rate_hz, least=1_000, most=10_000_000)
-        finite("ceiling_vpp", self.ceiling_vpp, above=0, most=1_000)
-        finite("least_interval_s", self.least_interval_s, above=0, most=60)
         if self.port is not None and not is_line(self.port):
             raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
-        if self.amplifier_gain is not None:
-            finite("amplifier_gain", self.amplifier_gain, above=0, most=100_000)
-        if self.volts_full_scale is not None:
-            finite("volts_full_scale", self.volts_full_scale, above=0, most=1_000)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@section
 class Masking:
-    """The noise that hides the sound of the actuators.
+    """The noise in the headphones that hides the sound of the actuators.
 
-    Attributes
-    ----------
-    noise : str
-        ``pink`` or ``none``.
-    max_level_dba : float
-        Loudest level at the ear, dB(A) re 20 uPa.
-    measured_level_dba : float or None
-        What was measured at the ear with these settings; none where nobody did.
-    level_dbfs : float
-        Effective value of the samples, dB re the peak of a full-scale sine.
-    sound_card : str
-        Which sound card plays it; empty for the system's default one.
-    loop_s : float
-        Length of the loop.
-    sample_rate_hz : float
-        Rate of its samples.
-
-    Raises
-    ------
-    ValueError
-        If the noise is unknown, may be or was measured to be louder than 80 dB(A) or its own
-        greatest level, or a value is out of its range.
-
-    Examples
-    --------
-    >>> Masking(noise="pink", max_level_dba=85.0)
-    Traceback (most recent call last):
-    ValueError: max_level_dba must be a finite number >= 0 and <= 80, got 85.0
+    To play it to a person, `run` needs sounddevice: pip install "tactstrip[audio]".
     """
 
-    noise: Noise
-    max_level_dba: float
-    measured_level_dba: float | None = None
-    level_dbfs: float = -30.0
-    sound_card: str = ""
-    loop_s: float = 30.0
-    sample_rate_hz: float = 48_000.0
+    noise: Noise = "pink"
+    max_level_dba: float = Field(
+        default=75.0, ge=0, le=MAX_MASKING_LEVEL_DBA, description="at the ear; 80 at most"
+    )
+    measured_level_dba: float | None = Field(
+        default=None, ge=0, description="at the ear, with these settings"
+    )
+    level_dbfs: float = Field(
+        default=-30.0,
+        ge=-90,
+        le=MAX_LEVEL_DBFS,
+        description="effective value re a full-scale sine's peak",
+    )
+    sound_card: str = Field(default="", description="empty: the system's default")
+    loop_s: float = Field(default=30.0, ge=1, le=600, description="it is repeated without a seam")
+    sample_rate_hz: float = Field(default=48_000.0, ge=16_000, le=192_000)
 
     def __post_init__(self) -> None:
-        require_word("noise", self.noise, get_args(Noise))
-        finite("max_level_dba", self.max_level_dba, least=0, most=MAX_MASKING_LEVEL_DBA)
         if self.measured_level_dba is not None:
             finite("measured_level_dba", self.measured_level_dba, least=0, most=self.max_level_dba)
-        finite("level_dbfs", self.level_dbfs, least=-90, most=MAX_LEVEL_DBFS)
         if self.sound_card and not is_line(self.sound_card):
             raise ValueError(
                 f"sound_card must be a name in one line of text; got {self.sound_card!r}"
             )
-        finite("loop_s", self.loop_s, least=1, most=600)
-        finite("sample_rate_hz", self.sample_rate_hz, least=16_000, most=192_000)

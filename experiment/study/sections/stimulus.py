@@ -1,24 +1,26 @@
-"""The tables [burst] and [[condition]] of study.toml: what drives the actuators."""
+"""The sections [burst] and [[condition]] of study.toml: what drives the actuators."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self
+import base64
+import binascii
+from dataclasses import asdict, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
+from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.table import Table
+from experiment.study.sections.table import section
 from experiment.terms.checks import CONDITION_NAME, NAME_RULE, is_line
-from stimuli import Burst
-from stimuli.checks import finite
+from stimuli import Burst, SampledDrive
 from stimuli.drive.windows import Window
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from experiment.study.sections.equipment import DeviceSettings
-    from stimuli import SampledDrive
 
 
 WindowName = Literal["none", "hann", "tukey", "gaussian", "auto"]
@@ -28,187 +30,149 @@ SINE_KEYS: Final = ("frequency_hz", "cycles", "window")
 STIMULUS_KEYS: Final = (*SINE_KEYS, "wanted_level_db", "file")
 
 
-class BurstTable(Table):
+@section
+class Stimulus:
     """What drives the actuators: a sine burst, or a sampled click from a file."""
 
-    later: ClassVar[tuple[str, ...]] = ("wanted_level_db", "file", "masking_limit_db")
-
-    frequency_hz: float | None = Field(500.0)
-    cycles: int | None = Field(1)
-    window: WindowName | None = Field("none", description="auto: see below")
+    frequency_hz: float | None = Field(default=500.0, ge=1e-6, le=1e9)
+    cycles: int | None = Field(default=1, ge=1, le=1_000_000)
+    window: WindowName | None = Field(default="none", description="auto: see below")
     wanted_level_db: float | None = Field(
-        None, description="window = auto is the shortest with this at the other finger"
+        default=None,
+        ge=-200,
+        le=-1,
+        description="window = auto is the shortest with this at the other finger",
     )
     file: str | None = Field(
-        None, description="a .wav or .csv instead of frequency_hz, cycles, window"
-    )
-    max_energy_above_cutoff: float = Field(
-        0.01, description="largest fraction of its energy above the strip's cut-off"
-    )
-    masking_limit_db: float = Field(
-        20.0, description="least drop of level from the own to the other finger"
+        default=None, description="a .wav or .csv instead of frequency_hz, cycles, window"
     )
     accept_unfit: str | None = Field(
-        None, description="why an unfit burst is wanted all the same; recorded"
+        default=None, description="why an unfit burst is wanted all the same; recorded"
     )
 
-    @model_validator(mode="after")
-    def _is_sine_or_file(self) -> Self:
-        if self.file is not None:
-            for key in SINE_KEYS:
-                if key in self.model_fields_set and getattr(self, key) is not None:
-                    raise ValueError(f"{key} and file exclude each other; got both")
-                setattr(self, key, None)
-        _require_wanted_level(self.window, self.wanted_level_db)
-        return self
-
-
-def _require_wanted_level(window: str | None, wanted_level_db: float | None) -> None:
-    if window == "auto" and wanted_level_db is None:
-        raise ValueError("wanted_level_db is missing; window = auto needs it")
-    if window != "auto" and wanted_level_db is not None:
-        raise ValueError("wanted_level_db is for window = auto only; got another window")
-
-
-class ConditionTable(Table):
-    """A stimulus that runs the whole design; what it leaves out is taken from [burst].
-
-    The last three keys are what `window = "auto"` and `file` come to. They are filled in when a
-    study file is read, and never again: a plan holds the stimulus that is really played.
-    """
-
-    later: ClassVar[tuple[str, ...]] = (
-        "wanted_level_db",
-        "file",
-        "auto_cycles",
-        "auto_window",
-        "samples_base64",
-    )
-
-    name: str = Field(description="1 to 32 of A-Z a-z 0-9 _ -")
-    frequency_hz: float | None = None
-    cycles: int | None = None
-    window: WindowName | None = None
-    wanted_level_db: float | None = None
-    file: str | None = None
-    accept_unfit: str | None = None
-    auto_cycles: int | None = None
-    auto_window: Window | None = None
-    samples_base64: str | None = None
-
-    @model_validator(mode="after")
-    def _is_sine_or_file(self) -> Self:
-        given = [key for key in (*SINE_KEYS, "wanted_level_db") if getattr(self, key) is not None]
-        if self.file is not None and given:
-            raise ValueError(f"{given[0]} and file exclude each other; got both")
-        return self
-
-    def filled(self, burst: BurstTable) -> ConditionTable:
-        """Return the condition with nothing left out.
-
-        The reason for an unfit burst is taken over with the whole burst only: it is no reason for
-        another one.
-        """
-        own = {
-            key: value
-            for key in (*STIMULUS_KEYS, "accept_unfit")
-            if (value := getattr(self, key)) is not None
-        }
-        stimulus = {key: getattr(burst, key) for key in STIMULUS_KEYS}
-        if "file" in own:
-            stimulus = dict.fromkeys(STIMULUS_KEYS)
-        elif own.keys() & set(SINE_KEYS) and burst.file is not None:
-            stimulus = {"cycles": 1, "window": "none"}
-        if own.get("window", "auto") != "auto":
-            stimulus["wanted_level_db"] = None
-        found = {
-            key: getattr(self, key)
-            for key in ("auto_cycles", "auto_window", "samples_base64")
-            if getattr(self, key) is not None
-        }
-        reason = None if own else burst.accept_unfit
-        filled = ConditionTable(
-            **{"name": self.name, "accept_unfit": reason} | stimulus | own | found
-        )
-        if filled.file is None and filled.frequency_hz is None:
-            raise ValueError("frequency_hz is missing; [burst] has a file instead")
-        if filled.window != "auto" and (filled.auto_cycles or filled.auto_window):
-            raise ValueError("auto_cycles and auto_window are for window = auto only")
-        _require_wanted_level(filled.window, filled.wanted_level_db)
-        return filled
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutoWindow:
-    """What ``window = "auto"`` was asked for, where a condition's burst is what it came to.
-
-    Attributes
-    ----------
-    wanted_level_db : float
-        Level wanted at the other finger, dB re that at the actuator's own.
-    stated_s : float
-        How long the burst would last as the file states it, without a window.
-
-    Raises
-    ------
-    ValueError
-        If the level is not from -200 to -1 dB.
-    """
-
-    wanted_level_db: float
-    stated_s: float
+    @model_validator(mode="before")
+    @classmethod
+    def _take_a_file_for_the_sine(cls, given: Any) -> Any:
+        """Leave the sine's keys empty where a file is given instead."""
+        keys = dict(given.kwargs or {}) if isinstance(given, ArgsKwargs) else {}
+        if keys.get("file") is None:
+            return given
+        for key in (*SINE_KEYS, "wanted_level_db"):
+            if keys.get(key) is not None:
+                raise ValueError(f"{key} and file exclude each other; got both")
+        return ArgsKwargs((), keys | dict.fromkeys(SINE_KEYS))
 
     def __post_init__(self) -> None:
-        finite("wanted_level_db", self.wanted_level_db, least=-200, most=-1)
-        finite("stated_s", self.stated_s, above=0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """One stimulus that the whole design is run with.
-
-    Attributes
-    ----------
-    name : str
-        1 to 32 letters, digits, ``_`` or ``-``.
-    burst : Burst or SampledDrive
-        The drive, at unit amplitude.
-    accept_unfit : str or None
-        Why a burst that does not fit the strip is wanted all the same; none where it is not.
-    auto : AutoWindow or None
-        Why it is this burst, where the program chose it.
-    file : str or None
-        Where a sampled drive was read from, as the study names it.
-
-    Raises
-    ------
-    ValueError
-        If the name or the reason is no such text.
-
-    Examples
-    --------
-    >>> from stimuli import Burst
-    >>> Condition(name="a/b", burst=Burst(frequency_hz=500.0, cycles=1, window="none"))
-    Traceback (most recent call last):
-    ValueError: name must be 1 to 32 of the characters A-Z a-z 0-9 _ -; got 'a/b'
-    """
-
-    name: str
-    burst: Burst | SampledDrive
-    accept_unfit: str | None = None
-    auto: AutoWindow | None = None
-    file: str | None = None
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not CONDITION_NAME.fullmatch(self.name):
-            raise ValueError(f"name must be {NAME_RULE}; got {self.name!r}")
+        if self.window == "auto" and self.wanted_level_db is None:
+            raise ValueError("wanted_level_db is missing; window = auto needs it")
+        if self.window != "auto" and self.wanted_level_db is not None:
+            raise ValueError("wanted_level_db is for window = auto only; got another window")
+        if self.file is None:
+            self.stated  # noqa: B018 - refused without all of its keys
         reason = self.accept_unfit
         if reason is not None and not is_line(reason):
             raise ValueError(f"accept_unfit must be a reason in one line of text; got {reason!r}")
 
+    @property
+    def stated(self) -> Burst:
+        """The burst as the file states it; without a window where one is to be chosen."""
+        if self.frequency_hz is None or self.cycles is None or self.window is None:
+            missing = next(key for key in SINE_KEYS if getattr(self, key) is None)
+            raise ValueError(f"{missing} is missing")
+        window = "none" if self.window == "auto" else self.window
+        return Burst(frequency_hz=self.frequency_hz, cycles=self.cycles, window=window)
+
+
+@section
+class SharedStimulus(Stimulus):
+    """What drives the actuators: a sine burst, or a sampled click from a file."""
+
+    max_energy_above_cutoff: float = Field(
+        default=0.01,
+        gt=0,
+        le=1,
+        description="largest fraction of its energy above the strip's cut-off",
+    )
+    masking_limit_db: float = Field(
+        default=20.0,
+        ge=0,
+        le=200,
+        description="least drop of level from the own to the other finger",
+    )
+
+
+@section
+class Condition(Stimulus):
+    """A stimulus that runs the whole design; what a file leaves out of it is taken from [burst].
+
+    The last four keys are what `window = "auto"` and `file` come to. They are filled in when a
+    study file is read, and never again: a plan holds the stimulus that is really played.
+    """
+
+    name: str = Field(description="1 to 32 of A-Z a-z 0-9 _ -")
+    auto_cycles: int | None = Field(default=None, ge=1, le=1_000_000)
+    auto_window: Window | None = None
+    samples_base64: str | None = None
+    sample_rate_hz: float | None = Field(default=None, ge=1e-3, le=1e9)
+
+    def __post_init__(self) -> None:
+        if not CONDITION_NAME.fullmatch(self.name):
+            raise ValueError(f"name must be {NAME_RULE}; got {self.name!r}")
+        if self.file is None and self.frequency_hz is None:
+            raise ValueError("frequency_hz is missing; [burst] has a file instead")
+        if self.window != "auto" and (self.auto_cycles or self.auto_window):
+            raise ValueError("auto_cycles and auto_window are for window = auto only")
+        super().__post_init__()
+        if self.is_found:
+            self.drive  # noqa: B018 - refused where the samples are none
+
+    @property
+    def is_found(self) -> bool:
+        """Whether its file was read, its window chosen, where it has any."""
+        if self.file is not None:
+            return self.samples_base64 is not None
+        return self.window != "auto" or self.auto_window is not None
+
+    @cached_property
+    def drive(self) -> Burst | SampledDrive:
+        """What is played, at unit amplitude; as stated until a window is chosen."""
+        if self.file is not None:
+            return self._sampled()
+        if self.auto_cycles is None or self.auto_window is None:
+            return self.stated
+        return replace(self.stated, cycles=self.auto_cycles, window=self.auto_window)
+
+    def _sampled(self) -> SampledDrive:
+        if self.samples_base64 is None or self.sample_rate_hz is None:
+            raise ValueError(f"file was not read; got {self.file!r}")
+        try:
+            data = base64.b64decode(self.samples_base64, validate=True)
+            samples = np.frombuffer(data, dtype="<f8")
+        except (binascii.Error, ValueError) as error:
+            raise ValueError(f"samples_base64 must hold samples; got {error}") from error
+        return SampledDrive(samples=samples.astype(np.float64), sample_rate_hz=self.sample_rate_hz)
+
+
+def completed(table: dict[str, Any], burst: SharedStimulus) -> dict[str, Any]:
+    """Return the table of a condition with what it leaves out taken from [burst].
+
+    The reason for an unfit burst is taken over with the whole burst only: it is no reason for
+    another one.
+    """
+    given = {key: value for key, value in table.items() if value is not None}
+    own = given.keys() & {*STIMULUS_KEYS, "accept_unfit"}
+    taken: dict[str, Any] = {key: getattr(burst, key) for key in STIMULUS_KEYS}
+    if "file" in own:
+        taken = dict.fromkeys(STIMULUS_KEYS)
+    elif own & set(SINE_KEYS) and burst.file is not None:
+        taken = {"frequency_hz": None, "cycles": 1, "window": "none"}
+    if given.get("window", "auto") != "auto":
+        taken["wanted_level_db"] = None
+    return {"accept_unfit": None if own else burst.accept_unfit} | taken | given
+
 
 def drive_samples(condition: Condition, settings: DeviceSettings) -> NDArray[np.float64]:
-    """Return a condition's burst as the device plays it, shape (n,), with a peak of exactly 1.
+    """Return a condition's drive as the device plays it, shape (n,), with a peak of exactly 1.
 
     A level of V volts peak-to-peak then peaks at V / 2, whatever the window and the sample rate.
     Where the rate is no whole multiple of the burst's frequency the other half-wave stays a little
@@ -217,11 +181,11 @@ def drive_samples(condition: Condition, settings: DeviceSettings) -> NDArray[np.
     Parameters
     ----------
     condition : Condition
-        The condition, with its burst.
+        The condition.
     settings : DeviceSettings
         The study's device settings, with the sample rate.
     """
-    samples = condition.burst.samples(settings.sample_rate_hz)
+    samples = condition.drive.samples(settings.sample_rate_hz)
     scaled: NDArray[np.float64] = samples / unscaled_peak(condition, settings)
     return scaled
 
@@ -232,11 +196,11 @@ def unscaled_peak(condition: Condition, settings: DeviceSettings) -> float:
     Parameters
     ----------
     condition : Condition
-        The condition, with its burst.
+        The condition.
     settings : DeviceSettings
         The study's device settings, with the sample rate.
     """
-    return float(np.max(np.abs(condition.burst.samples(settings.sample_rate_hz))))
+    return float(np.max(np.abs(condition.drive.samples(settings.sample_rate_hz))))
 
 
 def stimulus_facts(condition: Condition) -> dict[str, Any]:
@@ -245,7 +209,7 @@ def stimulus_facts(condition: Condition) -> dict[str, Any]:
     Parameters
     ----------
     condition : Condition
-        The condition, with its burst.
+        The condition.
 
     Examples
     --------
@@ -253,13 +217,15 @@ def stimulus_facts(condition: Condition) -> dict[str, Any]:
     >>> stimulus_facts(paper_study().conditions[0])
     {'frequency_hz': 500.0, 'cycles': 1, 'window': 'none'}
     """
-    burst = condition.burst
-    if isinstance(burst, Burst):
-        auto = condition.auto
-        return asdict(burst) | ({} if auto is None else {"wanted_level_db": auto.wanted_level_db})
-    samples = burst.samples(burst.sample_rate_hz)
+    drive = condition.drive
+    if isinstance(drive, Burst):
+        wanted_level_db = condition.wanted_level_db
+        return asdict(drive) | (
+            {} if wanted_level_db is None else {"wanted_level_db": wanted_level_db}
+        )
+    samples = drive.samples(drive.sample_rate_hz)
     return {
         "file": condition.file,
-        "sample_rate_hz": burst.sample_rate_hz,
+        "sample_rate_hz": drive.sample_rate_hz,
         "samples": int(samples.size),
     }

@@ -1,42 +1,264 @@
-"""What every table of study.toml is: strict, and honest about which keys came later."""
+"""What every section of study.toml is: one frozen class, strict, and refused by the user's keys.
+
+A section states each key once: its type, unit, range, default and meaning. Its values stand as in
+the file, its SI values are properties; a refusal is worded here from the key's own field.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+import reprlib
+from dataclasses import dataclass as plain_dataclass
+from functools import wraps
+from types import UnionType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Final,
+    TypeVar,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
+from pydantic.dataclasses import dataclass
+from pydantic_core import ArgsKwargs, core_schema
 
-Above0 = Annotated[float, Field(gt=0)]
-"""A number above 0."""
+from experiment.terms.checks import unknown_key
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pydantic.fields import FieldInfo
+    from pydantic_core import ErrorDetails
+
+_Section = TypeVar("_Section")
+
+_CONFIG: Final = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class Table(BaseModel):
-    """A table that refuses unknown keys, numbers as text, and values that are not finite.
+# Without slots, though values have them elsewhere: what a section works out of its keys (a strip
+# with a measured cut-off, a click's samples) is worked out once, as a cached property. Its errors
+# are put in words here, where a section is made, so that nobody else has to know pydantic's.
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(Field,))
+def section(cls: type[_Section]) -> type[_Section]:
+    """Make a class a section: frozen, strict, refused by a ValueError of one line."""
+    made: Any = dataclass(cls, frozen=True, kw_only=True, config=_CONFIG)
+    check = made.__init__
 
-    Its `later` keys came after the first version. They are left out of a study's canonical text
-    where they have their defaults, so that an older file keeps its checksum.
+    @wraps(check)
+    def made_or_refused(self: _Section, **keys: Any) -> None:
+        try:
+            check(self, **keys)
+        except ValidationError as error:
+            raise ValueError(_in_words(error, type(self))) from error
+
+    made.__init__ = made_or_refused
+    checked: type[_Section] = made
+    return checked
+
+
+class _AsTable:
+    """Reads a section from a table; strict pydantic takes nothing but an instance for a class."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        def read(value: Any) -> Any:
+            if not isinstance(value, dict):
+                return value
+            # not by its __init__: the places in pydantic's error belong below the section's own
+            return source.__pydantic_validator__.validate_python(
+                ArgsKwargs((), value), self_instance=object.__new__(source)
+            )
+
+        return core_schema.no_info_before_validator_function(read, handler(source))
+
+
+FromTable = Annotated[_Section, _AsTable()]
+"""A section, or the table of its keys."""
+
+
+def file_keys(cls: type) -> dict[str, FieldInfo]:
+    """Return the fields of a section by the keys that a file has for them."""
+    fields: dict[str, FieldInfo] = getattr(cls, "__pydantic_fields__", {})
+    return {field.alias or name: field for name, field in fields.items()}
+
+
+@plain_dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Between which numbers a key's value must lie; none where there is no limit."""
+
+    gt: float | None = None
+    ge: float | None = None
+    le: float | None = None
+    lt: float | None = None
+
+    def words(self, *, whole: bool) -> str:
+        """Say which numbers these are.
+
+        Examples
+        --------
+        >>> Limits(gt=0, le=60).words(whole=False), Limits(ge=1, le=9).words(whole=True)
+        ('a finite number > 0 and <= 60', 'a whole number from 1 to 9')
+        """
+        if whole:
+            return f"a whole number from {self.ge} to {self.le}"
+        signs = ((">", self.gt), (">=", self.ge), ("<=", self.le), ("<", self.lt))
+        told = [f"{sign} {limit:.12g}" for sign, limit in signs if limit is not None]
+        return " ".join(filter(None, ("a finite number", " and ".join(told))))
+
+
+def limits_of(kind: Any, metadata: tuple[Any, ...] = ()) -> Limits | None:
+    """Return the limits that a key's type and field state, if any."""
+    found = {
+        name: limit
+        for part in _stated(kind, metadata)
+        for name in ("gt", "ge", "le", "lt")
+        if (limit := getattr(part, name, None)) is not None
+    }
+    return Limits(**found) if found else None
+
+
+def _stated(kind: Any, metadata: tuple[Any, ...]) -> Iterator[Any]:
+    """List what stands beside a type, those of a union's members included."""
+    for part in metadata:
+        yield from getattr(part, "metadata", [part])
+    if get_origin(kind) is Annotated:
+        inner, *beside = get_args(kind)
+        yield from _stated(inner, tuple(beside))
+    elif get_origin(kind) in {Union, UnionType}:
+        for member in get_args(kind):
+            yield from _stated(member, ())
+
+
+@plain_dataclass(frozen=True, slots=True, kw_only=True)
+class _Place:
+    """Where a value stands: its path in the file, and what is stated of it."""
+
+    path: str = ""
+    kind: Any = None
+    metadata: tuple[Any, ...] = ()
+
+    def step(self, step: int | str) -> _Place | None:
+        """Go on to a key or an item; none where the step is but one type of several."""
+        kind = get_args(self.kind)[0] if get_origin(self.kind) is Annotated else self.kind
+        if isinstance(step, int):
+            items = [item for item in get_args(kind) if item is not Ellipsis]
+            return _Place(path=f"{self.path}[{step}]", kind=items[min(step, len(items) - 1)])
+        keys = file_keys(kind)
+        if not keys:
+            return None
+        path = f"{self.path}.{step}".removeprefix(".")
+        if step not in keys:
+            return _Place(path=path)
+        return _Place(path=path, kind=keys[step].annotation, metadata=tuple(keys[step].metadata))
+
+    def keys(self) -> list[str]:
+        """List the keys that the table at this place may have."""
+        kind = get_args(self.kind)[0] if get_origin(self.kind) is Annotated else self.kind
+        return list(file_keys(kind))
+
+
+def _place(root: type, steps: tuple[int | str, ...]) -> _Place:
+    place = _Place(kind=root)
+    for step in steps:
+        following = place.step(step)
+        if following is None:
+            break
+        place = following
+    return place
+
+
+MOST_FAULTS = 3
+"""How many faults a message names; it counts the others."""
+
+_RANGES: Final = frozenset(
+    (
+        "float_type",
+        "finite_number",
+        "int_type",
+        "greater_than",
+        "greater_than_equal",
+        "less_than",
+        "less_than_equal",
+    )
+)
+_EXPECTED: Final = {
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "tuple_type": "a list",
+    "too_long": "a list of {max_length}",
+    "literal_error": "{expected}",
+    "dataclass_type": "a table",
+    "dataclass_exact_type": "a table",
+}
+_ARRAYS: Final = ("actuator", "condition")
+"""The sections that are written [[section]], once for each of several tables."""
+
+
+def _in_words(error: ValidationError, root: type) -> str:
+    """Say what is wrong in one line: the path of each key, what is allowed and what it got.
+
+    A key that may be of either of two types has one fault, not two.
     """
+    found: dict[str, list[ErrorDetails]] = {}
+    for detail in error.errors(include_url=False):
+        found.setdefault(_place(root, detail["loc"]).path, []).append(detail)
+    faults = [_fault(path, details, root) for path, details in found.items()]
+    more = len(faults) - MOST_FAULTS
+    return "; ".join(faults[:MOST_FAULTS] + ([f"and {more} more"] if more > 0 else []))
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-    later: ClassVar[tuple[str, ...]] = ()
 
-    @model_serializer(mode="wrap")
-    def _as_before(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values: dict[str, Any] = handler(self)
-        fields = type(self).model_fields
-        for key in self.later:
-            if getattr(self, key) == fields[key].get_default(call_default_factory=True):
-                values.pop(key, None)
-        return values
+def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
+    first = errors[0]
+    if first["type"] == "unexpected_keyword_argument":
+        return unknown_key(path, _place(root, first["loc"][:-1]).keys())
+    if first["type"] == "missing":
+        return f"{path} is missing"
+    if first["type"] == "value_error":
+        return f"{path}.{first['ctx']['error']}".removeprefix(".")
+    place = _place(root, first["loc"])
+    allowed = " or ".join(_allowed(error, place) for error in errors)
+    if path in _ARRAYS:
+        allowed = f"given as [[{path}]]"
+    return f"{path} must be {allowed}; got {_shown(first['input'])}"
 
-    def _refuse_incomplete(self, *groups: tuple[str, ...]) -> str | None:
-        """Return the one group whose keys are given, if any; refuse a part of one, or two."""
-        given = [[key for key in keys if getattr(self, key) is not None] for keys in groups]
-        for keys, found in zip(groups, given, strict=True):
-            if found and len(found) < len(keys):
-                missing = next(key for key in keys if key not in found)
-                raise ValueError(f"{missing} is missing; {found[0]} needs it")
-        chosen = [found[0] for found in given if found]
-        if len(chosen) > 1:
-            raise ValueError(f"{chosen[0]} and {chosen[1]} exclude each other; got both")
-        return chosen[0] if chosen else None
+
+def _allowed(error: ErrorDetails, place: _Place) -> str:
+    limits = limits_of(place.kind, place.metadata)
+    if error["type"] in _RANGES and limits is not None:
+        return limits.words(whole=_is_whole(place.kind))
+    text = _EXPECTED.get(error["type"])
+    return error["msg"] if text is None else text.format(**error.get("ctx", {}))
+
+
+def _is_whole(kind: Any) -> bool:
+    return kind is int or int in get_args(kind)
+
+
+def _shown(value: object) -> str:
+    shown = reprlib.Repr()
+    shown.maxstring = shown.maxother = shown.maxlong = 60
+    try:
+        return shown.repr(value)
+    except ValueError:  # Python refuses to write a whole number of so many digits
+        return "a number of thousands of digits"
+
+
+def refuse_incomplete(values: object, *groups: tuple[str, ...]) -> str | None:
+    """Return the first key of the one group that is given, if any; refuse a part of one, or two."""
+    given = [[key for key in keys if getattr(values, key) is not None] for keys in groups]
+    for keys, found in zip(groups, given, strict=True):
+        if found and len(found) < len(keys):
+            missing = next(key for key in keys if key not in found)
+            raise ValueError(f"{missing} is missing; {found[0]} needs it")
+    chosen = [found[0] for found in given if found]
+    if len(chosen) > 1:
+        raise ValueError(f"{chosen[0]} and {chosen[1]} exclude each other; got both")
+    return chosen[0] if chosen else None

@@ -1,0 +1,141 @@
+"""Every range that a section of study.toml states: refused just outside, taken just inside."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import FrozenInstanceError, replace
+from typing import TYPE_CHECKING, Any, get_args
+
+import pytest
+
+from experiment.study.read import paper_study
+from experiment.study.sections.equipment import Masking
+from experiment.study.sections.table import file_keys, limits_of
+from experiment.study.study import Study
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+DISC = {"side": "left", "x_mm": 0.0, "y_mm": 12.5, "diameter_mm": 5.0}
+RECTANGLE = {
+    "side": "left",
+    "shape": "rectangle",
+    "x_mm": 0.0,
+    "y_mm": 12.5,
+    "length_x_mm": 5.0,
+    "length_y_mm": 5.0,
+}
+MEASURED = {"measured_displacement_um": 1.0, "measured_at_vpp": 1.0, "measured_at_hz": 1.0}
+LAYERS = {
+    "piezo_thickness_mm": 0.25,
+    "piezo_youngs_modulus_gpa": 62.0,
+    "piezo_poisson_ratio": 0.34,
+    "piezo_d31_pm_v": -180.0,
+    "carrier_thickness_mm": 0.2,
+    "carrier_youngs_modulus_gpa": 105.0,
+    "carrier_poisson_ratio": 0.35,
+}
+ALL_ANSWERS = ["left", "right", "both", "none"]
+
+
+def companions(section: str, key: str) -> dict[str, Any]:
+    """Return the keys that one needs beside it to be taken at all."""
+    if section == "actuator":
+        if key.startswith("length"):
+            return RECTANGLE
+        groups = {"measured": MEASURED, "piezo": LAYERS, "carrier": LAYERS}
+        return DISC | groups.get(key.split("_", maxsplit=1)[0], {})
+    if key in {"wanted_level_db", "auto_cycles"}:
+        return {"name": "a", "window": "auto", "wanted_level_db": -30.0}
+    others: dict[str, dict[str, Any]] = {
+        "strip": {"edge": "elastic", "edge_stiffness_n": 100.0},
+        "condition": {"name": "a"},
+        "design": {"responses": ALL_ANSWERS},
+        "masking": {"max_level_dba": 0.0},
+    }
+    return others.get(section, {})
+
+
+def section_of(name: str) -> type:
+    """Return the class of a section; of one of several where they are listed."""
+    kind = file_keys(Study)[name].annotation
+    found: type = get_args(get_args(kind)[0])[0] if get_args(kind) else kind  # type: ignore[assignment]
+    return found
+
+
+def ranges() -> Iterator[Any]:
+    """List every key that states a range, and both sides of each of its ends."""
+    for name in file_keys(Study):
+        for key, field in file_keys(section_of(name)).items():
+            kind, listed = field.annotation, False
+            limits = limits_of(kind, tuple(field.metadata))
+            if limits is None and get_args(kind):
+                kind, listed = get_args(kind)[0], True
+                limits = limits_of(kind)
+            if limits is None or key == "measured_cutoff_hz":  # which one is, the plate decides
+                continue
+            whole = "int" in str(kind)
+            for end in ("gt", "ge", "le", "lt"):
+                bound = getattr(limits, end)
+                if bound is None:
+                    continue
+                away = -1 if end in {"gt", "ge"} else 1
+                near = bound + away if whole else math.nextafter(bound, away * math.inf)
+                outside = bound if end in {"gt", "lt"} else near
+                inside = bound - away * 1e-9 if end in {"gt", "lt"} else bound
+                words = limits.words(whole=whole)
+                yield pytest.param(
+                    name, key, outside, inside, words, listed, id=f"{name}.{key}-{end}"
+                )
+
+
+@pytest.mark.parametrize(("name", "key", "outside", "inside", "words", "listed"), list(ranges()))
+def test_a_range_ends_where_its_key_says(
+    name: str,
+    key: str,
+    *,
+    outside: float,
+    inside: float,
+    words: str,
+    listed: bool,
+) -> None:
+    def table(value: float) -> dict[str, Any]:
+        several = [value] * 2 if key == "foreperiod_s" else [value]
+        own = companions(name, key)
+        if name != "condition":
+            own = {other: given for other, given in own.items() if other != "name"}
+        return own | {key: several if listed else value}
+
+    section_of(name)(**table(inside))
+    several = name in {"actuator", "condition"}
+    tables: dict[str, Any] = {name: [table(outside)] if several else table(outside)}
+    with pytest.raises(ValueError, match=" must be ") as caught:
+        Study(**tables)
+    path = f"{name}[0].{key}" if several else f"{name}.{key}"
+    shown = f"{path}[0]" if listed else path
+    assert f"{shown} must be {words}" in str(caught.value)
+
+
+def test_the_ranges_are_those_of_every_number_that_is_not_a_place() -> None:
+    listed = {f"{param.values[0]}.{param.values[1]}" for param in ranges()}
+    numbers = {
+        f"{name}.{key}"
+        for name in file_keys(Study)
+        for key, field in file_keys(section_of(name)).items()
+        if {"float", "int"} & set(str(field.annotation).replace("'", " ").replace("|", " ").split())
+    }
+    assert numbers - listed <= {"actuator.x_mm", "actuator.y_mm", "strip.measured_cutoff_hz"}
+
+
+def test_a_section_that_is_made_anew_is_refused_in_one_line_too() -> None:
+    with pytest.raises(ValueError, match=r"^port must be a name in one line of text; got ''$"):
+        replace(paper_study().device, port="")
+    with pytest.raises(ValueError, match=r"^unknown key colour$"):
+        Masking(colour="pink")  # type: ignore[call-arg]
+    with pytest.raises(ValueError, match=r"^design\.break_every must be a whole number from 0 to"):
+        paper_study().changed(design={"break_every": -1})
+
+
+def test_a_section_cannot_be_changed() -> None:
+    with pytest.raises(FrozenInstanceError):
+        paper_study().design.break_every = 1  # type: ignore[misc]
