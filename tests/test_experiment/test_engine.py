@@ -76,6 +76,27 @@ def follow(state: SessionState, events: Iterable[Happening]) -> tuple[SessionSta
 FELT: tuple[Happening, ...] = (Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.FIRED)
 
 
+def test_a_sitting_begins_with_the_welcome_the_part_and_no_noise_to_repair() -> None:
+    state = SessionState(
+        pending=(Task(trial(1), 1),), keep_anticipated=False, response_window_s=3.0
+    )
+    assert upcoming(state) == Event.SITTING_DUE
+    state, effects = follow(
+        state,
+        [Event.SITTING_DUE, Event.CONTINUED, Event.PART_DUE, Event.CONTINUED, Event.TRIAL_DUE],
+    )
+    task = Task(trial(1), 1)
+    assert effects == [Greet(), Introduce(SessionPart.MAIN), OpenBlock(task), Cue(task), Wait(task)]
+
+
+def test_a_pause_with_the_noise_as_it_was_does_not_start_it_again() -> None:
+    state = SessionState(
+        pending=(Task(trial(1), 1),), keep_anticipated=False, response_window_s=3.0
+    )
+    paused, _ = follow(state, [Event.PAUSE_ASKED])
+    assert step(paused, Event.CONTINUED)[1] == ()
+
+
 def test_a_trial_goes_from_cue_to_answer_and_ends_ok() -> None:
     state, effects = follow(ready(trial(1)), [*FELT, Key("left", 0.5)])
     task = Task(trial(1), 1)
