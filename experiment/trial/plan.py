@@ -205,9 +205,9 @@ def plan_from_json(text: str) -> Plan:
         fields["warm_up"] = tuple(Trial(**trial) for trial in contents["warm_up"])
         fields["gains"] = tuple(gains_from_json(gains) for gains in contents["gains"])
         plan = Plan(**fields)
+        verify(plan)
     except PlanError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise PlanError(f"not a plan of this program: {error}") from error
-    verify(plan)
     return plan

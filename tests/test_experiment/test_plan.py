@@ -212,3 +212,26 @@ def test_what_is_no_plan_is_refused(text: str) -> None:
 def test_a_seed_that_is_no_whole_number_is_refused(seed: int) -> None:
     with pytest.raises(PlanError, match="seed must be a whole number >= 0"):
         draw(paper_study(), seed)
+
+
+def test_a_plan_with_a_number_that_json_has_not_is_named_as_no_plan() -> None:
+    changed = json.loads(draw(paper_study()).to_json())
+    changed["trials"][0]["foreperiod_s"] = float("nan")
+    with pytest.raises(PlanError, match="not a plan of this program: Out of range float"):
+        plan_from_json(json.dumps(changed))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"kind": "catch"}, "kind must be one of .*; got 'catch'"),
+        ({"side": "up"}, "side must be one of .*; got 'up'"),
+        ({"level_vpp": None}, "a single trial cannot have level_vpp = None"),
+        ({"kind": "blank"}, "a blank trial cannot have level_vpp = 60.0"),
+        ({"kind": "control", "side": "none"}, "a control trial's side must be left or right"),
+    ],
+)
+def test_a_trial_that_no_plan_can_hold_is_refused(change: dict[str, object], said: str) -> None:
+    trial = draw(paper_study()).trials[0]
+    with pytest.raises(PlanError, match=said):
+        replace(replace(trial, level_vpp=60.0), **change)  # type: ignore[arg-type]  # as a file might
