@@ -9,7 +9,7 @@ from __future__ import annotations
 import secrets
 from abc import abstractmethod
 from collections import deque
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from device.clock import Clock, resolution_s
 from device.core.core import DeviceCore
@@ -26,8 +26,6 @@ BEAT_US = 100_000
 
 _STRIDE_US = 4 * BEAT_US
 """One beat in four is given to the core: the others could not change what its watchdog does."""
-
-Told = TypeVar("Told")
 
 
 class LocalCore:
@@ -89,8 +87,8 @@ class LocalCore:
             self._known = self._core.state
 
     def _told(
-        self, record: Told, before_s: float, after_s: float, device_us: int
-    ) -> Exchange[Told]:
+        self, record: Reply, before_s: float, after_s: float, device_us: int
+    ) -> Exchange[Reply]:
         return Exchange(
             record=record,
             boot_id=self._core.boot_id,

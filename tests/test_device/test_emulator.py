@@ -377,6 +377,7 @@ class Kept:
 
 
 @LINES
+@pytest.mark.process
 def test_a_host_that_comes_and_goes_leaves_no_descriptor_open(emulate: Emulate, kind: str) -> None:
     port, truth, pid = emulate(kind)
     kept = Kept(port)
@@ -398,6 +399,7 @@ def test_a_host_that_comes_and_goes_leaves_no_descriptor_open(emulate: Emulate, 
     assert descriptors(pid) <= after_one
 
 
+@pytest.mark.process
 def test_a_port_on_which_nothing_answers_is_closed_again() -> None:
     ours, theirs = os.openpty()
     name = os.ttyname(theirs)
