@@ -170,33 +170,26 @@ class Arm(Message[None]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fire(Message[Record]):
+class _OfToken(Message[Reply]):
+    token: int
+
+    def __post_init__(self) -> None:
+        check_token(self.token)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fire(_OfToken[Record]):
     """Play the armed slot; a token that has fired gives its record and no other burst."""
 
-    token: int
-
-    def __post_init__(self) -> None:
-        check_token(self.token)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Disarm(Message[None]):
+class Disarm(_OfToken[None]):
     """Make sure that a token cannot fire from now on, whether it is armed or never was."""
 
-    token: int
-
-    def __post_init__(self) -> None:
-        check_token(self.token)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Query(Message[Record]):
+class Query(_OfToken[Record]):
     """Ask what became of a token."""
-
-    token: int
-
-    def __post_init__(self) -> None:
-        check_token(self.token)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

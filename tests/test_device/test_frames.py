@@ -253,6 +253,23 @@ def test_the_golden_frames_are_what_they_are_said_to_be(exchange: dict[str, Any]
         assert (said.state.value, said.device_us) == (exchange["state"], exchange["at_us"])
 
 
+def test_a_host_packs_the_golden_questions_byte_for_byte() -> None:
+    packed = set()
+    for exchange in GOLDEN["exchanges"]:
+        (question,) = Decoder().feed(bytes.fromhex(exchange["question"]))
+        if not question.payload or exchange["refusal"] in {"BAD_MESSAGE", "BAD_TOKEN", "BAD_SLOT"}:
+            continue
+        if question.kind == Kind.HELLO:
+            meant, content = 0, question.payload
+        else:
+            asked = codec.QUESTION.read(question.payload)
+            meant, content = asked.boot_id, asked.content
+        message = codec.read(question.kind, content)
+        assert codec.payload(message, meant) == question.payload, exchange["meaning"]
+        packed.add(codec.kind_of(message))
+    assert packed == set(Kind)
+
+
 def test_the_golden_frames_hold_every_type_and_every_refusal_of_the_wire() -> None:
     types = {exchange["type"] for exchange in GOLDEN["exchanges"]}
     assert types == {kind.name for kind in Kind} | {"unknown"}
