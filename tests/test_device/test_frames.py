@@ -11,7 +11,19 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from device.core.core import WATCHDOG_US, DeviceCore
-from device.core.messages import Arm, Beat, Disarm, Enable, Fire, Levels, Message, Ping, Query, Stop
+from device.core.messages import (
+    Arm,
+    Beat,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Load,
+    Message,
+    Ping,
+    Query,
+    Stop,
+)
 from device.core.output import OutputStage
 from device.core.states import State
 from device.core.tokens import Fate, Record
@@ -21,7 +33,7 @@ from device.wire import codec, frames
 from device.wire.codec import FATES, REFUSALS, STATES, TABLE, Answer, Kind, Question, Told
 from device.wire.endpoint import Endpoint
 from device.wire.frames import LONGEST_PAYLOAD, Decoder, Frame, encode
-from device.wire.upload import LONGEST_DATA, Begin, Commit, Data
+from device.wire.upload import LONGEST_DATA, Begin, Commit, Data, pieces
 
 TESTS = Path(__file__).parents[1]
 GOLDEN = json.loads((TESTS / "golden_frames.json").read_text(encoding="utf-8"))
@@ -227,6 +239,38 @@ def test_a_plain_question_between_frames_disturbs_neither() -> None:
     said = device.receive(1, ping[0] + b"*IDN?\n" + ping[1])
     assert [answer.sequence for answer in Decoder().feed(said)] == [1, 2]
     assert b"tactstrip," in said
+
+
+def asked(device: Endpoint, message: Message[Any], number: int) -> Refusal | None:
+    """Ask a question; return why it was refused."""
+    payload = codec.payload(message, device.core.boot_id)
+    question = Frame(kind=codec.kind_of(message), sequence=number, payload=payload)
+    (answer,) = Decoder().feed(device.receive(1, encode(question)))
+    return codec.HEAD.read(answer.payload).refusal
+
+
+def test_a_line_that_is_lost_leaves_nothing_half_done() -> None:
+    device = endpoint()
+    device.receive(1, b"*ID")
+    device.hang_up(1)
+    assert device.receive(1, b"N?\n") == b""
+    ping = encode(Frame(kind=2, sequence=1, payload=codec.payload(Ping(), device.core.boot_id)))
+    device.receive(1, b"\0" + ping[:9])
+    device.hang_up(1)
+    assert device.receive(1, ping[9:]) == b""
+    silence = np.zeros(4, dtype=np.int32)
+    *begun, commit = pieces(Load(slot=0, left=silence, right=silence), 16)
+    assert [asked(device, piece, number) for number, piece in enumerate(begun, 2)] == [None, None]
+    device.hang_up(1)
+    assert asked(device, commit, 9) is Refusal.BAD_UPLOAD
+    assert [asked(device, piece, 10 + number) for number, piece in enumerate(begun)] == [None, None]
+    assert asked(device, commit, 12) is None
+
+
+def test_a_piece_of_a_waveform_is_no_message_of_the_core() -> None:
+    with pytest.raises(Rejected) as refused:
+        endpoint().core.take(1, Begin(slot=0, samples=1))
+    assert refused.value.code is Refusal.BAD_MESSAGE
 
 
 # --- golden frames
