@@ -1,6 +1,6 @@
 PYTHON := .venv/bin/python
 
-.PHONY: help setup check test bench
+.PHONY: help setup test check long size bench
 
 help:  ## say what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 10
@@ -9,15 +9,21 @@ setup:  ## make .venv with everything that development needs
 	python3 -m venv .venv
 	.venv/bin/pip install -c constraints.txt -e ".[dev]"
 
-check:  ## format, lint, types, import directions, tests with doctests
+test:  ## the fast lane: tests and doctests in under a minute
+	$(PYTHON) -m pytest
+
+check:  ## format, lint, types, import directions, all tests but the long ones
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
-	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens
+	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens .ci
 	.venv/bin/lint-imports
 	$(PYTHON) -m pytest -q -m "not long"
 
-test:  ## the fast lane: tests and doctests in under a minute
-	$(PYTHON) -m pytest
+long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 for a seeded tenth
+	$(PYTHON) -m pytest -m long
+
+size:  ## code lines and modules of the packages
+	$(PYTHON) -m benchmarks.size
 
 bench:  ## run the benchmarks and write docs/benchmarks.md
 	$(PYTHON) -m benchmarks
