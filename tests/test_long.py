@@ -1,0 +1,258 @@
+"""What takes minutes by itself: `make long`. TACTSTRIP_LONG=0.1 runs a seeded tenth of each."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import signal
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from analysis import ResultFileError, read_trials
+from analysis.answers.intervals import group_interval
+from benchmarks.calibration import BETWEEN_DB, SETTINGS, SIGMA, Setting, ours
+from device.core.core import DeviceCore
+from device.core.messages import Ping
+from device.core.output import Emission, OutputStage
+from device.driver import Identity
+from device.limits import Limits
+from device.wire import codec
+from device.wire.endpoint import Endpoint
+from device.wire.frames import Decoder, Frame, encode
+from experiment.archive.folders import SessionFolder
+from experiment.archive.journal import JournalError, read_journal
+from experiment.session.simulate import simulate_study
+from experiment.study.study import StudyError
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from experiment.study.study import Study
+
+pytestmark = pytest.mark.long
+
+SHARE = float(os.environ.get("TACTSTRIP_LONG", "1"))
+GOLDEN = json.loads((Path(__file__).parent / "golden_frames.json").read_text(encoding="utf-8"))
+CHANGES = ((os, ("write", "fsync", "unlink", "rmdir", "mkdir")), (Path, ("replace", "rename")))
+NASTY = (
+    b"",
+    b"\0",
+    b"\xff\xfe",
+    b"\r\n",
+    b'"',
+    b"n/a",
+    b"-1",
+    b"1e999",
+    b"nan",
+    b"[",
+    "\u202e".encode(),
+)
+
+
+def rounds(most: int) -> int:
+    """How many of so many rounds are run; each draws from its own number."""
+    return max(1, math.ceil(SHARE * most))
+
+
+def damaged(raw: bytes, rng: np.random.Generator) -> bytes:
+    """Change, cut, repeat or insert something in one place, or in a few."""
+    if rng.random() < 0.2:
+        return raw[: rng.integers(len(raw))]
+    for _ in range(rng.integers(1, 3)):
+        at, end = sorted(rng.integers(0, len(raw) + 1, 2).tolist())
+        end = min(end, at + 40)
+        some = bytes(rng.integers(0, 256, 3, dtype=np.uint8))
+        put = (NASTY[rng.integers(len(NASTY))], some, raw[at:end] * 2, b"")[rng.integers(4)]
+        raw = raw[:at] + put + raw[end:]
+    return raw
+
+
+# --- calibration
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=lambda s: f"{s.name}-{s.guess_rate}")
+def test_limits_of_thresholds_cover_them(setting: Setting) -> None:
+    found = ours(setting, setting.counts(rounds(4000)))
+    truth = math.log10(setting.threshold_vpp)
+    covered = (found[:, 0] <= truth) & (truth <= found[:, 2])
+    slack = 4 * math.sqrt(0.05 * 0.95 / len(covered))
+    print(f"{setting.name}, gamma {setting.guess_rate}: {covered.mean():.1%} of {len(covered)}")
+    assert 0.91 - slack <= covered.mean() <= 0.99 + slack
+
+
+@pytest.mark.parametrize("level_vpp", [60.0, 95.0])
+def test_intervals_of_groups_cover_their_probability(level_vpp: float) -> None:
+    rng = np.random.default_rng(3)
+    x = math.log10(level_vpp / 70)
+    offsets = BETWEEN_DB / 20 * rng.standard_normal((rounds(20_000), 5))
+    p = np.array([[math.erfc(-v / math.sqrt(2)) / 2 for v in row] for row in (x + offsets) / SIGMA])
+    truth = math.erfc(-x / math.hypot(SIGMA, BETWEEN_DB / 20) / math.sqrt(2)) / 2
+    limits = np.array([group_interval(k, [30] * 5) for k in rng.binomial(30, p)])
+    covered = (limits[:, 0] <= truth) & (truth <= limits[:, 1])
+    print(f"{level_vpp} V: {covered.mean():.1%} of {len(covered)}")
+    assert covered.mean() >= 0.91 - 4 * math.sqrt(0.05 * 0.95 / len(covered))
+
+
+# --- kills
+
+
+def killed(step: int, *arguments: str) -> bool:
+    """Run a command in a copy of this process, killed before its n-th change of the disk."""
+    pid = os.fork()
+    if pid:
+        return os.WIFSIGNALED(os.waitpid(pid, 0)[1])
+    left = step
+
+    def counted(change: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **kwargs: Any) -> Any:
+            nonlocal left
+            left -= 1
+            if left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return change(*args, **kwargs)
+
+        return call
+
+    for owner, names in CHANGES:
+        for name in names:
+            setattr(owner, name, counted(getattr(owner, name)))
+    CliRunner().invoke(main, arguments)
+    os._exit(0)
+
+
+def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
+    tmp_path: Path, quick_study_text: str
+) -> None:
+    (tmp_path / "study.toml").write_text(quick_study_text, encoding="utf-8")
+    kills = session = 0
+    while kills < rounds(2000):
+        session += 1
+        rng = np.random.default_rng(session)
+        out = tmp_path / f"results-{session}"
+        run = ["run", str(tmp_path / "study.toml"), "--participant", "01", "--out", str(out)]
+        run += ["--responder", "simulated"]
+        folder = SessionFolder(out, "01", "01")
+        answered: dict[tuple[object, object], object] = {}
+        more = ["--seed", str(session)]
+        while killed(int(rng.integers(1, 40)), *run, *more):
+            kills += 1
+            if folder.journal_path.exists():
+                more = ["--resume"]
+                for entry in read_journal(folder.journal_path).entries:
+                    if entry.event == "response":
+                        key = (entry.facts["trial"], entry.facts["attempt"])
+                        answered[key] = entry.facts["response"]
+        with (folder.path / "trials.csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        ok = Counter(int(row["trial"]) for row in rows if row["status"] == "ok")
+        assert ok == {trial.number: 1 for trial in folder.read_plan().trials}
+        said = {(int(r["trial"]), int(r["attempt"])): r["response"] for r in rows}
+        assert answered.items() <= said.items()
+    print(f"{kills} kills in {session} sessions")
+
+
+# --- fuzzing
+
+
+def test_a_study_file_of_any_text_is_read_or_refused(
+    tmp_path: Path, make_study: Callable[[str], Study]
+) -> None:
+    path = tmp_path / "study.toml"
+    assert CliRunner().invoke(main, ["init", str(path)]).exit_code == 0
+    raw = path.read_bytes()
+    refused = []
+    for number in range(rounds(20_000)):
+        text = damaged(raw, np.random.default_rng(number)).decode(errors="replace")
+        try:
+            make_study(text)
+        except StudyError as error:
+            refused.append(str(error))
+    print(f"{len(refused)} of {number + 1} refused")
+    assert refused
+    assert not [line for line in refused if "study.toml" not in line]
+
+
+@pytest.fixture
+def simulated(
+    tmp_path: Path, quick_study_text: str, make_study: Callable[[str], Study]
+) -> SessionFolder:
+    """A session of a simulated participant."""
+    list(simulate_study(make_study(quick_study_text), tmp_path, participants=1, seed=7))
+    return SessionFolder(tmp_path, "01", "01")
+
+
+def test_a_journal_of_any_bytes_is_a_beginning_or_refused(simulated: SessionFolder) -> None:
+    raw = simulated.journal_path.read_bytes()
+    whole = read_journal(simulated.journal_path).entries
+    refused = 0
+    for number in range(rounds(20_000)):
+        simulated.journal_path.write_bytes(damaged(raw, np.random.default_rng(number)))
+        try:
+            entries = read_journal(simulated.journal_path).entries
+        except JournalError:
+            refused += 1
+        else:
+            assert entries == whole[: len(entries)], number
+    print(f"{refused} of {number + 1} refused")
+    assert refused
+
+
+def test_a_table_of_any_bytes_is_read_or_refused(simulated: SessionFolder, tmp_path: Path) -> None:
+    raw = (simulated.path / "trials.csv").read_bytes()
+    table = tmp_path / "alone.csv"
+    table.write_bytes(raw)
+    assert len(read_trials([table])) == 5
+    refused = []
+    for number in range(rounds(10_000)):
+        table.write_bytes(damaged(raw, np.random.default_rng(number)))
+        try:
+            read_trials([table])
+        except ResultFileError as error:
+            refused.append(str(error))
+    print(f"{len(refused)} of {number + 1} refused")
+    assert refused
+    assert not [line for line in refused if "alone.csv" not in line]
+
+
+def test_an_endpoint_of_any_bytes_emits_nothing_above_its_ceiling() -> None:
+    facts = GOLDEN["device"]
+    questions = [bytes.fromhex(step["question"]) for step in GOLDEN["exchanges"]]
+    for number in range(rounds(20_000)):
+        rng = np.random.default_rng(number)
+        emitted: list[Emission] = []
+        output = OutputStage(sample_rate_hz=facts["sample_rate_hz"], bits=facts["bits"])
+        limits = Limits(
+            ceiling_vpp=facts["ceiling_vpp"], least_interval_s=facts["least_interval_s"]
+        )
+        core = DeviceCore(
+            boot_id=facts["boot_id"], limits=limits, output=output, sink=emitted.append
+        )
+        identity = Identity(
+            model="fuzzed",
+            serial_number="1",
+            boot_id=core.boot_id,
+            protocol_version="1.0",
+            sample_rate_hz=facts["sample_rate_hz"],
+            bits=facts["bits"],
+            channels=2,
+            ceiling_vpp=limits.ceiling_vpp,
+            longest_waveform=limits.longest_waveform,
+            emulated=True,
+        )
+        device, now_us = Endpoint(core, identity), 0
+        for question in questions:
+            now_us += int(rng.integers(1, 50_000))
+            device.receive(now_us, damaged(question, rng) if rng.random() < 0.3 else question)
+        ping = encode(Frame(kind=2, sequence=1, payload=codec.payload(Ping(), core.boot_id)))
+        assert len(Decoder().feed(device.receive(now_us + 1, b"\0" + ping))) == 1
+        for burst in emitted:
+            for volts in (burst.left_v, burst.right_v):
+                assert np.abs(volts).max(initial=0.0) <= facts["ceiling_vpp"] / 2, number
