@@ -19,6 +19,8 @@ from analysis.definitions import TOTAL
 from analysis.results.figures import figures
 from analysis.results.report import report_html
 from analysis.results.summary import summary_text
+from experiment.archive import manifest
+from experiment.archive.manifest import Manifest
 from experiment.terms.record import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
@@ -78,6 +80,7 @@ SUMMARY = "summary.json"
 REPORT = "report.html"
 NAMES = (
     SUMMARY,
+    manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
     *("thresholds.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
@@ -175,6 +178,8 @@ def _is_summary(path: Path) -> bool:
 def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, bytes]]:
     """Yield the files one by one, so that only one is held besides the figures."""
     yield SUMMARY, summary_text(analysis).encode()
+    people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
+    yield manifest.NAME, Manifest(what="analysis", participants=people).text().encode()
     yield "trials_clean.csv", csv_text(clean_table(analysis.trials)).encode()
     tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
     possible = {

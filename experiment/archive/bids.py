@@ -22,6 +22,7 @@ from experiment.archive.bids_tables import (
 from experiment.archive.disk import lock_on
 from experiment.archive.files import ArchiveError, replaced
 from experiment.archive.folders import session_folders
+from experiment.archive.manifest import Manifest
 from experiment.archive.participants import (
     FILE_NAME,
     ID_COLUMN,
@@ -141,8 +142,10 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
     folders = session_folders(root)
     for folder in folders:
         refuse_withdrawn(root, folder.participant)
+    people = tuple(sorted({folder.participant for folder in folders}))
+    about = Manifest(what="BIDS data set", participants=people)
     try:
-        with lock_on(root / ".export.lock", timeout=0), replaced(out, root) as new:
+        with lock_on(root / ".export.lock", timeout=0), replaced(out, root, about) as new:
             sessions = tuple(_write_session(new, f, with_sources=with_sourcedata) for f in folders)
             return _write_about(new, sessions, read_people(root))
     except Timeout as error:
@@ -150,8 +153,8 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
 
 
 def _write_session(new: NewFolder, folder: SessionFolder, *, with_sources: bool) -> ExportedSession:
+    plan = folder.read_plan()  # before a lock is made: what cannot be read stays as it is
     with folder.locked():
-        plan = folder.read_plan()
         history = folder.read_history(plan)
         header = _read_header(folder)
         study = study_from_canonical(plan.study)

@@ -9,20 +9,22 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import os
 import re
 import secrets
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from experiment.archive import manifest
 from experiment.archive.disk import DISK, FOLDER_MODE, make_folder, write_new
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from experiment.archive.disk import Disk
+    from experiment.archive.manifest import Manifest
 
 
 TEMPORARY = ".tmp"
@@ -79,15 +81,12 @@ def _write_and_replace(path: Path, data: bytes, disk: Disk) -> None:
     disk.sync_folder(path.parent)
 
 
-MANIFEST: Final = ".tactstrip-export.json"
-SCHEMA: Final = 1
-
-
 class NewFolder:
-    """A folder that is being filled; it keeps the checksum of each file."""
+    """A folder that is being filled; it keeps the checksum of each file for its manifest."""
 
-    def __init__(self, path: Path, disk: Disk) -> None:
+    def __init__(self, path: Path, manifest: Manifest, disk: Disk) -> None:
         self._path = path
+        self._manifest = manifest
         self._disk = disk
         self._sha256: dict[str, str] = {}
 
@@ -100,15 +99,15 @@ class NewFolder:
         self._sha256[name] = hashlib.sha256(data).hexdigest()
 
     def close(self) -> None:
-        """Write the list of files, and wait until all their names are on the disk."""
+        """Write the manifest, and wait until the names of all files are on the disk."""
         listed = dict(sorted(self._sha256.items()))
-        self.write(MANIFEST, json.dumps({"schema": SCHEMA, "files": listed}, indent=1) + "\n")
+        self.write(manifest.NAME, replace(self._manifest, files=listed).text())
         for place, _, _ in os.walk(self._path):
             self._disk.sync_folder(Path(place))
 
 
 @contextlib.contextmanager
-def replaced(out: Path, source: Path, disk: Disk = DISK) -> Iterator[NewFolder]:
+def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Iterator[NewFolder]:
     """Make a folder anew: it is there as a whole when this ends, or as it was before.
 
     Parameters
@@ -117,6 +116,8 @@ def replaced(out: Path, source: Path, disk: Disk = DISK) -> Iterator[NewFolder]:
         The folder; where it is there, an unchanged export.
     source : Path
         The study's folder that is exported.
+    about : Manifest
+        What it will be and whom it will hold; the files are listed as they are written.
     disk : Disk
         Where it is kept.
 
@@ -138,7 +139,7 @@ def replaced(out: Path, source: Path, disk: Disk = DISK) -> Iterator[NewFolder]:
     _delete(new)
     new.mkdir(FOLDER_MODE)
     try:
-        folder = NewFolder(new, disk)
+        folder = NewFolder(new, about, disk)
         yield folder
         folder.close()
         refuse_target(out, source)
@@ -197,18 +198,21 @@ def _first_change(out: Path) -> str | None:
     there = sorted(_files(out))
     if not there:
         return None
-    if MANIFEST not in there:
+    if manifest.NAME not in there:
         return f"with {there[0]}, which is no export"
-    listed = _listed(out / MANIFEST)
-    if listed is None:
-        return f"with a damaged {MANIFEST}"
-    there.remove(MANIFEST)
+    try:
+        made = manifest.read_manifest(out)
+    except ValueError:
+        made = None
+    if made is None:
+        return f"with a damaged {manifest.NAME}"
+    there.remove(manifest.NAME)
     for name in there:
-        if name not in listed:
+        if name not in made.files:
             return f"with {name} added"
-        if _sha256(out / name) != listed[name]:
+        if _sha256(out / name) != made.files[name]:
             return f"with {name} changed"
-    gone = sorted(set(listed) - set(there))
+    gone = sorted(set(made.files) - set(there))
     return f"with {gone[0]} removed" if gone else None
 
 
@@ -217,16 +221,6 @@ def _files(folder: Path) -> Iterator[str]:
     for path in folder.rglob("*"):
         if path.is_symlink() or not path.is_dir() or not any(path.iterdir()):
             yield path.relative_to(folder).as_posix()
-
-
-def _listed(manifest: Path) -> dict[str, str] | None:
-    try:
-        contents = json.loads(manifest.read_bytes())
-        if contents["schema"] == SCHEMA:
-            return dict(contents["files"])
-    except (ValueError, KeyError, TypeError):
-        pass
-    return None
 
 
 def _sha256(path: Path) -> str | None:

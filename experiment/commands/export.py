@@ -40,6 +40,7 @@ def _export_tables(folder: Path) -> None:
     refused = []
     for session in session_folders(folder):
         try:
+            session.read_plan()  # before a lock is made: what cannot be read stays as it is
             with session.locked():
                 click.echo(session.write_trials())
         except ValueError as error:

@@ -11,7 +11,8 @@ import click
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.archive.withdraw import Person, Search
+    from experiment.archive.manifest import Search
+    from experiment.archive.withdraw import Person
 
 
 @click.command()
@@ -32,7 +33,8 @@ def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> Non
     A dated mark stays, with the ID and nothing else. Exports and analyses that still hold the
     person are listed, not changed. After an interruption, run it again.
     """
-    from experiment.archive.withdraw import held, look_up, remove, search
+    from experiment.archive.manifest import search
+    from experiment.archive.withdraw import held, look_up, remove
 
     for other in others:
         if not other.is_dir():
@@ -74,7 +76,7 @@ def _tell(found: Search, participant: str) -> None:
     for holding in found.holdings:
         click.echo(f"  {holding.what}: {holding.path}")
     if found.not_searched:
-        click.echo("Not searched (links, packed files, no permission):")
+        click.echo("Not searched (links, damaged manifests, no permission):")
     for path in found.not_searched:
         click.echo(f"  {path}")
-    click.echo("Backups and copies elsewhere are not known here.")
+    click.echo("Files of other origin, packed files and backups are not known here.")

@@ -233,7 +233,7 @@ def test_tables_of_older_data_do_not_stay(tmp_path: Path, names: Path) -> None:
         "--out", tmp_path / "out", "--no-figures")  # fmt: skip
     assert set(files(tmp_path / "out")) == {
         *("levels.csv", "participants.csv", "summary.json", "notes.txt", "trials_clean.csv"),
-        *("thresholds.csv", "confusion.csv", "report.html"),
+        *("thresholds.csv", "confusion.csv", "report.html", ".tactstrip.json"),
     }
 
 
@@ -504,6 +504,7 @@ def test_a_study_where_nothing_counts_says_so(tmp_path: Path, names: Path) -> No
     assert "no trial with a single stimulus counts" in result.stdout
     assert set(files(tmp_path / "out")) == {
         *("levels.csv", "participants.csv", "summary.json", "trials_clean.csv", "report.html"),
+        ".tactstrip.json",
     }
 
 

@@ -17,8 +17,8 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 from experiment.archive.bids_tables import EVENT_COLUMNS, MEANINGS
-from experiment.archive.files import MANIFEST
 from experiment.archive.folders import SessionFolder
+from experiment.archive.manifest import NAME
 from experiment.archive.participants import Tombstone, write_tombstone
 from experiment.terms.record import COLUMNS
 from tactstrip import main
@@ -418,7 +418,7 @@ def test_an_export_that_was_changed_is_not_replaced(results: Path, what: str) ->
         (bids / "README").rename(results.parent / "README")
         (bids / "README").symlink_to(results.parent / "README")
     else:
-        (bids / MANIFEST).write_text("[]", encoding="utf-8")
+        (bids / NAME).write_text("[]", encoding="utf-8")
     before = contents(results.parent)
     done = export(results)
     assert done.exit_code == 2

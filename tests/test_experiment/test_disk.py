@@ -18,6 +18,7 @@ from experiment.archive.disk import SystemDisk, lock_on, make_folder
 from experiment.archive.files import replaced, write_atomically
 from experiment.archive.folders import SessionFolder
 from experiment.archive.journal import Journal, read_journal
+from experiment.archive.manifest import Manifest
 from experiment.archive.participants import (
     Tombstone,
     enter_person,
@@ -160,12 +161,13 @@ def test_a_new_folder_is_on_the_disk_with_those_above_it(tmp_path: Path, disk: L
 
 def test_an_export_is_on_the_disk_as_a_whole(tmp_path: Path, disk: LossyDisk) -> None:
     for text in ("first", "second"):
-        with replaced(tmp_path / "new" / "out", tmp_path / "study", disk) as folder:
+        about = Manifest(what="BIDS data set", participants=("01",))
+        with replaced(tmp_path / "new" / "out", tmp_path / "study", about, disk) as folder:
             folder.write("README", text)
             folder.write("sub-01/beh/events.tsv", text)
         there = disk.holds(tmp_path)
         there = {name: raw for name, raw in there.items() if not name.startswith("new/.out")}
-        assert there.pop("new/out/.tactstrip-export.json").startswith(b"{")
+        assert there.pop("new/out/.tactstrip.json").startswith(b"{")
         assert there == {
             "new/out/README": text.encode(),
             "new/out/sub-01/beh/events.tsv": text.encode(),

@@ -12,8 +12,9 @@ from filelock import FileLock
 
 from experiment.archive.files import ArchiveError
 from experiment.archive.folders import SessionFolder
+from experiment.archive.manifest import NAME, search
 from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
-from experiment.archive.withdraw import look_up, search
+from experiment.archive.withdraw import look_up
 from tactstrip import main
 
 if TYPE_CHECKING:
@@ -220,13 +221,14 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_
     copies = tmp_path / "copies"
     shutil.copytree(results / "sub-01", copies / "old" / "sub-01")
     shutil.copytree(results / "sub-02", copies / "old" / "sub-02")
+    shutil.copytree(results / "analysis", copies / "analysis")
     (copies / "levels.toml").write_text('participant = "01"\nlevels_vpp = [60]\n', encoding="utf-8")
+    (copies / "others.toml").write_text('participant = "02"\nlevels_vpp = [1]\n', encoding="utf-8")
+    (copies / "no.toml").write_text("participant = 01 is no TOML", encoding="utf-8")
     (copies / "table.csv").write_text("side,participant\nleft,01\n", encoding="utf-8")
-    (copies / "innocent.csv").write_text("participant,block\n02,01\n", encoding="utf-8")
-    (copies / "sub-012.txt").write_text("sub-012", encoding="utf-8")
-    (copies / "empty").touch()
-    (copies / "all.zip").write_bytes(b"PK")
     (copies / "link").symlink_to(results)
+    (copies / "broken").mkdir()
+    (copies / "broken" / NAME).write_text("[]", encoding="utf-8")
     done = withdraw(results, "--also", str(copies))
     assert done.exit_code == 0
     lines = done.stdout.splitlines()
@@ -235,15 +237,16 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_
     assert sorted(held) == sorted(
         [
             f"  analysis: {results / 'analysis'}",
-            f"  folder: {copies / 'old' / 'sub-01'}",
-            f"  file: {copies / 'levels.toml'}",
-            f"  file: {copies / 'table.csv'}",
+            f"  analysis: {copies / 'analysis'}",
+            f"  sessions: {copies / 'old' / 'sub-01'}",
+            f"  levels: {copies / 'levels.toml'}",
         ]
     )
-    assert unsearched[:-1] == [f"  {copies / 'all.zip'}", f"  {copies / 'link'}"]
+    assert unsearched[:-1] == [f"  {copies / 'broken' / NAME}", f"  {copies / 'link'}"]
+    assert unsearched[-1] == "Files of other origin, packed files and backups are not known here."
 
 
-UNSEARCHED = "Not searched (links, packed files, no permission):"
+UNSEARCHED = "Not searched (links, damaged manifests, no permission):"
 
 
 def test_an_analysis_without_the_person_is_not_listed(results: Path) -> None:
