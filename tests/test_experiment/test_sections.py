@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import math
 from dataclasses import FrozenInstanceError, replace
 from typing import TYPE_CHECKING, Any, get_args
 
+import numpy as np
 import pytest
 
 from experiment.study.read import paper_study
@@ -47,6 +49,9 @@ def companions(section: str, key: str) -> dict[str, Any]:
         return DISC | groups.get(key.split("_", maxsplit=1)[0], {})
     if key in {"wanted_level_db", "auto_cycles"}:
         return {"name": "a", "window": "auto", "wanted_level_db": -30.0}
+    if section == "condition" and key == "sample_rate_hz":
+        samples = np.array([0.0, 1.0, 0.0], dtype="<f8").tobytes()
+        return {"name": "a", "file": "a", "samples_base64": base64.b64encode(samples).decode()}
     others: dict[str, dict[str, Any]] = {
         "strip": {"edge": "elastic", "edge_stiffness_n": 100.0},
         "condition": {"name": "a"},

@@ -523,6 +523,10 @@ def test_conditions_mix_clicks_bursts_and_windows(click_folder: Path) -> None:
             "[[condition]]\nname = 'a'\nauto_cycles = 2",
             "condition[0].auto_cycles and auto_window are for window = auto only",
         ),
+        (
+            "[[condition]]\nname = 'a'\nfile = 'a.wav'\nsample_rate_hz = 44100",
+            "condition[0].samples_base64 is missing; sample_rate_hz needs it",
+        ),
     ],
 )
 def test_stimuli_that_contradict_themselves_are_refused(
@@ -610,6 +614,8 @@ def test_condition_names_are_distinct_and_fit_for_files() -> None:
         ),
         ("[desing]\n", "unknown key desing; did you mean design?"),
         ("[study]\nqqq = 1", "unknown key study.qqq"),
+        ("self = 1", "unknown key self"),
+        ("[design]\n__dataclass_self__ = 1", "unknown key design.__dataclass_self__"),
         (
             '[[condition]]\nname = "a"\ncycle = 1',
             "unknown key condition[0].cycle; did you mean cycles?",

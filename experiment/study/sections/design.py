@@ -94,7 +94,7 @@ class Design:
                 f"{len(self.levels_vpp)}, where order is balanced; got {self.trials_per_side}"
             )
         self._check_responses()
-        finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0], most=60)
+        finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0])
 
     @property
     def both_level_vpp(self) -> float | None:

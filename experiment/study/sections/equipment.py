@@ -55,7 +55,10 @@ class Masking:
 
     noise: Noise = "pink"
     max_level_dba: float = Field(
-        default=75.0, ge=0, le=MAX_MASKING_LEVEL_DBA, description="at the ear; 80 at most"
+        default=75.0,
+        ge=0,
+        le=MAX_MASKING_LEVEL_DBA,
+        description=f"at the ear; {MAX_MASKING_LEVEL_DBA:g} at most",
     )
     measured_level_dba: float | None = Field(
         default=None, ge=0, description="at the ear, with these settings"

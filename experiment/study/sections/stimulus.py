@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.table import section
+from experiment.study.sections.table import refuse_incomplete, section
 from experiment.terms.checks import CONDITION_NAME, NAME_RULE, is_line
 from stimuli import Burst, SampledDrive
 from stimuli.drive.windows import Window
@@ -122,6 +122,7 @@ class Condition(Stimulus):
             raise ValueError("frequency_hz is missing; [burst] has a file instead")
         if self.window != "auto" and (self.auto_cycles or self.auto_window):
             raise ValueError("auto_cycles and auto_window are for window = auto only")
+        refuse_incomplete(self, ("samples_base64", "sample_rate_hz"))
         super().__post_init__()
         if self.is_found:
             self.drive  # noqa: B018 - refused where the samples are none

@@ -46,18 +46,23 @@ _CONFIG: Final = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 def section(cls: type[_Section]) -> type[_Section]:
     """Make a class a section: frozen, strict, refused by a ValueError of one line."""
     made: Any = dataclass(cls, frozen=True, kw_only=True, config=_CONFIG)
-    check = made.__init__
 
-    @wraps(check)
-    def made_or_refused(self: _Section, **keys: Any) -> None:
+    @wraps(made.__init__)
+    def make(self: Any, /, **keys: Any) -> None:
         try:
-            check(self, **keys)
+            _fill(self, keys)
         except ValidationError as error:
             raise ValueError(_in_words(error, type(self))) from error
 
-    made.__init__ = made_or_refused
+    made.__init__ = make
     checked: type[_Section] = made
     return checked
+
+
+def _fill(instance: Any, keys: dict[str, Any]) -> Any:
+    """Check keys and put them into a new instance; keys may have any name that a file has."""
+    validator = type(instance).__pydantic_validator__
+    return validator.validate_python(ArgsKwargs((), keys), self_instance=instance)
 
 
 class _AsTable:
@@ -67,12 +72,8 @@ class _AsTable:
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
         def read(value: Any) -> Any:
-            if not isinstance(value, dict):
-                return value
             # not by its __init__: the places in pydantic's error belong below the section's own
-            return source.__pydantic_validator__.validate_python(
-                ArgsKwargs((), value), self_instance=object.__new__(source)
-            )
+            return _fill(object.__new__(source), value) if isinstance(value, dict) else value
 
         return core_schema.no_info_before_validator_function(read, handler(source))
 
