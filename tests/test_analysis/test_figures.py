@@ -75,7 +75,6 @@ def texts(shown: DetectionData) -> str:
     return render(shown)[1].decode()
 
 
-@pytest.mark.slow
 def test_both_axes_are_named_with_their_units() -> None:
     svg = texts(data())
     assert "Level, logarithmic (V peak-to-peak)" in svg
@@ -123,7 +122,6 @@ def test_guessing_is_marked_only_in_a_forced_choice() -> None:
     assert "guessing" not in texts(data())
 
 
-@pytest.mark.slow
 def test_conditions_have_a_panel_each() -> None:
     svg = texts(data(2, ("bare", "covered")))
     assert all(f"condition {name}" in svg for name in ("bare", "covered"))
@@ -216,7 +214,6 @@ def test_a_threshold_has_its_interval_and_its_unit() -> None:
     assert "mean of 2" in svg
 
 
-@pytest.mark.slow
 def test_a_censored_threshold_is_an_arrow_and_forbids_a_mean() -> None:
     svg = threshold_texts(people(FOUND, BELOW, BELOW, ("threshold_above_levels", NAN, NAN, NAN)))
     assert "below the lowest tested level" in svg
@@ -231,7 +228,6 @@ def test_who_has_no_threshold_is_named_with_the_reason() -> None:
     assert "none: flat" in svg
 
 
-@pytest.mark.slow
 def test_a_crowd_is_ordered_and_not_named() -> None:
     svg = threshold_texts(people(*[FOUND] * 61))
     assert "<!-- S01 -->" not in svg
@@ -242,7 +238,6 @@ def test_a_figure_of_censored_thresholds_alone_is_drawn() -> None:
     assert "median of 2" in threshold_texts(people(BELOW, BELOW))
 
 
-@pytest.mark.slow
 def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     trials = pd.DataFrame({
         "condition": "main", "kind": "single", "side": "left", "reason": "",
@@ -255,7 +250,6 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     assert "ignores that participants differ" in svg
 
 
-@pytest.mark.slow
 def test_reaction_times_are_of_each_side_in_seconds() -> None:
     rows = [("main", v, side, 9, 0.5, 0.4, 0.8) for v in LEVELS_VPP for side in ("left", "right")]
     rows.append(("main", 220.0, "left", 0, NAN, NAN, NAN))

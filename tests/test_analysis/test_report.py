@@ -75,16 +75,22 @@ def trials(folder: Path, names: tuple[str, ...], *, simulated: bool = False) -> 
     return path
 
 
-def report(folder: Path, names: tuple[str, ...] = ("S1",), *, simulated: bool = False) -> str:
+def report(
+    folder: Path,
+    names: tuple[str, ...] = ("S1",),
+    *,
+    simulated: bool = False,
+    figures: bool = False,
+) -> str:
     table_file = trials(folder, names, simulated=simulated)
-    write_analysis([table_file], folder / "out", columns=ColumnMap())
+    write_analysis([table_file], folder / "out", columns=ColumnMap(), figures=figures)
     return (folder / "out" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("hostile")
-    report(folder, HOSTILE)
+    report(folder, HOSTILE, figures=True)
     return folder / "out"
 
 
@@ -116,7 +122,7 @@ def test_control_characters_are_refused_in_names(tmp_path: Path, mark: str) -> N
 @pytest.mark.slow
 @pytest.mark.parametrize("mark", ["\u202e", "\u200f", "\u2066", "\u200b"])
 def test_marks_that_show_no_sign_are_spelled_out_in_every_file(tmp_path: Path, mark: str) -> None:
-    report(tmp_path, (f"S{mark}1", "S1"))
+    report(tmp_path, (f"S{mark}1", "S1"), figures=True)
     for path in (tmp_path / "out").iterdir():
         assert path.suffix == ".png" or mark.encode() not in path.read_bytes()
     people = (tmp_path / "out" / "participants.csv").read_text(encoding="utf-8")
@@ -146,7 +152,7 @@ def test_trials_clean_has_every_trial_with_its_reason(hostile: Path) -> None:
 
 @pytest.mark.slow
 def test_the_page_asks_for_nothing_and_may_not(tmp_path: Path) -> None:
-    text = report(tmp_path)
+    text = report(tmp_path, figures=True)
     outline = Outline(text)
     loaded = [g[k] for _, g in outline.tags for k in ("src", "href", "action", "data") if k in g]
     assert len(loaded) == 4
@@ -159,7 +165,7 @@ def test_the_page_asks_for_nothing_and_may_not(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_headings_are_in_order_and_everything_has_words(tmp_path: Path) -> None:
-    text = report(tmp_path)
+    text = report(tmp_path, figures=True)
     outline = Outline(text)
     levels = [int(tag[1]) for tag, _ in outline.tags if re.fullmatch("h[1-6]", tag)]
     assert levels[0] == 1
@@ -171,7 +177,6 @@ def test_headings_are_in_order_and_everything_has_words(tmp_path: Path) -> None:
     assert "<title>" in text
 
 
-@pytest.mark.slow
 def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
     told = Outline(report(tmp_path, ("S1", "S2"))).text
     counted = "26 trials of 2 participants in 2 sessions, 2 conditions"
@@ -180,14 +185,12 @@ def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
         assert words in told
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("simulated", "marks"), [(True, 1), (False, 0)])
 def test_simulated_participants_are_marked(tmp_path: Path, *, simulated: bool, marks: int) -> None:
     text = report(tmp_path, simulated=simulated)
     assert text.count('<p class="mark">Simulated participants.</p>') == marks
 
 
-@pytest.mark.slow
 def test_every_file_is_the_same_on_a_rerun(tmp_path: Path) -> None:
     made = []
     for place in ("one", "two"):
