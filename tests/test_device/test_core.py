@@ -279,6 +279,16 @@ def test_a_weak_waveform_has_its_level_in_the_record_too(*, right: bool) -> None
     assert core.take(0, Fire(token=1)).levels_mvpp == ((0, 99_000) if right else (64_123, 0))
 
 
+def test_what_is_emitted_names_the_level_of_either_channel() -> None:
+    core = live().core
+    core.take(0, Load(slot=0, left=sine_codes(), right=sine_codes()))
+    core.take(0, Levels(left_mvpp=64_123, right_mvpp=99_000))
+    core.take(0, arm(1))
+    assert core.take(0, Fire(token=1)).levels_mvpp == (64_123, 99_000)
+    assert core.playing is not None
+    assert (core.playing.level_left_vpp, core.playing.level_right_vpp) == (64.123, 99.0)
+
+
 def test_a_level_no_loaded_waveform_could_use_is_refused_when_it_is_set() -> None:
     core = live().core
     assert refusal(lambda: core.take(0, levels(200_001))) is Refusal.CEILING
