@@ -11,8 +11,8 @@ from experiment.trial.events import Event, Key
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from experiment.operator.requests import StopSignal
-    from experiment.terms.responder import Press, Progress, Question, Responder, SessionPart
+    from experiment.session.setting import Setting
+    from experiment.terms.responder import Press, Progress, Question, SessionPart
     from experiment.trial.events import Happening, Task
 
 
@@ -21,19 +21,15 @@ class Attendance:
 
     Parameters
     ----------
-    responder : Responder
-        The participant.
-    stop : StopSignal
-        Tells that the session is to be stopped.
+    setting : Setting
+        Its responder, and the signal that the session is to be stopped.
     responses : tuple of str
         The answers offered; ``none`` always is with the fingers off the plate.
     """
 
-    def __init__(
-        self, responder: Responder, stop: StopSignal, *, responses: tuple[str, ...]
-    ) -> None:
-        self._responder = responder
-        self._stop = stop
+    def __init__(self, setting: Setting, *, responses: tuple[str, ...]) -> None:
+        self._responder = setting.responder
+        self._stop = setting.stop
         self._responses = responses
 
     def greet(self, progress: Progress) -> Happening:

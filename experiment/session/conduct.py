@@ -179,28 +179,15 @@ def _run(
     with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
         finished, failure = history.finished, None
         if not finished:
-            _enter(
-                study=study,
-                plan=plan,
-                history=history,
-                journal=journal,
-                setting=setting,
-                identity=identity,
-            )
+            _enter(study, plan, history, journal, setting=setting, identity=identity)
             session = Session(
-                study=study,
-                plan=plan,
-                history=folder.read_history(plan),
+                setting,
+                study,
+                plan,
+                folder.read_history(plan),
+                journal,
                 resumed=bool(history.opening),
-                device=setting.device,
-                responder=setting.responder,
-                noise=setting.noise,
-                clock=setting.clock,
                 origin_s=origin_s,
-                journal=journal,
-                requests=setting.requests,
-                monitor=setting.monitor,
-                stop=setting.stop,
             )
             finished = session.run()
             failure = session.failure
@@ -213,11 +200,11 @@ def _run(
 
 
 def _enter(
-    *,
     study: Study,
     plan: Plan,
     history: History,
     journal: Journal,
+    *,
     setting: Setting,
     identity: Identity,
 ) -> None:

@@ -14,10 +14,10 @@ from experiment.trial.events import Event
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from device.clock import Clock
-    from device.driver import BurstDevice, Delivery
+    from device.driver import Delivery
     from experiment.apparatus.noise import NoiseHealth, NoisePlayer
     from experiment.archive.journal import Journal
+    from experiment.session.setting import Setting
     from experiment.study.study import Study
     from experiment.trial.events import Task
     from experiment.trial.plan import Trial
@@ -38,12 +38,10 @@ class StimulusOut:
 
     Parameters
     ----------
+    setting : Setting
+        Its device, opened, and the clock of it.
     study : Study
         The study, with its conditions.
-    device : BurstDevice
-        The actuators, opened.
-    clock : Clock
-        The clock of the device.
     journal : Journal
         Where tokens and faults are noted.
 
@@ -57,17 +55,15 @@ class StimulusOut:
         What the device failed with, if it did.
     """
 
-    def __init__(
-        self, *, study: Study, device: BurstDevice, clock: Clock, journal: Journal
-    ) -> None:
+    def __init__(self, setting: Setting, study: Study, journal: Journal) -> None:
         self._study = study
-        self._device = device
-        self._clock = clock
+        self._device = setting.device
+        self._clock = setting.clock
         self._journal = journal
         self._conditions = {condition.name: condition for condition in study.conditions}
         self._loaded: str | None = None
         self._interval_s = 0.0
-        self._rested_s = clock.now_s()
+        self._rested_s = setting.clock.now_s()
         self._token = 0
         self.delivery: Delivery | None = None
         self.onset_s = 0.0

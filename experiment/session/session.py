@@ -17,14 +17,10 @@ from experiment.trial.events import Event
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from device.clock import Clock
-    from device.driver import BurstDevice
-    from experiment.apparatus.noise import NoisePlayer
     from experiment.archive.history import History
     from experiment.archive.journal import Journal
-    from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.session.setting import Setting
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder
     from experiment.trial.events import Happening
     from experiment.trial.plan import Plan
 
@@ -38,66 +34,48 @@ class Session:
 
     Parameters
     ----------
+    setting : Setting
+        With what and whom, device opened and noise started.
     study : Study
         The study.
     plan : Plan
         Its sealed plan.
     history : History
         What the journal says already; empty for a new session.
-    resumed : bool
-        Whether it goes on after an interruption: a person gets the warm-up trials then.
-    device : BurstDevice
-        The actuators, opened.
-    responder : Responder
-        The participant.
-    noise : NoisePlayer
-        The masking noise, started.
-    clock : Clock
-        The clock of device and responder.
-    origin_s : float
-        The clock's reading at the session's beginning.
     journal : Journal
         The session's journal, opened.
-    requests : Requests
-        What the operator asks for.
-    monitor : Monitor
-        What the operator is shown.
-    stop : StopSignal
-        Tells that the session is to be stopped.
+    resumed : bool
+        Whether it goes on after an interruption: a person gets the warm-up trials then.
+    origin_s : float
+        The clock's reading at the session's beginning.
     """
 
     def __init__(
         self,
-        *,
+        setting: Setting,
         study: Study,
         plan: Plan,
         history: History,
-        resumed: bool,
-        device: BurstDevice,
-        responder: Responder,
-        noise: NoisePlayer,
-        clock: Clock,
-        origin_s: float,
         journal: Journal,
-        requests: Requests,
-        monitor: Monitor,
-        stop: StopSignal,
+        *,
+        resumed: bool,
+        origin_s: float,
     ) -> None:
         self._study = study
-        self._device = device
-        self._responder = responder
-        self._participant = Attendance(responder, stop, responses=plan.responses)
-        self._clock = clock
+        self._device = setting.device
+        self._responder = setting.responder
+        self._participant = Attendance(setting, responses=plan.responses)
+        self._clock = setting.clock
         self._origin_s = origin_s
         self._journal = journal
-        self._requests = requests
-        self._monitor = monitor
-        self._stop = stop
+        self._requests = setting.requests
+        self._monitor = setting.monitor
+        self._stop = setting.stop
         self._due_s = 0.0
-        self._emission = StimulusOut(study=study, device=device, clock=clock, journal=journal)
-        self._noise = NoiseWatch(noise, journal)
+        self._emission = StimulusOut(setting, study, journal)
+        self._noise = NoiseWatch(setting.noise, journal)
         self._standing = Standing(plan, study.design, history)
-        again = resumed and not responder.simulated
+        again = resumed and not self._responder.simulated
         self._state = events.SessionState(
             pending=history.due(warm_up=again),
             keep_anticipated=study.design.anticipated == "keep",

@@ -143,6 +143,13 @@ class Effect:
     """Something to be done; a few of them are answered by an event."""
 
 
+@dataclass(frozen=True, slots=True)
+class TaskEffect(Effect):
+    """One that belongs to an attempt at a trial."""
+
+    task: Task
+
+
 class Greet(Effect):
     """Welcome and instruct the participant. Answered by CONTINUED or STOP_ASKED."""
 
@@ -154,11 +161,8 @@ class Introduce(Effect):
     part: SessionPart
 
 
-@dataclass(frozen=True, slots=True)
-class OpenBlock(Effect):
+class OpenBlock(TaskEffect):
     """Note that a block begins; its waveforms go to the device."""
-
-    task: Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,39 +172,26 @@ class CloseBlock(Effect):
     block: int
 
 
-@dataclass(frozen=True, slots=True)
-class Cue(Effect):
+class Cue(TaskEffect):
     """Show that a trial begins."""
 
-    task: Task
 
-
-@dataclass(frozen=True, slots=True)
-class Wait(Effect):
+class Wait(TaskEffect):
     """Let the foreperiod pass, or its rest. Answered by ELAPSED, Key, PAUSE_ASKED or STOP_ASKED."""
 
-    task: Task
 
-
-@dataclass(frozen=True, slots=True)
-class ArmStimulus(Effect):
+class ArmStimulus(TaskEffect):
     """Journal the token, then arm the device. Answered by ARMED, NOISE_LOST or DEVICE_FAILED."""
 
-    task: Task
 
-
-@dataclass(frozen=True, slots=True)
-class Fire(Effect):
+class Fire(TaskEffect):
     """Emit the stimulus. Answered by FIRED, NOT_FIRED, FIRED_PERHAPS or DEVICE_FAILED."""
 
-    task: Task
-
 
 @dataclass(frozen=True, slots=True)
-class Listen(Effect):
+class Listen(TaskEffect):
     """Wait for the answer. Answered by Key, ELAPSED, NOISE_LOST, PAUSE_ASKED or STOP_ASKED."""
 
-    task: Task
     window_s: float
 
 
