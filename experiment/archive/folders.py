@@ -38,15 +38,6 @@ if TYPE_CHECKING:
     from experiment.archive.history import History
 
 
-__all__ = [
-    "ArchiveError",
-    "SessionFolder",
-    "check_identifier",
-    "session_folders",
-    "write_atomically",
-]
-
-
 @dataclass(frozen=True, slots=True)
 class SessionFolder:
     """``ROOT/sub-<participant>/ses-<session>`` and the files in it.

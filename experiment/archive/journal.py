@@ -2,6 +2,11 @@
 
 One line is one event: ``{"crc":"<8 hex digits>","schema":1,"seq":n,"event":...,...}``. The checksum
 is the CRC-32 of the line without its ``crc`` member: of the bytes ``{"schema":...}``.
+
+A line is synced where something follows that a later line cannot undo: a stimulus that is armed
+under a token, a trial that is over, a wait for a person. A sync takes all lines before it along, so
+the others need none of their own. Between FIRE and the answer nothing is written at all: a disk
+that takes its time would be felt there, in the reaction time.
 """
 
 from __future__ import annotations
@@ -136,18 +141,17 @@ class Journal:
         self._wall_s = wall_s
         self._disk = disk
         self._broken = False
-        self.entries: tuple[Entry, ...] = ()
+        self._seq = 0
         self.torn_file: Path | None = None
         try:
             self._open()
         except OSError as error:
             raise self._write_error(error) from error
-        self._seq = len(self.entries)
 
     def _open(self) -> None:
         if self._path.exists():
             found = read_journal(self._path)
-            self.entries = found.entries
+            self._seq = len(found.entries)
             if found.torn:
                 self.torn_file = self._set_aside(found)
         self._file = self._disk.open(self._path, new=False)

@@ -92,6 +92,7 @@ class StimulusOut:
         trial = task.trial
         level_vpp = trial.level_vpp or min(self._study.design.levels_vpp)
         self._token = max(self._token + 1, time.time_ns())
+        # On the disk before the device knows it: after a crash only the token tells what was felt.
         self._journal.append("trial_armed", trial_name(task) | {"token": self._token}, sync=True)
         try:
             self._device.set_levels(level_vpp, level_vpp)

@@ -163,6 +163,10 @@ def _checksum(plan: Plan) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
+# The seal is of what a plan says, not of its file: keys sorted, no blanks. A plan that was laid out
+# anew is still the one that was drawn; one in which a level or the study was touched is not: a
+# session would go on with trials that nobody drew. It is a checksum, not a signature: it guards
+# against slips and half-written copies, not against somebody who computes it again.
 def seal(plan: Plan) -> Plan:
     """Return the plan with its checksum."""
     return replace(plan, sha256=_checksum(plan))

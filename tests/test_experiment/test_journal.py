@@ -81,7 +81,7 @@ def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> N
     for number, end in enumerate(range(start + 1, len(whole)), start=1):
         path.write_bytes(whole[:end])
         with Journal(path, now_s=lambda: 0.0, disk=UNWAITED) as journal:
-            assert [entry.event for entry in journal.entries] == ["first"]
+            assert [entry.event for entry in read_journal(path).entries] == ["first"]
             assert journal.torn_file == path.with_name(f"journal.torn-{number}")
             assert journal.torn_file.read_bytes() == whole[start:end]
             journal.append("third")
