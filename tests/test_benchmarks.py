@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from analysis.thresholds.posterior import Nodes
+from benchmarks import __main__ as command
 from benchmarks import (
     analysis,
     calibration,
@@ -133,3 +134,17 @@ def test_a_calibration_section_tells_coverage_bias_and_time(
     assert "| centred | 0.5 | all | ours | 20 |" in text
     assert "| 17 x 9 x 3 |" in text
     assert (tmp_path / "posterior.png").exists()
+
+
+def test_what_is_not_measured_stays_on_the_page(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    page = tmp_path / "benchmarks.md"
+    page.write_text("# Old\n\n## Start\n\n1 s\n\n## Long runs\n\n42 kills\n", encoding="utf-8")
+    monkeypatch.setattr(command, "PAGE", page)
+    monkeypatch.setattr(command, "NAMES", ())
+    command.main([])
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith("# Benchmarks\n\nMeasured by")
+    assert text.endswith("\n\n## Long runs\n\n42 kills\n")
+    assert "1 s" not in text
