@@ -207,16 +207,6 @@ class AudioDevice(HostDriver):
         """What a sound card cannot promise."""
         return CANNOT
 
-    @property
-    def frames(self) -> int:
-        """Frames that the sound card has taken since the device was made."""
-        return self._audio.player.frames
-
-    @property
-    def underruns(self) -> int:
-        """How often the sound card has told that it had run out of frames."""
-        return self._audio.player.underruns
-
 
 def audio_device(
     port: str, *, limits: Limits, clock: Clock, volts_full_scale: float, sample_rate_hz: float

@@ -135,9 +135,9 @@ def test_a_burst_comes_out_on_its_channel_frame_by_frame(card: Card, slot: int) 
 
 def test_between_bursts_it_plays_zeros_and_counts_them(card: Card) -> None:
     device = live_on(card)
-    before = device.frames
+    before = device._audio.player.frames
     card.wait(1.0)
-    assert device.frames - before == card.frames().shape[0] >= RATE_HZ
+    assert device._audio.player.frames - before == card.frames().shape[0] >= RATE_HZ
     assert not card.frames().any()
 
 
@@ -170,7 +170,7 @@ def test_a_gap_during_the_burst_or_before_it_is_heard_is_indeterminate(card: Car
         device = live_on(card)
         card.trouble = gap_at(bad)
         assert play(device, 1) is Outcome.INDETERMINATE
-        assert device.underruns == 1
+        assert device._audio.player.underruns == 1
         card.trouble = lambda _: False
         card.wait(0.1)
         assert play(device, 2) is Outcome.FIRED
@@ -181,7 +181,7 @@ def test_a_gap_before_the_burst_does_not_matter(card: Card) -> None:
     device = live_on(card)
     card.trouble = lambda index: index == 0
     assert play(device, 1) is Outcome.FIRED
-    assert device.underruns == 1
+    assert device._audio.player.underruns == 1
 
 
 def test_a_card_that_takes_nothing_leaves_the_burst_open(card: Card) -> None:
@@ -319,7 +319,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int)
             break
     device.close()
     assert any(fired)
-    assert device.frames > 0
+    assert device._audio.player.frames > 0
     assert null_sink.until(heard)
 
 

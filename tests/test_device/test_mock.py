@@ -171,7 +171,7 @@ def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
 
 def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:
     clock = VirtualClock()
-    strict = Limits(ceiling_vpp=120.0, least_interval_s=1.0)
+    strict = Limits(ceiling_vpp=120.0, least_interval_s=1.0, longest_time_to_live_s=5.0)
     device = MockDevice(clock, limits=strict)
     device.open()
     device.load(0, BURST, SILENCE)
@@ -179,6 +179,7 @@ def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None
     device.enable()
     device.set_levels(150.0, 0.0)
     assert code_of(lambda: device.arm(1, 0, time_to_live_s=5.0)) is Refusal.CEILING
+    assert code_of(lambda: device.arm(1, 1, time_to_live_s=5.1)) is Refusal.BAD_TIME_TO_LIVE
     device.arm(1, 1, time_to_live_s=5.0)
     device.fire(1)
     clock.wait(0.9)
