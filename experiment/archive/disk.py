@@ -7,6 +7,7 @@ leaves it, to the group; others never get a right, for what it holds is a person
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import stat
 from dataclasses import dataclass
@@ -103,7 +104,10 @@ def make_folder(folder: Path, disk: Disk) -> None:
     if folder.is_dir():
         return
     make_folder(folder.parent, disk)
-    folder.mkdir(FOLDER_MODE, exist_ok=True)
+    try:
+        folder.mkdir(FOLDER_MODE, exist_ok=True)
+    except FileExistsError as error:  # "File exists" would not tell what is wrong with that
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from error
     disk.sync_folder(folder.parent)
 
 

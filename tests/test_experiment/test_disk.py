@@ -159,6 +159,16 @@ def test_a_new_folder_is_on_the_disk_with_those_above_it(tmp_path: Path, disk: L
     assert disk.holds(tmp_path) == {"study/sub-01/ses-01/plan.json": b"{}"}
 
 
+def test_a_folder_below_a_file_is_refused_by_the_files_name(
+    tmp_path: Path, disk: LossyDisk
+) -> None:
+    file = tmp_path / "study.toml"
+    file.touch()
+    with pytest.raises(NotADirectoryError) as refused:
+        make_folder(file / "sub-01" / "ses-01", disk)
+    assert refused.value.filename == str(file)
+
+
 def test_an_export_is_on_the_disk_as_a_whole(tmp_path: Path, disk: LossyDisk) -> None:
     for text in ("first", "second"):
         about = Manifest(what="BIDS data set", participants=("01",))
