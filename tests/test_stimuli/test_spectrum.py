@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import subprocess
 import sys
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -414,6 +416,26 @@ def test_a_1500_hz_burst_is_unfit_for_the_simply_supported_plate() -> None:
     assert ideal.startswith("the ideal burst has 0.138")
     assert "staircase" in staircase
     assert "half-power band" in band
+
+
+@pytest.mark.parametrize(
+    "share", ["energy_above_cutoff", "staircase_energy_above_cutoff", "max_energy_above_cutoff"]
+)
+def test_no_share_of_an_energy_is_below_none_or_above_all(share: str) -> None:
+    check = check_burst(PAPER, PLATE)
+    for bad in (-0.01, 1.01):
+        with pytest.raises(ValueError, match=f"^{share} must be"):
+            dataclasses.replace(check, **{share: bad})  # type: ignore[arg-type]  # one name of many
+
+
+def test_beside_a_far_null_all_digits_are_right() -> None:
+    """Of no window |S| = N T |sin(pi y)| / (pi |N^2 - y^2|), y = f T; here y is just off 10^6."""
+    burst = burst_of("none", 3, 333.3)
+    frequency_hz = float(np.nextafter(1e6 * 333.3 / 3, math.inf))
+    y = Fraction(frequency_hz) * 3 / Fraction(333.3)
+    sine = math.sin(math.pi * float(y - round(y)))
+    exact_s = 3 * (3 / 333.3) * abs(sine) / (math.pi * float(y * y - 9))
+    assert abs(burst.spectrum(frequency_hz)) == pytest.approx(exact_s, rel=1e-12, abs=0.0)
 
 
 def test_the_energies_decide_and_a_limit_of_all_lets_everything_pass() -> None:
