@@ -97,3 +97,4 @@ def test_what_did_not_fire_has_neither_onset_nor_levels() -> None:
     told = delivery(exchange(Record(token=9, fate=Fate.ABORTED), device_us=5))
     assert (told.outcome, told.device_us) == (Outcome.NOT_FIRED, None)
     assert (told.level_left_vpp, told.level_right_vpp) == (0.0, 0.0)
+    assert (told.host_before_s, told.host_after_s) == (10.0, 10.002)
