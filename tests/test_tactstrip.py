@@ -145,6 +145,7 @@ def test_an_interrupted_dry_run_ends_with_one_line(
     assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
 
 
+@pytest.mark.slow
 def test_a_dry_run_whose_device_fails_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -156,6 +157,7 @@ def test_a_dry_run_whose_device_fails_says_so(
     assert (result.exit_code, result.stderr) == (3, "error: participant 01: device: no answer\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -192,6 +194,7 @@ def test_dry_runs_without_out_are_numbered(tmp_path: Path, monkeypatch: pytest.M
     assert (tmp_path / "dry-run-2" / "analysis" / "levels.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_dry_run_never_writes_into_a_folder_with_files(tmp_path: Path) -> None:
     (tmp_path / "precious.txt").write_text("kept", encoding="utf-8")
     result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path)])
@@ -199,6 +202,7 @@ def test_a_dry_run_never_writes_into_a_folder_with_files(tmp_path: Path) -> None
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
 
+@pytest.mark.slow
 def test_an_unfit_stimulus_is_not_run_unless_the_study_says_why(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     unfit = '[strip]\nedge = "simply-supported"\n[burst]\nfrequency_hz = 1500\n'

@@ -148,8 +148,10 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
 
     Examples
     --------
+    What the fingers get takes a second or two to compute, and is left out here:
+
     >>> from experiment.study.read import paper_study
-    >>> check = check_study(paper_study())
+    >>> check = check_study(paper_study(), gains=())
     >>> check.verdict, round(check.cutoff_hz), check.trials, check.blocks
     ('fit', 2900, 155, 5)
     """

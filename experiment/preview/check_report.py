@@ -47,7 +47,7 @@ def check_findings(check: StudyCheck, file_name: str) -> Findings:
     --------
     >>> from experiment.study.read import paper_study
     >>> from experiment.preview.check import check_study
-    >>> found = check_findings(check_study(paper_study()), "study.toml")
+    >>> found = check_findings(check_study(paper_study(), gains=()), "study.toml")
     >>> print(found.text.splitlines()[-1])
     verdict        fit: below the strip's cut-off, and masked at the other finger
     >>> found.facts["verdict"], round(found.facts["strip"]["cutoff_hz"], 6)

@@ -225,6 +225,7 @@ OFF_PLATE = 'audibility_trials = 2\n[texts]\ncontrol = "Hände weg"\n'
 NO_UTF_8 = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("env", [{"PYTHONIOENCODING": "ascii"}, NO_UTF_8])
 def test_texts_that_the_terminal_cannot_show_are_refused_before_anything_begins(
     study_path: Path, env: dict[str, str]
@@ -240,6 +241,7 @@ def test_texts_that_the_terminal_cannot_show_are_refused_before_anything_begins(
     assert not (study_path.parent / "results").exists()
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     ("env", "encoding"), [({"PYTHONIOENCODING": "latin-1"}, "latin-1"), ({"LC_ALL": "C"}, "utf-8")]
 )
@@ -254,6 +256,7 @@ def test_texts_are_shown_in_the_encoding_of_the_terminal(
         assert terminal.ended() == 4, terminal.shown
 
 
+@pytest.mark.process
 def test_texts_that_the_terminal_never_shows_are_no_reason_to_refuse(study_path: Path) -> None:
     text = OFF_PLATE.replace("audibility_trials = 2", "audibility_trials = 0")
     study_path.write_text(study_path.read_text("utf-8") + text, encoding="utf-8")
