@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
-from experiment.commands.field import field
 from experiment.preview.field import (
     PlateBand,
     PlateMap,
@@ -31,6 +29,7 @@ from stimuli import Fingertip, ForceRectangle, Scene, displacement
 
 if TYPE_CHECKING:
     from experiment.study.study import Study
+    from tests.test_experiment.conftest import Run
 
 OFF_CENTRE = """
 [strip]
@@ -65,10 +64,6 @@ def study_band(
     study: Study, band_hz: tuple[float, float], *, n_frequencies: int = 500
 ) -> PlateBand:
     return plate_band(plate_of(study), band_hz, n_frequencies=n_frequencies)
-
-
-def run(*arguments: str) -> Result:
-    return CliRunner().invoke(field, ["study.toml", *arguments])
 
 
 def table(name: str) -> list[dict[str, str]]:
@@ -196,8 +191,8 @@ def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
 
 
 @pytest.mark.slow
-def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition() -> None:
-    result = run()
+def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Run) -> None:
+    result = run("field", "study.toml")
     assert result.exit_code == 0, result.stderr
     assert files() == ["field.png", "study.toml"]
     assert Path("field.png").read_bytes().startswith(b"\x89PNG")
@@ -212,8 +207,8 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition() -> No
 
 
 @pytest.mark.slow
-def test_the_table_of_a_map_has_the_librarys_values() -> None:
-    assert run("--frequency-hz", "3300", "--out", "map.csv").exit_code == 0
+def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
+    assert run("field", "study.toml", "--frequency-hz", "3300", "--out", "map.csv").exit_code == 0
     rows = table("map.csv")
     assert len(rows) == 401 * 51
     study = paper_study()
@@ -232,8 +227,8 @@ def test_the_table_of_a_map_has_the_librarys_values() -> None:
     assert {row["basis"] for row in rows} == {"measured, at 200 Vpp; endless strip"}
 
 
-def test_the_table_of_a_band_has_the_librarys_values_in_full_precision() -> None:
-    assert run("--band", "100", "3000", "--out", "band.csv").exit_code == 0
+def test_the_table_of_a_band_has_the_librarys_values_in_full_precision(run: Run) -> None:
+    assert run("field", "study.toml", "--band", "100", "3000", "--out", "band.csv").exit_code == 0
     rows = table("band.csv")
     found = study_band(paper_study(), (100.0, 3000.0))
     assert [float(row["frequency_hz"]) for row in rows] == found.frequencies_hz.tolist()
@@ -247,18 +242,18 @@ def test_the_table_of_a_band_has_the_librarys_values_in_full_precision() -> None
 
 
 @pytest.mark.slow
-def test_a_band_says_where_the_other_finger_comes_near_and_what_is_left_out() -> None:
-    result = run("--band", "500", "2900", "--out", "band.svg")
+def test_a_band_says_where_the_other_finger_comes_near_and_what_is_left_out(run: Run) -> None:
+    result = run("field", "study.toml", "--band", "500", "2900", "--out", "band.svg")
     assert result.exit_code == 0, result.stderr
     assert "499 frequencies" in result.stdout
     assert "left out       2900 Hz, a cut-off" in result.stdout
     assert "above -20 dB first at 28" in result.stdout
-    quiet = run("--band", "100", "1000", "--out", "quiet.csv")
+    quiet = run("field", "study.toml", "--band", "100", "1000", "--out", "quiet.csv")
     assert "above -20 dB nowhere" in quiet.stdout
 
 
-def test_the_ending_may_be_in_capitals() -> None:
-    assert run("--band", "100", "200", "--out", "BAND.CSV").exit_code == 0
+def test_the_ending_may_be_in_capitals(run: Run) -> None:
+    assert run("field", "study.toml", "--band", "100", "200", "--out", "BAND.CSV").exit_code == 0
     assert len(table("BAND.CSV")) == 500
 
 
@@ -355,8 +350,10 @@ def test_a_displacement_has_a_prefix_that_suits_it(size_m: float, told: str) -> 
         (["--out", "nowhere/field.png"], "nowhere/field.png: No such file or directory"),
     ],
 )
-def test_bad_input_is_one_line_and_changes_nothing(arguments: list[str], told: str) -> None:
-    result = run(*arguments)
+def test_bad_input_is_one_line_and_changes_nothing(
+    arguments: list[str], told: str, run: Run
+) -> None:
+    result = run("field", "study.toml", *arguments)
     assert result.exit_code == 2
     assert told in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -366,9 +363,9 @@ def test_bad_input_is_one_line_and_changes_nothing(arguments: list[str], told: s
 
 
 @pytest.mark.parametrize("name", ["old.png", "old.svg", "old.csv"])
-def test_an_existing_file_is_left_alone(name: str) -> None:
+def test_an_existing_file_is_left_alone(name: str, run: Run) -> None:
     Path(name).write_text("mine", encoding="utf-8")
-    result = run("--out", name)
+    result = run("field", "study.toml", "--out", name)
     assert result.exit_code == 2
     assert (
         result.stderr
@@ -377,22 +374,24 @@ def test_an_existing_file_is_left_alone(name: str) -> None:
     assert Path(name).read_text(encoding="utf-8") == "mine"
 
 
-def test_a_dangling_link_is_not_followed() -> None:
+def test_a_dangling_link_is_not_followed(run: Run) -> None:
     Path("field.png").symlink_to("elsewhere.png")
-    assert run().exit_code == 2
+    assert run("field", "study.toml").exit_code == 2
     assert not Path("elsewhere.png").exists()
 
 
-def test_a_missing_study_is_one_line() -> None:
-    result = CliRunner().invoke(field, ["nowhere.toml"])
+def test_a_missing_study_is_one_line(run: Run) -> None:
+    result = run("field", "nowhere.toml")
     assert result.exit_code == 2
     assert result.stderr == "error: nowhere.toml: No such file or directory\n"
     assert files() == ["study.toml"]
 
 
-def test_a_write_that_fails_leaves_no_file_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_write_that_fails_leaves_no_file_behind(
+    monkeypatch: pytest.MonkeyPatch, run: Run
+) -> None:
     monkeypatch.setattr("experiment.commands.field._content", lambda *_: "no bytes")
-    result = run()
+    result = run("field", "study.toml")
     assert isinstance(result.exception, TypeError)
     assert files() == ["study.toml"]
 

@@ -23,6 +23,7 @@ from experiment.archive.folders import SessionFolder
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+pytestmark = pytest.mark.process
 REQUIRED = os.environ.get("TACTSTRIP_SCREEN") == "required"
 LONGEST_S = 40.0
 SHORT = """
@@ -449,7 +450,6 @@ def refusal(study: str, root: Path, environment: dict[str, str]) -> str:
     return line
 
 
-@pytest.mark.process
 def test_a_machine_without_a_display_says_so_in_one_line(tmp_path: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "DISPLAY"}
     line = refusal(SHORT, tmp_path, environment)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 import re
 import select
@@ -16,6 +15,8 @@ import pytest
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from tests.test_experiment.conftest import Rows
 
 pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
 
@@ -95,21 +96,15 @@ class Terminal:
         return self.process.wait(PATIENCE_S)
 
 
-def rows(study_path: Path) -> list[dict[str, str]]:
-    path = study_path.parent / "results" / "sub-01" / "ses-01" / "trials.csv"
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
-
-
 @pytest.mark.process
-def test_what_is_pressed_is_what_is_recorded(study_path: Path) -> None:
+def test_what_is_pressed_is_what_is_recorded(study_path: Path, rows_of: Rows) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(LEFT, RIGHT, DOWN)
         terminal.expect(b"Break: 3 of 5 trials are done.")
         terminal.press(ENTER)
         terminal.answer(b"l", b"x")
         assert terminal.ended() == 0, terminal.shown
-    recorded = rows(study_path)
+    recorded = rows_of(study_path.parent / "results")
     assert [row["response"] for row in recorded] == ["left", "right", "both", "left", "invalid"]
     assert {row["simulated"] for row in recorded} == {"false"}
     assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
@@ -118,7 +113,9 @@ def test_what_is_pressed_is_what_is_recorded(study_path: Path) -> None:
 
 
 @pytest.mark.process
-def test_fingers_leave_the_plate_and_come_back_when_it_is_said(study_path: Path) -> None:
+def test_fingers_leave_the_plate_and_come_back_when_it_is_said(
+    study_path: Path, rows_of: Rows
+) -> None:
     off_plate = 'audibility_trials = 2\ncontrol_trials = 2\n[texts]\ncontrol = "Hände weg"\n'
     study_path.write_text(study_path.read_text(encoding="utf-8") + off_plate, encoding="utf-8")
     with Terminal(study_path, "--seed", "1") as terminal:
@@ -142,7 +139,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(study_path: Path)
         terminal.press(ENTER)
         terminal.answer(b" ", LEFT)
         assert terminal.ended() == 0, terminal.shown
-    recorded = rows(study_path)
+    recorded = rows_of(study_path.parent / "results")
     control = [row["response"] for row in recorded if row["kind"] == "control"]
     assert control == ["none", "none", "none", "left"]
     assert all(row["status"] == "ok" for row in recorded)
@@ -151,6 +148,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(study_path: Path)
 @pytest.mark.process
 def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
     study_path: Path,
+    rows_of: Rows,
 ) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(LEFT, ESCAPE)
@@ -170,7 +168,9 @@ def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
         terminal.press(ENTER)
         terminal.answer(LEFT, LEFT)
         assert terminal.ended() == 0, terminal.shown
-    statuses = [row["status"] for row in rows(study_path) if row["kind"] != "practice"]
+    statuses = [
+        row["status"] for row in rows_of(study_path.parent / "results") if row["kind"] != "practice"
+    ]
     assert statuses.count("ok") == 5
     assert statuses.count("voided") == 2
 
@@ -178,34 +178,42 @@ def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
 @pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_while_an_answer_is_awaited_stops_the_session_safely(
-    study_path: Path, number: signal.Signals
+    study_path: Path,
+    number: signal.Signals,
+    rows_of: Rows,
 ) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(LEFT)
         terminal.expect(b" ?")
         terminal.process.send_signal(number)
         assert terminal.ended() == 4, terminal.shown
-    assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
+    assert [row["status"] for row in rows_of(study_path.parent / "results")] == ["ok", "voided"]
 
 
 @pytest.mark.process
-def test_a_terminal_that_is_closed_stops_the_session_safely(study_path: Path) -> None:
+def test_a_terminal_that_is_closed_stops_the_session_safely(
+    study_path: Path, rows_of: Rows
+) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(LEFT)
         terminal.expect(b" ?")
         terminal.close()
         assert terminal.process.wait(PATIENCE_S) == 4
-    assert [row["status"] for row in rows(study_path)] == ["ok", "voided"]
+    assert [row["status"] for row in rows_of(study_path.parent / "results")] == ["ok", "voided"]
 
 
 @pytest.mark.process
-def test_a_function_key_is_one_invalid_answer(study_path: Path) -> None:
+def test_a_function_key_is_one_invalid_answer(study_path: Path, rows_of: Rows) -> None:
     with Terminal(study_path, "--seed", "1") as terminal:
         terminal.answer(b"\x1b[15~", b"\x1b[1;5D", LEFT)
         terminal.expect(b"Break")
         terminal.press(ESCAPE)
         assert terminal.ended() == 4
-    assert [row["response"] for row in rows(study_path)] == ["invalid", "invalid", "left"]
+    assert [row["response"] for row in rows_of(study_path.parent / "results")] == [
+        "invalid",
+        "invalid",
+        "left",
+    ]
 
 
 @pytest.mark.process

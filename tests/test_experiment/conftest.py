@@ -1,0 +1,42 @@
+"""What several tests of sessions need: the command line as it is typed, and the table it writes."""
+
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING, TypeAlias
+
+import pytest
+from click.testing import CliRunner
+
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from click.testing import Result
+
+    Run: TypeAlias = Callable[..., Result]
+    Rows: TypeAlias = Callable[..., list[dict[str, str]]]
+
+
+@pytest.fixture
+def run() -> Run:
+    """Run a command with what is typed to it: exit code, output and error."""
+
+    def run(*arguments: str | Path, typed: str | None = None) -> Result:
+        return CliRunner().invoke(main, [str(argument) for argument in arguments], input=typed)
+
+    return run
+
+
+@pytest.fixture
+def rows_of() -> Rows:
+    """Read trials.csv of a session of participant 01 below a folder of results."""
+
+    def rows_of(out: Path, session: str = "01") -> list[dict[str, str]]:
+        path = out / "sub-01" / f"ses-{session}" / "trials.csv"
+        with path.open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+    return rows_of
