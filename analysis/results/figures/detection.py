@@ -41,7 +41,7 @@ class DetectionData:
     levels : pandas.DataFrame
         From `analysis.level_table`, at least one row.
     participants : pandas.DataFrame
-        From `analysis.answers.detection.participant_table`.
+        From `analysis.answers.detection.participants_of`.
     forced_choice : bool
         Whether "none" could not be answered, so that who feels nothing guesses a side.
     ci : str

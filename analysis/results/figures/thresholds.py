@@ -49,7 +49,7 @@ class ThresholdData:
     thresholds, groups : pandas.DataFrame
         From `analysis.thresholds.table.threshold_table` and `group_table`, at least one row.
     participants : pandas.DataFrame
-        From `analysis.answers.detection.participant_table`: who was tested at which levels.
+        From `analysis.answers.detection.participants_of`: who was tested at which levels.
     axis : Axis
         What the levels are.
     note : str
