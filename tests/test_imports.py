@@ -41,6 +41,7 @@ def named(node: ast.AST, package: str) -> set[str]:
     return {base, *(f"{base}.{alias.name}" for alias in node.names)}
 
 
+@pytest.mark.slow
 def test_no_module_imports_what_imports_it() -> None:
     graph = imports(ROOT, PACKAGES)
     assert len(graph) > 150

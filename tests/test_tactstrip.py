@@ -161,7 +161,11 @@ def test_a_dry_run_whose_device_fails_says_so(
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("[device]\nceiling_vpp = 300\n[design]\nlevels_vpp = [60, 250]", "own ceiling, 200 Vpp"),
+        pytest.param(
+            "[device]\nceiling_vpp = 300\n[design]\nlevels_vpp = [60, 250]",
+            "own ceiling, 200 Vpp",
+            marks=pytest.mark.slow,
+        ),
         ("[burst]\ncycles = 1000", "too long"),
         ('[burst]\nfrequency_hz = 5000\naccept_unfit = "a control"', "DC part"),
         ("[device]\nsample_rate_hz = 1000", "device.sample_rate_hz"),
@@ -248,6 +252,7 @@ def test_the_commands_of_the_readme_exist() -> None:
         assert all(option in told for option in options), line
 
 
+@pytest.mark.process
 def test_the_front_door_opens_as_a_module_too() -> None:
     command = [sys.executable, "-m", "tactstrip", "no-such-command"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -45,6 +45,7 @@ def sessions(tmp_path: Path, simulate: Simulate) -> Path:
     return simulate(tmp_path / "results", participants=3)
 
 
+@pytest.mark.process
 def test_sessions_together_are_the_sessions_alone(sessions: Path) -> None:
     people = sorted(sessions.glob("sub-*"))
     pd.testing.assert_frame_equal(

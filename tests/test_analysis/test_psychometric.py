@@ -294,6 +294,7 @@ def test_a_place_without_a_stimulus_does_not_stretch_the_scale() -> None:
     assert (scaled.low[0], scaled.width[0]) == (60.0, 35.0)
 
 
+@pytest.mark.process
 def test_fits_spread_over_processes_are_those_of_one() -> None:
     rng = np.random.default_rng(5)
     x = np.tile(np.log10([60.0, 95.0, 130.0, 165.0, 200.0]), (5, 1))

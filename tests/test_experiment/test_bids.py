@@ -187,6 +187,7 @@ def test_the_validators_own_command_says_the_same(validator: Path, results: Path
     assert sorted(map(str, told)) == sorted(map(str, issues(validator, bids)))
 
 
+@pytest.mark.slow
 def test_the_validator_accepts_broken_off_sessions_sources_and_columns_of_participants(
     validator: Path, results: Path
 ) -> None:
