@@ -501,6 +501,15 @@ def test_the_heart_sends_the_stop_again_until_it_is_confirmed() -> None:
     assert {frame.kind for frame in Decoder().feed(line.sent[-1])} == {Kind.BEAT}
 
 
+def test_a_link_that_is_not_connected_beats_and_stops_in_silence() -> None:
+    line = Line()
+    link = line.link()
+    link.beat()
+    link.stop()
+    link.beat()
+    assert (line.sent, link.state) == ([], State.CLOSED)
+
+
 def test_an_answer_to_a_stop_that_was_sent_long_before_tells_no_time() -> None:
     line, link, _ = live_link()
     link.stop()
