@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stimuli.solver.across import shape, shape_integral
-from stimuli.strip.dispersion import starting_values
+from stimuli.strip.dispersion import relation
+from stimuli.strip.roots import roots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,25 +24,14 @@ if TYPE_CHECKING:
 
 PI: Final = np.longdouble("3.14159265358979323846264338327950288")
 _NEAR_CUTOFF: Final = 1e-2
-_POLISHING_STEPS: Final = 15
+_SPARE: Final = 1
+"""Waves sought beyond those asked for: the last may be one of a pair. More would only cost time,
+since what their order hides lies where the waves are faint."""
+
 _NORM_NODES: Final = 48
 _END: Final = np.array(0.5)
 _LOW: Final = 2.0
 """2 (k W)^2 below which the closed form of the norms loses digits."""
-
-_SPARE: Final = 1
-"""Waves sought beyond those asked for: the last may be one of a pair."""
-
-_PAIR: Final = 0.4
-_WIDTHS: Final = (1.2e-2, 1.2e-3)
-"""Pairs of starting values nearer than this are parted anew, in parabolas of these widths; both
-times the decay across the strip."""
-
-_TRUSTED: Final = 0.4
-"""How far steps that do not settle may lead, as a part of the distance to the next wave."""
-
-_SETTLED: Final = 1e-17
-"""Square of the last step, as a part of the distance to the next wave and of the wave."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -169,10 +159,8 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
 
     Notes
     -----
-    Simply supported edges have closed forms. Else the eigenproblem of
-    `dispersion.starting_values` gives every wave of low order at once, and Newton steps on the
-    dispersion relation polish them; two waves nearer to each other than its accuracy are left as
-    they are (their sum is taken on a circle about both).
+    Simply supported edges have closed forms; else `strip.roots` finds every wave of low order at
+    once. Two that are nearer to each other than their accuracy are summed on a circle about both.
 
     Examples
     --------
@@ -186,9 +174,8 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
     if np.all(np.isinf(hold)):
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
-    z = _starts(rough_k, rough_hold, n_modes, sign)
-    z = _polished(z, rough_k, rough_hold, sign)
-    z = _near_cutoff(z, k, hold, sign)
+    x = roots((rough_k / 2) ** 2, 2 * rough_hold, n_modes, symmetric=sign > 0, spare=_SPARE)
+    z = _near_cutoff(-4 * x, k, hold, sign)
     p = _outgoing(z)
     order = _slowest_first(p)[:, :n_modes]
     z, p = (np.take_along_axis(a, order, axis=1) for a in (z, p))
@@ -203,8 +190,10 @@ def _near_cutoff(z: Complex, k: Exact | Complex, hold: Exact | Complex, sign: in
     if not np.any(rows):
         return z
     exact, some = z[rows].astype(np.clongdouble), near[rows]
-    value, slope = _dispersion(exact, k[rows, np.newaxis], hold[rows, np.newaxis], sign)
-    step = np.where(some, value / slope, 0.0)
+    c = 2 * hold[rows, np.newaxis]
+    weights, bending = (c / (1 + c), 1 / (1 + c)), (k[rows, np.newaxis] / 2) ** 2
+    value, slope = relation(-exact / 4, bending, weights, symmetric=sign > 0)
+    step = np.where(some, -4 * value / slope, 0.0)
     if not (np.any(k.imag) or np.any(hold.imag)):
         step = step.real + 0j
     z = z.copy()
@@ -238,101 +227,3 @@ def _outgoing(z: Complex) -> Complex:
 
 def _slowest_first(p: Complex) -> NDArray[np.intp]:
     return np.argsort(p.imag - 1e-9 * p.real, axis=1, kind="stable")
-
-
-def _starts(k: Complex, hold: Complex, n_modes: int, sign: int) -> Complex:
-    """Return p^2 of the slowest waves and the next to a few digits."""
-    bending = (k / 2) ** 2
-    x = starting_values(bending, 2 * hold, n_modes + _SPARE, symmetric=sign > 0)
-    order = _slowest_first(_outgoing(-x))[:, : n_modes + 1]
-    return _parted(-4 * np.take_along_axis(x, order, axis=1), k, hold, sign)
-
-
-def _parted(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
-    """Return p^2 of which near pairs are those of the exact relation.
-
-    Starting values may part along the real axis where the roots part across it. Newton's steps at
-    two places m + h and m - h give the parabola (z - mean)^2 - half^2 there.
-    """
-    across: Real = 1 + np.sqrt(np.abs(z - (k * k)[:, np.newaxis]))
-    apart = np.abs(np.diff(z, axis=1))
-    rows, first = np.nonzero(apart < _PAIR * across[:, 1:])
-    if not rows.size:
-        return z
-    lossless = not (np.any(k.imag) or np.any(hold.imag))
-    mean: Complex = (z[rows, first] + z[rows, first + 1]) / 2
-    half: Complex = np.zeros(rows.size, dtype=np.complex128)
-    mean = np.asarray(mean.real + 0j if lossless else mean)
-    for width in _WIDTHS:
-        h = width * across[rows, first]
-        above, below = (
-            np.divide(*_dispersion(mean + shift, k[rows], hold[rows], sign)) for shift in (h, -h)
-        )
-        offset = 2 * h * (h + below) / (below - above + 2 * h)
-        mean, square = mean + h - offset, offset * (offset - 2 * above)
-        half = np.sqrt(square.real + 0j if lossless else square)
-    z = z.copy()
-    z[rows, first], z[rows, first + 1] = mean + half, mean - half
-    return z
-
-
-def _polished(z: Complex, k: Complex, hold: Complex, sign: int) -> Complex:
-    """Return p^2 after Newton's steps with the other waves as poles (Ehrlich, Aberth)."""
-    real = z.imag == 0 if not (np.any(k.imag) or np.any(hold.imag)) else False
-    k, hold = k[:, np.newaxis], hold[:, np.newaxis]
-    between = _differences(z)
-    reach = _TRUSTED * np.min(np.abs(between), axis=2)
-    start = z
-    for _ in range(_POLISHING_STEPS):
-        value, slope = _dispersion(z, k, hold, sign)
-        step = value / (slope - value * np.sum(1 / between, axis=2))
-        z = z - step
-        settled = np.abs(step) ** 2 < _SETTLED * reach * (np.abs(z) + 1)
-        if np.all(settled):
-            break
-        between = _differences(z)
-    z = np.where(settled | (np.abs(z - start) <= reach), z, start)
-    return np.where(real, z.real + 0j, z)
-
-
-def _differences(z: Complex) -> Complex:
-    """Return z_i - z_j, infinite where it is 0, shape (n_frequencies, n_modes, n_modes)."""
-    between = z[:, :, np.newaxis] - z[:, np.newaxis, :]
-    between[between == 0] = np.inf
-    return between
-
-
-def _dispersion(z: Any, k: Any, hold: Any, sign: int) -> tuple[Any, Any]:
-    """Return s1 s2 / kappa + w and its slope in z = p^2, w = (g2 s2' s1 - g1 s1' s2)/(2 k^2), (45).
-
-    s is cosh(g/2) for symmetric waves and sinh(g/2) / g for antisymmetric ones: entire in z. w is a
-    sum of sinh(t) / t over the half sum and the half difference of g1 and g2, free of cancellation
-    as in (31); the slope needs few digits.
-    """
-    k2 = k * k
-    g1, g2 = np.sqrt(z - k2), np.sqrt(z + k2)
-    down1, down2 = np.exp(-g1), np.exp(-g2)
-    (s1, ds1, t1, dt1), (s2, ds2, t2, dt2) = _factors(g1, down1, sign), _factors(g2, down2, sign)
-    total, gap = g1 + g2, g2 - g1
-    wide = np.abs(total) >= np.abs(gap)
-    total, gap = np.where(wide, total, 2 * k2 / gap), np.where(wide, 2 * k2 / total, gap)
-    first, second = -np.expm1(-total) / total, -down1 * np.expm1(-gap) / gap
-    if sign > 0:
-        value = hold * s1 * s2 + first + second
-    else:
-        product = g1 * g2
-        plain = np.abs(product) < 0.25 * np.abs(k2)
-        twist = (first - second) / np.where(plain, 1.0, product)
-        twist = np.where(plain, (t2 * s1 - t1 * s2) / (2 * k2), twist)
-        value = hold * s1 * s2 + twist
-    slope = hold * (ds1 * s2 + s1 * ds2)
-    return value, slope + (dt2 * s1 + t2 * ds1 - dt1 * s2 - t1 * ds2) / (2 * k2)
-
-
-def _factors(g: Any, down: Any, sign: int) -> tuple[Any, Any, Any, Any]:
-    """Return s, its slope in z, g s' and its slope in z, times exp(-g/2)."""
-    plus, minus = 1 + down, 1 - down
-    if sign > 0:
-        return plus, minus / (4 * g), g * minus, minus / (2 * g) + plus / 4
-    s = minus / g
-    return s, (plus / 2 - s) / (2 * g * g), plus, minus / (4 * g)

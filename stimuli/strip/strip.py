@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from stimuli.checks import finite, finite_complex, instance, whole
-from stimuli.strip.dispersion import decays_squared, exceptional_bending
+from stimuli.strip.dispersion import exceptional_bending
 from stimuli.strip.edge import (
     CLAMPED,
     ElasticEdge,
@@ -21,6 +21,7 @@ from stimuli.strip.edge import (
     edge_phase,
 )
 from stimuli.strip.material import Material
+from stimuli.strip.roots import decays_squared
 from stimuli.strip.shapes import folded, is_wave, wave_shape
 from stimuli.strip.waves import Section, outgoing_root, supported_cutoff_hz, supported_wavenumbers
 

@@ -136,7 +136,7 @@ def scaled_sinc(angle: Complex) -> Complex:
     return ratio(np.expm1(2j * angle), 2j * angle, 1.0)
 
 
-def ratio(top: Complex, bottom: Complex, limit: float = 0.0) -> Complex:
+def ratio(top: Complex | float, bottom: Complex, limit: float = 0.0) -> Complex:
     """Return a quotient, and its limit where the denominator is 0.
 
     Examples
@@ -145,6 +145,8 @@ def ratio(top: Complex, bottom: Complex, limit: float = 0.0) -> Complex:
     [0.5j, 0j]
     """
     zero = bottom == 0
+    if not np.any(zero):
+        return np.asarray(top / bottom)
     return np.where(zero, limit, top / np.where(zero, 1, bottom))
 
 

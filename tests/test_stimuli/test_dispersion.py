@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, Strip
-from stimuli.strip.dispersion import decays_squared, dispersion
+from stimuli.strip.dispersion import dispersion
+from stimuli.strip.roots import decays_squared
 from stimuli.strip.waves import Section, cross_waves, outgoing_root
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from stimuli import (
     response,
 )
 from stimuli.solver.guided import guided
-from stimuli.strip.dispersion import decays_squared
+from stimuli.strip.roots import decays_squared
 from stimuli.strip.waves import Section, outgoing_root
 
 W = 0.025
