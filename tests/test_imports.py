@@ -5,8 +5,12 @@ from __future__ import annotations
 import ast
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("stimuli", "device", "experiment", "analysis", "benchmarks")
@@ -20,10 +24,20 @@ def imports(root: Path, packages: tuple[str, ...]) -> dict[str, set[str]]:
     for file in files:
         name = module_name(file, root)
         package = name if file.stem == "__init__" else name.rpartition(".")[0]
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            graph[name] |= {wanted for wanted in named(node, package) if wanted in graph}
+        for statement in statements(ast.parse(file.read_text(encoding="utf-8")).body):
+            graph[name] |= {wanted for wanted in named(statement, package) if wanted in graph}
         graph[name].discard(name)
     return graph
+
+
+def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """Yield statements and what stands inside them, but no expression: those are the many."""
+    for statement in body:
+        yield statement
+        for within in ("body", "orelse", "finalbody"):
+            yield from statements(getattr(statement, within, []))
+        for branch in (*getattr(statement, "handlers", ()), *getattr(statement, "cases", ())):
+            yield from statements(branch.body)
 
 
 def module_name(file: Path, root: Path) -> str:
