@@ -45,7 +45,6 @@ SLOW_DOCTESTS = {
     "check_findings",
     "study_gains",
     "expected_error_db",
-    "shortest_window",
 }
 """Examples worth their second: an example has no place for a marker."""
 SPENT_S = pytest.StashKey[float]()

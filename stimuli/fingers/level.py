@@ -135,10 +135,11 @@ def shortest_window(
 
     Examples
     --------
-    >>> from stimuli import ALUMINIUM, CLAMPED, Fingertip, MomentDisc, Strip
-    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, Fingertip, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
     >>> discs = [MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035)]
-    >>> fingers = [Fingertip(x_m=x, y_m=0.0125) for x in (-0.035, 0.035)]
+    >>> fingers = [Fingertip(x_m=x, y_m=0.0125, radius_m=0.0) for x in (-0.035, 0.035)]
     >>> burst = Burst(frequency_hz=500.0, cycles=1, window="none")
     >>> choice = shortest_window(strip, discs, fingers, burst, wanted_db=-20.0)
     >>> choice.burst == burst, choice.level_db < -20, choice.extra_s

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
 from stimuli import (
@@ -19,6 +20,7 @@ from stimuli import (
     level_db,
     shortest_window,
 )
+from stimuli.fingers import level
 
 if TYPE_CHECKING:
     from stimuli.drive.windows import Window
@@ -71,8 +73,8 @@ def test_a_finger_that_is_not_there_is_refused(bad: Any) -> None:
 @pytest.mark.slow
 def test_the_papers_burst_is_some_thirty_decibels_quieter_at_the_other_finger() -> None:
     # one cycle of 500 Hz on the paper's plate (first cut-off 2900 Hz), 70 mm, over 1 cm diameter
-    level = level_db(felt(HELD, DISCS, TIPS, CYCLE), own=0, other=1)
-    assert level == pytest.approx(-29.0, abs=0.3)
+    found_db = level_db(felt(HELD, DISCS, TIPS, CYCLE), own=0, other=1)
+    assert found_db == pytest.approx(-29.0, abs=0.3)
 
 
 @pytest.mark.slow
@@ -87,6 +89,46 @@ def test_the_edge_and_the_window_decide_the_level() -> None:
     assert levels[3] < levels[2] - 20
     assert levels[2] < levels[0]
     assert levels[3] < levels[1]
+
+
+@pytest.fixture
+def peaks(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, str, bool]]:
+    """Give each burst a level of its own, roughly and exactly; return what is asked for."""
+    asked: list[tuple[int, str, bool]] = []
+    levels = {
+        (1, "none"): (-20.0, -20.0),
+        (1, "tukey"): (-29.5, -29.8),  # roughly near enough, exactly not
+        (1, "gaussian"): (-28.0, -31.0),  # roughly too loud: never looked at again
+        (1, "hann"): (-25.0, -25.0),
+        (2, "none"): (-40.0, -30.0),
+    }
+
+    def felt(_strip: Any, _loads: Any, _tips: Any, burst: Burst, rtol: float = 1e-3) -> Any:
+        rough = rtol == level._ROUGH_RTOL
+        asked.append((burst.cycles, burst.window, rough))
+        worst = 10 ** (levels[burst.cycles, burst.window][not rough] / 20)
+        return np.array([[1.0, 1e-9], [worst, 1.0]])
+
+    monkeypatch.setattr(level, "felt", felt)
+    return asked
+
+
+def test_windows_are_tried_from_the_shortest_and_only_the_near_ones_exactly(
+    peaks: list[tuple[int, str, bool]],
+) -> None:
+    choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-30.0)
+    assert choice.burst == Burst(frequency_hz=500.0, cycles=2, window="none")
+    assert choice.level_db == pytest.approx(-30.0, abs=1e-12)
+    assert choice.extra_s == pytest.approx(0.002, rel=1e-12)
+    assert peaks == [
+        (1, "none", True),
+        (1, "tukey", True),
+        (1, "tukey", False),
+        (1, "gaussian", True),
+        (1, "hann", True),
+        (2, "none", True),
+        (2, "none", False),
+    ]
 
 
 @pytest.mark.slow
