@@ -220,14 +220,7 @@ def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> 
     size = (frequencies_hz.size, job.distance.size)
     value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
     order = np.argsort(frequencies_hz.real)
-    question = Question(
-        exact_k=k,
-        exact_hold=hold,
-        source=job.source,
-        distance=job.distance,
-        across=job.across,
-        rtol=rtol,
-    )
+    question = job.question(k, hold, rtol)
     for places in np.array_split(np.arange(size[1]), -(-size[1] // _CHUNK)):
         n_rows = max(1, _CHUNK // places.size)
         for rows in np.array_split(order, -(-size[0] // n_rows)):

@@ -10,7 +10,7 @@ import numpy as np
 from stimuli.load import DISCS, ForceRectangle, Load, PressureDisc, PressureRectangle
 from stimuli.solver.across import Span
 from stimuli.solver.guided import PI
-from stimuli.solver.source import Ends, Source
+from stimuli.solver.source import Ends, Question, Source
 from stimuli.strip.edge import SIMPLY_SUPPORTED, ElasticEdge
 
 if TYPE_CHECKING:
@@ -53,6 +53,17 @@ class Job:
     places: NDArray[np.intp]
     signs: tuple[int, ...]
     ends: Ends | None = None
+
+    def question(self, exact_k: Exact, exact_hold: Exact, rtol: float) -> Question:
+        """Return what is asked of the solver for all places."""
+        return Question(
+            exact_k=exact_k,
+            exact_hold=exact_hold,
+            source=self.source,
+            distance=self.distance,
+            across=self.across,
+            rtol=rtol,
+        )
 
     @property
     def n_pairs(self) -> int:

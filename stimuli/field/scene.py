@@ -13,7 +13,7 @@ from stimuli.field.jobs import Job, dimensionless, is_supported, jobs
 from stimuli.field.sweep import Band, bands
 from stimuli.load import DISCS, LOADS, Load
 from stimuli.solver.ends import faintness
-from stimuli.solver.source import Question, far_clearance
+from stimuli.solver.source import far_clearance
 from stimuli.strip.strip import Strip
 from stimuli.strip.waves import supported_cutoff_hz
 
@@ -230,14 +230,7 @@ class Scene:
         if job.ends is None or not self.skip:
             return 0 if job.ends is None else int(solved_hz.size)
         k, hold = dimensionless(self.strip, solved_hz.astype(np.complex128))
-        question = Question(
-            exact_k=k,
-            exact_hold=hold,
-            source=job.source,
-            distance=job.distance,
-            across=job.across,
-            rtol=rtol,
-        )
+        question = job.question(k, hold, rtol)
         faint = faintness(question.at(job.ends.direct), job.ends, job.signs)
         return int(np.count_nonzero(np.any(faint > rtol, axis=1)))
 
