@@ -202,6 +202,7 @@ def test_the_check_counts_them_apart_and_their_time(make_study: Callable[[str], 
     assert (report["audibility_trials"], report["control_trials"]) == (6, 10)
 
 
+@pytest.mark.slow
 def test_the_command_prints_counts_and_length(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text(f'[burst]\nwindow = "hann"\n[design]\n{OFF_PLATE}')
