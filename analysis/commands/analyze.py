@@ -84,8 +84,8 @@ def write_analysis(
     ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
     ...     analysis = write_analysis([table], folder, columns=ColumnMap(), figures=False)
     ...     sorted(path.name for path in Path(folder).iterdir())
-    ['confusion.csv', 'levels.csv', 'participants.csv', 'report.html', 'summary.json', 'table.csv',
-    'thresholds.csv', 'trials_clean.csv']
+    ['.tactstrip.json', 'confusion.csv', 'levels.csv', 'participants.csv', 'report.html',
+    'summary.json', 'table.csv', 'thresholds.csv', 'trials_clean.csv']
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
