@@ -79,11 +79,6 @@ def pink_loop(
 def crest_factor(samples: ArrayLike) -> float:
     """Return the highest peak of samples over their root mean square.
 
-    Parameters
-    ----------
-    samples : array_like of float, shape (n,)
-        At least one, not all zero.
-
     Raises
     ------
     ValueError

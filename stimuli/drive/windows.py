@@ -43,17 +43,8 @@ exp(-2 pi Im z / step). It makes the difference of two values a sum without canc
 def taper(window: Window, position: Real) -> Real:
     """Return the values of a window.
 
-    Parameters
-    ----------
-    window : {"none", "hann", "tukey", "gaussian"}
-        The window; tukey has alpha = 0.5, gaussian sigma = T / 6.
-    position : ndarray of float64
-        Distance from the nearer end of the burst in units of its duration, 0 to 1/2.
-
-    Returns
-    -------
-    ndarray of float64, shape of `position`
-        Values from 0 to 1; 1 in the middle.
+    `position` is the distance from the nearer end of the burst in units of its duration, 0 to 1/2;
+    the values are 1 in the middle.
 
     Examples
     --------

@@ -223,18 +223,7 @@ def dimensionless(
 ) -> tuple[Exact, Exact]:
     """Return k W and 1 / (kappa W) with the digits that p needs near a cut-off.
 
-    Parameters
-    ----------
-    strip : Strip
-        The strip.
-    frequencies_hz : ndarray of complex128, shape (n_frequencies,)
-        Frequencies.
-    skip : bool
-        Whether simple supports are treated as such, else as springs next to none.
-
-    Returns
-    -------
-    k, hold : ndarray of clongdouble, shape (n_frequencies,)
+    With `skip` False simple supports are treated as springs next to none.
 
     Examples
     --------

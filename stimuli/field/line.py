@@ -64,18 +64,7 @@ class ComplexLine:
 def line_for(span_s: float, rtol: float, further: float = 0.0) -> ComplexLine:
     """Return the line on which times up to a span are found to a relative error.
 
-    Parameters
-    ----------
-    span_s : float
-        Largest time.
-    rtol : float
-        Wanted relative error.
-    further : float
-        Logarithm by which the next periods must be smaller than rtol asks for.
-
-    Returns
-    -------
-    ComplexLine
+    `further` is the logarithm by which the next periods must be smaller than rtol asks for.
 
     Examples
     --------

@@ -247,20 +247,8 @@ class PanelSweep:
 def swept(scene: Scene, drive: Drive, line: ComplexLine, rtol: float) -> PanelSweep:
     """Return field times drive at all bins that count.
 
-    Parameters
-    ----------
-    scene : Scene
-        Strip, loads and points; with `skip` False every bin up to the end of the range is solved.
-    drive : Drive
-        The drive.
-    line : ComplexLine
-        Where the bins lie.
-    rtol : float
-        Wanted error relative to the peak of each pair of a load and a point.
-
-    Returns
-    -------
-    PanelSweep
+    `rtol` is relative to the peak of each pair of a load and a point. With `skip` False in the
+    scene every bin up to the end of the range is solved.
 
     Raises
     ------

@@ -82,22 +82,8 @@ def bands(
 ) -> tuple[Band, ...]:
     """Return how each frequency is obtained.
 
-    Parameters
-    ----------
-    strip : Strip
-        The strip.
-    frequencies_hz : ndarray of float64, shape (n_frequencies,)
-        Asked frequencies.
-    rtol : float
-        Wanted relative error.
-    distance : float
-        Largest distance along the strip in widths.
-    skip : bool
-        Whether frequencies may be interpolated to save time.
-
-    Returns
-    -------
-    tuple of Band
+    `distance` is the largest along the strip in widths; with `skip` False only the lowest
+    frequencies, which cannot be solved, are interpolated.
 
     Examples
     --------

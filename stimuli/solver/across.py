@@ -93,20 +93,7 @@ class Crossing:
 def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     """Return what `supported_kernel`, `shape` and `shape_integral` give, with shared exponentials.
 
-    Parameters
-    ----------
-    g : ndarray of complex128
-        Decay constants in 1 / width.
-    across : ndarray of float64
-        Places Y, to be broadcast with `g`.
-    span : Span
-        Where the load acts.
-    sign : int
-        Symmetry of the part that is wanted.
-
-    Returns
-    -------
-    Crossing
+    `g` are decay constants in 1 / width, broadcast with the places Y.
 
     Examples
     --------
@@ -138,14 +125,7 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
 def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
     """Return the kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38).
 
-    Parameters
-    ----------
-    g, across, span, sign
-        As for `crossing`; the kernels of the two symmetries add up to the whole.
-
-    Returns
-    -------
-    ndarray of complex128
+    As for `crossing`; the kernels of the two symmetries add up to the whole.
 
     Examples
     --------

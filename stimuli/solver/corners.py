@@ -160,20 +160,7 @@ def end_functions(
 ) -> EndFunctions:
     """Return guided waves and sources beyond an end.
 
-    Parameters
-    ----------
-    k, hold : ndarray of complex128, shape (n_frequencies,)
-        Bending wavenumber times the width, 1 / (kappa W).
-    waves : Guided
-        Guided waves; at least two decay.
-    poisson_ratio : float
-        Poisson's ratio.
-    n_sources : int
-        Number of places beyond the end.
-
-    Returns
-    -------
-    EndFunctions
+    Of `waves` at least two decay; `n_sources` is the number of places beyond the end.
     """
     number = np.arange(n_sources, 0, -1)
     beyond = np.exp(-_TAPER * (np.sqrt(n_sources) - np.sqrt(number)))

@@ -25,21 +25,8 @@ _SERIES_REACH: Final = 3.0
 def inside_excess(k: Complex, radius: float, distance: Real, *, moment: bool) -> Complex:
     """Return D U of a disc less that of its replacement by a source at its centre, (44), (50).
 
-    Parameters
-    ----------
-    k : ndarray of complex128, shape (n_frequencies,)
-        Bending wavenumber times the width.
-    radius : float
-        Radius R in widths.
-    distance : ndarray of float64, shape (n_points,)
-        Distances r > 0 from the centre in widths.
-    moment : bool
-        Moment patch or pressure.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n_frequencies, n_points)
-        0 for r >= R. Both branches solve (lap +- k^2) w = -1 with w = dw/dr = 0 at r = R.
+    Radius and distances r > 0 in widths, k times the width; shape (n_frequencies, n_points), 0 for
+    r >= R. Both branches solve (lap +- k^2) w = -1 with w = dw/dr = 0 at r = R.
 
     Examples
     --------

@@ -99,15 +99,7 @@ def _sinc_slope(root: Complex, cosine: Complex, sinc: Complex) -> Complex:
 def exceptional_bending(compliance: float) -> float:
     """Return z where the two slowest symmetric waves coalesce, equation (35).
 
-    Parameters
-    ----------
-    compliance : float
-        c = 2 D / (K W) of the edges, 0 to infinite, without loss.
-
-    Returns
-    -------
-    float
-        z = (k W / 2)^2; 0 for simply supported edges, of which it is the limit.
+    Without loss, c = 2 D / (K W) from 0. Simply supported edges have z = 0, the limit of soft ones.
 
     Examples
     --------

@@ -81,18 +81,9 @@ def edge_compliance(
 def edge_phase(mode: int, compliance: float) -> float:
     """Return by how much the edges advance k W / 2 at cut-off beyond n pi / 2, equation (17).
 
-    Parameters
-    ----------
-    mode : int
-        Number n of the mode, from 1.
-    compliance : float
-        c = 2 D / (K W): 0 for clamped edges, infinite for simply supported ones.
-
-    Returns
-    -------
-    float
-        phi in rad, the fixed point of phi = atan(1 / (2 c z + T(z))) with z = n pi / 2 + phi,
-        T = tanh for odd and coth for even modes: free of poles, and a contraction for every c.
+    phi in rad for c = 2 D / (K W): the fixed point of phi = atan(1 / (2 c z + T(z))) with
+    z = n pi / 2 + phi, T = tanh for odd and coth for even modes: free of poles, and a contraction
+    for every c.
 
     Examples
     --------
@@ -109,13 +100,6 @@ def edge_phase(mode: int, compliance: float) -> float:
 
 def edge_grip(cutoff_hz: float, supported_hz: float, clamped_hz: float) -> float:
     """Return the K W / D of a first cut-off, equation (18), free of cancellation at both limits.
-
-    Parameters
-    ----------
-    cutoff_hz : float
-        First cut-off of the strip.
-    supported_hz, clamped_hz : float
-        The first cut-offs on simple supports and between clamps; the one wanted lies between.
 
     Examples
     --------

@@ -49,18 +49,8 @@ _LITTLE: Final = 1e-4
 def decays_squared(section: Section, count: int) -> Complex:
     """Return the squares x = -(p W / 2)^2 of the first waves, ordered by their p.
 
-    Parameters
-    ----------
-    section : Section
-        Strip, frequency and symmetry; edges that are not simply supported.
-    count : int
-        How many roots.
-
-    Returns
-    -------
-    ndarray of complex128, shape (count,)
-        Roots of `dispersion`, by increasing Im p, then decreasing Re p; without loss they are
-        real or come in exactly conjugate pairs.
+    Roots of `dispersion` by increasing Im p, then decreasing Re p, of edges that are not simply
+    supported; without loss they are real or come in exactly conjugate pairs.
 
     Examples
     --------
@@ -125,20 +115,8 @@ def starting_values(
 ) -> Complex:
     """Return the roots of the truncated equation (32), as eigenvalues; too many of them.
 
-    Parameters
-    ----------
-    bending, compliance : ndarray of complex128, shape (n_sections,)
-        z and c of `Section`; not simply supported.
-    count : int
-        How many roots are sought in each section.
-    symmetric : bool
-        Symmetry of the waves.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n_sections, n_roots)
-        Squares x in no order. The first `count` waves are within 1e-2 of the distance between
-        roots, with six more within about 1e-5.
+    Shape (n_sections, n_roots), in no order. The first `count` waves are within 1e-2 of the
+    distance between roots, with six more within about 1e-5.
 
     Examples
     --------

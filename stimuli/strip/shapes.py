@@ -68,20 +68,9 @@ def is_wave(section: Section, x: complex) -> bool:
 def wave_shape(section: Section, x: complex, from_edge: Real) -> Complex:
     """Return the shape of a wave on the half of the strip at y = 0.
 
-    Parameters
-    ----------
-    section : Section
-        Strip, frequency and symmetry.
-    x : complex
-        Decay squared of the wave, -(p W / 2)^2, a root of `dispersion`.
-    from_edge : ndarray of float64
-        Distances from the edge in half widths, from 0 (edge) to 1 (centre line).
-
-    Returns
-    -------
-    ndarray of complex128, shape of `from_edge`
-        The shape, exactly 0 at the edge, with a mean of |U|^2 of 1/2 over the strip, and with
-        slope + curvature (per half width) at this edge real and positive.
+    x is a root of `dispersion`, places are counted in half widths from the edge (0) to the centre
+    line (1). The shape is exactly 0 at the edge, has a mean of |U|^2 of 1/2 over the strip, and
+    slope + curvature (per half width) at this edge real and positive.
 
     Examples
     --------

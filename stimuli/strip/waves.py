@@ -83,13 +83,6 @@ class CrossWaves:
 def cross_waves(x: Complex, bending: complex) -> CrossWaves:
     """Return the waves across the strip of given decays, equation (30).
 
-    Parameters
-    ----------
-    x : ndarray of complex128
-        Decays squared, -(p W / 2)^2.
-    bending : complex
-        z = (k W / 2)^2.
-
     Examples
     --------
     No digit is lost where the two waves differ by little:
