@@ -418,6 +418,12 @@ def test_a_1500_hz_burst_is_unfit_for_the_simply_supported_plate() -> None:
     assert "half-power band" in band
 
 
+def test_a_burst_that_has_just_the_limit_above_the_cut_off_is_fit() -> None:
+    share = check_burst(PAPER, PLATE).staircase_energy_above_cutoff
+    assert check_burst(PAPER, PLATE, max_energy_above_cutoff=share).fit
+    assert not check_burst(PAPER, PLATE, max_energy_above_cutoff=math.nextafter(share, 0.0)).fit
+
+
 @pytest.mark.parametrize(
     "share", ["energy_above_cutoff", "staircase_energy_above_cutoff", "max_energy_above_cutoff"]
 )
