@@ -18,6 +18,7 @@ from device.core.messages import (
     Fire,
     Levels,
     Load,
+    Message,
     Query,
     Stop,
     to_codes,
@@ -392,6 +393,13 @@ BAD_STEPS: list[tuple[State, Refusal, Callable[[DeviceCore], object]]] = [
     (State.ARMED, Refusal.WRONG_TOKEN, lambda c: c.take(100, Fire(token=2))),
     (State.ARMED, Refusal.BAD_TOKEN, lambda c: c.take(100, Fire(token=-1))),
 ]
+
+
+def test_a_message_that_asks_nothing_the_device_does_is_refused() -> None:
+    core = power_on().core
+    before = core.state
+    assert refusal(lambda: core.take(0, Message())) is Refusal.BAD_MESSAGE
+    assert core.state is before
 
 
 def bad_load() -> Load:
