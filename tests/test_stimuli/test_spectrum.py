@@ -418,6 +418,13 @@ def test_a_1500_hz_burst_is_unfit_for_the_simply_supported_plate() -> None:
     assert "half-power band" in band
 
 
+def test_energy_is_told_up_to_the_frequency_at_which_its_turns_are_still_counted() -> None:
+    most_hz = 1e15 / PAPER.duration_s
+    assert 0.0 <= PAPER.energy_above(0.99 * most_hz) < 1e-15
+    with pytest.raises(ValueError, match="frequency_hz must be"):
+        PAPER.energy_above(1.01 * most_hz)
+
+
 def test_a_burst_that_has_just_the_limit_above_the_cut_off_is_fit() -> None:
     share = check_burst(PAPER, PLATE).staircase_energy_above_cutoff
     assert check_burst(PAPER, PLATE, max_energy_above_cutoff=share).fit
