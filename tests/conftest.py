@@ -38,8 +38,8 @@ FAST = "not slow and not process and not gallery and not long"
 LANES = ("slow", "process", "gallery", "long")
 MOST_S = 0.5
 """Processor time of a test of the fast lane: it is run by everybody, all the time."""
-PROCESSES = {"emulator_server", "kill_at"}
-"""Fixtures that start another Python: whoever asks for one is in the lane ``process``."""
+PROCESSES = {"emulator_server", "kill_at", "null_sink"}
+"""Fixtures that start a process: whoever asks for one is in the lane ``process``."""
 SLOW_DOCTESTS = {
     "check_study",
     "check_findings",
