@@ -210,6 +210,7 @@ def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> No
         ("ceiling_vpp", "200"),
         ("gain", -1.0),
         ("gain", math.inf),
+        ("gain", 1.01e6),
         ("least_interval_s", -0.1),
         ("max_duty", 1.1),
         ("longest_waveform", 0),

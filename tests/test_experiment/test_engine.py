@@ -152,10 +152,24 @@ def test_a_trial_without_a_valid_answer_is_recorded_and_put_at_the_end_of_its_bl
     assert [(t.trial.number, t.attempt) for t in state.pending] == [(2, 1), (1, 2), (3, 1)]
 
 
-def test_an_answer_at_the_earliest_moment_counts() -> None:
-    _, effects = follow(ready(trial(1)), [*FELT, Key("left", EARLIEST_ANSWER_S)])
+def test_what_is_done_in_a_trial_is_done_for_the_first_that_is_due() -> None:
+    task = Task(trial(1), 1)
+    _, effects = follow(ready(trial(1), trial(2), trial(3)), FELT)
+    assert effects == [
+        OpenBlock(task),
+        Cue(task),
+        Wait(task),
+        ArmStimulus(task),
+        Fire(task),
+        Listen(task, 3.0),
+    ]
+
+
+@pytest.mark.parametrize("rt_s", [EARLIEST_ANSWER_S, 3.0])
+def test_an_answer_at_the_earliest_and_at_the_last_moment_counts(rt_s: float) -> None:
+    _, effects = follow(ready(trial(1)), [*FELT, Key("left", rt_s)])
     assert isinstance(effects[-1], EndTrial)
-    assert effects[-1].status == "ok"
+    assert (effects[-1].status, effects[-1].response) == ("ok", "left")
 
 
 def test_an_answer_after_the_window_is_a_timeout() -> None:

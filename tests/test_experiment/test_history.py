@@ -106,6 +106,12 @@ def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -
     assert (history.last_t_s, history.last_wall_s) == (3.0, 103.0)
 
 
+def test_a_session_without_lines_stands_at_its_beginning(plan: Plan) -> None:
+    history = replay(plan, [])
+    assert (history.rows, history.open_trial, history.finished) == ((), None, False)
+    assert (history.last_t_s, history.last_wall_s) == (0.0, 0.0)
+
+
 def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: Plan) -> None:
     whole = lines(plan, 1)
     for entries, told_why in (
