@@ -236,4 +236,5 @@ def test_what_no_study_says_of_its_limits_is_cautious() -> None:
         dc_tolerance=0.01,
         longest_time_to_live_s=10.0,
     )
-    assert Limits(ceiling_vpp=200.0, longest_waveform=2**31).longest_waveform == 2**31
+    for longest in (1, 2**31):
+        assert Limits(ceiling_vpp=200.0, longest_waveform=longest).longest_waveform == longest

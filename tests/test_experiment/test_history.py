@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -120,6 +121,7 @@ def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: P
         (lines(plan, 99), "names trial 99"),
         ([*whole[:-1], *lines(plan, 2)[1:]], "was never ended, yet others followed"),
         ([Entry("session_open", 0.0, 0.0, {})], "lacks what it must say"),
+        (lines(replace(plan, sha256="0" * 64), 1), "belongs to the plan 000000000000..., not to"),
     ):
         with pytest.raises(JournalError, match=told_why):
             replay(plan, entries)
