@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import zlib
 from typing import TYPE_CHECKING
 
 import pytest
@@ -63,6 +64,13 @@ def test_any_changed_byte_is_found_with_its_line(
         Journal(path, now_s=lambda: 0.0)
     assert path.read_bytes() == raw
     assert [p.name for p in path.parent.iterdir()] == ["journal.jsonl"]
+
+
+def test_a_sound_line_of_another_schema_is_refused(path: Path) -> None:
+    body = b'"schema":2,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
+    path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body))
+    with pytest.raises(JournalError, match=r":1: schema must be 1; got 2$"):
+        read_journal(path)
 
 
 def test_a_missing_and_a_repeated_line_are_found(path: Path) -> None:
