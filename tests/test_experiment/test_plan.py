@@ -235,3 +235,13 @@ def test_a_trial_that_no_plan_can_hold_is_refused(change: dict[str, object], sai
     trial = draw(paper_study()).trials[0]
     with pytest.raises(PlanError, match=said):
         replace(replace(trial, level_vpp=60.0), **change)  # type: ignore[arg-type]  # as a file might
+
+
+def test_a_break_before_a_balanced_block_can_end_is_refused_with_the_shortest_one(
+    make_study: Callable[[str], Study],
+) -> None:
+    text = '[design]\norder = "balanced"\nlevels_vpp = [60, 100]\ntrials_per_side = 6\n'
+    least = 6  # 2 sides, 2 levels, and of the 5 both-finger trials up to 2 in each of 3 blocks
+    assert block_count(make_study(f"{text}break_every = {least}\n").design) == 3
+    with pytest.raises(PlanError, match=f"0 or at least {least} .*; got {least - 1}"):
+        block_count(make_study(f"{text}break_every = {least - 1}\n").design)

@@ -425,6 +425,14 @@ def test_energy_is_told_up_to_the_frequency_at_which_its_turns_are_still_counted
         PAPER.energy_above(1.01 * most_hz)
 
 
+def test_only_a_drive_is_checked_and_only_against_a_strip() -> None:
+    wrong: Any = "a burst"
+    with pytest.raises(ValueError, match="burst must be a Burst or another Drive"):
+        check_burst(wrong, PLATE)
+    with pytest.raises(ValueError, match="strip must be a Strip"):
+        check_burst(PAPER, wrong)
+
+
 def test_a_burst_that_has_just_the_limit_above_the_cut_off_is_fit() -> None:
     share = check_burst(PAPER, PLATE).staircase_energy_above_cutoff
     assert check_burst(PAPER, PLATE, max_energy_above_cutoff=share).fit
