@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.answers.seeds import DRAWS, seeded_by
+from analysis.answers.information import DRAWS, seeded_by
 from analysis.answers.sensitivity import Share
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from experiment.terms.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, re
 
 if TYPE_CHECKING:
     from experiment.apparatus.rig import Rig
-    from experiment.preview.check_device import DeviceCheck
+    from experiment.preview.device import DeviceCheck
     from experiment.study.study import Study
 
 
@@ -44,8 +44,8 @@ def check(
     """
     from experiment.apparatus.rig import assemble
     from experiment.preview.check import check_study, require_mock_suitable
-    from experiment.preview.check_device import device_findings
     from experiment.preview.check_report import check_findings
+    from experiment.preview.device import device_findings
     from experiment.study.read import read_study
 
     if not with_device and (driver is not None or port is not None or confirm_hardware):
@@ -74,7 +74,7 @@ def check(
 def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
     """Check a device; a real one with its operator, unless the command line has the answers."""
     from experiment.apparatus.slots import SuitabilityError
-    from experiment.preview.check_device import check_device
+    from experiment.preview.device import check_device
 
     with device_failures():
         confirmation = confirmed(rig, given=given)

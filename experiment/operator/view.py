@@ -9,7 +9,7 @@ import threading
 from codecs import getincrementaldecoder
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from experiment.operator.keys import OperatorKeys
+from experiment.operator.terminal import OperatorKeys
 from experiment.trial.events import Phase
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import select
 import sys
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from experiment.operator.keys import KEY
 from experiment.operator.requests import StopRequested
+from experiment.operator.terminal import KEY
 from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
 from stimuli.drive.sampled import Drive, exponential_sums
-from stimuli.field.line import line_for
-from stimuli.field.panels import PanelSweep, swept
+from stimuli.field.panels import PanelSweep, line_for, swept
 from stimuli.field.scene import Scene
 from stimuli.field.tail import limits_hz
 

@@ -13,13 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from experiment.preview.field import (
-    PlateBand,
-    PlateMap,
-    level_db,
-    plate_band,
-    plate_map,
-)
+from experiment.preview.field import PlateBand, PlateMap, level_db, plate_band, plate_map
 from experiment.preview.field_figure import render
 from experiment.preview.field_report import field_csv, field_text, metres
 from experiment.preview.plate import DriveLevels, plate_of

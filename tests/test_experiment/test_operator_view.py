@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import pytest
 
-from experiment.operator.keys import LONGEST_NOTE, OperatorKeys
+from experiment.operator.terminal import LONGEST_NOTE, OperatorKeys
 from tactstrip import __file__ as front_door
 
 if TYPE_CHECKING:
