@@ -1,0 +1,29 @@
+from . import counting as counting
+from . import detection as detection
+from .choice import Choices, choices, confusion_table
+from .counting import AUDIBILITY, clean_table, counted, reaction_table
+from .detection import cells, level_table
+from .intervals import checked_counts, group_interval, proportion_ci
+from .sensitivity import Sensitivity, Share, SidePreference
+from .serial import SerialEffect
+
+__all__ = [
+    "AUDIBILITY",
+    "Choices",
+    "Sensitivity",
+    "SerialEffect",
+    "Share",
+    "SidePreference",
+    "cells",
+    "checked_counts",
+    "choices",
+    "clean_table",
+    "confusion_table",
+    "counted",
+    "counting",
+    "detection",
+    "group_interval",
+    "level_table",
+    "proportion_ci",
+    "reaction_table",
+]

@@ -1,0 +1,3 @@
+from .analyze import write_analysis
+
+__all__ = ["write_analysis"]

@@ -1,0 +1,23 @@
+from .batch import InputFile
+from .columns import ColumnMap, load_column_map
+from .load import LoadedTrials, read_inputs, read_trials
+from .plans import read_plan
+from .sources import InputTable, read_regular, unreadable
+from .text import ResultFileError, one_line, shown, text_chunks
+
+__all__ = [
+    "ColumnMap",
+    "InputFile",
+    "InputTable",
+    "LoadedTrials",
+    "ResultFileError",
+    "load_column_map",
+    "one_line",
+    "read_inputs",
+    "read_plan",
+    "read_regular",
+    "read_trials",
+    "shown",
+    "text_chunks",
+    "unreadable",
+]

@@ -1,0 +1,50 @@
+from .core import DeviceCore
+from .host import HostDriver
+from .local import HostedCore, LocalCore
+from .messages import (
+    Arm,
+    Beat,
+    CodeArray,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Load,
+    Message,
+    Ping,
+    Query,
+    Stop,
+    check_slot,
+    full_scale,
+)
+from .output import Emission, OutputStage
+from .states import State
+from .tokens import Exchange, Fate, Record, Reply
+
+__all__ = [
+    "Arm",
+    "Beat",
+    "CodeArray",
+    "DeviceCore",
+    "Disarm",
+    "Emission",
+    "Enable",
+    "Exchange",
+    "Fate",
+    "Fire",
+    "HostDriver",
+    "HostedCore",
+    "Levels",
+    "Load",
+    "LocalCore",
+    "Message",
+    "OutputStage",
+    "Ping",
+    "Query",
+    "Record",
+    "Reply",
+    "State",
+    "Stop",
+    "check_slot",
+    "full_scale",
+]

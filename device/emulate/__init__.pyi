@@ -1,0 +1,21 @@
+from .emulator import SERIAL_NUMBER, Emulator, Nature
+from .faults import Faults, FaultScript
+from .generator import GeneratorEmulator
+from .lines import Line, PtyLine, TcpLine
+from .mock import DEVICE_LIMITS, MockDevice
+from .truth import Truth
+
+__all__ = [
+    "DEVICE_LIMITS",
+    "SERIAL_NUMBER",
+    "Emulator",
+    "FaultScript",
+    "Faults",
+    "GeneratorEmulator",
+    "Line",
+    "MockDevice",
+    "Nature",
+    "PtyLine",
+    "TcpLine",
+    "Truth",
+]

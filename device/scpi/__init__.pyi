@@ -1,0 +1,4 @@
+from .dialects import EMULATED, INFINITE_OHM
+from .generator import generator_device, identify_generator
+
+__all__ = ["EMULATED", "INFINITE_OHM", "generator_device", "identify_generator"]

@@ -1,0 +1,14 @@
+from .audio import audio_device
+from .player import LoopPlayer
+from .stream import Callback, Stream, in_a_thread, open_stream, sound_cards, stderr_kept
+
+__all__ = [
+    "Callback",
+    "LoopPlayer",
+    "Stream",
+    "audio_device",
+    "in_a_thread",
+    "open_stream",
+    "sound_cards",
+    "stderr_kept",
+]

@@ -1,0 +1,5 @@
+from .screen import ScreenResponder
+from .terminal import TERMINAL_KEYS, TerminalResponder
+from .window import require_window
+
+__all__ = ["TERMINAL_KEYS", "ScreenResponder", "TerminalResponder", "require_window"]

@@ -1,0 +1,26 @@
+from .check import StudyCheck, check_study, require_fit, require_mock_suitable
+from .check_report import check_findings
+from .device import DeviceCheck, check_device, device_findings
+from .field import PlateBand, PlateMap, plate_band, plate_map
+from .field_figure import render
+from .field_report import field_csv, field_text
+from .plate import plate_of
+
+__all__ = [
+    "DeviceCheck",
+    "PlateBand",
+    "PlateMap",
+    "StudyCheck",
+    "check_device",
+    "check_findings",
+    "check_study",
+    "device_findings",
+    "field_csv",
+    "field_text",
+    "plate_band",
+    "plate_map",
+    "plate_of",
+    "render",
+    "require_fit",
+    "require_mock_suitable",
+]

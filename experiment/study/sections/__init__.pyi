@@ -1,0 +1,49 @@
+from .dataset import About, Dataset, ParticipantColumn, Participants
+from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
+from .equipment import DeviceSettings, DriverName, Masking
+from .plate import SIDES, Actuator, Plate, check_actuators, paper_actuators
+from .presentation import Keys, Screen, Texts
+from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
+from .stimulus import (
+    Condition,
+    SharedStimulus,
+    completed,
+    drive_samples,
+    stimulus_facts,
+    unscaled_peak,
+)
+from .table import FromTable, file_keys, section
+
+__all__ = [
+    "ASSUMED_ANSWER_S",
+    "EARLIEST_ANSWER_S",
+    "LEAST_LEVEL_VPP",
+    "PAPER_THRESHOLD_UM",
+    "SIDES",
+    "THRESHOLD_VPP",
+    "About",
+    "Actuator",
+    "Condition",
+    "Dataset",
+    "Design",
+    "DeviceSettings",
+    "DriverName",
+    "FromTable",
+    "Keys",
+    "Masking",
+    "ParticipantColumn",
+    "Participants",
+    "Plate",
+    "Screen",
+    "SharedStimulus",
+    "Simulation",
+    "Texts",
+    "check_actuators",
+    "completed",
+    "drive_samples",
+    "file_keys",
+    "paper_actuators",
+    "section",
+    "stimulus_facts",
+    "unscaled_peak",
+]

@@ -1,0 +1,27 @@
+from . import events as events
+from .draw import block_count, draw_plan
+from .engine import step, upcoming
+from .events import EndTrial, Event, Happening, Key, Phase, SessionState, Task
+from .plan import AUDIBILITY_BLOCK, CONTROL, PRACTICE_BLOCK, Plan, PlanError, Trial, plan_from_json
+
+__all__ = [
+    "AUDIBILITY_BLOCK",
+    "CONTROL",
+    "PRACTICE_BLOCK",
+    "EndTrial",
+    "Event",
+    "Happening",
+    "Key",
+    "Phase",
+    "Plan",
+    "PlanError",
+    "SessionState",
+    "Task",
+    "Trial",
+    "block_count",
+    "draw_plan",
+    "events",
+    "plan_from_json",
+    "step",
+    "upcoming",
+]

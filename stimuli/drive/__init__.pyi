@@ -1,0 +1,18 @@
+from .burst import Burst
+from .energy import staircase_energy_above
+from .fit import BurstCheck, check_burst
+from .noise import pink_loop
+from .sampled import Drive, SampledDrive, exponential_sums
+from .windows import Window
+
+__all__ = [
+    "Burst",
+    "BurstCheck",
+    "Drive",
+    "SampledDrive",
+    "Window",
+    "check_burst",
+    "exponential_sums",
+    "pink_loop",
+    "staircase_energy_above",
+]

@@ -1,0 +1,18 @@
+from .across import Span
+from .endless import solved
+from .ends import faintness, reflected
+from .guided import PI
+from .source import Answered, Ends, Question, Source, far_clearance
+
+__all__ = [
+    "PI",
+    "Answered",
+    "Ends",
+    "Question",
+    "Source",
+    "Span",
+    "faintness",
+    "far_clearance",
+    "reflected",
+    "solved",
+]

@@ -1,0 +1,19 @@
+from .dispersion import relation
+from .edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
+from .material import ALUMINIUM, Material
+from .roots import roots
+from .strip import Strip
+from .waves import supported_cutoff_hz
+
+__all__ = [
+    "ALUMINIUM",
+    "CLAMPED",
+    "SIMPLY_SUPPORTED",
+    "ElasticEdge",
+    "IdealEdge",
+    "Material",
+    "Strip",
+    "relation",
+    "roots",
+    "supported_cutoff_hz",
+]
