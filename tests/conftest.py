@@ -151,7 +151,7 @@ from device.emulate.faults import Faults, FaultScript
 from device.limits import Limits
 from device.emulate.lines import PtyLine, TcpLine
 from device.core.output import OutputStage
-from device.emulate.truth import Truth
+from device.emulate.emulator import Truth
 
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 for order in sys.stdin:

@@ -86,8 +86,7 @@ def _run_device(
 ) -> None:
     from device.clock import MonotonicClock
     from device.core.output import OutputStage
-    from device.emulate.emulator import Emulator, Nature
-    from device.emulate.truth import Truth
+    from device.emulate.emulator import Emulator, Nature, Truth
     from device.limits import Limits
 
     nature = Nature(

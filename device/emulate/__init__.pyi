@@ -1,9 +1,8 @@
-from .emulator import SERIAL_NUMBER, Emulator, Nature
+from .emulator import SERIAL_NUMBER, Emulator, Nature, Truth
 from .faults import Faults, FaultScript
 from .generator import GeneratorEmulator
 from .lines import Line, PtyLine, TcpLine
 from .mock import DEVICE_LIMITS, MockDevice
-from .truth import Truth
 
 __all__ = [
     "DEVICE_LIMITS",

@@ -13,7 +13,7 @@ import numpy as np
 
 from stimuli.solver.across import shape, shape_integral
 from stimuli.strip.dispersion import relation
-from stimuli.strip.roots import roots
+from stimuli.strip.roots import section_roots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -174,7 +174,7 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
     if np.all(np.isinf(hold)):
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
-    x = roots((rough_k / 2) ** 2, 2 * rough_hold, n_modes, symmetric=sign > 0, spare=_SPARE)
+    x = section_roots((rough_k / 2) ** 2, 2 * rough_hold, n_modes, symmetric=sign > 0, spare=_SPARE)
     z = _near_cutoff(-4 * x, k, hold, sign)
     p = _outgoing(z)
     order = _slowest_first(p)[:, :n_modes]

@@ -1,7 +1,7 @@
 from .dispersion import relation
 from .edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from .material import ALUMINIUM, Material
-from .roots import roots
+from .roots import section_roots
 from .strip import Strip
 from .waves import supported_cutoff_hz
 
@@ -14,6 +14,6 @@ __all__ = [
     "Material",
     "Strip",
     "relation",
-    "roots",
+    "section_roots",
     "supported_cutoff_hz",
 ]

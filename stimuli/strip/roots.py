@@ -62,11 +62,11 @@ def decays_squared(section: Section, count: int) -> Complex:
     (array([4.212392-2.250729j, 4.212392+2.250729j]), True)
     """
     bending, compliance = (np.array([complex(v)]) for v in (section.bending, section.compliance))
-    x: Complex = roots(bending, compliance, count, symmetric=section.symmetric)[0]
+    x: Complex = section_roots(bending, compliance, count, symmetric=section.symmetric)[0]
     return x
 
 
-def roots(
+def section_roots(
     bending: Complex, compliance: Complex, count: int, *, symmetric: bool, spare: int = _SPARE
 ) -> Complex:
     """Return what `decays_squared` does for many sections, shape (n_sections, count).

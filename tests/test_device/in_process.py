@@ -9,8 +9,7 @@ from __future__ import annotations
 from typing import IO, TYPE_CHECKING, Final
 
 from device.driver import LinkError
-from device.emulate.emulator import TICK_S, Emulator, Nature
-from device.emulate.truth import Truth
+from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
 from device.wire.channels import BEAT_EVERY_S
 from device.wire.link import FrameLink
 
