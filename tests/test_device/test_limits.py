@@ -150,6 +150,11 @@ def test_waveforms_of_different_lengths_are_refused() -> None:
     assert refused.value.code is Refusal.LENGTHS_DIFFER
 
 
+def test_a_waveform_of_the_longest_length_passes() -> None:
+    longest = sine(LIMITS.longest_waveform)
+    assert check_waveforms(longest, longest, LIMITS) == (longest.max(), longest.max())
+
+
 def test_a_unipolar_click_is_refused_with_that_reason() -> None:
     click = np.r_[0.0, np.ones(48), 0.0]
     with pytest.raises(LimitExceeded, match=r"DC part .*unipolar click.*: left"):
