@@ -28,7 +28,16 @@ from device.core.messages import (
 )
 from device.core.states import State, Step, require_legal
 from device.core.tokens import Exchange, Fate, Record, Reply, delivery
-from device.driver import Delivery, FloatArray, Identity, LinkError, Refusal, StateError, rejection
+from device.driver import (
+    Delivery,
+    DeviceError,
+    FloatArray,
+    Identity,
+    LinkError,
+    Refusal,
+    StateError,
+    rejection,
+)
 from device.limits import (
     Limits,
     check_burst,
@@ -121,7 +130,11 @@ class HostDriver:
         self._identity = identity
         self._slots.clear()
         self._armed = self._burst = None
-        self._link.exchange(Levels(left_mvpp=0, right_mvpp=0))
+        try:
+            self._link.exchange(Levels(left_mvpp=0, right_mvpp=0))
+        except DeviceError:
+            self._link.hang_up()  # else nobody closes it: an open that failed is no open device
+            raise
         self._levels_vpp = (0.0, 0.0)
         return identity
 
