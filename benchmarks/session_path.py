@@ -26,7 +26,7 @@ from tactstrip import main
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from experiment.terms.responder import Press, Question
+    from experiment.terms.responder import AwaitedAnswer, Press
 
 _COUNTERS = Path("/proc/self/io")
 _OPENING = "open"
@@ -79,7 +79,7 @@ class Probe:
         now_s = time.perf_counter()
         if any(isinstance(effect, events.ArmStimulus) for effect in effects):
             self._arm_s = now_s
-        if any(isinstance(effect, events.Fire) for effect in effects):
+        if any(isinstance(effect, events.FireStimulus) for effect in effects):
             self._fire_s = now_s
         return after, effects
 
@@ -96,7 +96,7 @@ class Probe:
         if self.found.awaited == 0:
             self._first = self._before
 
-    def ask(self, responder: SimulatedResponder, question: Question) -> Press | None:
+    def ask(self, responder: SimulatedResponder, question: AwaitedAnswer) -> Press | None:
         """Have the participant answer; note what was read and written since the stimulus."""
         press = _ASK(responder, question)
         now = self.storage_bytes()

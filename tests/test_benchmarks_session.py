@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from device.wire.channels import SerialChannel
     from experiment.session.simulate import SimulatedResponder
-    from experiment.terms.responder import Question
+    from experiment.terms.responder import AwaitedAnswer
 
 pytestmark = pytest.mark.gallery
 
@@ -35,7 +35,7 @@ def test_a_file_written_while_an_answer_is_awaited_is_counted_and_no_other(
     probe.sync_file(handle)
     probe.heed("open", ("name", "r", 0))
     probe.heed("compile", ())
-    probe.ask(cast("SimulatedResponder", None), cast("Question", None))
+    probe.ask(cast("SimulatedResponder", None), cast("AwaitedAnswer", None))
     probe.write_file(handle, b"after")
     probe.heed("open", ("name", "r", 0))
     for each in (handle, read_end, write_end):

@@ -59,7 +59,7 @@ def _count(number: float) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Column:
+class _ReportColumn:
     """A column of the table of levels: its heads on terminal and page, and its cell in a row."""
 
     short: str
@@ -73,26 +73,26 @@ def _named(name: str, write: Callable[[float], str]) -> Callable[[pd.Series[Any]
 
 # The level itself stands in front of these, because its head and cell have the axis's unit.
 _LEVELS = (
-    _Column(
+    _ReportColumn(
         short="k/n",
         long="Detected / presented",
         cell=lambda row, style: style.share(row["detected"], row["presented"]),
     ),
-    _Column(short="P", long="Participants", cell=_named("people", str)),
-    _Column(short="min", long="Least", cell=_named("p_min", p_text)),
-    _Column(short="mean", long="Mean", cell=_named("p_mean", p_text)),
-    _Column(short="max", long="Largest", cell=_named("p_max", p_text)),
-    _Column(
+    _ReportColumn(short="P", long="Participants", cell=_named("people", str)),
+    _ReportColumn(short="min", long="Least", cell=_named("p_min", p_text)),
+    _ReportColumn(short="mean", long="Mean", cell=_named("p_mean", p_text)),
+    _ReportColumn(short="max", long="Largest", cell=_named("p_max", p_text)),
+    _ReportColumn(
         short="group 95 %",
         long="Group, 95 %",
         cell=lambda row, style: style.limits(row["group_low"], row["group_high"]),
     ),
-    _Column(short="both", long="Both", cell=_named("over_report", _count)),
-    _Column(short="other", long="Other side", cell=_named("mislocalised", _count)),
-    _Column(short="late", long="Time-outs", cell=_named("timeouts", _count)),
-    _Column(short="p ans", long="Of answered", cell=_named("p_answered", p_text)),
+    _ReportColumn(short="both", long="Both", cell=_named("over_report", _count)),
+    _ReportColumn(short="other", long="Other side", cell=_named("mislocalised", _count)),
+    _ReportColumn(short="late", long="Time-outs", cell=_named("timeouts", _count)),
+    _ReportColumn(short="p ans", long="Of answered", cell=_named("p_answered", p_text)),
 )
-_FELT = _Column(short="any", long="Felt at all", cell=_named("detected_any", str))
+_FELT = _ReportColumn(short="any", long="Felt at all", cell=_named("detected_any", str))
 """Only where "none" could be answered."""
 
 

@@ -237,7 +237,7 @@ class Hello(Message[Greeting]):
     nonce: int
 
 
-class Row(NamedTuple):
+class MessageLayout(NamedTuple):
     """The layout of a message, and that of its answer after the head, if anything follows it."""
 
     message: Layout[Any]
@@ -266,24 +266,24 @@ TOLD: Final = Layout(
 # be added in a minor version; none may change, since a device in the field cannot be asked which
 # layout it meant.
 TABLE: Final = {
-    Kind.HELLO: Row(Layout(Hello, nonce=U64), GREETING),
-    Kind.PING: Row(Layout(Ping)),
-    Kind.BEGIN: Row(Layout(Begin, slot=U8, samples=U32)),
-    Kind.DATA: Row(Layout(Data, offset=U32, octets=REST)),
-    Kind.COMMIT: Row(Layout(Commit, slot=U8, crc=U32)),
-    Kind.LEVEL: Row(Layout(Levels, left_mvpp=U32, right_mvpp=U32)),
-    Kind.OUTPUT: Row(Layout(Enable)),
-    Kind.ARM: Row(Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)),
-    Kind.DISARM: Row(Layout(Disarm, token=U64)),
-    Kind.FIRE: Row(Layout(Fire, token=U64), TOLD),
-    Kind.QUERY: Row(Layout(Query, token=U64), TOLD),
-    Kind.STOP: Row(Layout(Stop)),
-    Kind.BEAT: Row(Layout(Beat)),
+    Kind.HELLO: MessageLayout(Layout(Hello, nonce=U64), GREETING),
+    Kind.PING: MessageLayout(Layout(Ping)),
+    Kind.BEGIN: MessageLayout(Layout(Begin, slot=U8, samples=U32)),
+    Kind.DATA: MessageLayout(Layout(Data, offset=U32, octets=REST)),
+    Kind.COMMIT: MessageLayout(Layout(Commit, slot=U8, crc=U32)),
+    Kind.LEVEL: MessageLayout(Layout(Levels, left_mvpp=U32, right_mvpp=U32)),
+    Kind.OUTPUT: MessageLayout(Layout(Enable)),
+    Kind.ARM: MessageLayout(Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)),
+    Kind.DISARM: MessageLayout(Layout(Disarm, token=U64)),
+    Kind.FIRE: MessageLayout(Layout(Fire, token=U64), TOLD),
+    Kind.QUERY: MessageLayout(Layout(Query, token=U64), TOLD),
+    Kind.STOP: MessageLayout(Layout(Stop)),
+    Kind.BEAT: MessageLayout(Layout(Beat)),
 }
 """Every type of question with the layouts of its message and its answer.
 
-Before the message of every question but HELLO comes a boot id (`Question`), before what an answer
-tells its head (`Answer`). A `Load` has no row: upload.py sends it in pieces.
+Before the message of every question but HELLO comes a boot id (`QuestionPayload`), before what an
+answer tells its head (`AnswerPayload`). A `Load` has no row: upload.py sends it in pieces.
 """
 
 _KINDS: Final = {row.message.of: kind for kind, row in TABLE.items()}
@@ -299,7 +299,7 @@ def kind_of(message: Message[Any]) -> Kind:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class QuestionPayload:
     """Any question but HELLO: the power cycle it is meant for, and the bytes of its message."""
 
     boot_id: int
@@ -307,7 +307,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class AnswerPayload:
     """Any answer: its head, and the bytes of what is told after it.
 
     The head says why the question was refused, if it was, in which state the device is now, its
@@ -321,9 +321,9 @@ class Answer:
     body: bytes = b""
 
 
-QUESTION: Final = Layout(Question, boot_id=U64, content=REST)
+QUESTION: Final = Layout(QuestionPayload, boot_id=U64, content=REST)
 HEAD: Final = Layout(
-    Answer,
+    AnswerPayload,
     refusal=Form("B", REFUSALS),
     state=Form("B", STATES),
     boot_id=U64,
@@ -338,7 +338,7 @@ def payload(message: Message[Any], boot_id: int) -> bytes:
     content = TABLE[kind].message.pack(message)
     if kind is Kind.HELLO:
         return content
-    return QUESTION.pack(Question(boot_id=boot_id, content=content))
+    return QUESTION.pack(QuestionPayload(boot_id=boot_id, content=content))
 
 
 def read(kind: int, content: bytes) -> Message[Any]:

@@ -12,7 +12,7 @@ from device.core.messages import Beat, Message, Ping, Stop
 from device.core.states import State
 from device.driver import Identity, Refusal, Rejected, rejection
 from device.wire import codec
-from device.wire.codec import Answer, Greeting, Kind, Told
+from device.wire.codec import AnswerPayload, Greeting, Kind, Told
 from device.wire.frames import Decoder, Frame, IdentityLine, encode
 from device.wire.upload import Begin, Commit, Data, Uploads
 
@@ -116,7 +116,7 @@ class Endpoint:
             self._newest = frame.sequence
         return _coded(frame, self._answer(None))
 
-    def _greet(self, now_us: int, frame: Frame) -> Answer:
+    def _greet(self, now_us: int, frame: Frame) -> AnswerPayload:
         """Begin a connection; a HELLO that came before only gets its answer again."""
         self.core.advance(now_us)
         try:
@@ -134,7 +134,7 @@ class Endpoint:
         greeting = Greeting.of(self._identity, nonce=nonce)
         return self._answer(None, codec.GREETING.pack(greeting))
 
-    def _perform(self, now_us: int, frame: Frame) -> Answer:
+    def _perform(self, now_us: int, frame: Frame) -> AnswerPayload:
         """Do what a question asks, or say why not."""
         self.core.advance(now_us)
         try:
@@ -145,15 +145,15 @@ class Endpoint:
         except Rejected as refused:
             return self._answer(refused.code)
 
-    def _done(self, now_us: int, message: Message[Any]) -> Answer:
+    def _done(self, now_us: int, message: Message[Any]) -> AnswerPayload:
         if isinstance(message, Begin | Data | Commit):
             waveform = self._uploads.take(message)
             message = Ping() if waveform is None else waveform
         record = self.core.take(now_us, message)
         return self._answer(None, b"" if record is None else codec.TOLD.pack(Told.of(record)))
 
-    def _answer(self, refusal: Refusal | None, body: bytes = b"") -> Answer:
-        return Answer(
+    def _answer(self, refusal: Refusal | None, body: bytes = b"") -> AnswerPayload:
+        return AnswerPayload(
             refusal=refusal,
             state=self.core.state,
             boot_id=self.core.boot_id,
@@ -162,5 +162,5 @@ class Endpoint:
         )
 
 
-def _coded(question: Frame, answer: Answer) -> bytes:
+def _coded(question: Frame, answer: AnswerPayload) -> bytes:
     return encode(question.answered(codec.HEAD.pack(answer)))

@@ -29,7 +29,7 @@ from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import Identity, LinkError, Refusal, Rejected, rejection
 from device.wire import codec
 from device.wire.channels import Channel, Heart
-from device.wire.codec import Answer, Hello, Kind
+from device.wire.codec import AnswerPayload, Hello, Kind
 from device.wire.frames import Decoder, Frame, encode
 from device.wire.upload import pieces
 
@@ -254,7 +254,7 @@ class FrameLink:
             retries=retries,
         )
 
-    def _record(self, message: Message[Any], answer: Answer) -> Any:
+    def _record(self, message: Message[Any], answer: AnswerPayload) -> Any:
         """Return the record that a FIRE or QUERY is answered with, None for anything else."""
         if not isinstance(message, Fire | Query):
             return None
@@ -264,7 +264,7 @@ class FrameLink:
             raise LinkError(f"the device's answer to {name} contradicts itself")
         return record
 
-    def _require_done(self, message: Message[Any], answer: Answer) -> None:
+    def _require_done(self, message: Message[Any], answer: AnswerPayload) -> None:
         if answer.refusal is None:
             return
         if answer.refusal is Refusal.WRONG_BOOT:
@@ -287,7 +287,7 @@ class FrameLink:
             retries=retries + self._retries,
         )
 
-    def _ask(self, message: Message[Any], boot_id: int) -> Answer:
+    def _ask(self, message: Message[Any], boot_id: int) -> AnswerPayload:
         """Send a question until its answer comes; also a refusal tells state and power cycle.
 
         A stop from another thread may overtake a question, which the device does not do then. It
@@ -310,7 +310,7 @@ class FrameLink:
         while stops := tuple(self._stops):
             self._insist(self._stop_question(max(stops)), patience_s)
 
-    def _insist(self, question: Frame, patience_s: float) -> Answer:
+    def _insist(self, question: Frame, patience_s: float) -> AnswerPayload:
         channel = self._channel
         if channel is None:
             raise LinkError("the device is not connected")
@@ -328,11 +328,11 @@ class FrameLink:
         name = Kind(question.kind).name
         raise _Unanswered(f"the device did not answer {name} for {patience_s:g} s")
 
-    def _learn_clock(self, answer: Answer, began_s: float) -> None:
+    def _learn_clock(self, answer: AnswerPayload, began_s: float) -> None:
         after_s, device_s = self._clock.now_s(), answer.device_us / 1e6
         self.clock_sync.hear(Sample(before_s=began_s, after_s=after_s, device_s=device_s))
 
-    def _listen(self, channel: Channel, question: Frame) -> Answer | None:
+    def _listen(self, channel: Channel, question: Frame) -> AnswerPayload | None:
         """Return the answer to a question, or None when it is late."""
         wanted = question.answered(b"")
         answer = None
@@ -353,7 +353,7 @@ class FrameLink:
             self._learn(frame)
             self._stops.difference_update(number for number in stops if number <= max(obeyed))
 
-    def _learn(self, frame: Frame) -> Answer:
+    def _learn(self, frame: Frame) -> AnswerPayload:
         """Read an answer; one that was overtaken tells nothing of the state."""
         answer = _understood(lambda: codec.HEAD.read(frame.payload))
         if answer.boot_id != self._boot_id or answer.device_us >= self._device_us:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from experiment.participant.pages import Page, Pages
     from experiment.participant.window import Stage
     from experiment.study.sections.presentation import Keys, Screen, Texts
-    from experiment.terms.responder import Progress, Question, SessionPart
+    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
 
 
 POLL_S = 0.004
@@ -135,7 +135,7 @@ class ScreenResponder:
         """Let the foreperiod pass; other keys than an answer or a pause are ignored."""
         return self._pressed(until_s)
 
-    def ask(self, question: Question) -> Press | None:
+    def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; a key pressed before the onset is one, with its time."""
         self._stage.show(self._pages.prompt)
         return self._pressed(question.onset_s + question.window_s + KEY_DELAY_S)

@@ -15,7 +15,7 @@ from experiment.terms.responder import ESCAPE, Press, SessionPart
 if TYPE_CHECKING:
     from device.clock import Clock
     from experiment.study.sections.presentation import Texts
-    from experiment.terms.responder import Progress, Question
+    from experiment.terms.responder import AwaitedAnswer, Progress
 
 
 _ESCAPE_KEY: Final = "\x1b"
@@ -144,7 +144,7 @@ class TerminalResponder:
                 return Press(_ANSWER_OF[key], self._clock.now_s())
         return None
 
-    def ask(self, question: Question) -> Press | None:
+    def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; a key that means nothing is an invalid answer."""
         self._say(" ?")
         key = self._read(question.onset_s + question.window_s)

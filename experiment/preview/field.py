@@ -15,7 +15,7 @@ from stimuli import displacement_map
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from experiment.preview.plate import Complex, Plate, Real
+    from experiment.preview.plate import Complex, PlatePreview, Real
 
 
 BAND_FREQUENCIES: Final = 500
@@ -38,7 +38,7 @@ class PlateMap:
 
     Attributes
     ----------
-    plate : Plate
+    plate : PlatePreview
         Whose field it is.
     frequency_hz : float
         Frequency of the drive.
@@ -50,7 +50,7 @@ class PlateMap:
         The same at the centres of the fingertips.
     """
 
-    plate: Plate
+    plate: PlatePreview
     frequency_hz: float
     x_m: Real
     y_m: Real
@@ -74,7 +74,7 @@ class PlateBand:
 
     Attributes
     ----------
-    plate : Plate
+    plate : PlatePreview
         Whose field it is.
     band_hz : (float, float)
         Lower and upper end.
@@ -88,7 +88,7 @@ class PlateBand:
         Frequencies at such a cut-off, where the field of a plate without loss is infinite.
     """
 
-    plate: Plate
+    plate: PlatePreview
     band_hz: tuple[float, float]
     frequencies_hz: Real
     at_fingers_m: Complex
@@ -112,12 +112,12 @@ def level_db(own_m: ArrayLike, other_m: ArrayLike) -> Real:
     return np.asarray(20 * (np.log10(other) - np.log10(own)))
 
 
-def plate_map(plate: Plate, frequency_hz: float) -> PlateMap:
+def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     """Compute the displacement over a plate at one frequency, each actuator driven alone.
 
     Parameters
     ----------
-    plate : Plate
+    plate : PlatePreview
         The plate.
     frequency_hz : float
         Frequency from 0.
@@ -149,7 +149,7 @@ def plate_map(plate: Plate, frequency_hz: float) -> PlateMap:
     )
 
 
-def _grid(plate: Plate) -> tuple[Real, Real]:
+def _grid(plate: PlatePreview) -> tuple[Real, Real]:
     """Return the places of a map; the middle, the ends and both edges are among them."""
     width_m, length_m = plate.strip.width_m, plate.study.strip.length_m
     step_m = width_m / _CELLS_ACROSS
@@ -164,13 +164,13 @@ def _grid(plate: Plate) -> tuple[Real, Real]:
 
 
 def plate_band(
-    plate: Plate, band_hz: tuple[float, float], *, n_frequencies: int = BAND_FREQUENCIES
+    plate: PlatePreview, band_hz: tuple[float, float], *, n_frequencies: int = BAND_FREQUENCIES
 ) -> PlateBand:
     """Compute the displacement at the fingers over a band, each actuator driven alone.
 
     Parameters
     ----------
-    plate : Plate
+    plate : PlatePreview
         The plate.
     band_hz : (float, float)
         Lower and upper end, both in the band.
@@ -213,7 +213,7 @@ def plate_band(
     )
 
 
-def _cutoffs_hz(plate: Plate, highest_hz: float) -> tuple[float, ...]:
+def _cutoffs_hz(plate: PlatePreview, highest_hz: float) -> tuple[float, ...]:
     """Return the cut-offs of the waves that go from the loads to the fingers."""
     antisymmetric = any(-1 in job.signs for job in plate.scene.jobs())
     modes = count(1, 1 if antisymmetric else 2)
@@ -223,7 +223,7 @@ def _cutoffs_hz(plate: Plate, highest_hz: float) -> tuple[float, ...]:
 
 
 def _near_cutoffs(
-    plate: Plate, frequencies_hz: Real, cutoffs_hz: tuple[float, ...]
+    plate: PlatePreview, frequencies_hz: Real, cutoffs_hz: tuple[float, ...]
 ) -> NDArray[np.bool_]:
     """Tell which frequencies all but meet a cut-off where a plate without loss has no field."""
     material = plate.strip.material

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import Patch
 
     from experiment.preview.field import PlateBand
-    from experiment.preview.plate import Plate
+    from experiment.preview.plate import PlatePreview
     from experiment.study.sections.plate import Actuator
 
 
@@ -196,7 +196,7 @@ def _outline(axes: Axes, shape: Patch, *, dashed: bool) -> None:
     axes.add_patch(shape)
 
 
-def _map_keys(plate: Plate) -> list[Line2D]:
+def _map_keys(plate: PlatePreview) -> list[Line2D]:
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
 
@@ -278,7 +278,7 @@ def _dress(axes: Axes, field: PlateBand, largest: float) -> None:
     axes.set_axisbelow(True)
 
 
-def _band_keys(plate: Plate) -> list[Line2D]:
+def _band_keys(plate: PlatePreview) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     limit = f"−{plate.masking_limit_db:g} dB re above the actuator (masking limit)"

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from experiment.preview.plate import Plate
+    from experiment.preview.plate import PlatePreview
 
 
 _LEVELS: Final = "at the other finger's centre re above the driven actuator, for a tone"
@@ -76,7 +76,7 @@ def _band_rows(field: PlateBand) -> Iterable[list[str]]:
         yield [*_numbers([frequency_hz], field.at_fingers_m[..., k].ravel()), plate.basis]
 
 
-def _columns(plate: Plate, names: list[str]) -> list[str]:
+def _columns(plate: PlatePreview, names: list[str]) -> list[str]:
     unit = "um_per_unit_load" if plate.drive.level_vpp is None else "um"
     return [f"{name}_{part}_{unit}" for name in names for part in ("re", "im", "abs")]
 
@@ -168,7 +168,7 @@ def _loudest(field: PlateBand, driven: int, other: int) -> str:
     return f"{field.plate.places[other]} {most}; above -{limit_db:g} dB {first}"
 
 
-def strip_text(plate: Plate) -> str:
+def strip_text(plate: PlatePreview) -> str:
     """Name the first cut-off of a plate and its edges.
 
     Examples

@@ -103,7 +103,7 @@ _FINGERS: Final = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plate:
+class PlatePreview:
     """A study's plate with what bends it and what touches it.
 
     Attributes
@@ -186,7 +186,7 @@ class Plate:
         return self.scaled(np.moveaxis(found, 0, -1))
 
 
-def plate_of(study: Study) -> Plate:
+def plate_of(study: Study) -> PlatePreview:
     """Return the plate of a study with its loads, its drive and the fingertips.
 
     Examples
@@ -195,7 +195,7 @@ def plate_of(study: Study) -> Plate:
     >>> len(plate_of(paper_study()).loads)
     2
     """
-    return Plate(
+    return PlatePreview(
         study=study,
         strip=field_strip(study),
         loads=loads_of(study),

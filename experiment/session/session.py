@@ -9,7 +9,7 @@ from experiment.operator.requests import StopRequested
 from experiment.session.outputs import NoiseWatch, StimulusOut
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
-from experiment.terms.responder import ESCAPE, Question
+from experiment.terms.responder import ESCAPE, AwaitedAnswer
 from experiment.trial import events
 from experiment.trial.engine import step, upcoming
 from experiment.trial.events import Event, Key
@@ -58,7 +58,7 @@ class Attendance:
             lambda: self._event_of(self._responder.wait(until_s), task, onset_s=None)
         )
 
-    def ask(self, task: Task, question: Question) -> Happening:
+    def ask(self, task: Task, question: AwaitedAnswer) -> Happening:
         """Wait for an answer."""
         return self._unless_stopped(
             lambda: self._event_of(self._responder.ask(question), task, onset_s=question.onset_s)
@@ -167,7 +167,7 @@ class Session:
             events.Cue: self._cue,
             events.Wait: self._wait,
             events.ArmStimulus: self._arm,
-            events.Fire: self._fire,
+            events.FireStimulus: self._fire,
             events.Listen: self._listen,
             events.EndTrial: self._end_trial,
             events.Feedback: self._feedback,
@@ -271,7 +271,7 @@ class Session:
     def _arm(self, effect: events.ArmStimulus) -> Happening:
         return Event.NOISE_LOST if self._noise.lost() else self._emission.arm(effect.task)
 
-    def _fire(self, _: events.Fire) -> Happening:
+    def _fire(self, _: events.FireStimulus) -> Happening:
         """Emit the stimulus; nothing touches the disk from here to the answer."""
         event = self._emission.fire()
         if event is Event.FIRED:
@@ -281,7 +281,7 @@ class Session:
     def _listen(self, effect: events.Listen) -> Happening:
         delivery = self._emission.delivery
         assert delivery is not None
-        question = Question(
+        question = AwaitedAnswer(
             trial=effect.task.trial.number,
             attempt=effect.task.attempt,
             level_left_vpp=delivery.level_left_vpp,

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains, FingerGains
     from experiment.terms.observer import Observer
-    from experiment.terms.responder import Progress, Question, SessionPart
+    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
     from experiment.trial.plan import Plan
 
 
@@ -89,7 +89,7 @@ class SimulatedResponder:
         self._wait_until(until_s)
         return None
 
-    def ask(self, question: Question) -> Press | None:
+    def ask(self, question: AwaitedAnswer) -> Press | None:
         """Answer as the observer does."""
         rng = np.random.default_rng((self._seed, question.trial, question.attempt))
         levels_vpp, responses = (question.level_left_vpp, question.level_right_vpp), self._responses

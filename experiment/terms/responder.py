@@ -54,7 +54,7 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
+class AwaitedAnswer:
     """A stimulus that just went out, and how long an answer to it is awaited.
 
     Attributes
@@ -101,7 +101,7 @@ class Responder(Protocol):
         """Let the foreperiod pass; return early with a key that was pressed in it."""
         ...
 
-    def ask(self, question: Question) -> Press | None:
+    def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for an answer; ``None`` if the time is over."""
         ...
 

@@ -184,7 +184,7 @@ class ArmStimulus(TaskEffect):
     """Journal the token, then arm the device. Answered by ARMED, NOISE_LOST or DEVICE_FAILED."""
 
 
-class Fire(TaskEffect):
+class FireStimulus(TaskEffect):
     """Emit the stimulus. Answered by FIRED, NOT_FIRED, FIRED_PERHAPS or DEVICE_FAILED."""
 
 

@@ -30,7 +30,16 @@ from device.core.tokens import Fate, Record
 from device.driver import Identity, Refusal, Rejected
 from device.limits import Limits
 from device.wire import codec, frames
-from device.wire.codec import FATES, REFUSALS, STATES, TABLE, Answer, Kind, Question, Told
+from device.wire.codec import (
+    FATES,
+    REFUSALS,
+    STATES,
+    TABLE,
+    AnswerPayload,
+    Kind,
+    QuestionPayload,
+    Told,
+)
 from device.wire.endpoint import Endpoint
 from device.wire.frames import LONGEST_PAYLOAD, Decoder, Frame, encode
 from device.wire.upload import LONGEST_DATA, Begin, Commit, Data, pieces
@@ -185,7 +194,7 @@ def test_any_payload_in_a_whole_frame_is_answered_or_dropped(
     kind: int, content: bytes, *, meant: bool
 ) -> None:
     device = endpoint()
-    question = Question(boot_id=device.core.boot_id, content=content)
+    question = QuestionPayload(boot_id=device.core.boot_id, content=content)
     payload = codec.QUESTION.pack(question) if meant else content
     frame = Frame(kind=kind, sequence=3, payload=payload)
     answers = Decoder().feed(device.receive(1, encode(frame)))
@@ -357,7 +366,7 @@ def test_a_content_is_read_or_refused_as_such(name: str, content: bytes) -> None
 
 def test_numbers_that_stand_for_nothing_are_refused() -> None:
     told = codec.TOLD.pack(codec.Told.of(Record(token=3, fate=Fate.ABORTED)))
-    head = codec.HEAD.pack(Answer(refusal=None, state=State.SAFE, boot_id=5, device_us=9))
+    head = codec.HEAD.pack(AnswerPayload(refusal=None, state=State.SAFE, boot_id=5, device_us=9))
     for layout, content, place, number in (
         (codec.TOLD, told, 8, len(FATES)),
         (codec.HEAD, head, 0, len(Refusal) + 1),
@@ -401,7 +410,7 @@ def test_a_record_that_is_told_is_read_again(token: int, level: int, fate: Fate)
 
 @given(
     st.builds(
-        Answer,
+        AnswerPayload,
         refusal=st.none() | st.sampled_from(Refusal),
         state=st.sampled_from(STATES),
         boot_id=st.integers(0, 2**64 - 1),
@@ -409,7 +418,7 @@ def test_a_record_that_is_told_is_read_again(token: int, level: int, fate: Fate)
         body=st.binary(max_size=30),
     )
 )
-def test_an_answer_that_is_packed_is_read_again(answer: Answer) -> None:
+def test_an_answer_that_is_packed_is_read_again(answer: AnswerPayload) -> None:
     assert codec.HEAD.read(codec.HEAD.pack(answer)) == answer
 
 

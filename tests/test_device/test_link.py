@@ -39,7 +39,7 @@ from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
 from device.limits import Limits
 from device.wire import codec
-from device.wire.codec import Answer, Kind
+from device.wire.codec import AnswerPayload, Kind
 from device.wire.endpoint import Endpoint
 from device.wire.frames import Decoder, Frame, encode
 from device.wire.link import FrameLink
@@ -310,7 +310,7 @@ class Line:
     def close(self) -> None:
         self.endpoint.hang_up(round(self.clock.now_s() * 1e6))
 
-    def receive(self, data: bytes) -> list[Answer]:
+    def receive(self, data: bytes) -> list[AnswerPayload]:
         frames = Decoder().feed(self.endpoint.receive(round(self.clock.now_s() * 1e6), data))
         return [codec.HEAD.read(frame.payload) for frame in frames]
 

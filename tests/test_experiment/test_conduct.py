@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from experiment.session.setting import Ending
     from experiment.study.study import Study
     from experiment.terms.record import TrialRow
-    from experiment.terms.responder import Progress, Question
+    from experiment.terms.responder import AwaitedAnswer, Progress
     from experiment.trial.plan import Plan
 
 
@@ -86,7 +86,7 @@ class Scripted:
         self._clock.wait(max(0.0, until_s - self._clock.now_s()))
         return None
 
-    def ask(self, question: Question) -> Press | None:
+    def ask(self, question: AwaitedAnswer) -> Press | None:
         act = self._next("ask") or ("left", 0.5)
         assert isinstance(act, tuple)
         response, rt_s = act
@@ -277,7 +277,7 @@ def test_a_stop_from_outside_ends_the_wait_and_the_session(lab: Lab) -> None:
     setting = lab.setting()
     ask = lab.responder.ask
 
-    def ask_and_be_stopped(question: Question) -> Press | None:
+    def ask_and_be_stopped(question: AwaitedAnswer) -> Press | None:
         if question.trial == lab.plan.trials[2].number:
             lab.stop.ask()
         return ask(question)
@@ -374,7 +374,7 @@ def test_nothing_is_written_between_the_onset_and_the_key(
         log.append("onset")
         return fire(token)
 
-    def logged_ask(self: Scripted, question: Question) -> Press | None:
+    def logged_ask(self: Scripted, question: AwaitedAnswer) -> Press | None:
         press = ask(self, question)
         log.append("key")
         return press
@@ -885,7 +885,7 @@ def test_whatever_happens_nothing_is_written_or_shown_between_the_onset_and_the_
         log.append("shown")
         show(self, status)
 
-    def logged_ask(self: Scripted, question: Question) -> Press | None:
+    def logged_ask(self: Scripted, question: AwaitedAnswer) -> Press | None:
         lab.requests.note("while an answer is awaited")
         lab.requests.pause()
         if len(lab.device.emitted) % 2:

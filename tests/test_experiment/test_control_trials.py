@@ -19,7 +19,7 @@ from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.session.simulate import simulated_responder
 from experiment.study.read import paper_study, study_from_text
-from experiment.terms.responder import Question
+from experiment.terms.responder import AwaitedAnswer
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import AUDIBILITY_BLOCK, PRACTICE_BLOCK, PlanError, Trial, plan_from_json
 from tactstrip import main
@@ -227,7 +227,7 @@ def test_a_simulated_participant_feels_nothing_with_the_fingers_off(
     responder = simulated_responder(study, plan, clock)
     answers = {}
     for trial in plan.trials:
-        question = Question(
+        question = AwaitedAnswer(
             trial=trial.number,
             attempt=1,
             level_left_vpp=200.0 if trial.side == "left" else 0.0,

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from device.driver import Delivery
     from experiment.operator.requests import Status
     from experiment.study.study import Study
-    from experiment.terms.responder import Press, Progress, Question
+    from experiment.terms.responder import AwaitedAnswer, Press, Progress
 
 
 class LossyDisk:
@@ -352,7 +352,7 @@ def test_a_resume_and_the_end_of_the_open_trial_are_on_the_disk_before_it_goes_o
     class PowerCut(BaseException):
         """The end of the process."""
 
-    def cut(question: Question) -> Press | None:
+    def cut(question: AwaitedAnswer) -> Press | None:
         raise PowerCut
 
     def begun(progress: Progress) -> bool:

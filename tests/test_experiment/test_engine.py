@@ -21,7 +21,7 @@ from experiment.trial.events import (
     Event,
     Farewell,
     Feedback,
-    Fire,
+    FireStimulus,
     Greet,
     Introduce,
     Key,
@@ -105,7 +105,7 @@ def test_a_trial_goes_from_cue_to_answer_and_ends_ok() -> None:
         Cue(task),
         Wait(task),
         ArmStimulus(task),
-        Fire(task),
+        FireStimulus(task),
         Listen(task, 3.0),
         EndTrial(task=task, status="ok", response="left", rt_s=0.5),
     ]
@@ -160,7 +160,7 @@ def test_what_is_done_in_a_trial_is_done_for_the_first_that_is_due() -> None:
         Cue(task),
         Wait(task),
         ArmStimulus(task),
-        Fire(task),
+        FireStimulus(task),
         Listen(task, 3.0),
     ]
 

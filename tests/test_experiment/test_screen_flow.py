@@ -13,7 +13,7 @@ from experiment.operator.requests import Requests, StopRequested, StopSignal
 from experiment.participant.keys import Stroke
 from experiment.participant.screen import END_S, ScreenResponder
 from experiment.study.sections.presentation import Keys, Screen, Texts
-from experiment.terms.responder import ESCAPE, Press, Progress, Question, SessionPart
+from experiment.terms.responder import ESCAPE, AwaitedAnswer, Press, Progress, SessionPart
 
 PROGRESS = Progress(done=1, planned=4, practice=False)
 
@@ -119,8 +119,8 @@ def room() -> Room:
     return Room()
 
 
-def question(onset_s: float = 0.0, window_s: float = 2.0) -> Question:
-    return Question(trial=1, attempt=1, level_left_vpp=0.0, level_right_vpp=0.0,
+def question(onset_s: float = 0.0, window_s: float = 2.0) -> AwaitedAnswer:
+    return AwaitedAnswer(trial=1, attempt=1, level_left_vpp=0.0, level_right_vpp=0.0,
                     onset_s=onset_s, window_s=window_s)  # fmt: skip
 
 

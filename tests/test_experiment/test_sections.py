@@ -12,7 +12,7 @@ import pytest
 
 from experiment.study.read import paper_study
 from experiment.study.sections.equipment import Masking
-from experiment.study.sections.table import file_keys, limits_of
+from experiment.study.sections.table import file_keys, range_of
 from experiment.study.study import Study
 
 if TYPE_CHECKING:
@@ -73,10 +73,10 @@ def ranges() -> Iterator[Any]:
     for name in file_keys(Study):
         for key, field in file_keys(section_of(name)).items():
             kind, listed = field.annotation, False
-            limits = limits_of(kind, tuple(field.metadata))
+            limits = range_of(kind, tuple(field.metadata))
             if limits is None and get_args(kind):
                 kind, listed = get_args(kind)[0], True
-                limits = limits_of(kind)
+                limits = range_of(kind)
             if limits is None or key == "measured_cutoff_hz":  # which one is, the plate decides
                 continue
             whole = "int" in str(kind)

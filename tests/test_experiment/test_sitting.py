@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from experiment.operator.requests import Requests
-    from experiment.terms.responder import Progress, Question, SessionPart
+    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
 
 STUDY = """
 [study]
@@ -99,7 +99,7 @@ class FakeScreen:
         self._clock.wait(max(0.0, until_s - self._clock.now_s()))
         return None
 
-    def ask(self, question: Question) -> Press | None:
+    def ask(self, question: AwaitedAnswer) -> Press | None:
         time_s = question.onset_s + 0.15
         self._clock.wait(max(0.0, time_s - self._clock.now_s()))
         return Press("none", time_s)

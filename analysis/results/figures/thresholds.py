@@ -64,7 +64,7 @@ class ThresholdData:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Row:
+class _Mark:
     """A line of the figure: a value with its limits, an arrow at an end, or words."""
 
     name: str
@@ -112,7 +112,7 @@ def draw(data: ThresholdData) -> Figure:
     return figure
 
 
-def _rows(data: ThresholdData, condition: str) -> list[_Row]:
+def _rows(data: ThresholdData, condition: str) -> list[_Mark]:
     people = data.thresholds[data.thresholds["condition"].eq(condition)]
     group = data.groups[data.groups["condition"].eq(condition)].iloc[0]
     if len(people) > _NAMED:
@@ -127,25 +127,25 @@ def _rows(data: ThresholdData, condition: str) -> list[_Row]:
     if number > 1:
         status, at = str(group["status"]), float(group["median_vpp"])
         words = "no median" if np.isnan(at) else ""
-        rows.append(_Row(name=f"median of {number}", at=at, low=nan, high=nan, status=status,
+        rows.append(_Mark(name=f"median of {number}", at=at, low=nan, high=nan, status=status,
                          words=words, colour=GROUP))  # fmt: skip
     if not np.isnan(group["mean_vpp"]):
         at, low, high = (float(group[n]) for n in ("mean_vpp", "mean_low_vpp", "mean_high_vpp"))
-        rows.append(_Row(name=f"mean of {number}", at=at, low=low, high=high, status="ok",
+        rows.append(_Mark(name=f"mean of {number}", at=at, low=low, high=high, status="ok",
                          words="", colour=GROUP))  # fmt: skip
     return rows
 
 
-def _row(name: str, one: pd.Series[Any]) -> _Row:
+def _row(name: str, one: pd.Series[Any]) -> _Mark:
     at, low, high = (
         float(one[column])
         for column in ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
     )
-    return _Row(name=name, at=at, low=low, high=high, status=str(one["status"]),
+    return _Mark(name=name, at=at, low=low, high=high, status=str(one["status"]),
                 words=f"none: {str(one['status']).replace('_', ' ')}", colour=_PERSON)  # fmt: skip
 
 
-def _draw(axes: Axes, rows: list[_Row], levels_vpp: Any, axis: Axis) -> None:
+def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
     first, last = _just_outside(axes, levels_vpp)
     named = len(rows) <= _NAMED + 2
@@ -171,7 +171,7 @@ def _draw(axes: Axes, rows: list[_Row], levels_vpp: Any, axis: Axis) -> None:
     _explain(axes, rows)
 
 
-def _draw_value(axes: Axes, row: _Row, place: int, *, size: float) -> None:
+def _draw_value(axes: Axes, row: _Mark, place: int, *, size: float) -> None:
     left, right = axes.get_xlim()
     if not np.isnan(row.low):
         axes.hlines(place, max(row.low, left), min(row.high, right), color=row.colour, lw=1.4)
@@ -195,7 +195,7 @@ def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
     return low + (left - low) / 4, high + (right - high) / 4
 
 
-def _explain(axes: Axes, rows: list[_Row]) -> None:
+def _explain(axes: Axes, rows: list[_Mark]) -> None:
     """Put into the key what the panel has."""
     held = {row.status for row in rows}
     if any(not np.isnan(row.at) and row.colour == _PERSON for row in rows):

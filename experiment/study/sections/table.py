@@ -89,7 +89,7 @@ def file_keys(cls: type) -> dict[str, FieldInfo]:
 
 
 @plain_dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class KeyRange:
     """Between which numbers a key's value must lie; none where there is no limit."""
 
     gt: float | None = None
@@ -102,7 +102,7 @@ class Limits:
 
         Examples
         --------
-        >>> Limits(gt=0, le=60).words(whole=False), Limits(ge=1, le=9).words(whole=True)
+        >>> KeyRange(gt=0, le=60).words(whole=False), KeyRange(ge=1, le=9).words(whole=True)
         ('a finite number > 0 and <= 60', 'a whole number from 1 to 9')
         """
         if whole:
@@ -112,7 +112,7 @@ class Limits:
         return " ".join(filter(None, ("a finite number", " and ".join(told))))
 
 
-def limits_of(kind: Any, metadata: tuple[Any, ...] = ()) -> Limits | None:
+def range_of(kind: Any, metadata: tuple[Any, ...] = ()) -> KeyRange | None:
     """Return the limits that a key's type and field state, if any."""
     found = {
         name: limit
@@ -120,7 +120,7 @@ def limits_of(kind: Any, metadata: tuple[Any, ...] = ()) -> Limits | None:
         for name in ("gt", "ge", "le", "lt")
         if (limit := getattr(part, name, None)) is not None
     }
-    return Limits(**found) if found else None
+    return KeyRange(**found) if found else None
 
 
 def _stated(kind: Any, metadata: tuple[Any, ...]) -> Iterator[Any]:
@@ -232,7 +232,7 @@ def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
 
 
 def _allowed(error: ErrorDetails, place: _Place) -> str:
-    limits = limits_of(place.kind, place.metadata)
+    limits = range_of(place.kind, place.metadata)
     if error["type"] in _RANGES and limits is not None:
         return limits.words(whole=_is_whole(place.kind))
     text = _EXPECTED.get(error["type"])
