@@ -29,7 +29,6 @@ from experiment.archive.participants import (
     Fact,
     check_facts,
     read_people,
-    refuse_withdrawn,
 )
 from experiment.study.read import study_from_canonical
 from experiment.terms.record import format_value
@@ -42,6 +41,7 @@ if TYPE_CHECKING:
     from experiment.archive.participants import People
     from experiment.study.sections.dataset import ParticipantColumn
     from experiment.study.study import Study
+    from experiment.trial.plan import Plan
 
 
 _SOURCES = ("plan.json", "header.json", "journal.jsonl", "journal.torn-*", "trials.csv")
@@ -140,20 +140,23 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
         If a session's record cannot be trusted; nothing is changed then.
     """
     folders = session_folders(root)
-    for folder in folders:
-        refuse_withdrawn(root, folder.participant)
+    plans = [folder.read_plan() for folder in folders]  # all, before a lock or anything is made
     people = tuple(sorted({folder.participant for folder in folders}))
     about = Manifest(what="BIDS data set", participants=people)
     try:
         with lock_on(root / ".export.lock", timeout=0), replaced(out, root, about) as new:
-            sessions = tuple(_write_session(new, f, with_sources=with_sourcedata) for f in folders)
+            sessions = tuple(
+                _write_session(new, folder, plan, with_sources=with_sourcedata)
+                for folder, plan in zip(folders, plans, strict=True)
+            )
             return _write_about(new, sessions, read_people(root))
     except Timeout as error:
         raise ArchiveError(f"{root}: another process is exporting it") from error
 
 
-def _write_session(new: NewFolder, folder: SessionFolder, *, with_sources: bool) -> ExportedSession:
-    plan = folder.read_plan()  # before a lock is made: what cannot be read stays as it is
+def _write_session(
+    new: NewFolder, folder: SessionFolder, plan: Plan, *, with_sources: bool
+) -> ExportedSession:
     with folder.locked():
         history = folder.read_history(plan)
         header = _read_header(folder)

@@ -35,19 +35,25 @@ def export(*, folder: Path, out: Path | None, with_sourcedata: bool) -> None:
 
 
 def _export_tables(folder: Path) -> None:
-    from experiment.archive.folders import session_folders
+    from experiment.archive.folders import SessionFolder, session_folders
 
-    refused = []
-    for session in session_folders(folder):
-        try:
-            session.read_plan()  # before a lock is made: what cannot be read stays as it is
-            with session.locked():
-                click.echo(session.write_trials())
-        except ValueError as error:
-            refused.append(str(error))
-    if refused:
-        others = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-        raise CommandError(refused[0] + others)
+    def write(session: SessionFolder) -> None:
+        with session.locked():
+            click.echo(session.write_trials())
+
+    # A plan that cannot be read stops all of it, before a lock is made or a table written; a
+    # damaged journal is known only under its lock, and does not stop the other sessions.
+    sessions = session_folders(folder)
+    for work in (SessionFolder.read_plan, write):
+        refused = []
+        for session in sessions:
+            try:
+                work(session)
+            except ValueError as error:
+                refused.append(str(error))
+        if refused:
+            others = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+            raise CommandError(refused[0] + others)
 
 
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool) -> None:

@@ -360,6 +360,25 @@ def test_a_damaged_journal_stops_the_export(results: Path) -> None:
     assert sorted(path.name for path in results.parent.iterdir()) == ["results"]
 
 
+@pytest.mark.parametrize("out", [None, "bids"])
+def test_a_plan_of_another_schema_is_refused_before_anything_is_written(
+    results: Path, out: str | None
+) -> None:
+    plan = results / "sub-02" / "ses-01" / "plan.json"
+    held = json.loads(plan.read_text("utf-8"))
+    plan.write_text(json.dumps(held | {"schema": 2}), encoding="utf-8")
+    for session in ("01", "02"):
+        folder = results / f"sub-{session}" / "ses-01"
+        (folder / "trials.csv").unlink()
+        (folder / ".lock").unlink(missing_ok=True)
+    before = {path: path.stat().st_mtime_ns for path in results.parent.rglob("*")}
+    to = [] if out is None else ["--bids", str(results.parent / out)]
+    done = CliRunner().invoke(main, ["export", str(results), *to])
+    assert done.exit_code == 2
+    assert done.stderr == f"error: {plan}: the plan's schema must be 3; got 2\n"
+    assert {path: path.stat().st_mtime_ns for path in results.parent.rglob("*")} == before
+
+
 def test_a_running_session_stops_the_export(results: Path) -> None:
     with FileLock(results / "sub-02" / "ses-01" / ".lock"):
         done = export(results)
