@@ -129,7 +129,8 @@ class Observer:
     Each finger gets the displacement of its own actuator plus what reaches it from the other; the
     amplitudes add. It feels an amplitude u with Phi(log10(u / threshold) / sigma), independently of
     the other finger, but not at all if the other gets 20 dB more (`MASKING_DB`); equations (28),
-    (29) and (71) of docs/model.md.
+    (29) and (71) of docs/model.md. The ranges of its values are those of the keys of [simulation],
+    which refuses what is outside; here is checked what a draw makes of them, the threshold.
 
     Attributes
     ----------
@@ -158,7 +159,7 @@ class Observer:
     Raises
     ------
     ValueError
-        If a value is out of its range, or not one of the two thresholds is given.
+        If not one of the two thresholds is given, or it is not a finite number above 0.
 
     Examples
     --------
@@ -188,13 +189,6 @@ class Observer:
         for name in ("threshold_um", "threshold_vpp"):
             if getattr(self, name) is not None:
                 finite(name, getattr(self, name), above=0)
-        finite("sigma", self.sigma, above=0, most=10)
-        for name in ("lapse_rate", "false_alarm_rate", "side_bias", "guess_both"):
-            finite(name, getattr(self, name), least=0, most=1)
-        if self.crosstalk_db is not None:
-            finite("crosstalk_db", self.crosstalk_db, least=-200, most=0)
-        finite("reaction_time_s", self.reaction_time_s, above=FASTEST_ANSWER_S, most=60)
-        finite("reaction_time_spread", self.reaction_time_spread, least=0, most=5)
 
     def felt_probability(self, strength: float) -> float:
         """Return the probability that one finger, not masked, feels a vibration.

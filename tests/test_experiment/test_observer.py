@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
+from experiment.study.sections.simulation import Simulation
 from experiment.terms.gains import FingerGains
 from experiment.terms.observer import (
     FASTEST_ANSWER_S,
@@ -368,10 +370,16 @@ def test_an_impossible_trial_is_refused(
         {"reaction_time_spread": "0.3"},
     ],
 )
-def test_an_impossible_observer_is_refused_by_name(changed: dict[str, float]) -> None:
+def test_impossible_people_are_refused_by_name(changed: dict[str, Any]) -> None:
     (name,) = changed
     with pytest.raises(ValueError, match=f"{name} must be"):
-        replace(IDEAL, **changed)
+        Simulation(**changed)
+
+
+@pytest.mark.parametrize("threshold_vpp", [0.0, math.nan, math.inf])
+def test_a_drawn_threshold_is_a_number_above_0(threshold_vpp: float) -> None:
+    with pytest.raises(ValueError, match="threshold_vpp must be a finite number > 0"):
+        replace(IDEAL, threshold_vpp=threshold_vpp)
 
 
 # --- the population -------------------------------------------------------------------------------
