@@ -5,18 +5,17 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
-from analysis.answers.counting import AUDIBILITY
-from analysis.definitions import TOTAL
 from analysis.results.rows import (
     TERMINAL,
     blank_cells,
     both_cells,
+    control_totals,
+    count_rows,
     forced_choice,
     left_out_rows,
     level_rows,
     population_text,
 )
-from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,11 +54,8 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         file,
         f"Trials {counts.trials}, participants {counts.participants}, sessions {counts.sessions}.",
     )
-    _say(
-        file,
-        f"Counted: single {counts.single}, both {counts.both}, blank {counts.blank}; "
-        f"left out {counts.left_out}.",
-    )
+    *kinds, left_out = (" ".join(row) for row in count_rows(counts, TERMINAL))
+    _say(file, f"Counted: {', '.join(kinds)}; {left_out}.")
     levels = level_rows(analysis, TERMINAL)
     for condition, rows in levels.of_condition.items():
         print(file=file)
@@ -113,20 +109,11 @@ def _total_lines(analysis: Analysis) -> Iterator[str]:
 
 
 def _control_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Tell what was answered with the fingers off the plate, by part, both sides together."""
-    key = [name for name in ("condition", "part") if name in table.columns]
-    for _, rows in table[table["participant"].eq(TOTAL)].groupby(key):
-        row = rows.iloc[0]
-        presented = int(rows["presented"].sum())
-        own = sum(int(counts[counts["side"]]) for _, counts in rows.iterrows())
-        told = int(rows[["left", "right", "both"]].to_numpy().sum())
+    for row, (part, own, told) in control_totals(table, TERMINAL):
         yield (
-            f"Fingers off the plate, {_PARTS[row['part']]}{_where(row)}: {own}/{presented} "
-            f"answered with the driven side, {told}/{presented} left, right or both."
+            f"Fingers off the plate, {part}{_where(row)}: {own} "
+            f"answered with the driven side, {told} left, right or both."
         )
-
-
-_PARTS = {AUDIBILITY: "audibility check", CONTROL: "control"}
 
 
 def _threshold_lines(analysis: Analysis) -> Iterator[str]:

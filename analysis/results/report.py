@@ -10,10 +10,13 @@ from analysis.definitions import DEFINITIONS, TOTAL
 from analysis.results.figures.confusion import stimulus
 from analysis.results.markup import element, figure, foreign, page, table
 from analysis.results.rows import (
+    CONTROL_HEAD,
     PAGE,
     blank_cells,
     both_cells,
     choice_rows,
+    control_cells,
+    count_rows,
     forced_choice,
     left_out_rows,
     level_head,
@@ -96,7 +99,6 @@ def _warnings(analysis: Analysis) -> Iterator[Element]:
 
 
 def _counted(analysis: Analysis) -> Iterator[Element]:
-    counts = analysis.counts
     yield element("h2", "What was counted and what was left out")
     yield element(
         "p",
@@ -104,17 +106,7 @@ def _counted(analysis: Analysis) -> Iterator[Element]:
         "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
         "trial with the reason why it was left out.",
     )
-    rows = [
-        ["Single stimuli, counted", str(counts.single)],
-        ["Both-finger trials, counted", str(counts.both)],
-        ["Blank trials, counted", str(counts.blank)],
-        ["Left out", str(counts.left_out)],
-        ["All that were read", str(counts.trials)],
-        ["Time-outs among the counted", str(counts.timeouts)],
-        ["Invalid keys among the counted", str(counts.invalid)],
-        ["Trials of simulated participants", str(counts.simulated)],
-    ]
-    yield table("Trials", ["What", "Trials"], rows)
+    yield table("Trials", ["What", "Trials"], count_rows(analysis.counts, PAGE))
     if len(analysis.excluded):
         header = ["Reason", "Trials", "Participants"]
         yield table("Left out", header, _left_out(analysis.excluded), ["Participants"])
@@ -264,13 +256,8 @@ def _control(analysis: Analysis) -> Iterator[Element]:
         "no other number here. More answers with the driven side than with the other say that "
         "the plate is heard or seen.",
     )
-    answers = ("left", "right", "both", "none", "timeouts", "invalid", "presented")
-    header = ["Participant", "Part", "Driven side", *(name.capitalize() for name in answers)]
-    rows = [
-        [*_who(row), row["part"], row["side"], *(str(row[name]) for name in answers)]
-        for _, row in analysis.control.iterrows()
-    ]
-    yield table("Answers with the fingers off the plate", header, rows)
+    rows = [[*_who(row), *control_cells(row)] for _, row in analysis.control.iterrows()]
+    yield table("Answers with the fingers off the plate", CONTROL_HEAD, rows)
 
 
 _TOTALS = "the interval of a row 'all' ignores that participants differ"

@@ -6,7 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
 from analysis.axis import VOLTS, shortest, with_limits
+from analysis.definitions import TOTAL
+from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
     from analysis.answers.serial import SerialEffect
-    from analysis.results.tables import Analysis
+    from analysis.results.tables import Analysis, Counts
     from analysis.thresholds.population import PopulationThreshold
 
 
@@ -162,6 +165,50 @@ def blank_cells(row: pd.Series[Any], style: Style) -> list[str]:
     """Return presented, left, right, both, the share of false alarms and its interval."""
     counts = [str(row[name]) for name in ("presented", "left", "right", "both")]
     return [*counts, p_text(row["p"]), style.limits(row["low"], row["high"])]
+
+
+_COUNTS: Final = {
+    "single": ("single", "Single stimuli, counted"),
+    "both": ("both", "Both-finger trials, counted"),
+    "blank": ("blank", "Blank trials, counted"),
+    "left_out": ("left out", "Left out"),
+    "trials": ("", "All that were read"),
+    "timeouts": ("", "Time-outs among the counted"),
+    "invalid": ("", "Invalid keys among the counted"),
+    "simulated": ("", "Trials of simulated participants"),
+}
+"""What counts are called on terminal and page; the terminal tells those that have a short name."""
+
+
+def count_rows(counts: Counts, style: Style) -> list[list[str]]:
+    """Return what was counted and how often; the last on the terminal is what was left out."""
+    named = {name: long if style.roomy else short for name, (short, long) in _COUNTS.items()}
+    return [[told, str(getattr(counts, name))] for name, told in named.items() if told]
+
+
+CONTROL_HEAD: Final = [
+    *("Participant", "Part", "Driven side"),
+    *(name.capitalize() for name in CONTROL_COLUMNS[3:]),
+]
+
+
+def control_cells(row: pd.Series[Any]) -> list[str]:
+    """Return part, driven side, how often each answer was given, and trials presented."""
+    return [str(row[name]) for name in CONTROL_COLUMNS[1:]]
+
+
+_PARTS = {AUDIBILITY: "audibility check", CONTROL: "control"}
+
+
+def control_totals(table: pd.DataFrame, style: Style) -> Iterator[tuple[pd.Series[Any], list[str]]]:
+    """Yield a row of each part, both sides together, and its name, driven side told, any told."""
+    key = [name for name in ("condition", "part") if name in table.columns]
+    for _, rows in table[table["participant"].eq(TOTAL)].groupby(key):
+        presented = int(rows["presented"].sum())
+        own = sum(int(counts[counts["side"]]) for _, counts in rows.iterrows())
+        told = int(rows[["left", "right", "both"]].to_numpy().sum())
+        shares = (style.share(count, presented) for count in (own, told))
+        yield rows.iloc[0], [_PARTS[rows.iloc[0]["part"]], *shares]
 
 
 def left_out_rows(excluded: pd.DataFrame) -> Iterator[tuple[str, int, list[tuple[str, int]]]]:
