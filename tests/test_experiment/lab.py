@@ -1,0 +1,215 @@
+"""Sessions on a device that stays on, with a participant whose every key is scripted."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from device.clock import VirtualClock
+from experiment.apparatus.noise import NoiseError, NoiseFacts, NoiseHealth
+from experiment.apparatus.rig import mock_device
+from experiment.archive.disk import UNWAITED
+from experiment.archive.folders import SessionFolder
+from experiment.archive.history import replay
+from experiment.archive.journal import Entry, Journal, read_journal
+from experiment.operator.requests import Requests, StopSignal
+from experiment.session.conduct import begin, resume
+from experiment.session.setting import Setting
+from experiment.terms.responder import Press, SessionPart
+from experiment.trial.draw import draw_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from device.emulate.mock import MockDevice
+    from experiment.archive.disk import Disk
+    from experiment.operator.requests import Status
+    from experiment.session.setting import Ending
+    from experiment.study.study import Study
+    from experiment.terms.record import TrialRow
+    from experiment.terms.responder import AwaitedAnswer, Progress
+
+
+class Crash(BaseException):
+    """The end of the process, as far as a session in the same process can have one."""
+
+
+class Scripted:
+    """Answers `left` after half a second, unless the script says otherwise for the n-th call."""
+
+    simulated = True
+
+    def __init__(self, clock: VirtualClock, **script: Mapping[int, object]) -> None:
+        self._clock = clock
+        self._script = script
+        self.calls: dict[str, int] = {}
+        self.told: list[object] = []
+
+    @property
+    def parts(self) -> list[SessionPart]:
+        return [what for what in self.told if isinstance(what, SessionPart)]
+
+    def _next(self, call: str) -> object:
+        number = self.calls.get(call, 0) + 1
+        self.calls[call] = number
+        act = self._script.get(call, {}).get(number)
+        if callable(act):
+            act = act()
+        if isinstance(act, BaseException):
+            raise act
+        return act
+
+    def begin(self, progress: Progress) -> bool:
+        return self._next("begin") is not False
+
+    def introduce(self, part: SessionPart, progress: Progress) -> bool:
+        self.told.append(part)
+        return self._next("introduce") is not False
+
+    def cue(self, progress: Progress) -> None:
+        self._next("cue")
+        self.told.append(progress)
+
+    def wait(self, until_s: float) -> Press | None:
+        act = self._next("wait")
+        if act is not None:
+            return Press(str(act), self._clock.now_s())
+        self._clock.wait(max(0.0, until_s - self._clock.now_s()))
+        return None
+
+    def ask(self, question: AwaitedAnswer) -> Press | None:
+        act = self._next("ask") or ("left", 0.5)
+        assert isinstance(act, tuple)
+        response, rt_s = act
+        self._clock.wait(question.onset_s + rt_s - self._clock.now_s())
+        return None if response is None else Press(response, self._clock.now_s())
+
+    def feedback(self, *, correct: bool) -> None:
+        self.told.append(correct)
+
+    def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
+        self._clock.wait(minimum_s)
+        return self._next("pause") is not False
+
+    def end(self, progress: Progress, *, finished: bool) -> None:
+        self._next("end")
+
+
+class FakeNoise:
+    """Noise that plays, or does not, as a test says; ``ok`` is ``None`` where none is to play."""
+
+    def __init__(self, *, ok: bool | None = True) -> None:
+        self.ok = ok
+        self.can_start = True
+        self.calls: list[str] = []
+        played = ok is not None
+        self.facts = NoiseFacts(
+            noise="pink" if played else "none",
+            played=played,
+            sha256="ab12" if played else None,
+            measured_level_dba=62.5 if played else None,
+        )
+
+    def start(self) -> None:
+        self.calls.append("start")
+        if not self.can_start:
+            raise NoiseError("the sound card is gone: plug it in")
+        self.ok = None if self.ok is None else True
+
+    def health(self) -> NoiseHealth:
+        words = {True: "plays", False: "silent", None: "none"}
+        return NoiseHealth(ok=self.ok, words=words[self.ok])
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+
+    def lose(self) -> None:
+        self.ok = False
+
+    def lose_for_good(self) -> None:
+        self.ok = self.can_start = False
+
+
+class Watching:
+    """Keeps what the operator was shown."""
+
+    def __init__(self) -> None:
+        self.seen: list[Status] = []
+
+    def show(self, status: Status) -> None:
+        self.seen.append(status)
+
+    @property
+    def messages(self) -> set[str]:
+        return {status.message for status in self.seen} - {""}
+
+
+class Lab:
+    """A study, a folder and a device that outlives the sessions on it."""
+
+    def __init__(self, study: Study, root: Path, disk: Disk = UNWAITED) -> None:
+        self.study = study
+        self.clock = VirtualClock()
+        self.device: MockDevice = mock_device(study, self.clock)
+        self.folder = SessionFolder(root, "01", "01", disk=disk)
+        self.plan = draw_plan(study, participant="01", session="01", seed=3)
+        self.responder = Scripted(self.clock)
+        self.noise = FakeNoise(ok=None)
+        self.requests = Requests()
+        self.monitor = Watching()
+        self.stop = StopSignal()
+
+    def setting(self, **script: Mapping[int, object]) -> Setting:
+        self.responder = Scripted(self.clock, **script)
+        self.stop = StopSignal()
+        return Setting(
+            device=self.device,
+            responder=self.responder,
+            noise=self.noise,
+            clock=self.clock,
+            stop=self.stop,
+            requests=self.requests,
+            monitor=self.monitor,
+        )
+
+    def begin(self, **script: Mapping[int, object]) -> Ending:
+        return begin(self.folder, self.plan, self.setting(**script))
+
+    def resume(self, **script: Mapping[int, object]) -> Ending:
+        return resume(self.folder, self.setting(**script))
+
+    def crash(self, question: int, ask: Mapping[int, object] | None = None) -> None:
+        """Begin, or go on, until the process ends at the n-th question of this sitting."""
+        go_on = self.resume if self.folder.plan_path.exists() else self.begin
+        with pytest.raises(Crash):
+            go_on(ask={**(ask or {}), question: Crash()})
+
+    @contextlib.contextmanager
+    def killed_after(self, event: str | None = None, *, lines: int = 0) -> Iterator[None]:
+        """Crash after so many journal lines, or after the first of an event."""
+        append, written = Journal.append, 0
+
+        def append_and_crash(journal: Journal, name: str, *args: Any, sync: bool = False) -> None:
+            nonlocal written
+            append(journal, name, *args, sync=sync)
+            written += 1
+            if written == lines or name == event:
+                raise Crash
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Journal, "append", append_and_crash)
+            yield
+
+    @property
+    def rows(self) -> tuple[TrialRow, ...]:
+        return replay(self.plan, read_journal(self.folder.journal_path).entries).rows
+
+    def entries(self, event: str | None = None) -> list[Entry]:
+        entries = read_journal(self.folder.journal_path).entries
+        return [entry for entry in entries if event in {None, entry.event}]
+
+    def statuses(self) -> list[tuple[int, int, str]]:
+        return [(row.trial, row.attempt, row.status) for row in self.rows]
