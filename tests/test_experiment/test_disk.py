@@ -5,19 +5,15 @@ from __future__ import annotations
 import json
 import os
 import stat
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from device.clock import VirtualClock
 from device.driver import LinkError
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import mock_device
 from experiment.archive.bids import export_bids
 from experiment.archive.disk import SystemDisk, lock_on, make_folder
 from experiment.archive.files import replaced, write_atomically
-from experiment.archive.folders import SessionFolder
-from experiment.archive.journal import Journal, read_journal
+from experiment.archive.journal import Journal
 from experiment.archive.manifest import Manifest
 from experiment.archive.participants import (
     Tombstone,
@@ -27,20 +23,15 @@ from experiment.archive.participants import (
     write_tombstone,
 )
 from experiment.archive.withdraw import held, look_up, remove
-from experiment.operator.requests import Requests, StopSignal
-from experiment.session.conduct import begin, resume
-from experiment.session.setting import Setting
-from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
-from experiment.trial.draw import draw_plan
+from experiment.session.simulate import simulate_study
+from tests.test_experiment.lab import Lab
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from device.driver import Delivery
-    from experiment.operator.requests import Status
     from experiment.study.study import Study
-    from experiment.terms.responder import AwaitedAnswer, Press, Progress
 
 
 class LossyDisk:
@@ -108,21 +99,19 @@ def disk() -> LossyDisk:
     return LossyDisk()
 
 
-def events_of(raw: bytes) -> list[str]:
-    return [json.loads(line)["event"] for line in raw.split(b"\n")[:-1]]
-
-
 # --- files ----------------------------------------------------------------------------------------
 
 
 def test_a_synced_line_of_a_journal_and_all_before_it_outlive_a_power_cut(
     tmp_path: Path, disk: LossyDisk
 ) -> None:
-    with Journal(tmp_path / "journal.jsonl", now_s=lambda: 0.0, disk=disk) as journal:
+    path = tmp_path / "journal.jsonl"
+    with Journal(path, now_s=lambda: 0.0, disk=disk) as journal:
         journal.append("first")
         journal.append("second", sync=True)
         journal.append("third")
-        assert events_of(disk.holds(tmp_path)["journal.jsonl"]) == ["first", "second"]
+        there = disk.holds(tmp_path)["journal.jsonl"]
+    assert there == b"".join(path.read_bytes().splitlines(keepends=True)[:2])
 
 
 def test_a_torn_line_is_safe_elsewhere_before_it_is_cut_off(
@@ -170,8 +159,8 @@ def test_a_folder_below_a_file_is_refused_by_the_files_name(
 
 
 def test_an_export_is_on_the_disk_as_a_whole(tmp_path: Path, disk: LossyDisk) -> None:
+    about = Manifest(what="BIDS data set", participants=("01",))
     for text in ("first", "second"):
-        about = Manifest(what="BIDS data set", participants=("01",))
         with replaced(tmp_path / "new" / "out", tmp_path / "study", about, disk) as folder:
             folder.write("README", text)
             folder.write("sub-01/beh/events.tsv", text)
@@ -220,42 +209,21 @@ def test_the_system_is_asked_to_sync_files_and_folders_and_no_descriptor_stays(
 # --- a session ------------------------------------------------------------------------------------
 
 
-class Lab:
-    """A session of a simulated participant on a disk that loses what was not synced."""
+class LossyLab(Lab):
+    """A session on a disk that loses what was not synced."""
 
     def __init__(self, study: Study, root: Path) -> None:
         self.disk = LossyDisk()
-        self.study = study
+        super().__init__(study, root / "study", self.disk)
         self.root = root
-        self.folder = SessionFolder(root / "study", "01", "01", disk=self.disk)
-        self.plan = draw_plan(study, participant="01", session="01", seed=3)
-        self.clock = VirtualClock()
-        self.device = mock_device(study, self.clock)
-        self.requests = Requests()
-        self.responder: SimulatedResponder = simulated_responder(study, self.plan, self.clock)
 
-    def setting(self) -> Setting:
-        return Setting(
-            device=self.device,
-            responder=self.responder,
-            noise=SilentNoise(self.study.masking),
-            clock=self.clock,
-            stop=StopSignal(),
-            requests=self.requests,
-            monitor=self,
-        )
-
-    def show(self, status: Status) -> None:
-        """See how the session stands."""
+    def safe_lines(self) -> list[dict[str, Any]]:
+        """Return the lines of the journal that a power cut would leave."""
+        raw = self.disk.holds(self.root)["study/sub-01/ses-01/journal.jsonl"]
+        return [json.loads(line) for line in raw.split(b"\n")[:-1]]
 
     def safe(self, event: str) -> int:
-        """Return how many lines of an event a power cut would leave."""
-        there = self.disk.holds(self.root)
-        return events_of(there["study/sub-01/ses-01/journal.jsonl"]).count(event)
-
-    def written(self, event: str) -> int:
-        entries = read_journal(self.folder.journal_path).entries
-        return sum(entry.event == event for entry in entries)
+        return sum(line["event"] == event for line in self.safe_lines())
 
 
 @pytest.fixture
@@ -267,69 +235,62 @@ def study(make_study: Callable[[str], Study], short_study_text: str) -> Study:
 
 
 @pytest.fixture
-def lab(tmp_path: Path, study: Study) -> Lab:
-    return Lab(study, tmp_path)
+def lab(tmp_path: Path, study: Study) -> LossyLab:
+    return LossyLab(study, tmp_path)
 
 
 def test_at_every_fire_the_token_and_at_every_cue_the_end_before_are_on_the_disk(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
+    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fire, cue = lab.device.fire, lab.responder.cue
+    fire = lab.device.fire
     seen: list[tuple[str, int]] = []
 
     def observed_fire(token: int) -> Delivery:
-        raw = lab.disk.holds(lab.root)["study/sub-01/ses-01/journal.jsonl"]
-        armed = [json.loads(line) for line in raw.split(b"\n")[:-1]][-1]
+        armed, commanded = lab.safe_lines()[-1], lab.entries()[-1]
         assert (armed["event"], armed["token"]) == ("trial_armed", token)
+        assert (commanded.event, commanded.facts["token"]) == ("stimulus_commanded", token)
         seen.append(("fire", lab.safe("trial_armed")))
         return fire(token)
 
-    def observed_cue(progress: Progress) -> None:
+    def observed_cue() -> None:
         seen.append(("cue", lab.safe("trial_end")))
-        cue(progress)
 
     monkeypatch.setattr(lab.device, "fire", observed_fire)
-    monkeypatch.setattr(lab.responder, "cue", observed_cue)
-    assert begin(lab.folder, lab.plan, lab.setting()).finished
     number = len(lab.plan.trials)
+    assert lab.begin(cue=dict.fromkeys(range(1, number + 1), observed_cue)).finished
     assert seen == [
         step for trial in range(number) for step in (("cue", trial), ("fire", trial + 1))
     ]
     there = lab.disk.holds(lab.root)
-    for path in (lab.folder.path / "trials.csv", lab.folder.plan_path, lab.folder.journal_path):
+    for path in (lab.folder.trials_path, lab.folder.plan_path, lab.folder.journal_path):
         assert there[path.relative_to(lab.root).as_posix()] == path.read_bytes()
-    assert events_of(lab.folder.journal_path.read_bytes())[-1] == "session_close"
+    assert lab.safe_lines()[-1]["event"] == "session_close"
 
 
 def test_who_waits_for_a_person_or_the_operator_has_written_what_led_there(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
+    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pause, seen = lab.responder.pause, []
+    noted: list[int] = []
 
-    def greeted(progress: Progress) -> bool:
+    def greeted() -> None:
         assert lab.safe("session_open") == 1
         lab.requests.note("the plate was cleaned")
-        return True
 
-    def observed_pause(progress: Progress, *, paused: bool, minimum_s: float) -> bool:
-        word = "pause" if paused else "break"
-        seen.append(word)
-        assert lab.safe(word) == lab.written(word) == seen.count(word)
-        if not paused:
-            lab.requests.pause()
-        return pause(progress, paused=paused, minimum_s=minimum_s)
+    def waits_in_a_break() -> None:
+        assert (lab.safe("break"), len(lab.entries("break"))) == (1, 1)
+        lab.requests.pause()
 
-    monkeypatch.setattr(lab.responder, "begin", greeted)
-    monkeypatch.setattr(lab.responder, "pause", observed_pause)
-    monkeypatch.setattr(lab, "show", lambda status: noted.append(lab.safe("note")))
-    noted: list[int] = []
-    assert begin(lab.folder, lab.plan, lab.setting()).finished
-    assert seen == ["break", "pause"]
+    def waits_in_a_pause() -> None:
+        assert (lab.safe("pause"), len(lab.entries("pause"))) == (1, 1)
+
+    monkeypatch.setattr(lab.monitor, "show", lambda status: noted.append(lab.safe("note")))
+    assert lab.begin(begin={1: greeted}, pause={1: waits_in_a_break, 2: waits_in_a_pause}).finished
+    assert lab.responder.calls["pause"] == 2
     assert noted[:3] == [0, 0, 1]  # shown before the greeting, at it, and when the note was taken
 
 
 def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
+    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stop, seen = lab.device.stop, []
 
@@ -342,42 +303,33 @@ def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(
 
     monkeypatch.setattr(lab.device, "fire", lost)
     monkeypatch.setattr(lab.device, "stop", observed_stop)
-    assert not begin(lab.folder, lab.plan, lab.setting()).finished
+    assert not lab.begin().finished
     assert set(seen) == {1}
 
 
 def test_a_resume_and_the_end_of_the_open_trial_are_on_the_disk_before_it_goes_on(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
+    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class PowerCut(BaseException):
-        """The end of the process."""
-
-    def cut(question: AwaitedAnswer) -> Press | None:
-        raise PowerCut
-
-    def begun(progress: Progress) -> bool:
+    def begun() -> None:
         assert (lab.safe("session_resume"), lab.safe("trial_end")) == (1, 1)
-        return True
 
-    disarm, query = lab.device.disarm, lab.device.query
+    disarm = lab.device.disarm
     asked: list[int] = []
 
     def observed_disarm(token: int) -> None:
         asked.append(lab.safe("session_resume"))
         disarm(token)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(lab.responder, "ask", cut)
-        with pytest.raises(PowerCut):
-            begin(lab.folder, lab.plan, lab.setting())
+    lab.crash(1)
     monkeypatch.setattr(lab.device, "disarm", observed_disarm)
-    monkeypatch.setattr(lab.device, "query", query)
-    monkeypatch.setattr(lab.responder, "begin", begun)
-    assert resume(lab.folder, lab.setting()).finished
+    assert lab.resume(begin={1: begun}).finished
+    assert lab.responder.calls["begin"] == 1
     assert asked == [1]
 
 
-def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(lab: Lab) -> None:
+def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(
+    lab: LossyLab,
+) -> None:
     make_folder(lab.folder.root, lab.disk)
     enter_person(lab.folder.root, "01", [], (), disk=lab.disk)
     with lab.folder.locked():
@@ -396,6 +348,12 @@ def results(tmp_path: Path, study: Study) -> Path:
     return tmp_path
 
 
+def withdraw(results: Path, disk: LossyDisk) -> None:
+    person = look_up(results, "01")
+    with held(person) as locks:
+        remove(person, locks, today="2026-01-02", disk=disk)
+
+
 @pytest.mark.parametrize("in_table", [True, False])
 def test_a_withdrawn_person_stays_gone_after_a_power_cut(
     results: Path, disk: LossyDisk, *, in_table: bool
@@ -403,9 +361,7 @@ def test_a_withdrawn_person_stays_gone_after_a_power_cut(
     if not in_table:
         remove_person(results, "01")
     disk.knows(results)
-    person = look_up(results, "01")
-    with held(person) as locks:
-        remove(person, locks, today="2026-01-02", disk=disk)
+    withdraw(results, disk)
     there = disk.holds(results)
     assert [name for name in there if "sub-01" in name] == ["withdrawn/sub-01.json"]
     assert json.loads(there["withdrawn/sub-01.json"])["removed"] is True
@@ -428,9 +384,7 @@ def test_at_no_moment_of_a_withdrawal_is_data_missing_without_a_tombstone(
         assert begun or left == data
 
     monkeypatch.setattr(disk, "sync_folder", observed)
-    person = look_up(results, "01")
-    with held(person) as locks:
-        remove(person, locks, today="2026-01-02", disk=disk)
+    withdraw(results, disk)
     assert (False, len(data)) in moments
     assert (True, len(data)) in moments
     assert moments[-1] == (True, 0)
@@ -460,19 +414,15 @@ def test_what_is_written_of_a_person_gives_others_no_right(
     study_folder.open_journal(lambda: 0.0).close()
     study_folder.write_trials()
     write_tombstone(root, Tombstone(participant="09", withdrawn="2026-01-02", removed=True))
-    found = {
-        path.relative_to(tmp_path).as_posix(): stat.S_IMODE(path.stat().st_mode)
-        for path in tmp_path.rglob("*")
-    }
-    session = "new/study/sub-01/ses-01"
-    expected = ["header.json", "plan.json", "journal.jsonl", "journal.torn-1", "trials.csv"]
-    assert {f"{session}/{name}" for name in (*expected, ".lock")} <= set(found)
-    others = [".participants.lock", ".export.lock", "participants.tsv"]
-    assert {f"new/study/{name}" for name in others} <= set(found)
-    assert tombstone_path(root, "09").relative_to(tmp_path).as_posix() in found
-    assert "out/bids/sourcedata/sub-01/ses-01/header.json" in found
-    for name, mode in found.items():
-        assert mode == (0o770 if (tmp_path / name).is_dir() else 0o660) & ~umask, name
+    names = [".lock", "header.json", "plan.json", "journal.jsonl", "journal.torn-1", "trials.csv"]
+    expected = {study_folder.path / name for name in names}
+    expected |= {root / name for name in (".participants.lock", ".export.lock", "participants.tsv")}
+    header = tmp_path / "out" / "bids" / "sourcedata" / "sub-01" / "ses-01" / "header.json"
+    found = set(tmp_path.rglob("*"))
+    assert expected | {tombstone_path(root, "09"), header} <= found
+    for path in found:
+        mode = stat.S_IMODE(path.stat().st_mode)
+        assert mode == (0o770 if path.is_dir() else 0o660) & ~umask, path
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
