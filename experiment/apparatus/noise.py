@@ -126,6 +126,7 @@ SLACK_S: Final = 0.1
 """A call for frames may come so much later than the frames given last are used up, and elapsed time
 and that of the frames may differ by so much more than the latency over ten seconds."""
 
+# One seed for all: everybody hears the same loop, and the checksum in the header tells so.
 _SEED: Final = 20_250_101
 _FULL_SCALE: Final = 32_767
 _PATIENCE_S: Final = 5.0
@@ -279,6 +280,8 @@ class SoundCardNoise:
     def stop(self) -> None:
         """Fade out, wait until that must have been heard, and close the sound card."""
         player, stream = self._player, self._stream
+        # Only a card that still asks for frames can be faded out; waiting for one that hangs would
+        # keep the participant. What the player has handed over is heard a latency later.
         if player is not None and stream is not None and self._is_called(stream, player):
             player.fade_out()
             if self._wait_until(lambda: player.silent, FADE_OUT_S + stream.latency + SLACK_S):
@@ -319,6 +322,8 @@ class SoundCardNoise:
     def _opened(opening: Future[Stream], player: LoopPlayer) -> Stream:
         try:
             return opening.result(timeout=_PATIENCE_S)
+        # A thread that hangs in the sound system cannot be ended. If it opens the card after all,
+        # the card gets silence and is closed at once.
         except TooLate as error:
             player.fade_out()
             opening.add_done_callback(_close_late)
@@ -349,6 +354,9 @@ def _loop(masking: Masking) -> NDArray[np.int16]:
 
 def _ahead_s(player: LoopPlayer, since_s: float, sample_rate_hz: float) -> float:
     """Return by how much the frames of the last ten seconds lasted longer than these."""
+    # A card that has gone away may go on asking for frames, much too fast or too slowly: that it
+    # asks is no proof that it plays. Marks count from the full level on, for at its start a card
+    # takes frames ahead to fill its buffers.
     last, marks = player.last, [mark for mark in player.marks if mark.at_s >= since_s]
     if last is None or not marks:
         return 0.0

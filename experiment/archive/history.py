@@ -131,6 +131,8 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
     shown = _presentations(plan, entries)
     ended = [p for p in shown if p.end]
     unended = [p for p in shown if not p.end]
+    # A session has one trial at a time, so that only the last can have been cut off. One that is
+    # open further up is a lost line or a second writer, and its row would be made up.
     if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
         raise JournalError(f"trial {unended[0].trial.number} was never ended, yet others followed")
     return History(
@@ -172,6 +174,9 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     shown: dict[tuple[int, int], _Presentation] = {}
     boot_id = 0
     for entry in entries:
+        # A token means something to the power cycle that heard it and to no other. The lines of a
+        # trial do not repeat which that is: it stands in the last opening of the session above
+        # them.
         if entry.event in _OPENINGS:
             boot_id = entry.facts["boot_id"]
         if entry.event != "trial_armed" and entry.event not in _PART:
@@ -206,6 +211,8 @@ def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
         number = presentation.trial.number
         if presentation.end["status"] == "ok":
             answered.add(number)
+        # Taken out and put in again, so that the keys are in the order of the last attempts: as in
+        # the engine, the trial that failed last comes last in its block.
         attempts.pop(number, None)
         attempts[number] = presentation.attempt
     turn = {number: place for place, number in enumerate(attempts, start=1)}
@@ -215,6 +222,8 @@ def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
 
 
 def _open_trial(presentation: _Presentation) -> OpenTrial:
+    # Before its token nothing is written of a trial but its end, and with an end it is not open:
+    # one that is given up in the foreperiod was never armed.
     assert presentation.token is not None
     return OpenTrial(
         task=Task(presentation.trial, presentation.attempt),

@@ -192,6 +192,10 @@ class Session:
             If the record cannot be kept; the outputs are at zero then.
         """
         try:
+            # A device that fails while it loads a condition has no row in the table: no token
+            # exists yet, so that only the fault is written, and the trial is one that was never
+            # cued. Whatever ends the loop, a full disk and a fault of the program included, the
+            # outputs are at zero afterwards.
             event = self._look_around()
             while self._state.phase not in (events.Phase.FINISHED, events.Phase.STOPPED):
                 event = self._step(event)
@@ -217,6 +221,9 @@ class Session:
         if self._state.phase is events.Phase.READY:
             self._note()
             self._show()
+        # A session with no trial left is finished even if a stop was asked for: as stopped it would
+        # be resumed for nothing. A stop comes before a pause, which would wait for somebody to go
+        # on.
         event = upcoming(self._state)
         if event is Event.NOTHING_LEFT:
             return event
@@ -263,6 +270,8 @@ class Session:
         self._standing.trial_begins(self._clock.now_s())
         rested_s = self._emission.prepare(trial)
         self._responder.cue(self._standing.progress(self._state))
+        # The foreperiod runs from the end of the cue, for loading a condition may take a while. The
+        # device may need longer: its rest after the stimulus before is kept whatever was drawn.
         self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
 
     def _wait(self, effect: events.Wait) -> Happening:
@@ -289,11 +298,18 @@ class Session:
             onset_s=self._emission.onset_s,
             window_s=effect.window_s,
         )
+        # The noise is asked for when the answer is in, for nothing may be done while it is awaited.
+        # Lost noise voids any answer; only a stop outranks it, or the session would go on in a
+        # pause.
         event = self._participant.ask(effect.task, question)
         lost = self._noise.lost()
         return Event.NOISE_LOST if lost and event is not Event.STOP_ASKED else event
 
     def _end_trial(self, effect: events.EndTrial) -> None:
+        # What became of the stimulus and of the answer is written only here, with one sync at the
+        # end: from the onset to the answer nothing may touch the disk. If these lines are lost, the
+        # token that lies on the disk since before the onset is enough for the device to tell
+        # whether it played.
         name = trial_name(effect.task)
         how = {"anticipated": effect.anticipated, "noise_ok": self._noise.ok}
         if self._emission.delivery is not None:

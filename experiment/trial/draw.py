@@ -134,6 +134,9 @@ _OFF_PLATE_STREAM = 1
 def _draw_trials(
     study: Study, rng: np.random.Generator, off_plate: np.random.Generator
 ) -> Iterator[Trial]:
+    # The order of the draws is part of what a seed means: one draw more from `rng`, or two in
+    # another order, and the whole plan is another. Hence the trials off the plate, which a study
+    # may add or leave out without touching the others, draw from a stream of their own.
     design, conditions = study.design, list(study.conditions)
     if design.condition_order == "random":
         conditions = [conditions[i] for i in rng.permutation(len(conditions))]
@@ -160,6 +163,8 @@ def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[_Stimu
         for side in ("left", "right")
         for _ in range(design.trials_per_side)
     ]
+    # Shuffled over all blocks; the caller shuffles each block once more, which changes nothing of
+    # the distribution here and is what a balanced block needs.
     stimuli += _both(design, rng) + _blank(design)
     shuffled = [stimuli[i] for i in rng.permutation(len(stimuli))]
     length = design.break_every or len(shuffled)
@@ -254,6 +259,8 @@ def _draw_foreperiod_s(limits_s: tuple[float, float], rng: np.random.Generator) 
 
     Its scale is half the range, so that a wait that has lasted tells little about what remains.
     """
+    # The distribution function turned round, cut at two scales, where 1 - exp(-2) of it is left.
+    # Rounding to the microsecond, as the plan is written, may step over a limit by less than that.
     least_s, most_s = limits_s
     scale_s = (most_s - least_s) / 2
     u = rng.random()

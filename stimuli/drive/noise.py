@@ -64,12 +64,15 @@ def pink_loop(
     finite("loop_s", loop_s, least=1, most=600)
     finite("level_dbfs", level_dbfs, least=LEAST_LEVEL_DBFS, most=0)
     instance("rng", rng, np.random.Generator, "a numpy.random.Generator")
+    # Every line has a whole number of periods in the loop: that, not a fade, is why the end meets
+    # the beginning. The line at half the rate is left out, for it has no phase to draw.
     count = round(loop_s * sample_rate_hz)
     line = np.arange((count - 1) // 2 + 1)
     heard = line * sample_rate_hz >= LOWEST_HZ * count
     lines = np.zeros(count // 2 + 1, dtype=np.complex128)
     phase = 2 * np.pi * rng.random(np.count_nonzero(heard))
     lines[line[heard]] = np.exp(1j * phase) / np.sqrt(line[heard])
+    # Parseval's theorem; every line stands for two of the transform, at k and at -k.
     rms = math.sqrt(2 * np.sum(np.abs(lines) ** 2)) / count
     loop = np.fft.irfft(lines, n=count) / rms
     _require_unclipped(level_dbfs, crest_factor(loop))

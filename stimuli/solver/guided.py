@@ -185,6 +185,9 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
 
 def _near_cutoff(z: Complex, k: Exact | Complex, hold: Exact | Complex, sign: int) -> Complex:
     """Return p^2 after one more step with all digits of k, where p^2 is a small difference."""
+    # At a cut-off p is the root of a small difference of numbers of the size of k^2, which leaves
+    # it half of the digits of a double. One step in long doubles, from a root that is near enough
+    # already, brings back what k itself tells.
     near = np.abs(z) < _NEAR_CUTOFF * np.abs(k[:, np.newaxis]) ** 2
     rows = np.any(near, axis=1)
     if not np.any(rows):
@@ -226,4 +229,6 @@ def _outgoing(z: Complex) -> Complex:
 
 
 def _slowest_first(p: Complex) -> NDArray[np.intp]:
+    # All waves that propagate have Im p = 0: a little of Re p puts the largest first, and the
+    # positive one of a pair +-Re p, without changing the order of waves that decay.
     return np.argsort(p.imag - 1e-9 * p.real, axis=1, kind="stable")

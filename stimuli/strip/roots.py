@@ -124,6 +124,8 @@ def starting_values(
     >>> bool(np.min(abs(2 * np.sqrt(x) - (4.212392 + 2.250729j))) < 1e-3)
     True
     """
+    # Each mode of (32) alone has (q^2 - x)^2 = z^2, and the edge couples them by a matrix of rank
+    # one: the eigenvalues are all roots at once, of which a search might miss one.
     z: NDArray[np.inexact[Any]] = bending
     c: NDArray[np.inexact[Any]] = compliance
     if not (np.any(z.imag) or np.any(c.imag)):
@@ -266,6 +268,8 @@ def _mirrored(x: Complex, bending: Real) -> Complex:
 
     Of a near pair the mean and the square of the half distance are real, whichever it is.
     """
+    # Rounding gives real roots imaginary parts, by which a wave that does not decay would grow or
+    # decay: without loss the symmetry is exact, and is put back.
     x = x.copy()
     near = _NEAR_PAIR * (np.abs(x) + bending)
     rows, first, second = _near_pairs(x, near)
