@@ -449,28 +449,3 @@ def test_an_antisymmetric_shape_keeps_its_digits_where_one_wave_across_is_flat()
     exact = np.sin(a * inner) / math.sin(a) - inner
     shape = strip.wave_shape(p, frequency_hz, y, "antisymmetric")
     np.testing.assert_allclose(shape / shape[0], exact / exact[0], rtol=1e-12)
-
-
-# --- refusals ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("bad", [math.nan, complex(0, math.inf), True, "1", None, [1.0]])
-def test_a_wavenumber_is_a_finite_number(bad: Any) -> None:
-    with pytest.raises(ValueError, match="wavenumber_rad_m must be a finite number, got"):
-        PLATE.wave_shape(bad, 500.0, 0.01)
-
-
-def test_a_wavenumber_that_the_strip_does_not_have_is_refused() -> None:
-    p = PLATE.wavenumbers_rad_m(500.0)[0]
-    assert np.isfinite(PLATE.wave_shape(p * (1 + 1e-8), 500.0, 0.01))
-    with pytest.raises(ValueError, match="must be one of the strip's wavenumbers"):
-        PLATE.wave_shape(p * 1.001, 500.0, 0.01)
-    with pytest.raises(ValueError, match="must be one of the strip's wavenumbers"):
-        PLATE.wave_shape(p, 500.0, 0.01, "antisymmetric")
-    with pytest.raises(ValueError, match="must be one of the strip's wavenumbers"):
-        PLATE.wave_shape(0, 0.0, 0.01)
-
-
-def test_waves_of_held_edges_are_counted_up_to_1000() -> None:
-    with pytest.raises(ValueError, match="n_modes must be a whole number from 1 to 1000"):
-        PLATE.wavenumbers_rad_m(500.0, n_modes=1001)

@@ -228,28 +228,3 @@ def test_a_causal_strip_is_left_as_it_is() -> None:
     viscous = dataclasses.replace(ALUMINIUM, viscous_time_s=1e-6)
     for strip in (HELD, dataclasses.replace(HELD, material=viscous)):
         assert causal(strip, CYCLE) is strip
-
-
-def test_what_cannot_be_felt_is_refused() -> None:
-    wrong: Any = 500.0
-    with pytest.raises(ValueError, match="drive must be a burst or a sampled drive, got 500"):
-        felt(HELD, DISCS, TIPS, wrong)
-    with pytest.raises(ValueError, match="drive must be a burst or a sampled drive, got 500"):
-        causal(HELD, wrong)
-    with pytest.raises(ValueError, match="fingertips must hold at least one, got"):
-        felt(HELD, DISCS, (), CYCLE)
-    with pytest.raises(ValueError, match="fingertips must be a tuple of fingertips, got"):
-        felt(HELD, DISCS, (wrong,), CYCLE)
-    with pytest.raises(ValueError, match="loads must hold at least one, got"):
-        felt(HELD, (), TIPS, CYCLE)
-    with pytest.raises(ValueError, match="loads must be a tuple of loads, got"):
-        felt(HELD, (wrong,), TIPS, CYCLE)
-    with pytest.raises(ValueError, match="strip must be a Strip, got"):
-        felt(wrong, DISCS, TIPS, CYCLE)
-
-
-def test_loads_and_fingertips_beside_the_strip_are_refused() -> None:
-    with pytest.raises(ValueError, match="y_m must lie from"):
-        felt(HELD, (MomentDisc(x_m=0.0, y_m=0.004, radius_m=0.0064),), TIPS, CYCLE)
-    with pytest.raises(ValueError, match="x_m and y_m must lie on the strip"):
-        felt(HELD, DISCS, (Fingertip(x_m=0.0, y_m=0.03),), CYCLE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -689,9 +689,3 @@ def test_the_order_of_frequencies_points_and_loads_does_not_matter() -> None:
     np.testing.assert_allclose(
         displacement(other, frequencies_hz[::-1], 1e-11)[::-1, ::-1, ::-1], u, rtol=1e-10
     )
-
-
-def test_what_is_no_scene_is_refused() -> None:
-    wrong: Any = PLATE
-    with pytest.raises(ValueError, match="scene must be a Scene"):
-        displacement(wrong, [100.0])

@@ -128,25 +128,3 @@ def test_a_contact_area_is_cut_off_at_the_ends() -> None:
     assert max(x for x, _ in points) == 0.1
     assert {y for x, y in points if x == 0.1} >= {0.0125}
     assert dataclasses.replace(TIP, x_m=0.1).points_m(finite)[0] == (0.1, 0.0125)
-
-
-@pytest.mark.parametrize("place", [{"x_m": 0.11}, {"x_m": -0.1001}, {"y_m": 0.026}], ids=str)
-def test_a_fingertip_beside_the_strip_is_refused(place: dict[str, float]) -> None:
-    finite = dataclasses.replace(STRIP, length_m=0.2)
-    with pytest.raises(ValueError, match=r"x_m and y_m must lie on the strip, .*0.1 .*0.025, got"):
-        dataclasses.replace(TIP, **place).points_m(finite)
-
-
-@pytest.mark.parametrize("name", ["x_m", "y_m", "radius_m"])
-@pytest.mark.parametrize("bad", [math.nan, math.inf, True, "0.01", None, 1e4])
-def test_what_is_no_place_or_size_is_refused(name: str, bad: Any) -> None:
-    with pytest.raises(ValueError, match=rf"{name} must be a finite number .*got"):
-        dataclasses.replace(TIP, **{name: bad})
-
-
-def test_a_negative_size_and_another_thing_than_a_strip_are_refused() -> None:
-    with pytest.raises(ValueError, match="radius_m must be a finite number >= 0"):
-        Fingertip(x_m=0.0, y_m=0.0, radius_m=-0.001)
-    wrong: Any = 0.025
-    with pytest.raises(ValueError, match="strip must be a Strip, got"):
-        TIP.points_m(wrong)

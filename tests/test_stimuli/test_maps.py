@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -136,33 +135,3 @@ def test_only_places_that_differ_are_solved() -> None:
     work = Scene(strip=PLATE, loads=(LEFT, RIGHT), points_m=grid).work([500.0], rtol=1e-4)
     assert work.pairs_asked == 2 * ALONG.size * ACROSS.size
     assert work.pairs_solved < work.pairs_asked / 4
-
-
-@pytest.mark.parametrize(
-    ("changed", "told"),
-    [
-        ({"frequency_hz": math.nan}, "frequency_hz must be a finite number >= 0, got nan"),
-        ({"frequency_hz": -1.0}, "frequency_hz must be a finite number >= 0, got -1.0"),
-        ({"frequency_hz": True}, "frequency_hz must be a finite number"),
-        ({"frequency_hz": 1e12}, "frequencies from 0 to"),
-        ({"frequency_hz": PLATE.cutoff_hz()}, "must not hold a cut-off"),
-        ({"x_m": []}, "x_m must be a one-dimensional array, not empty"),
-        ({"y_m": 0.01}, "y_m must be a one-dimensional array, not empty"),
-        ({"y_m": [0.0, 0.026]}, "y must be a finite number >= 0 and <= 0.025, got 0.026"),
-        ({"x_m": [0.0, math.inf]}, "x_m must hold finite real numbers"),
-        ({"loads": ()}, "loads must hold at least one"),
-        ({"strip": dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED).width_m}, "strip must be"),
-        ({"rtol": 0.0}, "rtol must be"),
-    ],
-)
-def test_what_has_no_map_is_refused_by_name(changed: dict[str, Any], told: str) -> None:
-    usual: dict[str, Any] = {
-        "strip": PLATE,
-        "loads": (LEFT,),
-        "frequency_hz": 500.0,
-        "x_m": ALONG,
-        "y_m": ACROSS,
-    }
-    with pytest.raises(ValueError, match=r".") as refused:
-        displacement_map(**(usual | changed))
-    assert told in str(refused.value)

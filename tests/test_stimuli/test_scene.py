@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +18,6 @@ from stimuli import (
     MomentDisc,
     MomentRectangle,
     PointForce,
-    PressureDisc,
     PressureRectangle,
     Scene,
     Strip,
@@ -127,113 +125,3 @@ def test_the_border_of_the_sweep_does_not_show() -> None:
     np.testing.assert_allclose(u[-1], u[-2], rtol=5e-8)
     alone = response(scene, sweep_hz[-2:-1], 1e-12).displacement_m
     np.testing.assert_allclose(u[-2:-1], alone, rtol=1e-9)
-
-
-# --- refusals ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "load",
-    [
-        PointForce(x_m=0.0, y_m=0.0251),
-        PressureDisc(x_m=0.0, y_m=0.0125, radius_m=0.0126),
-        MomentDisc(x_m=0.0, y_m=0.005, radius_m=0.0064),
-        MomentRectangle(x_m=0.0, y_m=0.02, length_x_m=0.01, length_y_m=0.011),
-    ],
-    ids=lambda load: type(load).__name__,
-)
-def test_loads_beyond_an_edge_are_refused(load: Any) -> None:
-    with pytest.raises(ValueError, match=r"loads: (y_m must lie|sizes must be) .*got"):
-        Scene(strip=PLATE, loads=(load,), points_m=((0.0, 0.0125),))
-
-
-def test_loads_that_touch_the_edges_are_taken() -> None:
-    loads = (
-        PressureDisc(x_m=0.0, y_m=0.0125, radius_m=0.0125),
-        MomentRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.01, length_y_m=0.025),
-    )
-    assert len(Scene(strip=PLATE, loads=loads, points_m=((0.0, 0.0),)).loads) == 2
-
-
-@pytest.mark.parametrize(
-    "point",
-    [(0.0, -1e-9), (0.0, 0.0251), (math.nan, 0.01), (0.0, math.inf), (0.0, True), (0.0,), 3],
-)
-def test_points_beside_the_strip_are_refused(point: Any) -> None:
-    with pytest.raises(ValueError, match=r"points_m.*got"):
-        Scene(strip=PLATE, loads=(MIDDLE,), points_m=(point,))
-
-
-@pytest.mark.parametrize("name", ["loads", "points_m"])
-@pytest.mark.parametrize("bad", [(), None, "ab", 1.0])
-def test_an_empty_scene_is_refused(name: str, bad: Any) -> None:
-    scene = Scene(strip=PLATE, loads=(MIDDLE,), points_m=((0.0, 0.0125),))
-    with pytest.raises(ValueError, match=f"{name} must"):
-        dataclasses.replace(scene, **{name: bad})
-
-
-def test_wrong_parts_are_refused_by_name() -> None:
-    scene = Scene(strip=PLATE, loads=(MIDDLE,), points_m=((0.0, 0.0125),))
-    wrong: Any = "strip"
-    with pytest.raises(ValueError, match="strip must be a Strip"):
-        dataclasses.replace(scene, strip=wrong)
-    with pytest.raises(ValueError, match="loads must be a tuple of loads"):
-        dataclasses.replace(scene, loads=(wrong,))
-    with pytest.raises(ValueError, match="skip must be True or False"):
-        dataclasses.replace(scene, skip=1)  # type: ignore[arg-type]  # wrong on purpose
-
-
-SHORT = dataclasses.replace(PLATE, length_m=0.2)
-
-
-@pytest.mark.parametrize(
-    "load",
-    [
-        PointForce(x_m=0.1000001, y_m=0.0125),
-        PressureDisc(x_m=-0.095, y_m=0.0125, radius_m=0.0051),
-        MomentRectangle(x_m=0.09, y_m=0.0125, length_x_m=0.021, length_y_m=0.01),
-    ],
-    ids=lambda load: type(load).__name__,
-)
-def test_loads_beyond_an_end_are_refused(load: Any) -> None:
-    with pytest.raises(ValueError, match=r"loads: x_m must lie from -.* to .*got"):
-        Scene(strip=SHORT, loads=(load,), points_m=((0.0, 0.0125),))
-
-
-@pytest.mark.parametrize("x_m", [0.1000001, -0.2, math.nan])
-def test_points_beyond_an_end_are_refused(x_m: float) -> None:
-    with pytest.raises(ValueError, match=r"points_m: x must be .*-0\.1 and <= 0\.1, got"):
-        Scene(strip=SHORT, loads=(MIDDLE,), points_m=((x_m, 0.0125),))
-
-
-def test_loads_and_points_at_an_end_are_taken() -> None:
-    loads = (
-        PointForce(x_m=0.1, y_m=0.0125),
-        MomentRectangle(x_m=-0.095, y_m=0.0125, length_x_m=0.01, length_y_m=0.01),
-    )
-    assert len(Scene(strip=SHORT, loads=loads, points_m=((-0.1, 0.01), (0.1, 0.01))).loads) == 2
-
-
-@pytest.mark.parametrize("bad", [[-1.0], [math.nan], [1e12], [[1.0]], 300.0, ["a"], [True]])
-def test_frequencies_that_are_none_are_refused(bad: Any) -> None:
-    scene = Scene(strip=PLATE, loads=(MIDDLE,), points_m=((0.0, 0.0125),))
-    with pytest.raises(ValueError, match="frequencies_hz must"):
-        scene.work(bad)
-    with pytest.raises(ValueError, match="frequencies_hz must"):
-        response(scene, bad)
-
-
-def test_a_disc_too_wide_for_the_wave_is_refused() -> None:
-    for radius_m, most_hz in ((W / 2, 199_818.0), (W / 4, 799_272.0)):
-        disc = PressureDisc(x_m=0.0, y_m=W / 2, radius_m=radius_m)
-        scene = Scene(strip=PLATE, loads=(disc,), points_m=((0.0, W / 2),))
-        assert scene.work([0.999 * most_hz]).frequencies_solved == 1
-        with pytest.raises(ValueError, match=r"frequencies_hz must be .* from 0 to"):
-            scene.work([1.001 * most_hz])
-
-
-@pytest.mark.parametrize("bad", [0.0, 1e-13, 0.2, -1e-6, math.nan, True, "1e-6"])
-def test_a_tolerance_that_cannot_be_kept_is_refused(bad: Any) -> None:
-    scene = Scene(strip=PLATE, loads=(MIDDLE,), points_m=((0.0, 0.0125),))
-    with pytest.raises(ValueError, match="rtol must be"):
-        response(scene, [300.0], bad)

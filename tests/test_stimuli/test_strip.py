@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from decimal import Decimal, localcontext
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,9 +21,6 @@ from stimuli import (
     Material,
     Strip,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 PI = Decimal("3.14159265358979323846264338327950288419716939937510582")
 
@@ -195,14 +192,6 @@ def test_every_cutoff_inside_the_range_has_a_finite_edge() -> None:
         assert PLATE.with_cutoff(wanted_hz).cutoff_hz() == pytest.approx(wanted_hz, rel=1e-13)
 
 
-@pytest.mark.parametrize("outside", ["low", "high", "below", "above"])
-def test_a_cutoff_no_spring_can_have_is_refused_with_the_range(outside: str) -> None:
-    low_hz, high_hz = PLATE.cutoff_hz(), on(CLAMPED).cutoff_hz()
-    wanted_hz = {"low": low_hz, "high": high_hz, "below": 100.0, "above": 5000.0}[outside]
-    with pytest.raises(ValueError, match=r"frequency_hz.*1926\.03.*4366\.09.*got"):
-        PLATE.with_cutoff(wanted_hz)
-
-
 def test_one_cutoff_does_not_tell_a_spring_from_a_wider_clamped_strip() -> None:
     spring = PLATE.with_cutoff(2900.0)
     wider_m = PLATE.width_m * math.sqrt(on(CLAMPED).cutoff_hz() / 2900.0)
@@ -335,85 +324,3 @@ def test_mode_shapes_are_orthogonal_with_half_the_width_as_norm() -> None:
     shapes = np.array([PLATE.mode_shape(mode, y) for mode in range(1, 9)])
     gram = (shapes * weights) @ shapes.T
     np.testing.assert_allclose(gram, np.eye(8), atol=1e-13)
-
-
-# --- refusals ------------------------------------------------------------------------------------
-
-BAD_NUMBERS = [math.nan, math.inf, -math.inf, True, "1", None, 1j, np.array([1.0])]
-
-
-@pytest.mark.parametrize("bad", [*BAD_NUMBERS, -1.0])
-@pytest.mark.parametrize(
-    "name",
-    ["youngs_modulus_pa", "poisson_ratio", "density_kg_m3", "loss_factor", "viscous_time_s"],
-)
-def test_a_material_refuses_what_is_no_number_of_its_range(name: str, bad: Any) -> None:
-    with pytest.raises(ValueError, match=rf"{name} must be .*got"):
-        dataclasses.replace(ALUMINIUM, **{name: bad})
-
-
-def test_an_incompressible_material_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"poisson_ratio must be .* < 0\.5, got 0\.5"):
-        dataclasses.replace(ALUMINIUM, poisson_ratio=0.5)
-
-
-@pytest.mark.parametrize("bad", [*BAD_NUMBERS[:5], 0.0, -0.025])
-@pytest.mark.parametrize("name", ["width_m", "thickness_m", "length_m"])
-def test_a_strip_refuses_sizes_that_are_no_sizes(name: str, bad: Any) -> None:
-    with pytest.raises(ValueError, match=rf"{name} must be .*got"):
-        dataclasses.replace(PLATE, **{name: bad})
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -1e-9, True, "soft"])
-def test_an_edge_refuses_a_stiffness_that_is_none(bad: Any) -> None:
-    with pytest.raises(ValueError, match="stiffness_n must be"):
-        ElasticEdge(stiffness_n=bad)
-
-
-def test_wrong_parts_are_refused_by_name() -> None:
-    wrong: Any = "clamped"
-    with pytest.raises(ValueError, match="edge must be SIMPLY_SUPPORTED, CLAMPED or an Elastic"):
-        dataclasses.replace(PLATE, edge=wrong)
-    with pytest.raises(ValueError, match="material must be a Material"):
-        dataclasses.replace(PLATE, material=wrong)
-    with pytest.raises(ValueError, match="lossless must be True or False"):
-        ElasticEdge(stiffness_n=1.0, lossless=wrong)
-
-
-@pytest.mark.parametrize("bad", [0, -1, 1.0, True, "1", 10**9])
-def test_a_mode_is_a_whole_number_from_1(bad: Any) -> None:
-    calls: list[Callable[[Any], object]] = [
-        PLATE.cutoff_hz,
-        lambda mode: PLATE.mode_shape(mode, 0.01),
-    ]
-    for call in calls:
-        with pytest.raises(ValueError, match="mode must be a whole number from 1"):
-            call(bad)
-
-
-@pytest.mark.parametrize("bad", [-1.0, math.nan, math.inf, True, "500", 1e300])
-def test_a_frequency_is_finite_and_not_negative(bad: Any) -> None:
-    with pytest.raises(ValueError, match="frequency_hz must be"):
-        PLATE.wavenumbers_rad_m(bad)
-
-
-def test_wrong_wavenumber_requests_are_refused() -> None:
-    wrong: Any = "even"
-    with pytest.raises(ValueError, match="symmetry must be symmetric or antisymmetric"):
-        PLATE.wavenumbers_rad_m(500.0, symmetry=wrong)
-    with pytest.raises(ValueError, match="n_modes must be a whole number"):
-        PLATE.wavenumbers_rad_m(500.0, n_modes=0)
-
-
-@pytest.mark.parametrize("bad", [-1e-6, 0.0251, [0.01, math.nan], "middle", [True]])
-def test_places_beside_the_strip_are_refused(bad: Any) -> None:
-    with pytest.raises(ValueError, match="y_m must"):
-        PLATE.mode_shape(1, bad)
-
-
-def test_values_are_kept_in_double_precision_and_cannot_be_changed() -> None:
-    single: Any = np.float32(0.5)
-    strip = dataclasses.replace(PLATE, width_m=single, thickness_m=1)
-    assert (type(strip.width_m), type(strip.thickness_m)) == (float, float)
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        strip.width_m = 1.0  # type: ignore[misc]  # that this line is wrong is what is tested

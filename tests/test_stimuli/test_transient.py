@@ -17,7 +17,6 @@ from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
     Burst,
-    Drive,
     ElasticEdge,
     IdealEdge,
     Load,
@@ -404,55 +403,3 @@ def test_bins_between_the_images_of_a_staircase_are_left_out() -> None:
     times = np.linspace(0.0, 0.03, 100)
     fine = transient(scene, held, times, rtol=1e-4)
     assert misfit(transient(scene, held, times, rtol=1e-2), fine) < 1e-2
-
-
-# --- refusals ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "bad", [[math.nan], [0.0, math.inf], [1.5], [-2.0], 0.001, [[0.0]], "now", None, [1j], [True]]
-)
-def test_what_are_no_times_is_refused(bad: Any) -> None:
-    with pytest.raises(ValueError, match="times_s must"):
-        transient(scene_of(), SMOOTH, bad)
-
-
-@pytest.mark.parametrize("bad", [0.0, -1e-6, 1e-11, 0.2, math.nan, True, "1e-6", None])
-def test_rtol_out_of_range_is_refused(bad: Any) -> None:
-    with pytest.raises(ValueError, match="rtol must be a finite number"):
-        transient(scene_of(), SMOOTH, TIMES, rtol=bad)
-
-
-@pytest.mark.parametrize("bad", [None, 500.0, "hann", np.zeros(3), Strip])
-def test_what_is_no_drive_is_refused(bad: Any) -> None:
-    with pytest.raises(ValueError, match="burst must be a Burst or another Drive"):
-        transient(scene_of(), bad, TIMES)
-
-
-def test_what_is_no_scene_is_refused() -> None:
-    with pytest.raises(ValueError, match="scene must be a Scene"):
-        transient(PLATE, SMOOTH, TIMES)  # type: ignore[arg-type]  # the refusal
-
-
-def test_a_drive_of_more_than_a_second_is_refused() -> None:
-    slow: Drive = Burst(frequency_hz=0.5, cycles=1)
-    with pytest.raises(ValueError, match="burst must last at most 1 s, got one of 2 s"):
-        transient(scene_of(), slow, TIMES)
-
-
-def test_a_drive_beyond_the_field_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"burst must have its peak below .* got one of 8.*e\+08"):
-        transient(scene_of(), Burst(frequency_hz=1e9), TIMES)
-
-
-def test_corners_beyond_the_field_are_refused_with_what_is_in_reach() -> None:
-    scene = scene_of(tau=0.0, points=(HERE,))
-    with pytest.raises(ValueError, match=r"rtol must be at least .* got 1e-09"):
-        transient(scene, PLAIN, [0.001], rtol=1e-9)
-
-
-@pytest.mark.parametrize("bad", [(True,), (1, 0), "ab", True, (True, None), ()])
-def test_driven_has_one_bool_for_each_load(bad: Any) -> None:
-    strip = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)
-    with pytest.raises(ValueError, match="driven must hold a bool for each of 2 loads"):
-        Scene(strip=strip, loads=(DISC, PATCH), points_m=(HERE,), driven=bad)

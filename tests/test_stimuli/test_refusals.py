@@ -1,0 +1,342 @@
+"""What strip, loads, drives and fields do not take, refused by name, and the last they take."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from stimuli import (
+    ALUMINIUM,
+    Burst,
+    ElasticEdge,
+    Fingertip,
+    ForceRectangle,
+    MeasuredDisplacement,
+    PiezoLayers,
+    PointForce,
+    PressureDisc,
+    PressureRectangle,
+    SampledDrive,
+    Scene,
+    causal,
+    check_burst,
+    displacement,
+    displacement_map,
+    felt,
+    level_db,
+    load_per_volt,
+    response,
+    shortest_window,
+    staircase_energy_above,
+    transient,
+)
+from stimuli.drive.noise import crest_factor, pink_loop
+from tests.test_stimuli.plates import PLATE, SUPPORTED, W, disc, force, patch
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    Call = Callable[[Any], object]
+
+change = dataclasses.replace
+NONE: tuple[Any, ...] = (math.nan, math.inf, True, "1", None)
+"""What is no number at all."""
+
+BURST = Burst(frequency_hz=500.0)
+SHORT = change(PLATE, length_m=0.2)
+SCENE = Scene(strip=PLATE, loads=(force(),), points_m=((0.0, W / 2),))
+FINITE = change(SCENE, strip=SHORT)
+MOVING = change(SCENE, strip=SUPPORTED)
+DISCS = disc(x_m=-0.035), disc(x_m=0.035)
+TIP = Fingertip(x_m=0.035, y_m=W / 2)
+TIPS = change(TIP, x_m=-0.035), TIP
+MEASURED = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
+LAYERS = PiezoLayers(
+    thickness_m=2.5e-4, youngs_modulus_pa=6.2e10, poisson_ratio=0.34, d31_m_v=-1.8e-10
+)
+LOADS = [
+    force(),
+    *(disc(), disc(kind=PressureDisc)),
+    *(patch(), patch(kind=PressureRectangle), patch(kind=ForceRectangle)),
+]
+MATRIX_M = [[2e-6, 1e-7, 5e-7], [2e-7, 3e-6, 6e-7]]
+
+
+def noise(**changed: Any) -> object:
+    usual = {"sample_rate_hz": 48e3, "loop_s": 1.0, "level_dbfs": -30.0}
+    return pink_loop(**{"rng": np.random.default_rng(1), **usual, **changed})
+
+
+def plate_map(**changed: Any) -> object:
+    usual = {"strip": PLATE, "loads": (force(),), "frequency_hz": 500.0, "x_m": [0], "y_m": [0.01]}
+    return displacement_map(**{**usual, **changed})
+
+
+def window(wanted_db: Any = -20.0, burst: Any = BURST, discs: Any = DISCS, tips: Any = TIPS) -> Any:
+    return shortest_window(PLATE, discs, tips, burst, wanted_db=wanted_db)
+
+
+def click(samples: Any = (0, 1, 0), rate_hz: Any = 1e3, *, held: Any = False) -> SampledDrive:
+    return SampledDrive(samples=samples, sample_rate_hz=rate_hz, held=held)
+
+
+def samples_of(values: Any, rate_hz: Any = 48e3, frequency_hz: Any = 1900.0) -> object:
+    return staircase_energy_above(values, sample_rate_hz=rate_hz, frequency_hz=frequency_hz)
+
+
+def fields(thing: Any, told: str, values: Iterable[Any]) -> list[tuple[Call, Iterable[Any], str]]:
+    """A row for each field of a value."""
+    return [
+        (lambda value, name=one.name: change(thing, **{name: value}), values, f"{one.name} {told}")  # type: ignore[misc]  # bound now
+        for one in dataclasses.fields(thing)
+    ]
+
+
+CLICK = click()
+ENERGY = "frequency_hz must be a finite number >= 0 and <= "
+FINGER = "must be a whole number from 0 to 1"
+RATE = "sample_rate_hz must be a finite number"
+SAMPLES = "samples must be a one-dimensional array of "
+STIFFER = "must be SIMPLY_SUPPORTED, CLAMPED or an ElasticEdge"
+TIMES = "times_s must be a one-dimensional array of times from -1 to 1"
+
+REFUSED: list[tuple[Call, Iterable[Any], str]] = [
+    # strip, material, edge
+    *fields(ALUMINIUM, "must be a finite number", (*NONE, -math.inf, 1j, np.array([1.0]), -1.0)),
+    (lambda v: change(ALUMINIUM, poisson_ratio=v), (0.5,), "poisson_ratio must be a finite"),
+    (lambda v: change(PLATE, width_m=v), (*NONE, 0.0, -W), "width_m must be a finite number >= 1e"),
+    (lambda v: change(PLATE, thickness_m=v), (*NONE, 0.0, -W), "thickness_m must be a finite"),
+    (lambda v: change(PLATE, length_m=v), (*NONE[:4], 0.0, -W), "length_m must be a finite"),
+    (lambda v: change(PLATE, edge=v), ("clamped",), f"edge {STIFFER}"),
+    (lambda v: change(PLATE, material=v), ("steel",), "material must be a Material"),
+    (lambda v: ElasticEdge(stiffness_n=v), (*NONE, -1e-9), "stiffness_n must be a finite number"),
+    (lambda v: ElasticEdge(stiffness_n=1.0, lossless=v), ("no",), "lossless must be True or False"),
+    (PLATE.cutoff_hz, (0, -1, 1.0, 10_001, *NONE), "mode must be a whole number from 1 to 10000"),
+    (lambda v: PLATE.mode_shape(v, 0.01), (0, 1.0, True), "mode must be a whole number from 1"),
+    (SUPPORTED.with_cutoff, (SUPPORTED.cutoff_hz(), PLATE.cutoff_hz(), 100.0, 5000.0),
+     "simply supported strip, 1926.031369 Hz, and below that of the clamped one, 4366.096943 Hz"),
+    (PLATE.wavenumbers_rad_m, (-1.0, 1e300, *NONE), "frequency_hz must be a finite number >= 0"),
+    (lambda v: PLATE.wavenumbers_rad_m(5.0, symmetry=v), ("even",), "symmetry must be symmetric"),
+    (lambda v: PLATE.wavenumbers_rad_m(5.0, v), (0, 1001), "n_modes must be a whole number from 1"),
+    (lambda v: SUPPORTED.wavenumbers_rad_m(5.0, v), (10_001,), "n_modes must be a whole number"),
+    (lambda v: PLATE.mode_shape(1, v), (-1e-6, 0.0251), "y_m must lie from 0 to the width 0.025"),
+    (lambda v: PLATE.mode_shape(1, v), ([0.01, math.nan], "a", [True]), "y_m must hold finite"),
+    (lambda v: PLATE.wave_shape(v, 500.0, 0.01), (complex(0, math.inf), [1.0], *NONE),
+     "wavenumber_rad_m must be a finite number"),
+    # loads
+    *(row for load in LOADS for row in fields(load, "must be a finite number", (*NONE, 1e4))),
+    *((lambda v, load=load: change(load, y_m=v), (-1e-9,), "y_m must be a finite number >= 0")
+      for load in LOADS),
+    *(row for load in LOADS for row in fields(load, "must be a finite", (0.0,))[2:]),
+    # drives
+    (lambda v: Burst(frequency_hz=v), (0.0, -500.0, 1e12, *NONE), "frequency_hz must be a finite"),
+    (lambda v: change(BURST, cycles=v), (0, -1, 1.0, 1.5, 10**7, *NONE),
+     "cycles must be a whole number from 1 to 1000000"),
+    (lambda v: change(BURST, window=v), ("Hann", "", None, 1, ["hann"]),
+     "window must be one of none, hann, tukey, gaussian"),
+    (BURST.samples, (1999.0, 0.0, -48e3, *NONE), f"{RATE} >= 2000"),
+    (BURST.samples, (5e9,), "must give at most 10000000 samples for a burst of 0.002 s"),
+    (Burst(frequency_hz=1e-6, cycles=1_000_000).samples, (1e300,), "at most 10000000 samples"),
+    (BURST.spectrum, ([1.0, math.nan], [math.inf], "500", [True], -1j, None),
+     "frequencies_hz must hold finite"),
+    (BURST.spectrum, ([1e300], -1e18), "frequencies_hz must lie within +-5e+17"),
+    (BURST.energy_above, (-1.0, 1.01e15 / BURST.duration_s, *NONE), f"{ENERGY}5e+17"),
+    (click, ([], [0.0, 0.0], [0.0] * 3, [[0.0, 1.0, 0.0]]), f"{SAMPLES}3 to 1000000 numbers"),
+    (click, ([0.0, math.nan, 0.0], "click", None, [1j]), "samples must hold finite"),
+    (click, ([1, 1, 0],),
+     "samples must begin and end with 0 for straight lines (held=False), got 1.0 and 0.0"),
+    (lambda v: click(rate_hz=v), (0.0, -1.0, *NONE), RATE),
+    (lambda v: click(held=v), (1,), "held must be True or False"),
+    (CLICK.samples, (48e3,), "sample_rate_hz must be the drive's own 1000.0 Hz"),
+    (CLICK.spectrum, ([1.0 - 1j], [math.nan], [complex(1, math.inf)], "5", None), "frequencies_hz"),
+    (CLICK.energy_above, (-1.0, *NONE), "frequency_hz must be a finite number >= 0"),
+    (samples_of, ([], [0.0, 0.0], [[1.0]]), f"{SAMPLES}numbers, not all 0"),
+    (samples_of, ([math.nan], "click", None), "samples must hold finite"),
+    (lambda v: samples_of([1.0], v), (0.0, -1.0, *NONE), f"{RATE} > 0"),
+    (lambda v: samples_of([1.0], 48e3, v), (-1.0, 1e300, *NONE), f"{ENERGY}4.8e+19"),
+    (lambda v: check_burst(v, PLATE), ("a burst", None), "burst must be a Burst or another Drive"),
+    (lambda v: check_burst(BURST, v), ("a plate", None), "strip must be a Strip"),
+    (lambda v: check_burst(BURST, PLATE, sample_rate_hz=v), (1e3,), f"{RATE} >= 2000"),
+    (lambda v: check_burst(CLICK, PLATE, sample_rate_hz=v), (48e3,), "the drive's own 1000"),
+    (lambda v: check_burst(BURST, PLATE, max_energy_above_cutoff=v), (-0.1, 1.1, *NONE),
+     "max_energy_above_cutoff must be a finite number >= 0 and <= 1"),
+    (lambda v: noise(sample_rate_hz=v), (7_999.0, 193e3, *NONE), f"{RATE} >= 8000 and <= 192000"),
+    (lambda v: noise(loop_s=v), (0.5, 601.0, *NONE), "loop_s must be a finite number >= 1"),
+    (lambda v: noise(level_dbfs=v), (-71.0, 0.1, *NONE), "level_dbfs must be a finite number >="),
+    (lambda v: noise(rng=v), (1,), "rng must be"),
+    (crest_factor, ([], [0.0, 0.0], [1.0, math.nan]), "samples must hold"),
+    # scenes and fields
+    (lambda v: change(SCENE, strip=v), ("strip",), "strip must be a Strip"),
+    (lambda v: change(SCENE, skip=v), (1,), "skip must be True or False"),
+    (lambda v: change(SCENE, loads=v), ((),), "loads must hold at least one"),
+    (lambda v: change(SCENE, loads=v), (None, "ab", 1.0), "loads must be a tuple"),
+    (lambda v: change(SCENE, loads=(v,)), ("load",), "loads must be a tuple of loads"),
+    (lambda v: change(SCENE, loads=(v,)),
+     (force(0.0, 0.0251), disc(0.0064, y_m=0.005), patch(0.01, 0.011, y_m=0.02)),
+     "loads: y_m must lie from"),
+    (lambda v: change(SCENE, loads=(v,)), (disc(0.0126, kind=PressureDisc), patch(0.01, 0.026)),
+     "loads: sizes must be at most that of the strip, 0.025 m in that direction"),
+    (lambda v: change(FINITE, loads=(v,)),
+     (force(0.1000001), disc(0.0051, x_m=-0.095), patch(0.021, 0.01, x_m=0.09)),
+     "loads: x_m must lie from -"),
+    (lambda v: change(SCENE, points_m=v), ((),), "points_m must hold at least one"),
+    (lambda v: change(SCENE, points_m=v), (None, "ab", 1.0), "points_m must be a tuple"),
+    (lambda v: change(SCENE, points_m=(v,)), ((0.0,), 3), "points_m must hold pairs (x, y)"),
+    (lambda v: change(SCENE, points_m=((0.0, v),)), (-1e-9, 0.0251, *NONE),
+     "points_m: y must be a finite number >= 0 and <= 0.025"),
+    (lambda v: change(FINITE, points_m=((v, W / 2),)), (0.1000001, -0.2, *NONE),
+     "points_m: x must be a finite number >= -0.1 and <= 0.1"),
+    (lambda v: change(SCENE, driven=v), ((True, True), (1,), "ab", True, (None,), ()),
+     "driven must hold a bool for each of 1 loads"),
+    (SCENE.work, ([-1.0], [1e12], [[1.0]], 300.0), "frequencies_hz must be a one-"),
+    (lambda v: response(SCENE, v), ([-1.0], [1e12], [[1.0]], 300.0), "frequencies_hz must be a"),
+    (lambda v: response(SCENE, v), ([math.nan], ["a"], [True]), "frequencies_hz must hold finite"),
+    (lambda v: response(SCENE, [300.0], v), (0.0, 0.9e-12, 0.11, -1e-6, *NONE),
+     "rtol must be a finite number >= 1e-12 and <= 0.1"),
+    (lambda v: displacement(v, [100.0]), (PLATE,), "scene must be a Scene"),
+    (lambda v: plate_map(frequency_hz=v), (-1.0, *NONE), "frequency_hz must be a finite"),
+    (lambda v: plate_map(frequency_hz=v), (1e12,), "frequencies from 0 to"),
+    (lambda v: plate_map(frequency_hz=v), (PLATE.cutoff_hz(),), "must not hold a cut-off"),
+    (lambda v: plate_map(x_m=v), ([],), "x_m must be a one-dimensional array, not empty"),
+    (lambda v: plate_map(x_m=v), ([0.0, math.inf],), "x_m must hold finite real numbers"),
+    (lambda v: plate_map(y_m=v), (0.01,), "y_m must be a one-dimensional array, not empty"),
+    (lambda v: plate_map(y_m=v), ([0.0, 0.026],), "y must be a finite number >= 0 and <= 0.025"),
+    (lambda v: plate_map(loads=v), ((),), "loads must hold at least one"),
+    (lambda v: plate_map(strip=v), (0.025,), "strip must be a Strip"),
+    (lambda v: plate_map(rtol=v), (0.0,), "rtol must be a finite number"),
+    # fields over time
+    (lambda v: transient(MOVING, BURST, v), ([1.5], [-2.0], 0.001, [[0.0]]), TIMES),
+    (lambda v: transient(MOVING, BURST, v), ([math.nan], [math.inf], "now", None, [1j], [True]),
+     "times_s must hold finite"),
+    (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (0.0, -1e-6, 1e-11, 0.2, *NONE),
+     "rtol must be a finite number >= 1e-10 and <= 0.1"),
+    (lambda v: transient(MOVING, v, [0.001]), (None, 500.0, "hann", np.zeros(3), Scene),
+     "burst must be a Burst or another Drive"),
+    (lambda v: transient(v, BURST, [0.001]), (PLATE,), "scene must be a Scene"),
+    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (0.5,),
+     "burst must last at most 1 s, got one of 2 s"),
+    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (1e9,),
+     "burst must have its peak below "),
+    (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (1e-9,), "rtol must be at least "),
+    # fingers and actuators
+    (lambda v: felt(PLATE, DISCS, TIPS, v), (500.0,), "drive must be a burst or a sampled drive"),
+    (lambda v: causal(PLATE, v), (500.0,), "drive must be a burst or a sampled drive"),
+    (lambda v: felt(PLATE, DISCS, v, BURST), ((),), "fingertips must hold at least one"),
+    (lambda v: felt(PLATE, DISCS, v, BURST), ((500.0,),), "fingertips must be a tuple of"),
+    (lambda v: felt(PLATE, v, TIPS, BURST), ((),), "loads must hold at least one"),
+    (lambda v: felt(PLATE, v, TIPS, BURST), ((500.0,),), "loads must be a tuple of loads"),
+    (lambda v: felt(v, DISCS, TIPS, BURST), (500.0,), "strip must be a Strip"),
+    (lambda v: felt(PLATE, (v,), TIPS, BURST), (disc(y_m=0.004),), "y_m must lie from"),
+    (lambda v: felt(PLATE, DISCS, (v,), BURST), (change(TIP, y_m=0.03),),
+     "x_m and y_m must lie on the strip"),
+    *fields(TIP, "must be a finite number", (*NONE, 1e4)),
+    (lambda v: change(TIP, radius_m=v), (-0.001,), "radius_m must be a finite number >= 0"),
+    (lambda v: v.points_m(SHORT), [change(TIP, **one) for one in
+     ({"x_m": 0.11}, {"x_m": -0.1001}, {"y_m": 0.026})],
+     "x_m and y_m must lie on the strip, abs(x_m) <= 0.1 and y_m <= 0.025"),
+    (TIP.points_m, (0.025,), "strip must be a Strip"),
+    (lambda v: level_db(v, own=0, other=1), ([1e-6, 1e-7], [[1e-6], [-1e-7]]), "felt_m must be a"),
+    (lambda v: level_db(v, own=0, other=1), ([[1e-6], [math.nan]],), "felt_m must hold finite"),
+    (lambda v: level_db(v, own=0, other=1), ([[0.0], [1e-7]],), "felt_m must be above 0 at the"),
+    (lambda v: level_db(MATRIX_M, own=v, other=1), (-1, 2, 0.0, True, None), f"own {FINGER}"),
+    (lambda v: level_db(MATRIX_M, own=1, other=v), (-1, 2, 0.0, True, None), f"other {FINGER}"),
+    (lambda v: window(discs=v), (DISCS[:1],), "fingertips must be at least two and as many as"),
+    (lambda v: window(tips=v), (TIPS[:1],), "fingertips must be at least two and as many as"),
+    (lambda v: window(discs=v, tips=TIPS[:1]), (DISCS[:1],), "fingertips must be at least two"),
+    (window, (1.0, *NONE), "wanted_db must be a finite number <= 0"),
+    (lambda v: window(burst=v), (500.0,), "burst must be a Burst"),
+    (lambda v: window(burst=v), (change(BURST, cycles=21),),
+     "cycles must be a whole number from 1 to 20, got 21"),
+    *fields(MEASURED, "must be a finite number > 0", (*NONE, 1e16, -1.0, 0)),
+    *fields(LAYERS, "must be a finite number", (*NONE, 1e16, -1.0)),
+    (lambda v: change(LAYERS, d31_m_v=v), (0.0,), "d31_m_v must not be 0"),
+    (lambda v: load_per_volt(PLATE, disc(), change(MEASURED, frequency_hz=v)),
+     (PLATE.cutoff_hz(), 5000.0), "frequency_hz must lie below the strip's first cut-off of 4366"),
+    (lambda v: load_per_volt(PLATE, v, MEASURED), (force(0.0, 0.0),),
+     "load must move the strip at its own centre"),
+    (lambda v: load_per_volt(PLATE, v, MEASURED), (2.6e-6,), "load must be a load"),
+    (lambda v: load_per_volt(PLATE, v, LAYERS), (force(),), "load must be a moment"),
+    (lambda v: load_per_volt(PLATE, v, LAYERS), (disc(0.005, y_m=0.001),), "y_m must lie from"),
+    (lambda v: load_per_volt(PLATE, disc(), v), (2.6e-6,), "basis must be measured or layers"),
+    (lambda v: load_per_volt(v, disc(), LAYERS), (2.6e-6,), "strip must be a Strip"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("call", "bad", "told"), [(call, bad, told) for call, some, told in REFUSED for bad in some]
+)
+def test_what_is_out_of_range_or_nonsense_is_refused_by_name(
+    call: Call, bad: object, told: str
+) -> None:
+    with pytest.raises(ValueError, match=r", got ") as refused:
+        call(bad)
+    assert told in str(refused.value)
+
+
+TAKEN: list[tuple[Call, float, float]] = [
+    (lambda v: change(PLATE, width_m=v), 1e-9, 1e3),
+    (lambda v: change(PLATE, thickness_m=v), 1e-9, 1e3),
+    (lambda v: change(PLATE, length_m=v), 1e-9, 1e3),
+    (SUPPORTED.wavenumbers_rad_m, 0.0, 1e9 * SUPPORTED.cutoff_hz()),
+    (lambda v: change(BURST, frequency_hz=v), 1e-6, 1e9),
+    (BURST.energy_above, 0.0, 1e15 / BURST.duration_s),
+    (lambda v: check_burst(BURST, PLATE, max_energy_above_cutoff=v), 0.0, 1.0),
+    (lambda v: SCENE.work([300.0], v), 1e-12, 0.1),
+    (lambda v: change(SCENE, points_m=((0.0, v),)), 0.0, W),
+    (lambda v: change(FINITE, points_m=((v, 0.01),)), -0.1, 0.1),
+]
+
+
+@pytest.mark.parametrize(("call", "least", "most"), TAKEN)
+def test_a_bound_is_taken_and_the_next_number_beyond_it_is_not(
+    call: Call, least: float, most: float
+) -> None:
+    for bound, beyond in ((least, -math.inf), (most, math.inf)):
+        call(bound)
+        with pytest.raises(ValueError, match="must be a finite number"):
+            call(math.nextafter(bound, beyond))
+
+
+def test_loads_and_points_that_touch_edges_and_ends_are_taken() -> None:
+    loads = disc(W / 2, kind=PressureDisc), patch(0.01, W, x_m=-0.095), force(0.1)
+    scene = change(FINITE, loads=loads, points_m=((-0.1, 0.0), (0.1, W)))
+    assert (scene.loads, len(scene.points_m)) == (loads, 2)
+
+
+def test_a_wavenumber_that_the_strip_does_not_have_is_refused() -> None:
+    p = PLATE.wavenumbers_rad_m(500.0)[0]
+    assert np.isfinite(PLATE.wave_shape(p * (1 + 1e-8), 500.0, 0.01))
+    others: list[tuple[Any, ...]] = [
+        (p * 1.001, 500.0, 0.01), (p, 500.0, 0.01, "antisymmetric"), (0, 0.0, 0.01),
+    ]  # fmt: skip
+    for other in others:
+        with pytest.raises(ValueError, match=r"must be one of the strip's wavenumbers .* got"):
+            PLATE.wave_shape(*other)
+
+
+@pytest.mark.parametrize(("radius_m", "most_hz"), [(W / 2, 199_818.0), (W / 4, 799_272.0)])
+def test_a_disc_too_wide_for_the_wave_is_refused(radius_m: float, most_hz: float) -> None:
+    scene = change(SCENE, loads=(disc(radius_m, kind=PressureDisc),))
+    assert scene.work([0.999 * most_hz]).frequencies_solved == 1
+    with pytest.raises(ValueError, match=r"frequencies_hz must be .* from 0 to"):
+        scene.work([1.001 * most_hz])
+
+
+@pytest.mark.parametrize("thing", [BURST, PLATE, force()], ids=lambda thing: type(thing).__name__)
+def test_values_cannot_be_changed(thing: Any) -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        setattr(thing, dataclasses.fields(thing)[0].name, 2.0)
+
+
+def test_numbers_are_kept_in_double_precision_and_values_are_equal_by_value() -> None:
+    single: Any = np.float32(0.5)
+    strip = change(PLATE, width_m=single, thickness_m=1)
+    assert (type(strip.width_m), type(strip.thickness_m)) == (float, float)
+    assert type(force(0).x_m) is float
+    assert force(0) == PointForce(x_m=0.0, y_m=W / 2)
+    assert click([0.0, 1.0, 0.0]) == CLICK
+    assert hash(CLICK) == hash(click([0.0, 1.0, 0.0]))
