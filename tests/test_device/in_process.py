@@ -1,22 +1,28 @@
-"""An emulated device in this process, on a virtual clock: every byte of the wire, no waiting.
+"""Devices in this process, on a virtual clock: every byte of the wire, no waiting.
 
-For tests and trials of what lies between a session and a device: the link, the faults of a line
-and the endpoint are those of real processes; only the line itself is a pair of buffers.
+The link, the faults of a line and the endpoint are those of real processes; only the line itself is
+a pair of buffers.
 """
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import IO, TYPE_CHECKING, Final
 
+import numpy as np
+
+from device.clock import VirtualClock
 from device.driver import LinkError
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
 from device.wire.channels import BEAT_EVERY_S
 from device.wire.link import FrameLink
 
 if TYPE_CHECKING:
-    from device.clock import Clock, VirtualClock
+    from device.clock import Clock
     from device.emulate.faults import Faults
     from device.emulate.generator import EmulatedGenerator
+    from device.sound.player import Frames
+    from device.sound.stream import Callback
 
 _LEAST_STEP_S: Final = 1e-7
 
@@ -59,43 +65,10 @@ class Buffers:
 
 
 class InProcess:
-    """An emulator and the link to it, both on one virtual clock.
+    """An emulator and the `link` to it, both on one virtual clock.
 
-    Parameters
-    ----------
-    clock : VirtualClock
-        Of host and device. Let time pass by `wait`, which keeps the heart beating.
-    nature : Nature
-        What the device is.
-    faults : Faults
-        What goes wrong.
-    truth : file
-        What the device really did, as JSON lines.
-
-    Attributes
-    ----------
-    link : FrameLink
-        To the device.
-    emulator : Emulator
-        The device.
-    beating : bool
-        Whether the host's heart beats.
-
-    Examples
-    --------
-    >>> import io
-    >>> import numpy as np
-    >>> from device.emulate.emulator import Nature
-    >>> from device.emulate.faults import Faults, FaultScript
-    >>> from device.limits import Limits
-    >>> from device.core.output import OutputStage
-    >>> from device.clock import VirtualClock
-    >>> device = InProcess(VirtualClock(),
-    ...                    nature=Nature(limits=Limits(ceiling_vpp=200.0), output=OutputStage()),
-    ...                    faults=Faults(FaultScript(drop=0.01), np.random.default_rng(1)),
-    ...                    truth=io.StringIO())
-    >>> device.link.hello().model
-    'emulator'
+    Let time pass by `wait`, which keeps the heart beating while `beating`. The truth file is told
+    what the device really did.
     """
 
     def __init__(
@@ -201,3 +174,36 @@ class LocalChannel:
 
     def _now_us(self) -> int:
         return round(self._clock.now_s() * 1e6)
+
+
+class SoundCard(VirtualClock):
+    """A sound card without a cable, and the clock by which it takes a buffer at a time."""
+
+    buffer = 64
+    latency = 0.02
+    active = True
+    callback: Callback | None = None
+
+    def connect(self, callback: Callback) -> SoundCard:
+        """Begin to take what a callback gives."""
+        self.callback, self.active = callback, True
+        return self
+
+    def close(self) -> None:
+        """Take nothing more."""
+        self.callback, self.active = None, False
+
+    def wait(self, duration_s: float) -> None:
+        """Let time pass, a buffer's at a time."""
+        until_s = self.now_s() + duration_s
+        while self.now_s() < until_s:
+            super().wait(min(self.buffer / 48_000.0, until_s - self.now_s()))
+            if self.callback is not None and self.active:
+                self.take(self.callback)
+
+    def take(self, callback: Callback, *, underflow: bool = False) -> Frames:
+        """Take one buffer."""
+        out = np.full((self.buffer, 2), 99, dtype=np.int16)
+        timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
+        callback(out, self.buffer, timing, SimpleNamespace(output_underflow=underflow))
+        return out

@@ -7,9 +7,8 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import dataclass, field
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -17,68 +16,42 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device.clock import MonotonicClock, VirtualClock
-from device.driver import FloatArray, LimitExceeded, LinkError, Outcome, Refusal, RefusedError
+from device.clock import MonotonicClock
+from device.driver import LinkError, Outcome, Refusal, RefusedError
 from device.limits import Limits
 from device.sound.audio import AudioDevice, audio_device
-from device.sound.stream import Callback, in_a_thread, open_stream, sound_cards, stderr_kept
+from device.sound.stream import in_a_thread, open_stream, sound_cards, stderr_kept
 from tactstrip import main
+from tests.test_device.bursts import BURST, play, ready, refusal
+from tests.test_device.in_process import SoundCard
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from device.sound.player import Frames
+    from device.sound.stream import Callback
     from tests.conftest import NullSink
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 RATE_HZ = 48_000.0
 FULL_SCALE_V = 125.0
-LATENCY_S = 0.02
-BUFFER = 64
 CONFIRM = "--confirm-hardware"
 
-BURST: FloatArray = np.sin(2 * np.pi * np.arange(97) / 96)
-BURST[-1] = 0.0
-SILENCE: FloatArray = np.zeros_like(BURST)
 
+class Card(SoundCard):
+    """A sound card that keeps what it plays, with trouble at some buffers."""
 
-@dataclass(slots=True)
-class Card(VirtualClock):
-    """A sound card and the clock that drives it: to wait is to let it take buffers."""
+    def __init__(self) -> None:
+        super().__init__()
+        self.played: list[Frames] = []
+        self.gap: int | None = None
+        self.at_buffer: Callable[[int], None] = lambda _: None
 
-    callback: Callback | None = None
-    active: bool = True
-    latency: float = LATENCY_S
-    played: list[Frames] = field(default_factory=list)
-    trouble: Callable[[int], bool] = lambda _: False
-    at_buffer: Callable[[int], None] = lambda _: None
-    _now_s: float = 0.0
-
-    def now_s(self) -> float:
-        return self._now_s
-
-    def connect(self, callback: Callback) -> Card:
-        self.callback, self.active = callback, True
-        return self
-
-    def close(self) -> None:
-        self.callback, self.active = None, False
-
-    def wait(self, duration_s: float) -> None:
-        until_s = self._now_s + duration_s
-        while self._now_s < until_s:
-            self._now_s += BUFFER / RATE_HZ
-            if self.callback is not None and self.active:
-                self._take(self.callback)
-
-    def _take(self, callback: Callback) -> None:
+    def take(self, callback: Callback, *, underflow: bool = False) -> Frames:
         self.at_buffer(len(self.played))
-        out = np.full((BUFFER, 2), 99, dtype=np.int16)
-        timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
-        status = SimpleNamespace(output_underflow=self.trouble(len(self.played)))
-        callback(out, BUFFER, timing, status)
-        self.played.append(out)
+        self.played.append(super().take(callback, underflow=len(self.played) == self.gap))
+        return self.played[-1]
 
     def frames(self) -> Frames:
         return np.concatenate(self.played)
@@ -95,27 +68,20 @@ def device_on(card: Card, limits: Limits = LIMITS) -> AudioDevice:
     )
 
 
-def live_on(card: Card) -> AudioDevice:
-    device = device_on(card)
-    device.open()
-    device.load(0, BURST, SILENCE)
-    device.load(1, SILENCE, BURST)
-    device.load(2, np.append(np.tile(BURST[:-1], 100), 0.0), np.zeros(9601))
-    device.enable()
-    device.set_levels(100.0, 100.0)
-    card.wait(0.1)
-    card.played.clear()
-    return device
-
-
 @pytest.fixture
 def card() -> Card:
     return Card()
 
 
-def play(device: AudioDevice, token: int, slot: int = 0) -> Outcome:
-    device.arm(token, slot, time_to_live_s=1.0)
-    return device.fire(token).outcome
+@pytest.fixture
+def live(card: Card) -> AudioDevice:
+    """Slot 0 plays left, 1 right, 2 a hundred periods to the left."""
+    device = device_on(card)
+    ready(device, 100.0)
+    device.load(2, np.append(np.tile(BURST[:-1], 100), 0.0), np.zeros(9601))
+    card.wait(0.1)
+    card.played.clear()
+    return device
 
 
 def codes(level_vpp: float) -> Frames:
@@ -124,93 +90,78 @@ def codes(level_vpp: float) -> Frames:
 
 
 @pytest.mark.parametrize("slot", [0, 1])
-def test_a_burst_comes_out_on_its_channel_frame_by_frame(card: Card, slot: int) -> None:
-    device = live_on(card)
-    assert play(device, 1, slot) is Outcome.FIRED
+def test_a_burst_comes_out_on_its_channel_frame_by_frame(
+    live: AudioDevice, card: Card, slot: int
+) -> None:
+    assert play(live, 1, slot).outcome is Outcome.FIRED
     frames = card.frames()
     assert np.array_equal(frames[:97, slot], codes(100.0))
     assert not frames[:, 1 - slot].any()
     assert not frames[97:].any()
 
 
-def test_between_bursts_it_plays_zeros_and_counts_them(card: Card) -> None:
-    device = live_on(card)
-    before = device._audio.player.frames
+def test_between_bursts_it_plays_zeros_and_counts_them(live: AudioDevice, card: Card) -> None:
+    before = live._audio.player.frames
     card.wait(1.0)
-    assert device._audio.player.frames - before == card.frames().shape[0] >= RATE_HZ
+    assert live._audio.player.frames - before == card.frames().shape[0] >= RATE_HZ
     assert not card.frames().any()
 
 
-def test_the_onset_interval_is_the_latency_that_was_told(card: Card) -> None:
-    device = live_on(card)
-    device.arm(1, 0, time_to_live_s=1.0)
+def test_the_onset_interval_is_the_latency_that_was_told(live: AudioDevice, card: Card) -> None:
     asked_s = card.now_s()
-    told = device.fire(1)
+    told = play(live, 1)
     assert told.host_before_s >= asked_s
-    assert told.host_after_s - told.host_before_s == pytest.approx(LATENCY_S + BUFFER / RATE_HZ)
-    assert told.uncertainty_s >= (told.host_after_s - told.host_before_s) / 2
+    width_s = told.host_after_s - told.host_before_s
+    assert width_s == pytest.approx(card.latency + card.buffer / RATE_HZ)
+    assert told.uncertainty_s >= width_s / 2
     assert card.now_s() >= told.host_after_s
 
 
-def test_the_same_token_again_plays_nothing_more(card: Card) -> None:
-    device = live_on(card)
-    device.arm(1, 0, time_to_live_s=1.0)
-    told = device.fire(1)
+def test_the_same_token_again_plays_nothing_more(live: AudioDevice, card: Card) -> None:
+    told = play(live, 1)
     card.wait(0.1)
-    assert device.fire(1) == told == device.query(1)
+    assert live.fire(1) == told == live.query(1)
     assert np.count_nonzero(np.diff(np.sign(np.abs(card.frames()[:, 0]).astype(int))) > 0) <= 2
 
 
-def gap_at(buffer: int) -> Callable[[int], bool]:
-    return lambda index: index == buffer
+@pytest.mark.parametrize("gap", range(6))
+def test_a_gap_in_the_burst_or_before_it_is_heard_is_indeterminate_and_one_before_it_is_not(
+    live: AudioDevice, card: Card, gap: int
+) -> None:
+    card.gap = gap
+    assert play(live, 1).outcome is (Outcome.INDETERMINATE if gap else Outcome.FIRED)
+    assert live._audio.player.underruns == 1
+    card.wait(0.1)
+    assert play(live, 2).outcome is Outcome.FIRED
 
 
-def test_a_gap_during_the_burst_or_before_it_is_heard_is_indeterminate(card: Card) -> None:
-    for bad in range(1, 6):
-        device = live_on(card)
-        card.trouble = gap_at(bad)
-        assert play(device, 1) is Outcome.INDETERMINATE
-        assert device._audio.player.underruns == 1
-        card.trouble = lambda _: False
-        card.wait(0.1)
-        assert play(device, 2) is Outcome.FIRED
-        device.close()
-
-
-def test_a_gap_before_the_burst_does_not_matter(card: Card) -> None:
-    device = live_on(card)
-    card.trouble = lambda index: index == 0
-    assert play(device, 1) is Outcome.FIRED
-    assert device._audio.player.underruns == 1
-
-
-def test_a_card_that_takes_nothing_leaves_the_burst_open(card: Card) -> None:
-    device = live_on(card)
-    device.arm(1, 0, time_to_live_s=1.0)
+def test_a_card_that_takes_nothing_leaves_the_burst_open(live: AudioDevice, card: Card) -> None:
+    live.arm(1, 0, time_to_live_s=1.0)
     card.active = False
-    assert device.fire(1).outcome is Outcome.INDETERMINATE
+    assert live.fire(1).outcome is Outcome.INDETERMINATE
     with pytest.raises(LinkError):
-        device.arm(2, 0, time_to_live_s=1.0)
+        live.arm(2, 0, time_to_live_s=1.0)
 
 
-def test_a_stop_in_the_burst_silences_it_from_the_next_buffer_on(card: Card) -> None:
-    device = live_on(card)
-    card.at_buffer = lambda index: device.stop() if index == 10 else None
-    assert play(device, 1, slot=2) is Outcome.INDETERMINATE
-    assert card.frames()[: 10 * BUFFER].any()
-    assert not card.frames()[10 * BUFFER :].any()
-    with pytest.raises(RefusedError) as refused:
-        device.arm(2, 0, time_to_live_s=1.0)
-    assert refused.value.code is Refusal.SAFE_STATE
-    device.enable()
+def test_a_stop_in_the_burst_silences_it_from_the_next_buffer_on(
+    live: AudioDevice, card: Card
+) -> None:
+    card.at_buffer = lambda index: live.stop() if index == 10 else None
+    assert play(live, 1, slot=2).outcome is Outcome.INDETERMINATE
+    cut = 10 * card.buffer
+    assert card.frames()[:cut].any()
+    assert not card.frames()[cut:].any()
+    assert refusal(lambda: play(live, 2)) is Refusal.SAFE_STATE
+    live.enable()
     card.wait(1.0)
-    assert play(device, 3) is Outcome.FIRED
+    assert play(live, 3).outcome is Outcome.FIRED
 
 
-def test_a_stop_before_the_first_frame_means_that_nothing_came_out(card: Card) -> None:
-    device = live_on(card)
-    card.at_buffer = lambda index: device.stop() if index == 0 else None
-    assert play(device, 1) is Outcome.NOT_FIRED
+def test_a_stop_before_the_first_frame_means_that_nothing_came_out(
+    live: AudioDevice, card: Card
+) -> None:
+    card.at_buffer = lambda index: live.stop() if index == 0 else None
+    assert play(live, 1).outcome is Outcome.NOT_FIRED
     assert not card.frames().any()
 
 
@@ -218,17 +169,13 @@ def test_nothing_is_let_through_before_it_is_enabled(card: Card) -> None:
     device = device_on(card)
     device.open()
     device.load(0, BURST, BURST)
-    with pytest.raises(RefusedError) as refused:
-        device.arm(1, 0, time_to_live_s=1.0)
-    assert refused.value.code is Refusal.NOT_ENABLED
+    assert refusal(lambda: play(device, 1)) is Refusal.NOT_ENABLED
 
 
 def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
     device = device_on(card, Limits(ceiling_vpp=400.0))
-    assert device.open().ceiling_vpp == 2 * FULL_SCALE_V
-    device.load(0, BURST, SILENCE)
-    with pytest.raises(LimitExceeded):
-        device.set_levels(2 * FULL_SCALE_V + 1.0, 0.0)
+    assert ready(device).ceiling_vpp == 2 * FULL_SCALE_V
+    assert refusal(lambda: device.set_levels(2 * FULL_SCALE_V + 1.0, 0.0)) is Refusal.CEILING
 
 
 @settings(deadline=None, max_examples=60)
@@ -238,17 +185,15 @@ def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
 def test_no_frame_is_above_the_ceiling(level_vpp: float, peak: float, ceiling_vpp: float) -> None:
     card = Card()
     device = device_on(card, Limits(ceiling_vpp=ceiling_vpp))
-    device.open()
-    device.load(0, peak * BURST, peak * BURST)
-    device.enable()
+    ready(device)
+    device.load(2, peak * BURST, peak * BURST)
     try:
         device.set_levels(level_vpp, level_vpp)
-        device.arm(1, 0, time_to_live_s=1.0)
+        play(device, 1, slot=2)
     except RefusedError:
         card.wait(0.1)
         assert not card.frames().any()
         return
-    device.fire(1)
     volts = np.abs(card.frames().astype(float)).max() / 32767 * FULL_SCALE_V
     assert 2 * volts <= min(ceiling_vpp, level_vpp * peak) * (1 + 1e-9)
 
@@ -257,25 +202,30 @@ def test_what_a_sound_card_cannot_promise_is_told(card: Card) -> None:
     assert any("loopback" in sentence for sentence in device_on(card).cannot)
 
 
-def test_a_card_that_cannot_be_started_is_closed_and_told_in_one_line(
-    card: Card, monkeypatch: pytest.MonkeyPatch
+def test_a_stream_is_opened_without_dither_and_closed_where_it_cannot_start(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    opened: dict[str, Any] = {}
+
     class UnpluggedError(Exception):
         pass
 
     class Opened(Card):
+        def __init__(self, **settings: Any) -> None:
+            super().__init__()
+            opened.update(settings, stream=self)
+
         def start(self) -> None:
             raise UnpluggedError("no such device")
 
-    opened = Opened()
-    library = SimpleNamespace(PortAudioError=UnpluggedError, OutputStream=lambda **_: opened)
+    library = SimpleNamespace(PortAudioError=UnpluggedError, OutputStream=Opened)
     monkeypatch.setitem(sys.modules, "sounddevice", library)
     with pytest.raises(LinkError, match=r"^cannot start the sound card default: no such device$"):
         open_stream(lambda *_: None, card="", sample_rate_hz=RATE_HZ, latency="low")
-    assert not opened.active
-
-
-# --- real sound: PortAudio into PulseAudio's null sink, recorded from its monitor
+    assert not opened["stream"].active
+    assert (opened["samplerate"], opened["channels"], opened["dtype"]) == (RATE_HZ, 2, "int16")
+    assert (opened["device"], opened["latency"]) == (None, "low")
+    assert opened["dither_off"]  # dither would be noise on frames that are exact, silence included
 
 
 def _holds(recorded: Frames, wanted: Frames) -> bool:
@@ -299,11 +249,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int)
         sample_rate_hz=RATE_HZ,
     )
     assert "pulse" in sound_cards()
-    device.open()
-    device.load(0, BURST, SILENCE)
-    device.load(1, SILENCE, BURST)
-    device.enable()
-    device.set_levels(100.0, 100.0)
+    ready(device, 100.0)
     wanted = np.zeros((97, 2), dtype=np.int16)
     wanted[:, side] = codes(100.0)
 
@@ -313,7 +259,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int)
 
     fired = []
     for token in range(1, 21):
-        fired.append(play(device, token, side) is Outcome.FIRED)
+        fired.append(play(device, token, side).outcome is Outcome.FIRED)
         MonotonicClock().wait(0.1)
         if fired[-1] and heard():
             break

@@ -1,11 +1,13 @@
 """Tokens: what is forgotten is never taken for what never was."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from device.core.tokens import OUTCOMES, Exchange, Fate, Record, TokenHistory, delivery
-from device.driver import Outcome
+from device.driver import Delivery, Outcome
 
 
 @pytest.mark.slow
@@ -64,21 +66,23 @@ def test_a_record_has_an_onset_just_if_it_fired(fate: Fate) -> None:
         Record(token=1, fate=fate, start_us=start_us)
 
 
-def exchange(record: Record, *, device_us: int, interval_s: float = 0.002) -> Exchange[Record]:
-    return Exchange(
-        record=record,
-        boot_id=3,
-        host_before_s=10.0,
-        host_after_s=10.0 + interval_s,
-        device_us=device_us,
-        resolution_s=1e-6,
-        retries=2,
+def told_of(device_us: int, **facts: Any) -> Delivery:
+    """Return what a driver reports when an exchange of 2 ms ended at that time of the device."""
+    return delivery(
+        Exchange(
+            record=Record(token=9, **facts),
+            boot_id=3,
+            host_before_s=10.0,
+            host_after_s=10.002,
+            device_us=device_us,
+            resolution_s=1e-6,
+            retries=2,
+        )
     )
 
 
 def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> None:
-    fired = Record(token=9, fate=Fate.FIRED, start_us=77, levels_mvpp=(64_100, 0))
-    told = delivery(exchange(fired, device_us=77))
+    told = told_of(77, fate=Fate.FIRED, start_us=77, levels_mvpp=(64_100, 0))
     assert (told.outcome, told.device_us, told.boot_id, told.retries) == (Outcome.FIRED, 77, 3, 2)
     assert (told.level_left_vpp, told.level_right_vpp) == (64.1, 0.0)
     assert (told.host_before_s, told.host_after_s) == (10.0, 10.002)
@@ -86,15 +90,14 @@ def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> Non
 
 
 def test_an_onset_asked_for_later_is_carried_back_with_more_uncertainty() -> None:
-    fired = Record(token=9, fate=Fate.FIRED, start_us=1_000_000)
-    told = delivery(exchange(fired, device_us=5_000_000))
+    told = told_of(5_000_000, fate=Fate.FIRED, start_us=1_000_000)
     assert told.host_before_s == pytest.approx(6.0 - 4e-4, abs=1e-6)
     assert told.host_after_s == pytest.approx(6.002 + 4e-4, abs=1e-6)
     assert told.uncertainty_s == pytest.approx(0.001 + 1e-6 + 4e-4)
 
 
 def test_what_did_not_fire_has_neither_onset_nor_levels() -> None:
-    told = delivery(exchange(Record(token=9, fate=Fate.ABORTED), device_us=5))
+    told = told_of(5, fate=Fate.ABORTED)
     assert (told.outcome, told.device_us) == (Outcome.NOT_FIRED, None)
     assert (told.level_left_vpp, told.level_right_vpp) == (0.0, 0.0)
     assert (told.host_before_s, told.host_after_s) == (10.0, 10.002)
