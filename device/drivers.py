@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final, Literal, TypeVar
 
 from device.clock import MonotonicClock
 from device.core.output import OutputStage
@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from device.driver import BurstDevice
     from device.limits import Limits
 
+DriverName = Literal["mock", "serial", "generator", "audio"]
 MOCK: Final = "mock"
-NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
+NEEDS: Final[Mapping[DriverName, tuple[str, ...]]] = {
     MOCK: (),
     "serial": ("port",),
     "generator": ("port", "amplifier_gain"),

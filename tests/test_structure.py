@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import pytest
 
 from benchmarks.size import ROOT, Folder, code_lines, folders, table
@@ -65,3 +67,28 @@ def test_the_table_has_every_package() -> None:
     assert [line.split()[0] for line in table().splitlines()[1:6]] == [
         *("stimuli", "device", "experiment", "analysis", "together")
     ]
+
+
+ONLY = {
+    "pydantic": {"experiment.study"},
+    "serial": {"device.wire", "device.commands.devices"},
+    "sounddevice": {"device.sound"},
+    "psychopy": {"experiment.participant"},
+    "click": {
+        *("device.commands", "experiment.commands", "analysis.commands"),
+        "experiment.terms.exits",
+    },
+}
+"""Who may import a library; the contracts of pyproject.toml forbid it to all others."""
+
+
+@pytest.mark.parametrize("library", ONLY)
+def test_a_library_is_forbidden_to_every_module_but_its_own(library: str) -> None:
+    config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = config["tool"]["importlinter"]["contracts"]
+    forbidden = [c for c in contracts if c.get("forbidden_modules") == [library]]
+    refused = {source for contract in forbidden for source in contract["source_modules"]}
+    for module in MODULES:
+        name = ".".join(module.relative_to(ROOT).with_suffix("").parts)
+        above = {name.rsplit(".", n)[0] for n in range(name.count(".") + 1)}
+        assert bool(above & refused) != bool(above & ONLY[library]), name

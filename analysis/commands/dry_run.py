@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
 from experiment.terms.exits import DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
@@ -68,14 +69,14 @@ def _new_folder(out: Path | None) -> Path:
         return next(path for n in count(1) if _made(path := Path(f"dry-run-{n}")))
     if out.exists() and any(out.iterdir()):
         raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out, UNWAITED)
     return out
 
 
 def _made(folder: Path) -> bool:
     """Make a folder; False where another process or an earlier run was first."""
     try:
-        folder.mkdir()
+        folder.mkdir(FOLDER_MODE)
     except FileExistsError:
         return False
     return True

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from experiment.archive.disk import DISK, write_new
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
@@ -92,5 +93,4 @@ def write_levels(found: Placement, target: Path) -> None:
     """Write the levels as `experiment.study.read.read_levels` reads them; never over a file."""
     numbers = ", ".join(f"{level!r}" for level in found.levels_vpp)
     text = f"participant = {json.dumps(found.participant)}\nlevels_vpp = [{numbers}]\n"
-    with target.open("x", encoding="utf-8") as file:
-        file.write(text)
+    write_new(target, text.encode(), DISK)

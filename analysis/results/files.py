@@ -20,6 +20,7 @@ from analysis.results.figures import figures
 from analysis.results.report import report_html
 from analysis.results.summary import summary_text
 from experiment.archive import manifest
+from experiment.archive.disk import UNWAITED, make_folder, write_new
 from experiment.archive.manifest import Manifest
 from experiment.terms.record import NOT_AVAILABLE, format_value
 
@@ -118,7 +119,7 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
     """
     _check_target(out_dir, read)
     made_here = not out_dir.exists()
-    out_dir.mkdir(parents=True, exist_ok=True)
+    make_folder(out_dir, UNWAITED)
     try:
         _sweep(out_dir)
         with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, FileLock(Path(name) / _LOCK):
@@ -236,6 +237,6 @@ def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame
 
 def _write(path: Path, content: bytes, target: Path) -> None:
     try:
-        path.write_bytes(content)
+        write_new(path, content, UNWAITED)
     except OSError as error:  # of a full disk, which does not say where
         raise OSError(error.errno, error.strerror, str(target)) from error

@@ -19,8 +19,9 @@ from experiment.study.study import StudyError
 if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice, Identity
+    from device.drivers import DriverName
     from device.emulate.mock import MockDevice
-    from experiment.study.sections.equipment import DeviceSettings, DriverName, Masking
+    from experiment.study.sections.equipment import DeviceSettings, Masking
     from experiment.study.study import Study
 
 

@@ -1,6 +1,6 @@
 from . import manifest as manifest
 from .bids import describe, export_bids
-from .disk import UNWAITED
+from .disk import DISK, FOLDER_MODE, UNWAITED, make_folder, write_new
 from .files import ArchiveError, write_atomically
 from .folders import SessionFolder, session_folders
 from .history import History, OpenTrial
@@ -10,6 +10,8 @@ from .participants import participant_facts
 from .withdraw import Person, held, look_up, remove
 
 __all__ = [
+    "DISK",
+    "FOLDER_MODE",
     "UNWAITED",
     "ArchiveError",
     "History",
@@ -24,10 +26,12 @@ __all__ = [
     "export_bids",
     "held",
     "look_up",
+    "make_folder",
     "manifest",
     "participant_facts",
     "remove",
     "search",
     "session_folders",
     "write_atomically",
+    "write_new",
 ]

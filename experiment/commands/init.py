@@ -13,9 +13,6 @@ import click
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
 
-Preset = Literal["paper", "recommended"]
-PRESETS: Final[tuple[str, ...]] = get_args(Preset)
-
 _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     "paper": {},
     "recommended": {
@@ -30,6 +27,7 @@ _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
         },
     },
 }
+PRESETS: Final = tuple(_OVERRIDES)
 _INTRODUCTIONS: Final = {
     "paper": (
         "The protocol of A. Ben Dhiab and C. Hudin, 'Confinement of Vibrotactile Stimuli in Narrow "
@@ -173,7 +171,7 @@ def _toml(value: object) -> str:
 )
 @click.option(
     "--preset",
-    type=click.Choice(["paper", "recommended"]),
+    type=click.Choice(PRESETS),
     default="paper",
     show_default=True,
     help="The paper's protocol, or the one we recommend.",

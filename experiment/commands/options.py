@@ -21,6 +21,8 @@ _Command = TypeVar("_Command", bound="Callable[..., object]")
 
 def hardware_options(command: _Command) -> _Command:
     """Give a command the options ``--driver``, ``--port`` and ``--confirm-hardware``."""
+    # The drivers' names stand in device/drivers.py; that is not read here, for it loads numpy, and
+    # --help is to be instant. A test holds the two against each other.
     for option in (
         click.option(
             "--confirm-hardware",

@@ -51,6 +51,12 @@ _FEW_DECADES: Final = 100.0
 _LABELLED: Final = 0.04
 """Cut-offs nearer to each other than this part of the axis share the first one's label."""
 
+_TOLERATED: Final = (
+    "constrained_layout not applied",
+    "Glyph .* missing from font",
+    "Matplotlib currently does not support .* natively",
+)
+"""Names too long for a panel, or in letters that the font lacks, are no reason to stop."""
 _STYLE: Any = {
     "font.size": 9.0,
     "axes.titlesize": 9.0,
@@ -83,8 +89,8 @@ def render(field: PlateMap | PlateBand, file_type: Literal["png", "svg"]) -> byt
     import matplotlib as mpl
 
     with mpl.rc_context(), warnings.catch_warnings():
-        # Names too long for a panel are no reason to stop.
-        warnings.simplefilter("ignore", UserWarning)
+        for message in _TOLERATED:
+            warnings.filterwarnings("ignore", message, UserWarning)
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
         figure = _map_figure(field) if isinstance(field, PlateMap) else _band_figure(field)

@@ -1,11 +1,12 @@
 from .burst import Burst
 from .energy import staircase_energy_above
 from .fit import BurstCheck, check_burst
-from .noise import pink_loop
+from .noise import LEAST_LEVEL_DBFS, pink_loop
 from .sampled import Drive, SampledDrive, exponential_sums
 from .windows import Window
 
 __all__ = [
+    "LEAST_LEVEL_DBFS",
     "Burst",
     "BurstCheck",
     "Drive",

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from click.testing import CliRunner, Result
@@ -21,7 +21,11 @@ from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.commands.analyze import MANY_TABLES, analyze
 from analysis.definitions import METHODS
 from analysis.results.files import NAMES
+from experiment.archive.disk import write_new
 from experiment.terms.record import COLUMNS
+
+if TYPE_CHECKING:
+    from experiment.archive.disk import Disk
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 TABLE, MAP = EXAMPLES / "synthetic-trials.csv", EXAMPLES / "synthetic-columns.toml"
@@ -296,14 +300,13 @@ def test_a_full_disk_names_the_file_and_leaves_the_old_results(
     options = (TABLE, "--columns", MAP, "--out", tmp_path / "out", "--no-figures")
     run(*options)
     before = files(tmp_path / "out")
-    write_bytes = Path.write_bytes
 
-    def full(path: Path, content: bytes) -> int:
+    def full(path: Path, content: bytes, disk: Disk) -> None:
         if path.name == "both.csv":
             raise OSError(28, "No space left on device")
-        return write_bytes(path, content)
+        write_new(path, content, disk)
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr("analysis.results.files.write_new", full)
     result = run(*options, "--ci", "jeffreys")
     assert result.exit_code == 2
     target = tmp_path / "out" / "both.csv"
@@ -314,10 +317,10 @@ def test_a_full_disk_names_the_file_and_leaves_the_old_results(
 def test_a_folder_that_was_made_for_nothing_is_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(path: Path, _: bytes) -> int:
+    def full(path: Path, *_: object) -> None:
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr("analysis.results.files.write_new", full)
     assert run(TABLE, "--columns", MAP, "--out", tmp_path / "out").exit_code == 2
     assert list(tmp_path.iterdir()) == []
 

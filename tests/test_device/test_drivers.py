@@ -8,7 +8,7 @@ import device
 from device.clock import MonotonicClock, VirtualClock
 from device.core.host import HostDriver
 from device.driver import LinkError
-from device.drivers import NEEDS, is_emulated, make_device
+from device.drivers import NEEDS, DriverName, is_emulated, make_device
 from device.emulate.mock import MockDevice
 from device.limits import Limits
 from device.scpi.generator import GeneratorDevice
@@ -24,18 +24,18 @@ KINDS = {
 }
 
 
-def needed(name: str) -> dict[str, Any]:
+def needed(name: DriverName) -> dict[str, Any]:
     return {key: SETTINGS[key] for key in NEEDS[name]}
 
 
 @pytest.mark.parametrize("name", NEEDS)
-def test_each_driver_is_made_from_what_it_needs(name: str) -> None:
+def test_each_driver_is_made_from_what_it_needs(name: DriverName) -> None:
     made = make_device(name, limits=LIMITS, clock=MonotonicClock(), **needed(name))
     assert type(made) is KINDS[name]
 
 
 @pytest.mark.parametrize(("name", "key"), [(name, key) for name in NEEDS for key in NEEDS[name]])
-def test_a_setting_that_is_missing_is_named(name: str, key: str) -> None:
+def test_a_setting_that_is_missing_is_named(name: DriverName, key: str) -> None:
     settings = needed(name) | {key: None}
     with pytest.raises(ValueError, match=f"{key} must be given for the driver {name}, got None"):
         make_device(name, limits=LIMITS, clock=MonotonicClock(), **settings)

@@ -14,11 +14,10 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from device.drivers import NEEDS
+from device.drivers import NEEDS, DriverName
 from experiment.commands.check import check
 from experiment.preview.check import check_study
 from experiment.study.read import paper_study, read_study, study_from_text
-from experiment.study.sections.equipment import DriverName
 from experiment.terms.exits import CommandError, refusals
 from stimuli import SIMPLY_SUPPORTED
 

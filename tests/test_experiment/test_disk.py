@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import os
 import stat
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
+from analysis.commands.levels import write_levels
 from device.driver import LinkError
 from experiment.archive.bids import export_bids
 from experiment.archive.disk import SystemDisk, lock_on, make_folder
@@ -28,10 +31,11 @@ from tests.test_experiment.lab import Lab
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from pathlib import Path
 
+    from analysis.thresholds.levels import Placement
     from device.driver import Delivery
     from experiment.study.study import Study
+    from tests.test_experiment.conftest import Run
 
 
 class LossyDisk:
@@ -432,3 +436,30 @@ def test_a_lock_that_is_taken_again_keeps_the_rights_it_has(tmp_path: Path, umas
         with lock_on(path) as lock:
             assert lock._context.mode == 0o660 & ~umask
         assert stat.S_IMODE(path.stat().st_mode) == 0o660 & ~umask
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
+@pytest.mark.parametrize("umask", [0o000], indirect=True)
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param("dry-run study.toml --participants 1 --seed 1", marks=pytest.mark.slow),
+        "analyze dry --allow-simulated --no-figures --out new/analysis",
+    ],
+)
+@pytest.mark.usefixtures("umask")
+def test_a_command_that_tells_of_people_gives_others_no_right(
+    tmp_path: Path, study: Study, run: Run, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    list(simulate_study(study, Path("dry"), participants=1, seed=1, gains=()))
+    Path("study.toml").write_text("[design]\ntrials_per_side = 2\n", encoding="utf-8")
+    before = set(Path().rglob("*"))
+    result = run(*command.split())
+    assert result.exit_code == 0, result.output
+    found = cast("Placement", SimpleNamespace(participant="01", levels_vpp=[80.0]))
+    write_levels(found, Path("levels.toml"))
+    written = set(Path().rglob("*")) - before
+    assert len(written) > 5
+    for path in written:
+        assert stat.S_IMODE(path.stat().st_mode) == (0o770 if path.is_dir() else 0o660), path

@@ -1,6 +1,6 @@
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
-from .equipment import DeviceSettings, DriverName, Masking
+from .equipment import DeviceSettings, Masking
 from .plate import SIDES, Actuator, Plate, check_actuators, paper_actuators
 from .presentation import Keys, Screen, Texts
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
@@ -27,7 +27,6 @@ __all__ = [
     "Dataset",
     "Design",
     "DeviceSettings",
-    "DriverName",
     "FromTable",
     "Keys",
     "Masking",

@@ -6,11 +6,12 @@ from typing import Literal
 
 from pydantic import Field
 
+from device.drivers import DriverName
 from experiment.study.sections.table import section
 from experiment.terms.checks import is_line
 from stimuli.checks import finite
+from stimuli.drive.noise import LEAST_LEVEL_DBFS
 
-DriverName = Literal["mock", "serial", "generator", "audio"]
 Noise = Literal["pink", "none"]
 
 MAX_MASKING_LEVEL_DBA = 80.0
@@ -65,7 +66,7 @@ class Masking:
     )
     level_dbfs: float = Field(
         default=-30.0,
-        ge=-90,
+        ge=LEAST_LEVEL_DBFS,
         le=MAX_LEVEL_DBFS,
         description="effective value re a full-scale sine's peak",
     )
