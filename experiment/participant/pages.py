@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from experiment.participant.text import filled
 from experiment.participant.window import BACKGROUND, DIM, FOREGROUND, PITCH
+from experiment.participant.wrapping import filled
 from experiment.terms.responder import SessionPart
 
 if TYPE_CHECKING:

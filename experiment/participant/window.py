@@ -13,7 +13,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from experiment.participant.text import as_drawn, wrapped
+from experiment.participant.wrapping import as_drawn, wrapped
 from experiment.terms.exits import STOPPED_EARLY
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiment.participant.text import as_drawn, filled, wrapped
+from experiment.participant.wrapping import as_drawn, filled, wrapped
 from experiment.terms.responder import Progress
 
 WORDS = st.lists(st.text(st.characters(categories=("L", "N")), min_size=1), min_size=1)
