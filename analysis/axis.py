@@ -62,28 +62,16 @@ def alone(level: float, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """The axis on which levels lie.
+    """The axis on which levels lie; a ValueError for another scale, and for a unit that is no text.
 
-    Attributes
-    ----------
-    x_scale : str
-        ``log10`` for levels above 0; ``linear`` for levels of any sign.
-    unit : str
-        What stands behind a level, ``V`` for volts peak-to-peak.
+    A unit is printable, of 1 to 16 characters.
 
-    Raises
-    ------
-    ValueError
-        For another scale, and a unit that is no printable text of 1 to 16 characters.
-
-    Examples
-    --------
     >>> Axis(x_scale="linear", unit="cm/s").signed, Axis().signed
     (True, False)
     """
 
-    x_scale: XScale = "log10"
-    unit: str = "V"
+    x_scale: XScale = "log10"  # log10 for levels above 0; linear for levels of any sign
+    unit: str = "V"  # stands behind a level; V: volts peak-to-peak
 
     def __post_init__(self) -> None:
         if self.x_scale not in get_args(XScale):

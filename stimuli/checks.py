@@ -22,30 +22,11 @@ def finite(
     most: float = math.inf,
     below: float = math.inf,
 ) -> float:
-    """Return a value as a float, or refuse it.
+    """Return a real number as a float, or refuse it by name, range and value.
 
-    Parameters
-    ----------
-    name : str
-        What the message calls the value.
-    value : float
-        The value; a bool, a text, an infinity or a NaN is no finite number.
-    above, least, most, below : float
-        The value must be greater than `above`, at least `least`, at most `most` and less than
-        `below`.
+    A bool, a text, an infinity and a NaN are none. `above` and `below` are not in the range,
+    `least` and `most` are.
 
-    Returns
-    -------
-    float
-        The value in double precision.
-
-    Raises
-    ------
-    ValueError
-        If the value is not a finite number in its range; the message states both.
-
-    Examples
-    --------
     >>> finite("width_m", 1, above=0, most=10)
     1.0
     >>> finite("width_m", 0.0, above=0, most=10)

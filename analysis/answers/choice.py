@@ -80,26 +80,14 @@ class Choices:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Coded:
-    """The trials of one condition that count, sorted, as codes.
+    """The n trials of one condition that count, sorted, as codes."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Participants, sorted.
-    person, stimulus, answer : numpy.ndarray, shape (n,)
-        Positions in `names`, `SIDES` and `RESPONSES`.
-    block : numpy.ndarray, shape (n,)
-        A number that changes where another session or block begins.
-    linked : numpy.ndarray of bool, shape (n,)
-        Whether the trial directly follows the one before it in the plan of the same block.
-    """
-
-    names: tuple[str, ...]
-    person: NDArray[np.int64]
-    stimulus: NDArray[np.int64]
-    answer: NDArray[np.int64]
-    block: NDArray[np.int64]
-    linked: NDArray[np.bool_]
+    names: tuple[str, ...]  # participants, sorted
+    person: NDArray[np.int64]  # position in `names`
+    stimulus: NDArray[np.int64]  # position in `SIDES`
+    answer: NDArray[np.int64]  # position in `RESPONSES`
+    block: NDArray[np.int64]  # a number that changes where another session or block begins
+    linked: NDArray[np.bool_]  # follows directly the one before it in the plan of the same block
 
     def counts(self) -> NDArray[np.int64]:
         """Count answers, shape (P, 4, 6)."""

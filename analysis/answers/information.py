@@ -44,30 +44,15 @@ _SLACK = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """What an answer tells of the stimulus.
+    """What an answer tells of the stimulus."""
 
-    Attributes
-    ----------
-    trials : int
-        Trials with an answer; time-outs and invalid keys are none.
-    plugin_bits : float or None
-        Of the observed shares: too large by chance.
-    miller_madow_bits : float or None
-        Corrected for the number of cells that are not empty; may fall below 0.
-    stimulus_bits : float or None
-        Entropy of the stimuli, which the information cannot exceed.
-    p : float or None
-        Share of chance tables with the same sums that tell at least as much.
-    reason : str
-        Why there is no value; else empty.
-    """
-
-    trials: int
-    plugin_bits: float | None
+    trials: int  # with an answer; time-outs and invalid keys are none
+    plugin_bits: float | None  # of the observed shares: too large by chance
+    # corrected for the number of cells that are not empty; may fall below 0
     miller_madow_bits: float | None
-    stimulus_bits: float | None
-    p: float | None
-    reason: str
+    stimulus_bits: float | None  # entropy of the stimuli, which the information cannot exceed
+    p: float | None  # share of chance tables with the same sums that tell at least as much
+    reason: str  # why there is no value; else empty
 
 
 def information(
@@ -75,32 +60,13 @@ def information(
 ) -> tuple[tuple[Information, ...], Information]:
     """Return the information of each participant's table and of their sum.
 
-    With n trials, the plug-in value is the sum of n_ij/n log2(n n_ij / (n_i n_j)); Miller and Madow
-    add (rows + columns - cells - 1) / (2 n ln 2) with the numbers of those that are not empty
-    (G. A. Miller, 1955). For p each table is drawn anew with its own sums of rows and columns, so
-    that what only differs between participants is no information. Section 9 of docs/statistics.md.
+    Tables are whole counts (P, 4, 4), else a ValueError: stimuli left, right, both, none by the
+    same answers. With n trials, the plug-in value is the sum of n_ij/n log2(n n_ij / (n_i n_j));
+    Miller and Madow add (rows + columns - cells - 1) / (2 n ln 2) with the numbers of those that
+    are not empty (G. A. Miller, 1955). For p each table is drawn anew with its own sums of rows and
+    columns, so that what only differs between participants is no information; neither the order of
+    the tables nor exchanging left and right changes it. Section 9 of docs/statistics.md.
 
-    Parameters
-    ----------
-    tables : numpy.ndarray, shape (P, 4, 4)
-        Whole counts of each participant: stimuli left, right, both, none by the same answers.
-    seed : int
-        At least 0. Neither the order of the tables nor exchanging left and right changes p.
-
-    Returns
-    -------
-    each : tuple of Information
-        In the order of the tables.
-    together : Information
-        Of the sum of the tables.
-
-    Raises
-    ------
-    ValueError
-        For another shape or counts below 0.
-
-    Examples
-    --------
     Two stimuli that are always told apart carry one bit:
 
     >>> table = np.zeros((1, 4, 4), dtype=np.int64)

@@ -55,52 +55,30 @@ class SerialEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SerialEffects:
-    """The three effects.
+    """The three effects."""
 
-    Attributes
-    ----------
-    correct : SerialEffect
-        A correct answer to a single stimulus, by whether the previous trial was answered correctly.
-    felt : SerialEffect
-        A single stimulus felt, by whether something was felt before; both answered.
-    side : SerialEffect
-        The same one of left and right answered again.
-    """
-
+    # a correct answer to a single stimulus, by whether the previous trial was answered correctly
     correct: SerialEffect
+    # a single stimulus felt, by whether something was felt before; both answered
     felt: SerialEffect
-    side: SerialEffect
+    side: SerialEffect  # the same one of left and right answered again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block:
-    """Trials between which no break was planned.
+    """Trials between which no break was planned."""
 
-    Attributes
-    ----------
-    codes : numpy.ndarray of int8, shape (n,)
-        `ANSWERS` times the stimulus plus the answer.
-    linked : numpy.ndarray of bool, shape (n,)
-        Whether a trial came directly after the one before it here.
-    """
-
-    codes: NDArray[np.int8]
-    linked: NDArray[np.bool_]
+    codes: NDArray[np.int8]  # `ANSWERS` times the stimulus plus the answer: (n,)
+    linked: NDArray[np.bool_]  # came directly after the one before it here: (n,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rearranged:
-    """Pairs of one participant or a group, as observed (first) and in `DRAWS` random orders.
+    """Pairs of one participant or a group, as observed (first) and in `DRAWS` random orders."""
 
-    Attributes
-    ----------
-    pairs : numpy.ndarray, shape (1 + DRAWS, 3, 4)
-        For each of `EFFECTS`: again yes and no, otherwise yes and no.
-    excess : numpy.ndarray, shape (1 + DRAWS, 3)
-        Pairs of "again" beyond what the margins of each participant give, summed.
-    """
-
+    # for each of `EFFECTS` again yes and no, otherwise yes and no: (1 + DRAWS, 3, 4)
     pairs: NDArray[np.int64]
+    # pairs of "again" beyond what the margins of each participant give, summed: (1 + DRAWS, 3)
     excess: NDArray[np.float64]
 
 

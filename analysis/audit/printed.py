@@ -16,15 +16,6 @@ _PROPORTION = re.compile(rf"0|1|[01]?\.[0-9]{{1,{MAX_DECIMALS}}}", re.ASCII)
 class Range:
     """All numbers from one to another, each end included or not.
 
-    Attributes
-    ----------
-    low, high : Fraction
-        The ends.
-    with_low, with_high : bool
-        Whether they belong to it.
-
-    Examples
-    --------
     >>> half = Range(low=Fraction(0), high=Fraction(1, 2), with_low=True, with_high=False)
     >>> half.holds(Fraction(0)), half.holds(Fraction(1, 2))
     (True, False)

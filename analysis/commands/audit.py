@@ -168,20 +168,7 @@ def _trials_lines(verdict: Verdict) -> Iterator[str]:
 
 
 def audit_json(found: Audit) -> str:
-    """Write an audit as one JSON object.
-
-    Parameters
-    ----------
-    found : Audit
-        From `analysis.audit.rows.audit`.
-
-    Returns
-    -------
-    str
-        With the keys ``possible``, ``decimals``, ``readings``, ``exchange_fits`` and ``rows``; of a
-        row ``label``, ``min``, ``mean``, ``max``, ``n``, ``participants``, ``possible``,
-        ``possible_as_shown`` and ``readings``.
-    """
+    """Write an audit as one JSON object: what was found of the table, then of each of its rows."""
     rows = [
         {
             "label": one.row.label,

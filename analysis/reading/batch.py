@@ -51,42 +51,20 @@ class InputFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadTable:
-    """What is known of one table besides its rows.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    trials : int
-        Its rows.
-    file : InputFile
-        Its name and checksum.
-    plan : InputFile or None
-        Those of the plan beside it, where there is one.
-    progress : SessionProgress or None
-        How far that plan came.
-    """
+    """What is known of one table besides its rows."""
 
     path: Path
-    trials: int
-    file: InputFile
-    plan: InputFile | None = None
-    progress: SessionProgress | None = None
+    trials: int  # its rows
+    file: InputFile  # its name and checksum
+    plan: InputFile | None = None  # those of the plan beside it, where there is one
+    progress: SessionProgress | None = None  # how far that plan came
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Batch:
-    """Checked rows of some tables, in their order.
+    """Checked rows of some tables, in their order."""
 
-    Attributes
-    ----------
-    rows : pandas.DataFrame
-        As `analysis.read_trials`, but for trials without a number.
-    tables : tuple of ReadTable
-        Where they come from.
-    """
-
-    rows: pd.DataFrame
+    rows: pd.DataFrame  # as `analysis.read_trials`, but for trials without a number
     tables: tuple[ReadTable, ...]
 
 

@@ -69,18 +69,10 @@ _FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellFault:
-    """The first cell of a column that cannot be read.
+    """The first cell of a column that cannot be read."""
 
-    Attributes
-    ----------
-    line : int
-        Its line in the file.
-    message : str
-        Column, value and what is allowed.
-    """
-
-    line: int
-    message: str
+    line: int  # in the file
+    message: str  # column, value and what is allowed
 
 
 def allowed(column: Column, *, signed: bool = False) -> str:
@@ -153,44 +145,22 @@ def _number(column: Column, text: str, *, signed: bool) -> float | int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellReader:
-    """How one column of a table becomes one of ours.
+    """How one column of a table becomes one of ours."""
 
-    Attributes
-    ----------
-    column : Column
-        Ours.
-    label : str
-        The column's name for messages.
-    words : mapping of str to str
-        Their word to ours; other words stay as they are.
-    scale : tuple of float
-        Numerator and denominator that bring a number of theirs to our unit.
-    signed : bool
-        Whether a number may have any sign.
-    """
-
-    column: Column
-    label: str
+    column: Column  # ours
+    label: str  # the column's name for messages
+    # theirs to ours; other words stay as they are
     words: Mapping[str, str] = field(default_factory=dict)
+    # numerator and denominator that bring a number of theirs to our unit
     scale: tuple[float, float] = (1.0, 1.0)
-    signed: bool = False
+    signed: bool = False  # a number may have any sign
 
     def read(self, texts: pd.Series[Any]) -> pd.Series[Any] | CellFault:
-        """Read a column of text cells, each different text only once.
+        """Read text cells, whose index holds their lines, each different text only once.
 
-        Parameters
-        ----------
-        texts : pandas.Series
-            Text cells; the index holds their lines.
+        As int64, float64 (NaN for none), bool, nullable boolean where the column is optional, a
+        categorical of the column's words, or text; or the first cell that cannot be read.
 
-        Returns
-        -------
-        pandas.Series or CellFault
-            int64, float64 (NaN for none), bool, nullable boolean where the column is optional, a
-            categorical of the column's words, or text; or the first cell that cannot be read.
-
-        Examples
-        --------
         >>> CellReader(column=DETECTED, label="felt").read(pd.Series(["1", "2"], index=[2, 3])).line
         3
         """

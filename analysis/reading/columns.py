@@ -28,34 +28,18 @@ COUNTED_COLUMNS = ("participant", "session", "condition", "side", "level_vpp")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CountColumns:
-    """A map's section ``[table]``.
+    """A map's section ``[table]``; a ValueError for a name that is no text or is given twice.
 
-    Attributes
-    ----------
-    detected, presented : str
-        Their columns with the two counts.
-    group : tuple of str
-        Their columns that tell whose and which function a row belongs to. That of the participant
-        may be among them; the others together are the condition.
-    none_offered : bool
-        Whether "not felt" could be said; false for a forced choice, where who feels nothing
-        guesses.
-
-    Raises
-    ------
-    ValueError
-        For a name that is no text, and one that is named twice.
-
-    Examples
-    --------
     >>> CountColumns(detected="k", presented="n", group=("who", "speed")).conditions("who")
     ['speed']
     """
 
-    detected: str
+    detected: str  # their columns with the two counts
     presented: str
+    # their columns that tell whose and which function a row belongs to: that of the participant may
+    # be among them; the others together are the condition
     group: tuple[str, ...] = ()
-    none_offered: bool = True
+    none_offered: bool = True  # false for a forced choice, where who feels nothing guesses
 
     def __post_init__(self) -> None:
         names = [self.detected, self.presented, *self.group]

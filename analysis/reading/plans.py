@@ -32,28 +32,14 @@ _NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionProgress:
-    """How far a session came.
-
-    Attributes
-    ----------
-    participant, session : str
-        Whose session.
-    valid : int
-        Planned trials with a valid attempt.
-    planned : int
-        Trials of the plan; the warm-up after a resume is not among them.
-    file_sha256 : str
-        Checksum of the study as its file states it, before levels were placed.
-    unexported : int
-        Trials of which the journal beside the table tells, and the table does not.
-    """
+    """How far a session came."""
 
     participant: str
     session: str
-    valid: int
-    planned: int
-    file_sha256: str
-    unexported: int
+    valid: int  # planned trials with a valid attempt
+    planned: int  # trials of the plan, without the warm-up after a resume
+    file_sha256: str  # of the study as its file states it, before levels were placed
+    unexported: int  # trials of which the journal beside the table tells, and the table does not
 
 
 def read_plan(table: Path) -> tuple[Plan, str] | None:

@@ -76,19 +76,10 @@ STYLE = (
 
 
 def element(tag: str, *content: Content, **attributes: str) -> ET.Element:
-    """Return an element with texts and elements in it.
+    """Return an element with texts, which are escaped where they are written, and elements in it.
 
-    Parameters
-    ----------
-    tag : str
-        Its name.
-    *content : str or Element
-        What it holds, in order; texts are escaped where they are written.
-    **attributes : str
-        A trailing underscore of a name falls away, another one is a hyphen.
+    Of an attribute's name a trailing underscore falls away, another one is a hyphen.
 
-    Examples
-    --------
     >>> ET.tostring(element("p", "a < ", element("b", "<script>"), class_='"'), encoding="unicode")
     '<p class="&quot;">a &lt; <b>&lt;script&gt;</b></p>'
     """
@@ -117,15 +108,7 @@ def table(
 ) -> ET.Element:
     """Return a table; on a screen too narrow for its columns each row is a block of lines.
 
-    Parameters
-    ----------
-    caption : str
-    header : sequence of str
-        Of the columns.
-    rows : iterable of sequence of str or Element
-        The first cell names the row.
-    texts : sequence of str
-        Headers of the columns that hold words, not numbers.
+    The first cell names the row; `texts` are the headers of columns that hold words, not numbers.
     """
     looks = {name: {"class": "text"} if name in texts else {} for name in header}
     # The roles stand, because a table that is displayed as blocks loses them.

@@ -23,19 +23,7 @@ SCHEMA = 1
 
 
 def summary_text(analysis: Analysis) -> str:
-    """Write the summary as JSON: no time, no host, no absolute path, so equal data give equal text.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        What came out.
-
-    Returns
-    -------
-    str
-        A JSON object with the keys ``schema definitions inputs versions seed counts excluded levels
-        both blank control thresholds groups population choice reaction_times warnings``.
-    """
+    """Write the summary as JSON: no time, no host, no absolute path; equal data give equal text."""
     summary = {
         "schema": SCHEMA,
         "definitions": {"ci": analysis.ci, **DEFINITIONS},

@@ -33,31 +33,19 @@ _NO_STUDY = "n/a"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """How many of what; every trial is in exactly one of single, both, blank and left_out.
+    """How many of what; every trial is in exactly one of single, both, blank and left_out."""
 
-    Attributes
-    ----------
-    trials, single, both, blank, left_out : int
-        Trials read; counted ones by kind; those left out.
-    timeouts, invalid : int
-        Time-outs and invalid keys among the counted trials.
-    participants, sessions, conditions : int
-        Different ones among all trials read; a session belongs to a participant.
-    simulated : int
-        Trials of simulated participants.
-    """
-
-    trials: int
-    single: int
+    trials: int  # all that were read
+    single: int  # counted ones by kind
     both: int
     blank: int
     left_out: int
-    timeouts: int
+    timeouts: int  # among the counted trials, as `invalid`
     invalid: int
-    participants: int
-    sessions: int
+    participants: int  # different ones among all trials read, as the next two
+    sessions: int  # each belongs to a participant
     conditions: int
-    simulated: int
+    simulated: int  # trials of simulated participants
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -47,19 +47,11 @@ _NAN: Final = float("nan")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProbitFit:
-    """The likeliest p = Phi((x - mu)/sigma).
-
-    Attributes
-    ----------
-    mu, sigma : float
-        In the units of x.
-    deviance : float
-        Twice the log likelihood that the table's own proportions have more.
-    """
+    """The likeliest p = Phi((x - mu)/sigma), mu and sigma in the units of x."""
 
     mu: float
     sigma: float
-    deviance: float
+    deviance: float  # twice the log likelihood that the table's own proportions have more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,29 +214,11 @@ def fit_many(
     nodes: Nodes | None = None,
     jobs: int = 1,
 ) -> tuple[PsychometricFit, ...]:
-    """Fit many tables as one array job, or as several beside each other.
+    """Fit many tables as one array job, or as several beside each other, on the axis of x.
 
-    Parameters
-    ----------
-    x, detected, presented : ndarray of float64, shape (fits, levels)
-        Levels on the axis of the function, and checked counts; a place with ``presented`` 0 is not
-        used, whatever its level.
-    guesses : sequence of GuessRate
-        One for each table.
-    nodes : Nodes, optional
-        Fineness of the posterior's grid; by default as fine as each table needs.
-    jobs : int
-        Processes among which joblib spreads the tables; worth it for thousands.
-
-    Returns
-    -------
-    tuple of PsychometricFit
-        Thresholds on the axis of x.
-
-    Raises
-    ------
-    ValueError
-        If `jobs` is no whole number of at least 1.
+    Tables are (fits, levels), with counts that are checked; where presented is 0 the level is not
+    used. Each has its guess rate. By default the posterior's grid is as fine as each table needs.
+    `jobs` processes, at least 1, else a ValueError, are worth it for thousands of tables.
     """
     whole("jobs", jobs, least=1, most=1024)
     if jobs > 1:

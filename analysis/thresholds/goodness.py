@@ -46,22 +46,9 @@ def deviance_p(
     guesses: Sequence[GuessRate],
     seed: int,
 ) -> Floats:
-    """Return `bootstrap_p` of the fits that have a threshold, NaN for the others.
+    """Return `bootstrap_p` of the fits that have a threshold, NaN for the others: (fits,).
 
-    Parameters
-    ----------
-    x, detected, presented : ndarray of float64, shape (fits, levels)
-        As `psychometric.fit_many` took them.
-    fits : sequence of PsychometricFit
-        What it returned.
-    guesses : sequence of GuessRate
-        With which; a distributed rate counts as its mean.
-    seed : int
-        Of all draws.
-
-    Returns
-    -------
-    ndarray of float64, shape (fits,)
+    Tables and guess rates are those that `fit_many` took; a distributed rate counts as its mean.
     """
     found = np.full(len(fits), np.nan)
     some = [i for i, fit in enumerate(fits) if fit.status in WITH_THRESHOLD]
@@ -84,28 +71,13 @@ def deviance_p(
 def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = REPLICATES) -> Floats:
     """Return how often a table drawn from the fitted function deviates from its own fit as much.
 
-    p = (1 + #{D* >= D}) / (1 + drawn tables), where each is fitted anew; a chi-square is not
-    trusted near proportions of 0 and 1 (docs/statistics.md, section 8). Where 10 of the first 99
-    deviate as much, p is above 0.1 and these are all: stopping there makes no p smaller
-    (J. Besag and P. Clifford, Biometrika 78 (1991) 301-304). The generator is seeded by the table
-    itself and `seed`, so that neither names nor order of participants matter.
+    p = (1 + #{D* >= D}) / (1 + drawn tables), where each is fitted anew, of a (fits, 3) `best`: mu,
+    log sigma, lambda; a chi-square is not trusted near proportions of 0 and 1 (docs/statistics.md,
+    section 8). Where 10 of the first 99 deviate as much, p is above 0.1 and these are all: stopping
+    there makes no p smaller (J. Besag and P. Clifford, Biometrika 78 (1991) 301-304). The generator
+    is seeded by the table itself and `seed`, so that neither names nor order of participants
+    matter.
 
-    Parameters
-    ----------
-    tables : Tables
-    best : ndarray of float64, shape (fits, 3)
-        Likeliest mu, log sigma and lambda, by which the tables are drawn.
-    seed : int
-        Of all draws.
-    replicates : int
-        Most drawn tables for each.
-
-    Returns
-    -------
-    ndarray of float64, shape (fits,)
-
-    Examples
-    --------
     A table that is its own fit deviates less than any that is drawn:
 
     >>> one = Tables(u=np.array([[0.0, 0.5, 1.0]]), detected=np.array([[16.0, 50.0, 84.0]]),

@@ -46,12 +46,7 @@ class LevelsError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Function:
-    """A psychometric function of log10(level).
-
-    Attributes
-    ----------
-    threshold_vpp, sigma, lapse_rate, guess_rate : float
-    """
+    """A psychometric function of log10(level)."""
 
     threshold_vpp: float
     sigma: float
@@ -182,24 +177,12 @@ def _known(people: PersonCounts, guess: GuessRate) -> tuple[Function, tuple[floa
 
 
 def placed(function: Function, ceiling_vpp: float) -> tuple[float, ...]:
-    """Return the levels that are felt as often as `FELT` says, within what can be set.
+    """Return the levels that are felt as often as `FELT` says, none above the ceiling.
 
     Where an end cannot be reached, the others move evenly towards it: the least may be felt up to
-    35 % of the time, the largest must be felt 75 %.
+    35 % of the time, the largest must be felt 75 %. LevelsError where the levels that can be set
+    lie too much on one side of the threshold.
 
-    Parameters
-    ----------
-    function : Function
-    ceiling_vpp : float
-        No level is above it.
-
-    Raises
-    ------
-    LevelsError
-        Where the levels that can be set lie too much on one side of the threshold.
-
-    Examples
-    --------
     >>> one = Function(threshold_vpp=100.0, sigma=0.1, lapse_rate=0.02, guess_rate=0.5)
     >>> placed(one, 200.0)
     (78.8, 91.5, 102.9, 116.8, 146.0)

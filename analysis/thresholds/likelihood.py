@@ -40,22 +40,12 @@ _LEAST: Final = 1e-100
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tables:
-    """Counts at scaled levels, many tables at once.
+    """Counts at scaled levels, many tables at once: (fits, levels)."""
 
-    Attributes
-    ----------
-    u : ndarray of float64, shape (fits, levels)
-        Levels, scaled to run from 0 to 1.
-    detected, presented : ndarray of float64, shape (fits, levels)
-        Counts.
-    guess_rate : ndarray of float64, shape (fits,)
-        gamma, the probability of a detection of what is not felt.
-    """
-
-    u: Floats
+    u: Floats  # levels, scaled to run from 0 to 1
     detected: Floats
     presented: Floats
-    guess_rate: Floats
+    guess_rate: Floats  # gamma, the probability of a detection of what is not felt: (fits,)
 
     def __getitem__(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Tables:
         return Tables(
@@ -72,20 +62,9 @@ class Tables:
 def probabilities(tables: Tables, parameters: Floats) -> tuple[Floats, Floats]:
     """Return the probabilities of a detection and of a miss; neither loses digits near 0.
 
-    p = gamma + (1 - gamma - lambda) Phi(z), 1 - p = lambda + (1 - gamma - lambda) Phi(-z).
+    p = gamma + (1 - gamma - lambda) Phi(z), 1 - p = lambda + (1 - gamma - lambda) Phi(-z), both
+    (fits, levels), of parameters mu, log sigma and lambda, (fits, 3).
 
-    Parameters
-    ----------
-    tables : Tables
-    parameters : ndarray of float64, shape (fits, 3)
-        mu, log sigma and lambda.
-
-    Returns
-    -------
-    p, q : ndarray of float64, shape (fits, levels)
-
-    Examples
-    --------
     >>> one = np.ones((1, 1))
     >>> tables = Tables(u=0 * one, detected=one, presented=one, guess_rate=np.array([0.5]))
     >>> p, q = probabilities(tables, np.array([[0.0, 0.0, 0.0]]))
@@ -107,22 +86,12 @@ def log_likelihood(tables: Tables, parameters: Floats) -> Floats:
 
 
 def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Floats:
-    """Return the likeliest mu, log sigma and lambda within their bounds.
+    """Return the likeliest mu, log sigma and lambda within their bounds: (fits, 3), as `start`.
 
     Fisher's scoring, damped where a step would go downhill (Levenberg and Marquardt); a parameter
-    at a bound that the likelihood wants to leave stays there.
-
-    Parameters
-    ----------
-    tables : Tables
-    start : ndarray of float64, shape (fits, 3)
-        Where to begin: near the greatest value, where there may be several maxima.
-    least_gain : float
-        Of log likelihood; a step that gains no more is the last one.
-
-    Returns
-    -------
-    ndarray of float64, shape (fits, 3)
+    at a bound that the likelihood wants to leave stays there. It begins at `start`, near the
+    greatest of several maxima, and ends with a step that gains no more than `least_gain` of log
+    likelihood.
     """
     # Thousands of drawn tables are fitted at once, which a general optimiser takes one by one; with
     # expected instead of observed information a step goes uphill wherever its damping is enough,
@@ -191,18 +160,10 @@ def _score(tables: Tables, at: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scaled:
-    """Levels of many tables, scaled.
+    """Levels of many tables, scaled."""
 
-    Attributes
-    ----------
-    u : ndarray of float64, shape (fits, levels)
-        From 0 to 1; where nothing was presented, 0.
-    low, width : ndarray of float64, shape (fits,)
-        The lowest level and the range of each table.
-    """
-
-    u: Floats
-    low: Floats
+    u: Floats  # from 0 to 1, (fits, levels); where nothing was presented, 0
+    low: Floats  # each table's lowest level, and beside it its range: (fits,)
     width: Floats
 
 

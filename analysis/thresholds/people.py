@@ -105,37 +105,19 @@ _FORCED: Final = 1 / 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guessing:
-    """The guess rate of a participant, and where it comes from.
-
-    Attributes
-    ----------
-    rate : GuessRate
-    basis : str
-        ``forced choice``, ``blanks`` or ``none offered``.
-    """
+    """The guess rate of a participant, and where it comes from."""
 
     rate: GuessRate
-    basis: str
+    basis: str  # "forced choice", "blanks" or "none offered"
 
 
 def guessing(*, none_offered: bool, sided_answers: int, blanks: int) -> Guessing:
     """Return the guess rate that a participant's answers allow.
 
     Who feels nothing and cannot say so guesses left or right: 1/2. Who can say so is right by
-    chance as often as a blank trial is answered with a given side, where there are `BLANKS_NEEDED`
-    of them; without, never.
+    chance as often as a blank trial is answered with a given side (half of `sided_answers`), where
+    there are `BLANKS_NEEDED` of them; without, never.
 
-    Parameters
-    ----------
-    none_offered : bool
-        Whether "none" could be answered.
-    sided_answers : int
-        Blank trials answered left or right; half of them count for either side.
-    blanks : int
-        Blank trials that count.
-
-    Examples
-    --------
     >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
     0.5
     >>> guessing(none_offered=True, sided_answers=6, blanks=60).basis

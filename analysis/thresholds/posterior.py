@@ -30,13 +30,7 @@ QUANTILES: Final = (0.025, 0.5, 0.975)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nodes:
-    """How fine a grid is.
-
-    Attributes
-    ----------
-    mu, log_sigma, lapse, guess : int
-        Points of each parameter; the first two one more than a multiple of four.
-    """
+    """How many points a grid has; of mu and log sigma one more than a multiple of four."""
 
     mu: int = 41
     log_sigma: int = 25
@@ -73,46 +67,23 @@ _CLOSE: Final = 3e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Posterior:
-    """What is known of many psychometric functions, on their scaled levels.
+    """What is known of many psychometric functions, on their scaled levels."""
 
-    Attributes
-    ----------
-    mu, log_sigma : ndarray of float64, shape (fits, 3)
-        The points of `QUANTILES`.
-    lapse_rate : ndarray of float64, shape (fits,)
-        Mean.
-    below, above : ndarray of float64, shape (fits,)
-        Probability that mu lies below the lowest level, and above the highest.
-    best : ndarray of float64, shape (fits, 3)
-        Likeliest mu, log sigma and lambda.
-    """
-
-    mu: Floats
+    mu: Floats  # at the points of `QUANTILES`, as log_sigma: (fits, 3)
     log_sigma: Floats
-    lapse_rate: Floats
-    below: Floats
+    lapse_rate: Floats  # mean: (fits,)
+    below: Floats  # probability that mu lies below the lowest level, or above the highest: (fits,)
     above: Floats
-    best: Floats
+    best: Floats  # likeliest mu, log sigma and lambda: (fits, 3)
 
 
 def posterior(
     tables: Tables, guesses: Sequence[GuessRate], nodes: Nodes | None = None
 ) -> Posterior:
-    """Return the posterior of every table.
+    """Return the posterior of every table; its levels differ, and it has at least one stimulus.
 
-    Parameters
-    ----------
-    tables : Tables
-        Levels that differ, at least one stimulus in each table.
-    guesses : sequence of GuessRate
-        One for each table.
-    nodes : Nodes, optional
-        Fineness of the last grid. By default `STANDARD`, and twice as fine once and again where
-        every second node alone tells something else.
-
-    Returns
-    -------
-    Posterior
+    By default the last grid is `STANDARD`, and twice as fine once and again where every second node
+    alone tells something else.
     """
     fits, levels = len(tables), max(1, tables.u.shape[1])
     # A grid over the whole prior would need thousands of nodes where many trials make the posterior

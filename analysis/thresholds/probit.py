@@ -28,41 +28,25 @@ _LOG_2PI = float(np.log(2 * np.pi))
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lines:
-    """Straight lines through the normal quantiles of tables: p = Phi(intercept + slope x).
+    """Straight lines through the normal quantiles of tables: p = Phi(intercept + slope x), (fits,).
 
-    Attributes
-    ----------
-    intercept, slope : ndarray of float64, shape (fits,)
-        Of the likeliest line, whichever way it runs; where it is a step, the slope is infinite and
-        the intercept NaN.
-    deviance, flat_deviance : ndarray of float64, shape (fits,)
-        Of that line, and of the level one through the pooled proportion; where the line is a step,
-        the deviance is its limit, 0.
+    The likeliest, whichever way it runs; where it is a step, the slope is infinite, the intercept
+    NaN and the deviance its limit, 0.
     """
 
     intercept: Floats
     slope: Floats
     deviance: Floats
-    flat_deviance: Floats
+    flat_deviance: Floats  # of the level line through the pooled proportion
 
 
 def increasing_exists(x: Floats, detected: Floats, presented: Floats) -> NDArray[np.bool_]:
     """Tell whether the tables overlap: something felt at a lower level than something missed.
 
-    Only then has an increasing probit line a likeliest value; otherwise it is a step (statistics
-    of separation: A. Albert and J. A. Anderson, Biometrika 71 (1984) 1-10).
+    Only then has an increasing probit line a likeliest value; otherwise it is a step (statistics of
+    separation: A. Albert and J. A. Anderson, Biometrika 71 (1984) 1-10). (fits, levels) in any
+    order.
 
-    Parameters
-    ----------
-    x, detected, presented : ndarray of float64, shape (fits, levels)
-        Levels in any order, and counts.
-
-    Returns
-    -------
-    ndarray of bool, shape (fits,)
-
-    Examples
-    --------
     >>> x, n = np.array([[1.0, 2.0, 3.0]]), np.array([[9.0, 9.0, 9.0]])
     >>> [bool(increasing_exists(x, np.array([k]), n)[0]) for k in ([0, 4, 9], [1, 4, 9], [9, 9, 9])]
     [False, True, False]
@@ -75,17 +59,8 @@ def increasing_exists(x: Floats, detected: Floats, presented: Floats) -> NDArray
 def fit_lines(x: Floats, detected: Floats, presented: Floats) -> Lines:
     """Return the likeliest probit line of each table by Fisher's scoring.
 
-    Parameters
-    ----------
-    x, detected, presented : ndarray of float64, shape (fits, levels)
-        Levels, between 0 and 1 where rounding is to stay small, and counts.
+    Levels (fits, levels) lie between 0 and 1 where rounding is to stay small.
 
-    Returns
-    -------
-    Lines
-
-    Examples
-    --------
     Two levels are met exactly:
 
     >>> x, n = np.array([[0.0, 1.0]]), np.array([[100.0, 100.0]])
@@ -114,20 +89,11 @@ def fit_lines(x: Floats, detected: Floats, presented: Floats) -> Lines:
 
 
 def deviance(detected: Floats, presented: Floats, p: Floats, q: Floats) -> Floats:
-    """Return 2 sum [k log(k / n p) + (n - k) log((n - k) / n q)] of each table.
+    """Return 2 sum [k log(k / n p) + (n - k) log((n - k) / n q)] of each table, (..., levels).
 
-    Parameters
-    ----------
-    detected, presented : ndarray of float64, shape (..., levels)
-    p, q : ndarray of float64, the same shape
-        Probability of a detection and of a miss; given both, neither loses digits near 1.
+    p and q are the probabilities of a detection and of a miss: given both, neither loses digits
+    near 1.
 
-    Returns
-    -------
-    ndarray of float64, shape (...)
-
-    Examples
-    --------
     >>> k, n = np.array([[3.0, 0.0]]), np.array([[10.0, 0.0]])
     >>> deviance(k, n, k / 10, 1 - k / 10).round(12).tolist()
     [0.0]

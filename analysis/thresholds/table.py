@@ -142,17 +142,6 @@ def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
 def printed(fit: PsychometricFit, levels_vpp: Floats, axis: Axis) -> str:
     """Return a threshold as a reader is told it, or why there is none.
 
-    Parameters
-    ----------
-    fit : PsychometricFit
-        On the axis.
-    levels_vpp : ndarray of float64
-        The levels that were presented.
-    axis : Axis
-        The axis.
-
-    Examples
-    --------
     >>> printed(PsychometricFit(status="threshold_below_levels"), np.array([60.0, 200.0]), VOLTS)
     '< 60 V'
     """

@@ -115,13 +115,8 @@ _ERROR: Final = header_pattern("SYSTem:ERRor[:NEXT]")
 class EmulatedGenerator:
     r"""The generator itself, without a line: bytes in, bytes out, at times that it is given.
 
-    Parameters
-    ----------
-    sink : callable
-        Is given each `Emission`; its token is the number of the trigger, counted from 1.
+    `sink` gets each `Emission`; its token is the number of the trigger, counted from 1.
 
-    Examples
-    --------
     >>> generator = EmulatedGenerator(print)
     >>> generator.receive(0, b"OUTP1:LOAD INF;:OUTP1:LOAD?\n")
     b'+9.90000000000000E+37\n'

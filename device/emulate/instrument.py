@@ -221,14 +221,9 @@ def _unit(text: bytes, content: bytes | None) -> list[Unit]:
 def header_pattern(notation: str) -> re.Pattern[str]:
     """Return what matches a header in the notation of programming guides, long or short.
 
-    Parameters
-    ----------
-    notation : str
-        Capitals are the short form, ``#`` is a channel, 1 if it is left out, and brackets enclose
-        what may be left out.
+    Capitals are the short form, ``#`` is a channel, 1 if it is left out, and brackets enclose what
+    may be left out.
 
-    Examples
-    --------
     >>> pattern = header_pattern("[SOURce#:]VOLTage[:LEVel]")
     >>> [bool(pattern.fullmatch(text)) for text in ("SOUR2:VOLT", "voltage:level", "SOUR:VOL")]
     [True, True, False]

@@ -35,94 +35,42 @@ class ReadBack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
-    """What one family of generators understands.
+    """What one family of generators understands; commands are formatted with channel, name, rate.
 
-    Parameters
-    ----------
-    name : str
-        Of the dialect.
-    identity : str
-        Regular expression that the answer to ``*IDN?`` begins with: two-channel models only.
-    bits : int
-        Of a waveform's codes.
-    code_type : str
-        Their type on the wire, as numpy writes it.
-    zero_code : int
-        The code of 0 V.
-    shortest_waveform, longest_waveform : int
-        In samples.
-    least_vpp, most_vpp : float
-        Amplitudes it can make into an open circuit.
-    volts_digits : int
-        Digits after the point with which volts are written.
-    named : bool
-        True where waveforms are kept by name; else each upload replaces the one before.
-    reset : tuple of str
-        Brings it into a known state with its outputs off and every error forgotten.
-    channel_load : tuple of str
-        First commands for each channel: what its voltages mean.
-    store : str
-        What stands before the binary block of an upload.
-    channel_setup : tuple of str
-        For each channel, once a silent waveform is stored.
-    channel_readings : tuple of Reading
-        What each channel is then asked.
-    select : tuple of str
-        Before each burst, for each channel.
-    select_readings : tuple of Reading
-        What each channel is then asked, with its amplitude in any case.
-    amplitude : str
-        Question for the amplitude in volts.
-    output_on, output_off : str
-        For each channel.
-    abort : tuple of str
-        Ends a burst that is under way.
-    trigger : tuple of str
-        Plays both channels once.
-    complete : str
-        A question that is answered once everything before it was done.
-    error : str
-        Question for the oldest error that was not told yet.
-    cannot : tuple of str
-        What this make cannot promise beyond what none can.
+    A number out of range is a ValueError.
 
-    Raises
-    ------
-    ValueError
-        A number is out of range.
-
-    Examples
-    --------
     >>> KEYSIGHT.select[0].format(channel=2, name="T1", rate=48000, volts="1.5")
     'SOUR2:FUNC:ARB T1'
     """
 
     name: str
+    # regular expression that the answer to *IDN? begins with: two-channel models only
     identity: str
-    bits: int
-    code_type: str
-    zero_code: int
-    shortest_waveform: int
+    bits: int  # of a waveform's codes
+    code_type: str  # on the wire, as numpy writes it
+    zero_code: int  # of 0 V
+    shortest_waveform: int  # in samples, as the longest
     longest_waveform: int
-    least_vpp: float
+    least_vpp: float  # amplitudes it can make into an open circuit
     most_vpp: float
-    volts_digits: int
-    named: bool
-    reset: tuple[str, ...]
-    channel_load: tuple[str, ...]
-    store: str
-    channel_setup: tuple[str, ...]
-    channel_readings: tuple[ReadBack, ...]
-    select: tuple[str, ...]
+    volts_digits: int  # after the point, with which volts are written
+    named: bool  # waveforms are kept by name; else each upload replaces the one before
+    reset: tuple[str, ...]  # into a known state: outputs off, every error forgotten
+    channel_load: tuple[str, ...]  # first commands for each channel: what its voltages mean
+    store: str  # stands before the binary block of an upload
+    channel_setup: tuple[str, ...]  # for each channel, once a silent waveform is stored
+    channel_readings: tuple[ReadBack, ...]  # what each channel is then asked
+    select: tuple[str, ...]  # before each burst, for each channel
+    # what each channel is then asked, with its amplitude in any case
     select_readings: tuple[ReadBack, ...]
-    amplitude: str
-    output_on: str
+    amplitude: str  # question for the amplitude in volts
+    output_on: str  # for each channel, as `output_off`
     output_off: str
-    abort: tuple[str, ...]
-    trigger: tuple[str, ...]
-    complete: str
-    error: str
-    cannot: tuple[str, ...]
+    abort: tuple[str, ...]  # ends a burst that is under way
+    trigger: tuple[str, ...]  # plays both channels once
+    complete: str  # a question that is answered once everything before it was done
+    error: str  # question for the oldest error that was not told yet
+    cannot: tuple[str, ...]  # what this make cannot promise beyond what none can
 
     def __post_init__(self) -> None:
         require_whole("bits", self.bits, least=2, most=16)

@@ -49,32 +49,16 @@ _SOURCES = ("plan.json", "header.json", "journal.jsonl", "journal.torn-*", "tria
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedSession:
-    """What is known of an exported session.
-
-    Attributes
-    ----------
-    participant, session : str
-        Its identifiers.
-    begun : str
-        When it was begun, as its header has it.
-    study : Study
-        The study that was run.
-    finished : bool
-        Whether every planned trial is answered.
-    planned, answered : int
-        Trials of its plan, and how many of them are answered.
-    simulated : bool or None
-        Whether the participant is a simulation; none for a session without a first line.
-    """
+    """What is known of an exported session."""
 
     participant: str
     session: str
-    begun: str
+    begun: str  # as its header has it
     study: Study
-    finished: bool
-    planned: int
+    finished: bool  # whether every planned trial is answered
+    planned: int  # trials of its plan
     answered: int
-    simulated: bool | None
+    simulated: bool | None  # none for a session without a first line
 
     @property
     def name(self) -> str:
@@ -84,18 +68,10 @@ class ExportedSession:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
-    """What an export holds.
-
-    Attributes
-    ----------
-    sessions : tuple of ExportedSession
-        Every session.
-    left_out : tuple of str
-        Columns of participants.tsv that no study declares.
-    """
+    """What an export holds."""
 
     sessions: tuple[ExportedSession, ...]
-    left_out: tuple[str, ...]
+    left_out: tuple[str, ...]  # columns of participants.tsv that no study declares
 
     @property
     def unfinished(self) -> tuple[ExportedSession, ...]:

@@ -72,27 +72,13 @@ MEANINGS: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventColumn:
-    """A column of events.tsv.
-
-    Attributes
-    ----------
-    name : str
-        Its heading.
-    description : str
-        What it holds.
-    units : str or None
-        Its unit, for a number with one.
-    levels : mapping of str to str, or None
-        Its words and what they mean, for a column of words.
-    source : str or None
-        The column of trials.csv; none for the duration.
-    """
+    """A column of events.tsv."""
 
     name: str
     description: str
-    units: str | None
-    levels: Mapping[str, str] | None
-    source: str | None
+    units: str | None  # for a number with one
+    levels: Mapping[str, str] | None  # words and what they mean, for a column of words
+    source: str | None  # the column of trials.csv; none for the duration
 
     @property
     def sidecar(self) -> dict[str, Any]:
@@ -138,17 +124,8 @@ EVENT_COLUMNS: Final = _in_order()
 
 
 def events_tsv(rows: Iterable[TrialRow], durations_s: Mapping[str, float]) -> str:
-    r"""Write the trials of a session as the text of an events.tsv.
+    r"""Write trials as the text of an events.tsv, with how long each condition's stimulus lasts.
 
-    Parameters
-    ----------
-    rows : iterable of TrialRow
-        The trials, in the order of presentation.
-    durations_s : mapping of str to float
-        How long the stimulus of each condition lasts.
-
-    Examples
-    --------
     >>> events_tsv([], {}).split("\t")[:5]
     ['onset', 'duration', 'trial_type', 'response_time', 'schema']
     """
@@ -197,17 +174,8 @@ def events_sidecar(
 ) -> dict[str, Any]:
     """List what the sidecar of an events.tsv says: the task, then every column.
 
-    Parameters
-    ----------
-    study : Study
-        The study that was run.
-    software_version : str or None
-        Which version of this program ran it, where that is known.
-    simulated : bool
-        Whether the participant is a simulation, which nobody instructed.
+    The version is that which ran the study, where it is known; a simulation was not instructed.
 
-    Examples
-    --------
     >>> from experiment.study.read import paper_study
     >>> sidecar = events_sidecar(paper_study(), software_version=None, simulated=True)
     >>> sidecar["condition"]["Levels"]
@@ -245,17 +213,6 @@ def dataset_description(name: str, dataset: Dataset, *, version: str) -> dict[st
 
     The list of authors stands there always: an empty one says that the study names none.
 
-    Parameters
-    ----------
-    name : str
-        Title of the data set.
-    dataset : Dataset
-        What the study says of it.
-    version : str
-        Version of this program.
-
-    Examples
-    --------
     >>> from experiment.study.sections.dataset import Dataset
     >>> list(dataset_description("A title", Dataset(license="CC0"), version="1"))
     ['Name', 'BIDSVersion', 'DatasetType', 'Authors', 'License', 'GeneratedBy']

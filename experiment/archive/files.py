@@ -110,27 +110,9 @@ class NewFolder:
 def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Iterator[NewFolder]:
     """Make a folder anew: it is there as a whole when this ends, or as it was before.
 
-    Parameters
-    ----------
-    out : Path
-        The folder; where it is there, an unchanged export.
-    source : Path
-        The study's folder that is exported.
-    about : Manifest
-        What it will be and whom it will hold; the files are listed as they are written.
-    disk : Disk
-        Where it is kept.
-
-    Raises
-    ------
-    ArchiveError
-        If there is something at `out` that is not an unchanged export, or it lies where a person's
-        data are; nothing is changed then.
-
-    Notes
-    -----
-    A process killed between the two steps of the exchange leaves the former export beside `out`
-    under a name of its own; the next export to `out` removes it.
+    ArchiveError, and nothing changed, where `out` is anything but an unchanged export, or lies
+    where a person's data are. A process killed within the exchange leaves the former export beside
+    `out` under a name of its own; the next export to `out` removes it.
     """
     refuse_target(out, source)
     out = out.resolve()  # "." has no name of its own

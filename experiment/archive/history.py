@@ -105,19 +105,9 @@ class _Presentation:
 
 
 def replay(plan: Plan, entries: Iterable[Entry]) -> History:
-    """Tell from a journal what was presented and what is left.
+    """Tell from the verified lines of a journal what was presented and what is left.
 
-    Parameters
-    ----------
-    plan : Plan
-        The sealed plan of the session.
-    entries : iterable of Entry
-        The journal's lines, verified.
-
-    Raises
-    ------
-    JournalError
-        If the journal belongs to another plan, or names a trial that the plan does not have.
+    JournalError where it belongs to another plan or names a trial that the plan does not have.
     """
     entries = tuple(entries)
     try:

@@ -43,24 +43,12 @@ class JournalWriteError(JournalError):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line of a journal.
-
-    Attributes
-    ----------
-    event : str
-        What happened.
-    t_s : float
-        When, on the session's clock.
-    wall_s : float
-        When, in seconds since 1970 by the host's calendar clock.
-    facts : mapping
-        What else the line says.
-    """
+    """One line of a journal."""
 
     event: str
-    t_s: float
-    wall_s: float
-    facts: Mapping[str, Any]
+    t_s: float  # on the session's clock
+    wall_s: float  # seconds since 1970 by the host's calendar clock
+    facts: Mapping[str, Any]  # what else the line says
 
 
 @dataclass(frozen=True, slots=True)

@@ -72,18 +72,10 @@ def read_manifest(folder: Path) -> Manifest | None:
 
 @dataclass(frozen=True, slots=True, order=True)
 class Holding:
-    """Something that holds a person.
+    """Something that holds a person."""
 
-    Attributes
-    ----------
-    path : Path
-        A folder or a file.
-    what : str
-        ``BIDS data set``, ``analysis``, ``sessions`` or ``levels``.
-    """
-
-    path: Path
-    what: str
+    path: Path  # a folder or a file
+    what: str  # "BIDS data set", "analysis", "sessions" or "levels"
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,35 +36,19 @@ _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tombstone:
-    """The mark that a person withdrew.
+    """The mark that a person withdrew; ArchiveError where it names no identifier or no day.
 
     It holds the identifier, which is what tells the person in backups and copies from the others
     and keeps it from being given again; the day; and nothing else of the person.
 
-    Attributes
-    ----------
-    participant : str
-        The identifier.
-    withdrawn : str
-        The day, as YYYY-MM-DD in UTC.
-    removed : bool
-        Whether everything is removed; false from the first step to the last.
-
-    Raises
-    ------
-    ArchiveError
-        If a value is no identifier or no day.
-
-    Examples
-    --------
     >>> Tombstone(participant="07", withdrawn="yesterday", removed=True)
     Traceback (most recent call last):
     experiment.archive.files.ArchiveError: withdrawn must be a day YYYY-MM-DD; got 'yesterday'
     """
 
     participant: str
-    withdrawn: str
-    removed: bool
+    withdrawn: str  # the day, as YYYY-MM-DD in UTC
+    removed: bool  # whether everything is removed; false from the first step to the last
 
     def __post_init__(self) -> None:
         check_identifier("participant", self.participant)
@@ -227,22 +211,13 @@ def _check_value(column: ParticipantColumn, value: str) -> None:
 class People:
     """The table participants.tsv.
 
-    Attributes
-    ----------
-    heading : tuple of str
-        Names of the columns, ``participant_id`` first.
-    rows : tuple of tuple of str
-        The cells, one row a person, each as long as the heading.
-
-    Examples
-    --------
     >>> people = People().with_person("01", ("hand", "age"), [Fact("hand", "left")])
     >>> people.rows, people.without("01").rows
     ((('sub-01', 'left', 'n/a'),), ())
     """
 
-    heading: tuple[str, ...] = (ID_COLUMN,)
-    rows: tuple[tuple[str, ...], ...] = ()
+    heading: tuple[str, ...] = (ID_COLUMN,)  # `participant_id` first
+    rows: tuple[tuple[str, ...], ...] = ()  # one a person, each as long as the heading
 
     def row_of(self, participant: str) -> tuple[str, ...] | None:
         """Return the row of a person, if there is one."""

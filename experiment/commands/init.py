@@ -61,25 +61,11 @@ _WIDTH: Final = 100
 
 
 def write_study_text(preset: str) -> str:
-    r"""Write a commented study file.
+    r"""Write a commented study file of a preset, ``paper`` or ``recommended``.
 
-    Parameters
-    ----------
-    preset : str
-        ``paper``, which reads back as `experiment.study.read.paper_study`, or ``recommended``.
+    The first reads back as `experiment.study.read.paper_study`; comments, keys and values come from
+    the sections that read it.
 
-    Returns
-    -------
-    str
-        TOML text; comments, keys and values come from the sections that read it.
-
-    Raises
-    ------
-    ValueError
-        If there is no such preset.
-
-    Examples
-    --------
     >>> lines = write_study_text("paper").splitlines()
     >>> print(*lines[lines.index("[masking]"):][:3], sep="\n")
     [masking]

@@ -43,19 +43,8 @@ def hardware_options(command: _Command) -> _Command:
 def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
     """Return the operator's word that a device is safe; none for one that cannot move anything.
 
-    Parameters
-    ----------
-    rig : Rig
-        The device, not yet opened.
-    given : bool
-        Whether it was given on the command line.
-
-    Raises
-    ------
-    CommandError
-        If it is not given, and nobody is there to be asked or the answer is no.
-    LinkError
-        If nothing answers on the port.
+    CommandError where it is not `given` on the command line, and nobody is there to be asked or the
+    answer is no; LinkError where nothing answers on the port.
     """
     from device.drivers import MOCK
     from experiment.apparatus.rig import QUESTION, confirmed_now

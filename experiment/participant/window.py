@@ -184,21 +184,8 @@ def _require_screen(index: int) -> None:
 class Stage:
     """A window to draw on: heights are in units of the window's, the middle is (0, 0).
 
-    Parameters
-    ----------
-    screen : Screen
-        Which window, and how large its texts are.
-
-    Attributes
-    ----------
-    window : psychopy.visual.Window
-        The window.
-    half_width : float
-        Half its width.
-    closed : bool
-        Whether somebody closed it.
-    focused : bool
-        Whether keys are meant for it, as far as the system tells.
+    It is `focused` where keys are meant for it, as far as the system tells, and `closed` once
+    somebody closed it.
     """
 
     def __init__(self, screen: Screen) -> None:

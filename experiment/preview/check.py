@@ -28,23 +28,12 @@ Verdict = Literal["fit", "accepted", "unfit"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionCheck:
-    """A condition and how its burst goes with the strip and the fingers.
-
-    Attributes
-    ----------
-    condition : Condition
-        The condition.
-    burst : BurstCheck
-        What the check of its burst found.
-    gains : ConditionGains or None
-        What every finger gets of every actuator; none where nobody computed it.
-    masking_limit_db : float
-        By how much the level at the other finger must lie below that at the own.
-    """
+    """A condition and how its burst goes with the strip and the fingers."""
 
     condition: Condition
     burst: BurstCheck
-    gains: ConditionGains | None
+    gains: ConditionGains | None  # none where nobody computed it
+    # by how much the level at the other finger must lie below that at the own
     masking_limit_db: float
 
     @property

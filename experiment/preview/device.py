@@ -29,24 +29,12 @@ _TIME_TO_LIVE_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelCheck:
-    """One channel and its burst.
-
-    Attributes
-    ----------
-    side : str
-        ``left`` or ``right``.
-    level_vpp : float
-        Level that was set.
-    delivery : Delivery or None
-        What the device said of the burst; None if the operator did not want it.
-    seen : bool or None
-        Whether the operator saw it there and only there; None where nobody was asked.
-    """
+    """One channel and its burst."""
 
     side: str
     level_vpp: float
-    delivery: Delivery | None
-    seen: bool | None
+    delivery: Delivery | None  # none if the operator did not want it
+    seen: bool | None  # by the operator there and only there; none where nobody was asked
 
     @property
     def read_back_vpp(self) -> float | None:

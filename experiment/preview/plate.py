@@ -21,33 +21,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveLevels:
-    """How strongly each actuator of a study is driven.
+    """How strongly each actuator of a study is driven, in the study's order.
 
-    Attributes
-    ----------
-    names : tuple of str
-        What the actuators are called, in the study's order.
-    units : tuple of str
-        Unit of each one's load.
-    amplitudes : tuple of float
-        Amplitude of each one's load in that unit; unit loads where no level is stated.
-    bases : tuple of str
-        How each amplitude is known; empty for unit loads.
-    level_vpp : float or None
-        Level of the drive; none for unit loads.
-
-    Examples
-    --------
     >>> DriveLevels(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
     ...       bases=("measured", "predicted"), level_vpp=200.0).basis
     'left measured, right predicted, at 200 Vpp'
     """
 
     names: tuple[str, ...]
-    units: tuple[str, ...]
-    amplitudes: tuple[float, ...]
-    bases: tuple[str, ...]
-    level_vpp: float | None
+    units: tuple[str, ...]  # of each one's load
+    amplitudes: tuple[float, ...]  # in that unit; unit loads where no level is stated
+    bases: tuple[str, ...]  # how each amplitude is known; empty for unit loads
+    level_vpp: float | None  # none for unit loads
 
     @property
     def basis(self) -> str:
@@ -104,24 +89,10 @@ _FINGERS: Final = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlatePreview:
-    """A study's plate with what bends it and what touches it.
-
-    Attributes
-    ----------
-    study : Study
-        The study.
-    strip : Strip
-        The strip whose field is computed.
-    loads : tuple of Load
-        One for each actuator.
-    drive : DriveLevels
-        What they are called and how strongly they are driven.
-    fingertips : tuple of Fingertip
-        One above each actuator.
-    """
+    """A study's plate with what bends it, and a fingertip above each actuator."""
 
     study: Study
-    strip: Strip
+    strip: Strip  # whose field is computed
     loads: tuple[Load, ...]
     drive: DriveLevels
     fingertips: tuple[Fingertip, ...]

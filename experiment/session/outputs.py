@@ -36,23 +36,8 @@ _EVENT_OF: Mapping[Outcome, Event] = {
 class StimulusOut:
     """What the device is told of the stimuli, one after the other.
 
-    Parameters
-    ----------
-    setting : Setting
-        Its device, opened, and the clock of it.
-    study : Study
-        The study, with its conditions.
-    journal : Journal
-        Where tokens and faults are noted.
-
-    Attributes
-    ----------
-    delivery : Delivery or None
-        What became of the current trial's stimulus, if it was fired.
-    onset_s : float
-        Its onset on the clock.
-    failure : DeviceError or None
-        What the device failed with, if it did.
+    `delivery` is what became of the current trial's stimulus, if it was fired, `onset_s` its onset
+    on the clock; `failure` what the device failed with, if it did.
     """
 
     def __init__(self, setting: Setting, study: Study, journal: Journal) -> None:
@@ -125,19 +110,8 @@ class StimulusOut:
 class NoiseWatch:
     """The masking noise of a session, watched trial by trial.
 
-    Parameters
-    ----------
-    noise : NoisePlayer
-        What plays it.
-    journal : Journal
-        Where changes are noted.
-
-    Attributes
-    ----------
-    ok : bool or None
-        Whether it played from the current trial's onset on; ``False`` also if it was lost before.
-    trouble : str
-        What the operator has to know; empty if it plays.
+    `ok` tells whether it played from the current trial's onset on; it is ``False`` also if it was
+    lost before. `trouble` is what the operator has to know; empty if it plays.
     """
 
     def __init__(self, noise: NoisePlayer, journal: Journal) -> None:

@@ -27,15 +27,7 @@ if TYPE_CHECKING:
 
 
 class Attendance:
-    """A participant who may be called away at any moment.
-
-    Parameters
-    ----------
-    setting : Setting
-        Its responder, and the signal that the session is to be stopped.
-    responses : tuple of str
-        The answers offered; ``none`` always is with the fingers off the plate.
-    """
+    """A participant who may be called away at any moment; `responses` are the answers offered."""
 
     def __init__(self, setting: Setting, *, responses: tuple[str, ...]) -> None:
         self._responder = setting.responder
@@ -108,24 +100,10 @@ _SHOWN_BEFORE = (events.Greet, events.Introduce, events.Cue, events.Rest, events
 
 
 class Session:
-    """A session in progress.
+    """A session in progress: the device is opened, the noise started, the journal open.
 
-    Parameters
-    ----------
-    setting : Setting
-        With what and whom, device opened and noise started.
-    study : Study
-        The study.
-    plan : Plan
-        Its sealed plan.
-    history : History
-        What the journal says already; empty for a new session.
-    journal : Journal
-        The session's journal, opened.
-    resumed : bool
-        Whether it goes on after an interruption: a person gets the warm-up trials then.
-    origin_s : float
-        The clock's reading at the session's beginning.
+    `resumed`: after an interruption a person gets the warm-up trials. `origin_s` is the clock's
+    reading at the session's beginning.
     """
 
     def __init__(

@@ -38,20 +38,9 @@ class SimulationError(RuntimeError):
 class SimulatedResponder:
     """An observer that answers by itself; the same answers whenever a session is interrupted.
 
-    Parameters
-    ----------
-    observer : Observer
-        Its psychometric function, guesses, lapses and reaction times.
-    clock : Clock
-        The clock it waits on.
-    seed : int
-        Every trial's chance is drawn from this seed, the trial's number and the attempt.
-    responses : tuple of str
-        The answers offered.
-    gains : mapping
-        What the fingers get, by the number of the trial.
-    untouched : frozenset of int
-        Trials with the fingers off the plate: nothing is felt, and ``none`` may be answered.
+    Every trial's chance is drawn from the seed, the trial's number and the attempt. `gains` are by
+    the number of the trial; in `untouched` ones the fingers are off the plate: nothing is felt, and
+    ``none`` may be answered.
     """
 
     simulated = True

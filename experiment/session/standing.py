@@ -23,17 +23,7 @@ LAST_ANSWERS = 5
 
 
 class Standing:
-    """What is counted while a session goes on.
-
-    Parameters
-    ----------
-    plan : Plan
-        The session's plan.
-    design : Design
-        The study's design.
-    history : History
-        What was answered in earlier sittings.
-    """
+    """What is counted while a session goes on; earlier sittings are in its history."""
 
     def __init__(self, plan: Plan, design: Design, history: History) -> None:
         self._planned = len(plan.trials)

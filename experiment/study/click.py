@@ -23,27 +23,12 @@ _OFF_GRID: Final = 0.1
 
 
 def read_click(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
-    """Read the samples of a drive.
+    """Read the samples of a drive, over their greatest absolute value.
 
-    Parameters
-    ----------
-    path : Path
-        A .wav file (PCM of 16, 24 or 32 bits, or float; one channel), or a .csv file with the
-        columns ``time_s,value``, or with one column of samples at the device's rate.
-    sample_rate_hz : float
-        The device's sample rate, which the file must have.
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Its samples over their greatest absolute value. Where the file does not begin or end with
-        0, as the device needs it, one sample of 0 is put there.
-
-    Raises
-    ------
-    ValueError
-        If it is no such file, of another sample rate, silent, or too long; it begins with the
-        file's name.
+    A .wav file (PCM of 16, 24 or 32 bits, or float; one channel) or a .csv file with the columns
+    ``time_s,value``, or with one column of samples at the device's rate. Where it does not begin or
+    end with 0, as the device needs it, one sample of 0 is put there. A ValueError begins with the
+    file's name: no such file, of another sample rate, silent, or too long.
     """
     readers = {".wav": _read_wav, ".csv": _read_csv}
     reader = readers.get(path.suffix.lower())

@@ -135,17 +135,7 @@ def _felt_m(study: Study, condition: Condition) -> NDArray[np.float64]:
 def chosen_burst(study: Study, condition: Condition) -> Burst:
     """Return the shortest standard burst that does what ``window = "auto"`` asks for.
 
-    Parameters
-    ----------
-    study : Study
-        The study.
-    condition : Condition
-        A condition whose window is to be chosen.
-
-    Raises
-    ------
-    ValueError
-        If no standard burst keeps the wanted level at the other finger.
+    ValueError where none keeps the wanted level at the other finger.
     """
     from stimuli import shortest_window
 

@@ -57,22 +57,10 @@ def read_study(path: Path | str) -> Study:
 
 
 def study_from_text(text: str, file_name: str) -> Study:
-    r"""Read a study from TOML text.
+    r"""Read a study from TOML text; the files that it names lie in the folder of `file_name`.
 
-    Parameters
-    ----------
-    text : str
-        The text of a study file.
-    file_name : str
-        What an error calls it; files that the study names lie in the same folder.
+    It raises StudyError as `read_study` does.
 
-    Raises
-    ------
-    StudyError
-        As `read_study`.
-
-    Examples
-    --------
     Comments, order and repeated defaults do not make another study:
 
     >>> text = "[burst]\ncycles = 1  # the paper's"

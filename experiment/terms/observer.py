@@ -105,17 +105,9 @@ def _require_all(rule: str, values: NDArray[np.float64], good: NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverAnswer:
-    """What was answered, and how long after the onset; neither where no answer came in time.
+    """What was answered, and how long after the onset; neither where no answer came in time."""
 
-    Attributes
-    ----------
-    response : str or None
-        A word of `record.ANSWERS`.
-    rt_s : float or None
-        Time from the onset to the answer.
-    """
-
-    response: str | None
+    response: str | None  # a word of `record.ANSWERS`
     rt_s: float | None
 
 

@@ -82,22 +82,8 @@ class Transform(Protocol):
 
 
 def transform(window: Window, cycles: int) -> Transform:
-    """Return the transform of a windowed burst, equations (21) and (22).
+    """Return the transform of a windowed burst, equations (21) and (22), as a function of y = f T.
 
-    Parameters
-    ----------
-    window : {"none", "hann", "tukey", "gaussian"}
-        The window.
-    cycles : int
-        Number of cycles N.
-
-    Returns
-    -------
-    Transform
-        The burst's amplitude as a function of y = f T.
-
-    Examples
-    --------
     At the carrier a burst of many cycles has half the area of its window:
 
     >>> carrier = np.array([90.0])

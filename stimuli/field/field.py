@@ -151,27 +151,12 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
 def solve(
     scene: Scene, frequencies_hz: Complex, rtol: float, jobs: tuple[Job, ...] | None = None
 ) -> Answered:
-    """Return the displacement at each frequency by itself, complex ones too.
+    """Return the displacement, metres per unit load, and its error, frequency by frequency.
 
-    Parameters
-    ----------
-    scene : Scene
-        Strip, loads and points.
-    frequencies_hz : ndarray of complex128, shape (n_frequencies,)
-        omega / (2 pi), not 0, with Im >= 0 and, but for viscous loss, Re >= 0; no cut-off.
-    rtol : float
-        Wanted relative error.
-    jobs : tuple of Job or None
-        What `scene.jobs` returned, if it is known.
+    Frequencies are omega / (2 pi), not 0 and no cut-off, Im >= 0 and, but for viscous loss, Re >=
+    0; the answer has the shape (n_frequencies, n_loads, n_points). `jobs` are those of the scene,
+    if known.
 
-    Returns
-    -------
-    Answered
-        Metres per unit load and the estimate of the error, shape (n_frequencies, n_loads,
-        n_points).
-
-    Examples
-    --------
     With a growing time factor the field is that of a strip with loss:
 
     >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip

@@ -28,31 +28,16 @@ _DECIMALS: Final = 15
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
-    """All that is computed for loads that differ in nothing but their place, in widths.
-
-    Attributes
-    ----------
-    source : Source
-        The load.
-    loads : tuple of int
-        Which loads of the scene it stands for.
-    distance, across : ndarray of float64, shape (n_places,)
-        Different places relative to the load.
-    places : ndarray of int, shape (n_loads, n_points)
-        Where each load's points are among them; for a finite strip, among the pairs of `ends`.
-    signs : tuple of int
-        Symmetries that are not zero.
-    ends : Ends or None
-        The ends of a finite strip and the different pairs of a load and a point between them.
-    """
+    """All that is computed for loads that differ in nothing but their place, in widths."""
 
     source: Source
-    loads: tuple[int, ...]
-    distance: Real
+    loads: tuple[int, ...]  # of the scene, for which it stands
+    distance: Real  # different places, relative to the load: (n_places,)
     across: Real
+    # where each load's points are among these, or among the pairs of `ends`: (n_loads, n_points)
     places: NDArray[np.intp]
-    signs: tuple[int, ...]
-    ends: Ends | None = None
+    signs: tuple[int, ...]  # symmetries that are not zero
+    ends: Ends | None = None  # of a finite strip, with the different pairs of a load and a point
 
     def question(self, exact_k: Exact, exact_hold: Exact, rtol: float) -> Question:
         """Return what is asked of the solver for all places."""
@@ -81,26 +66,9 @@ def jobs(
 ) -> tuple[Job, ...]:
     """Return what has to be computed for loads and points, each different thing once.
 
-    Parameters
-    ----------
-    strip : Strip
-        The strip.
-    loads : tuple of Load
-        Loads.
-    points_m : tuple of (float, float)
-        Points.
-    skip : bool
-        Whether equal and mirrored pairs, symmetries that are zero and loads that are not driven
-        are left out.
-    driven : tuple of bool or None
-        Which loads are driven; all if none is given.
+    `skip` leaves out equal and mirrored pairs, symmetries that are zero, and loads not `driven`
+    (all are where nothing is said).
 
-    Returns
-    -------
-    tuple of Job
-
-    Examples
-    --------
     Points to the left and to the right of a load, above and below its middle, are one:
 
     >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip

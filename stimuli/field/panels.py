@@ -41,25 +41,14 @@ line, but its errors grow as much."""
 class ComplexLine:
     """The line omega + i sigma and the grid on it, equation (64).
 
-    Attributes
-    ----------
-    span_s : float
-        Times up to this one are wanted.
-    period_s : float
-        Period T of the sum over the grid, whose step is 1 / T.
-    decay_per_s : float
-        Decay sigma that keeps the next periods out.
-
-    Examples
-    --------
     >>> line = ComplexLine(span_s=0.01, period_s=0.04, decay_per_s=400.0)
     >>> line.step_hz, round(line.rise, 3)
     (25.0, 54.598)
     """
 
-    span_s: float
-    period_s: float
-    decay_per_s: float
+    span_s: float  # times up to this one are wanted
+    period_s: float  # T of the sum over the grid, whose step is 1 / T
+    decay_per_s: float  # sigma, which keeps the next periods out
 
     @property
     def step_hz(self) -> float:
@@ -126,31 +115,18 @@ _TO_SERIES: Final = (
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class PanelSweep:
-    """The product of field and drive at the bins, as far as it is known.
-
-    Attributes
-    ----------
-    scene, drive, line, rtol
-        What is asked; `rtol` is relative to the peak of each pair of a load and a point.
-    values : ndarray of complex128, shape (n_bins, n_pairs)
-        Displacement times the drive's spectrum, in metre seconds.
-    peaks_m : ndarray of float64, shape (n_pairs,)
-        Largest |u| over the span.
-    late : float
-        Largest |u| from the span to the period, relative to the pair's peak.
-    n_solved, n_idle : int
-        Frequencies solved; bins within the range without drive energy.
-    """
+    """The product of field and drive at the bins, as far as it is known."""
 
     scene: Scene
     drive: Drive
     line: ComplexLine
-    rtol: float
+    rtol: float  # relative to the peak of each pair of a load and a point
+    # displacement times the drive's spectrum, m s: (n_bins, n_pairs)
     values: Complex = field(init=False)
-    peaks_m: Real = field(init=False)
-    late: float = 0.0
+    peaks_m: Real = field(init=False)  # largest |u| over the span: (n_pairs,)
+    late: float = 0.0  # largest |u| from the span to the period, relative to the pair's peak
     n_solved: int = 0
-    n_idle: int = 0
+    n_idle: int = 0  # bins within the range without drive energy
     _limits_hz: Real = field(init=False)
     _jobs: tuple[Job, ...] = field(init=False)
     _spectrum: Complex = field(init=False)

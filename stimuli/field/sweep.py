@@ -47,34 +47,18 @@ _FARTHEST: Final = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Band:
-    """Frequencies that are obtained in the same way.
+    """Frequencies that are obtained in the same way: n asked for, from m solved."""
 
-    Attributes
-    ----------
-    rows : ndarray of int, shape (n,)
-        Which of the asked frequencies.
-    solved_hz : ndarray of float64, shape (m,)
-        Frequencies that are solved. With viscous loss some are negative: the field at -f is
-        that of negative viscous loss.
-    matrix : ndarray of float64, shape (n, m), or None
-        What takes solved values to the asked ones; none if they are the same.
-    last : ndarray of float64, shape (4, m), or None
-        What takes solved values to the last four Chebyshev coefficients.
-    rest : ndarray of float64, shape (n,), or None
-        The error at the asked frequencies, per size of the first coefficient left out.
-    ratio : float
-        Ratio of successive coefficients, at most.
-    reason : str
-        Why it is done in this way; empty if there is nothing to tell.
-    """
-
-    rows: NDArray[np.intp]
+    rows: NDArray[np.intp]  # which of the asked frequencies: (n,)
+    # (m,); with viscous loss some are negative: the field at -f is that of negative viscous loss
     solved_hz: Real
+    # from solved values to the asked ones, (n, m); none if they are the same
     matrix: Real | None = None
-    last: Real | None = None
+    last: Real | None = None  # from solved values to the last four Chebyshev coefficients, (4, m)
+    # error at the asked frequencies per size of the first coefficient left out, (n,)
     rest: Real | None = None
-    ratio: float = 0.0
-    reason: str = ""
+    ratio: float = 0.0  # of successive coefficients, at most
+    reason: str = ""  # why it is done so; empty if there is nothing to tell
 
 
 def bands(

@@ -33,24 +33,13 @@ _MOST_WITH_ENDS: Final = 400.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tail:
-    """What field and drive have at and above a row of probes, equation (66).
+    """What field and drive have at and above a row of probes, equation (66)."""
 
-    Attributes
-    ----------
-    frequencies_hz : ndarray of float64, shape (n_probes,)
-        The probes, increasing; the last is the highest frequency of the field.
-    field_m : ndarray of float64, shape (n_probes, n_pairs)
-        |U| there.
-    bound_m : ndarray of float64, shape (n_probes, n_pairs)
-        What all above each probe can add to |u|.
-    known : ndarray of bool, shape (n_probes, n_pairs)
-        Whether the field is computed above each probe; if not, `field_m` is taken to fall as
-        f^(-3/4), the slowest that any load's does.
-    """
-
-    frequencies_hz: Real
-    field_m: Real
-    bound_m: Real
+    frequencies_hz: Real  # the probes, increasing; the last is the highest frequency of the field
+    field_m: Real  # |U| there: (n_probes, n_pairs)
+    bound_m: Real  # what all above each probe can add to |u|: (n_probes, n_pairs)
+    # whether the field is computed above each probe; if not, `field_m` is taken to fall as
+    # f^(-3/4), the slowest that any load does
     known: NDArray[np.bool_]
 
     def near(self, low_hz: float, high_hz: float) -> Real:

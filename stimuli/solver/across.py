@@ -71,23 +71,13 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crossing:
-    """One branch across a strip: all that a field needs of it.
+    """One branch across a strip: all that a field needs of it."""
 
-    Attributes
-    ----------
-    kernel : ndarray of complex128
-        The kernel of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38).
-    shape, load : ndarray of complex128
-        What `shape` returns at the places, and what `shape_integral` returns.
-    end, fall : ndarray of complex128
-        `shape` at the edge, and exp(-g).
-    """
-
-    kernel: Complex
-    shape: Complex
-    load: Complex
-    end: Complex
-    fall: Complex
+    kernel: Complex  # of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38)
+    shape: Complex  # `shape` at the places
+    load: Complex  # `shape_integral` over the span
+    end: Complex  # `shape` at the edge
+    fall: Complex  # exp(-g)
 
 
 def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:

@@ -39,41 +39,23 @@ _LEAST_GAP: Final = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour:
-    """One path per frequency.
-
-    Attributes
-    ----------
-    s : ndarray of complex128, shape (n_frequencies, n_nodes)
-        Nodes.
-    weight : ndarray of complex128, shape (n_frequencies, n_nodes)
-        ds / (2 pi) of the trapezoidal rule. Every second node alone, with doubled weights, is
-        the rule of twice the step.
-    mirrored : bool
-        Only one half of the path is listed, with doubled weights: without loss the terms of
-        the other half are the conjugates, so that the real part of the sum is the integral.
-    n_below : ndarray of int, shape (n_frequencies,)
-        How many of the waves, slowest decay first, lie below the path.
-    lowest, reach, tilt, step : ndarray of float64, shape (n_frequencies,)
-        Parameters of the path and step of the rule.
-    stretch : float
-        Scale of the double exponential.
-    rise : ndarray of float64, shape (n_frequencies,)
-        How far the path stays above the flat line up to which nothing but waves is crossed.
-    ceiling : ndarray of float64, shape (n_frequencies,)
-        Decay of the first wave above the path.
-    """
+    """One path per frequency; arrays are (n_frequencies, n_nodes) or (n_frequencies,)."""
 
     s: Complex
+    # ds / (2 pi) of the trapezoidal rule; every second node alone, doubled, is that of twice the
+    # step
     weight: Complex
+    # one half of the path, with doubled weights: without loss the other half has the conjugates, so
+    # that the real part of the sum is the integral
     mirrored: bool
-    n_below: NDArray[np.int_]
+    n_below: NDArray[np.int_]  # how many waves, slowest decay first, lie below the path
     lowest: Real
     reach: Real
     tilt: Real
     step: Real
-    stretch: float
-    rise: Real
-    ceiling: Real
+    stretch: float  # of the double exponential
+    rise: Real  # how far the path stays above the flat line up to which only waves are crossed
+    ceiling: Real  # decay of the first wave above the path
 
     def leak(self, p: Complex) -> Complex:
         """Return the error of the rule as a part of each wave's own term, equation (52).
@@ -102,29 +84,13 @@ def contour(
     mirrored: bool = False,
     fall: int = 1,
 ) -> Contour:
-    """Return the paths that need the fewest nodes.
+    """Return the paths that need the fewest nodes for a relative error `rtol` of the integral.
 
-    Parameters
-    ----------
-    p : ndarray of complex128, shape (n_frequencies, n_modes)
-        Known waves, slowest decay first; at least two stay above the path.
-    rtol : float
-        Wanted relative error of the integral.
-    finest : float
-        Smallest size of the load in widths: beyond s = 1 / finest the integrand falls as s^-3.
-    nearest : float
-        Least distance along the strip that is asked; far from the load the path ends early.
-    mirrored : bool
-        Whether one half of the path is enough: no loss.
-    fall : int
-        The integrand falls as s^-fall before s = 1 / finest.
+    Of the waves p, (n_frequencies, n_modes), slowest decay first, at least two stay above. The
+    integrand falls as s^-fall, beyond s = 1 / finest (smallest size of the load, in widths) as
+    s^-3; at the least distance asked, `nearest`, far from the load, the path ends early.
+    `mirrored`: no loss.
 
-    Returns
-    -------
-    Contour
-
-    Examples
-    --------
     The integral of exp(i s x) / (s^2 + a^2) above i a is empty, below it the residue's:
 
     >>> p = np.array([[1j, 3j, 5j]])

@@ -41,28 +41,14 @@ RING: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EndFunctions:
-    """The functions of one symmetry at some frequencies.
+    """The functions of one symmetry at some frequencies."""
 
-    Attributes
-    ----------
-    k, hold : ndarray of complex128, shape (n_frequencies, 1)
-        Bending wavenumber times the width, 1 / (kappa W).
-    poisson_ratio : float
-        Poisson's ratio.
-    waves : Guided
-        The guided waves.
-    path : Contour
-        The path of the integrals, for the part of the sources' fields that is no wave below it.
-    beyond : ndarray of float64, shape (n_sources,)
-        Distances of the sources beyond the end, the largest first.
-    """
-
-    k: Complex
-    hold: Complex
+    k: Complex  # bending wavenumber times the width: (n_frequencies, 1)
+    hold: Complex  # 1 / (kappa W): (n_frequencies, 1)
     poisson_ratio: float
     waves: Guided
-    path: Contour
-    beyond: Real
+    path: Contour  # for the part of the sources' fields that is no wave below it
+    beyond: Real  # distances of the sources beyond the end, the largest first: (n_sources,)
 
     def at(self, across: Real, aways: tuple[Real, ...], kinds: int = 3) -> list[list[Complex]]:
         """Return all functions at places, for some distances from the end.

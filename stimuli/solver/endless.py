@@ -58,21 +58,11 @@ _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Waves:
-    """The known waves of one symmetry, and about the next ones, with what the load makes of them.
+    """The known waves of one symmetry, about the next ones, and what the load makes of them."""
 
-    Attributes
-    ----------
-    known : Guided
-        Waves that are summed.
-    every : Guided
-        These and those that follow, for the estimate of the error.
-    strength : ndarray of complex128, shape (n_frequencies, n_every)
-        i Phi / N.
-    """
-
-    known: Guided
-    every: Guided
-    strength: Complex
+    known: Guided  # are summed
+    every: Guided  # these and those that follow, for the estimate of the error
+    strength: Complex  # i Phi / N: (n_frequencies, n_every)
 
     @classmethod
     def of(cls, question: Question, sign: int) -> _Waves:

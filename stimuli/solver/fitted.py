@@ -58,19 +58,8 @@ _PLACES: Final = 256
 def fitted(question: Question, ends: Ends, waves: Guided) -> Answered:
     """Return what the ends add to D U / W^2 of one symmetry, equation (57).
 
-    Parameters
-    ----------
-    question : Question
-        Load, places across, wavenumbers and wanted error; its distances are not used.
-    ends : Ends
-        The ends, and where the pairs are along the strip.
-    waves : Guided
-        Guided waves of the symmetry.
-
-    Returns
-    -------
-    Answered
-        Shape (n_frequencies, n_pairs).
+    Of the shape (n_frequencies, n_pairs). The question's distances are not used: `ends` has where
+    the pairs are along the strip.
     """
     count = _n_sources(question.rtol, float(np.max(np.abs(question.k))))
     if np.all(np.abs(question.hold) > _SOFT):

@@ -36,22 +36,12 @@ _LOW: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Guided:
-    """Guided waves of one symmetry, the slowest decay first.
+    """Guided waves of one symmetry, the slowest decay first: arrays (n_frequencies, n_modes)."""
 
-    Attributes
-    ----------
-    p : ndarray of complex128, shape (n_frequencies, n_modes)
-        Wavenumbers times W, outgoing.
-    g1, g2 : ndarray of complex128, shape (n_frequencies, n_modes)
-        Decay constants across the strip of both branches.
-    sign : int
-        +1 symmetric, -1 antisymmetric.
-    """
-
-    p: Complex
-    g1: Complex
+    p: Complex  # wavenumbers times W, outgoing
+    g1: Complex  # decay constants across the strip, of both branches
     g2: Complex
-    sign: int
+    sign: int  # +1 symmetric, -1 antisymmetric
     _ends: tuple[Complex, Complex] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -139,31 +129,12 @@ def _products(gi: Complex, gj: Complex, *, same: bool) -> tuple[Complex, Complex
 
 
 def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -> Guided:
-    """Return the guided waves of one symmetry, equation (45).
+    """Return the guided waves of one symmetry, equation (45); hold is 1 / (kappa W).
 
-    Parameters
-    ----------
-    k : ndarray of complex, shape (n_frequencies,)
-        Bending wavenumber times the width, not 0. Near a cut-off, p has the relative error of k
-        divided by the detuning: there the digits of a long double count.
-    hold : ndarray of complex, shape (n_frequencies,)
-        1 / (kappa W); 0 for clamped, infinite for simply supported edges.
-    n_modes : int
-        How many waves.
-    sign : int
-        +1 symmetric, -1 antisymmetric.
+    It is 0 for clamped and infinite for simply supported edges, which have closed forms; k W is
+    not 0. Near a cut-off p has the relative error of k over the detuning: there the digits of a
+    long double count.
 
-    Returns
-    -------
-    Guided
-
-    Notes
-    -----
-    Simply supported edges have closed forms; else `strip.roots` finds every wave of low order at
-    once. Two that are nearer to each other than their accuracy are summed on a circle about both.
-
-    Examples
-    --------
     The lowest wave of the clamped strip begins to propagate at k W = 4.730040744862704:
 
     >>> k = np.array([4.7300407448627, 4.7300407448628]) + 0j

@@ -92,23 +92,11 @@ def load_kernels(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Images:
-    """Forces and moments like a load's, beyond an end where its image is and further out.
-
-    Attributes
-    ----------
-    functions : EndFunctions
-        Wavenumbers, edges and guided waves.
-    source : Source
-        What acts across the strip; a rectangle's end face.
-    beyond : ndarray of float64, shape (n_images,)
-        Distances beyond the end.
-    path : Contour
-        The path of the integrals.
-    """
+    """Forces and moments like a load's, beyond an end where its image is and further out."""
 
     functions: EndFunctions
-    source: Source
-    beyond: Real
+    source: Source  # what acts across the strip; a rectangle's end face
+    beyond: Real  # distances beyond the end: (n_images,)
     path: Contour
 
     def at(self, across: Real, aways: tuple[Real, ...], kinds: int) -> list[list[Complex]]:
@@ -153,23 +141,11 @@ _PATH: Final = 1e-13
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Arriving:
-    """The field of a load where it passes an end, on a strip that does not end.
-
-    Attributes
-    ----------
-    functions : EndFunctions
-        Wavenumbers, edges and guided waves.
-    source : Source
-        The load.
-    across : ndarray of float64, shape (n_places,)
-        Places on the end.
-    rtol : float
-        Wanted relative error.
-    """
+    """The field of a load where it passes an end, on a strip that does not end."""
 
     functions: EndFunctions
     source: Source
-    across: Real
+    across: Real  # places on the end: (n_places,)
     rtol: float
 
     def at(self, distance: Real) -> tuple[Complex, Complex]:

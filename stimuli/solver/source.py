@@ -160,29 +160,11 @@ def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
 def transformed(
     s: Complex, k: Complex, hold: Complex, *, source: Source, across: Real, sign: int
 ) -> tuple[Complex, Real]:
-    """Return D U^ of one symmetry along the complex s plane, equations (39) to (42).
+    """Return D U^ of one symmetry along the complex s plane, equations (39) to (42), in widths.
 
-    Parameters
-    ----------
-    s : ndarray of complex128, shape (..., n_s, n_places or 1)
-        Wavenumbers along the strip times the width, none of them a pole.
-    k : ndarray of complex128
-        Bending wavenumber times the width; not small, (39) cancels as k^-2.
-    hold : ndarray of complex128
-        1 / (kappa W): 0 for clamped, infinite for simply supported edges.
-    source : Source
-        The load; only its span, its radius and its kind are used.
-    across : ndarray of float64
-        Places Y.
-    sign : int
-        +1 for the symmetric part, -1 for the antisymmetric one.
-
-    Returns
-    -------
-    value : ndarray of complex128
-        The transform in units of the width, all arguments broadcast.
-    terms : ndarray of float64
-        Amount of the terms whose sum it is, for every fourth s: what rounding counts.
+    All arguments broadcast, s as (..., n_s, n_places or 1) and none of it a pole; k not small, for
+    (39) cancels as k^-2; hold = 1 / (kappa W). Beside it stands the amount of the terms that are
+    summed, for every fourth s: what rounding counts.
     """
     k2 = k * k
     g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)

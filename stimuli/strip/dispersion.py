@@ -23,24 +23,11 @@ _SETTLED: Final = 1e-13
 
 
 def dispersion(section: Section, x: Complex) -> tuple[Complex, Complex]:
-    """Return the dispersion function and its derivative, equations (31) and (33).
+    """Return the dispersion function and its derivative in x = -(p W / 2)^2, (31) and (33).
 
-    It is an entire function of x whose roots are the waves of the strip, and it has no others.
+    It is an entire function of x whose roots are the waves of the strip, and it has no others. Both
+    are times exp(i (a + b)) / (1 + c), which keeps them from overflow.
 
-    Parameters
-    ----------
-    section : Section
-        Strip, frequency and symmetry.
-    x : ndarray of complex128
-        Decays squared, -(p W / 2)^2.
-
-    Returns
-    -------
-    value, slope : ndarray of complex128, shape of `x`
-        Both times exp(i (a + b)) / (1 + c), which keeps them from overflow.
-
-    Examples
-    --------
     On simple supports the roots are (n pi / 2)^2 - z and (n pi / 2)^2 + z:
 
     >>> supported = Section(bending=1.0, compliance=math.inf, symmetric=True)

@@ -26,24 +26,13 @@ if TYPE_CHECKING:
 class Section:
     """What the dispersion equation knows of a strip at one frequency, without dimension.
 
-    Attributes
-    ----------
-    bending : complex
-        z = (k W / 2)^2, real without loss.
-    compliance : complex
-        c = 2 / (kappa W) of the edges: 0 clamped, infinite simply supported.
-    symmetric : bool
-        Whether the waves are symmetric about the centre line, or antisymmetric.
-
-    Examples
-    --------
     >>> Section(bending=1.0, compliance=3.0, symmetric=True).weights
     (0.75, 0.25)
     """
 
-    bending: complex
-    compliance: complex
-    symmetric: bool
+    bending: complex  # z = (k W / 2)^2, real without loss
+    compliance: complex  # c = 2 / (kappa W) of the edges: 0 clamped, infinite simply supported
+    symmetric: bool  # about the centre line, or antisymmetric
 
     @property
     def weights(self) -> tuple[complex, complex]:
@@ -55,23 +44,13 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CrossWaves:
-    """The two waves across the strip, equation (30): Im a >= Im b >= 0.
+    """The two waves across the strip, equation (30): Im a >= Im b >= 0."""
 
-    Attributes
-    ----------
-    a, b : ndarray of complex128
-        Their wavenumbers; which of them has the square x + z is left open.
-    total, difference : ndarray of complex128
-        s = a + b and d = a - b, the smaller of them as 2 z over the larger.
-    gap : ndarray of complex128
-        s d = a^2 - b^2, which is 2 z or -2 z.
-    """
-
-    a: Complex
+    a: Complex  # which of a and b has the square x + z is left open
     b: Complex
-    total: Complex
+    total: Complex  # s = a + b and d = a - b, the smaller of them as 2 z over the larger
     difference: Complex
-    gap: Complex
+    gap: Complex  # s d = a^2 - b^2, which is 2 z or -2 z
 
     @property
     def apart(self) -> NDArray[np.bool_]:
@@ -181,19 +160,12 @@ def squared_frequency_ratio(
 def supported_wavenumbers(
     material: Material, width_m: float, thickness_m: float, frequency_hz: float, modes: range
 ) -> Complex:
-    """Return the wavenumbers p of both branches in rad/m, equations (9) and (19).
+    """Return p of both branches in rad/m, by Im p, then falling Re p: equations (9) and (19).
 
     p^2 / q^2 = -(1 - r c) and -(1 + r c) with r = k^2 / q^2 without loss, c = 1 / sqrt(factor) and
-    q = n pi / W. 1 - r c = (1 - r^2) / (1 + r) + r (1 - c): no cancellation at cut-off nor at
-    small loss.
+    q = n pi / W. 1 - r c = (1 - r^2) / (1 + r) + r (1 - c): no cancellation at cut-off nor at small
+    loss.
 
-    Returns
-    -------
-    ndarray of complex128, shape (2 * len(modes),)
-        By increasing imaginary part, then decreasing real part.
-
-    Examples
-    --------
     >>> from stimuli import ALUMINIUM
     >>> supported_wavenumbers(ALUMINIUM, math.pi, 0.001, 0.0, range(1, 3)).round(12)
     array([0.+1.j, 0.+1.j, 0.+2.j, 0.+2.j])

@@ -28,21 +28,11 @@ _COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it,
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ConfusionData:
-    """What the figure shows.
+    """What the figure shows."""
 
-    Attributes
-    ----------
-    confusion : pandas.DataFrame
-        From `analysis.answers.choice.confusion_table`, at least one row.
-    ci : str
-        Method of the cells' intervals.
-    note : str
-        A remark for the title; may be empty.
-    """
-
-    confusion: pd.DataFrame
-    ci: str
-    note: str = ""
+    confusion: pd.DataFrame  # `confusion_table`, at least one row
+    ci: str  # method of the cells' intervals
+    note: str = ""  # for the title; may be empty
 
 
 def prepared(analysis: Analysis) -> Prepared | None:

@@ -34,30 +34,14 @@ _HEIGHT_IN = 4.4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DetectionData:
-    """What the figure shows.
+    """What the figure shows."""
 
-    Attributes
-    ----------
-    levels : pandas.DataFrame
-        From `analysis.level_table`, at least one row.
-    participants : pandas.DataFrame
-        From `analysis.answers.detection.participants_of`.
-    forced_choice : bool
-        Whether "none" could not be answered, so that who feels nothing guesses a side.
-    ci : str
-        Name of the cells' interval.
-    axis : Axis
-        What the levels are.
-    note : str
-        A remark for the title, such as that participants are simulated; may be empty.
-    """
-
-    levels: pd.DataFrame
-    participants: pd.DataFrame
-    forced_choice: bool
-    ci: str
+    levels: pd.DataFrame  # `level_table`, at least one row
+    participants: pd.DataFrame  # `participants_of`
+    forced_choice: bool  # "none" could not be answered, so that who feels nothing guesses a side
+    ci: str  # name of the cells' interval
     axis: Axis
-    note: str = ""
+    note: str = ""  # for the title, such as that participants are simulated; may be empty
 
 
 def prepared(analysis: Analysis) -> Prepared | None:

@@ -31,21 +31,11 @@ _OTHER = ("black", "D", 0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReactionData:
-    """What the figure shows.
+    """What the figure shows."""
 
-    Attributes
-    ----------
-    reaction : pandas.DataFrame
-        From `analysis.answers.counting.reaction_table`, at least one row with a time.
-    axis : Axis
-        What the levels are.
-    note : str
-        A remark for the title; may be empty.
-    """
-
-    reaction: pd.DataFrame
+    reaction: pd.DataFrame  # `reaction_table`, at least one row with a time
     axis: Axis
-    note: str = ""
+    note: str = ""  # for the title; may be empty
 
 
 def prepared(analysis: Analysis) -> Prepared | None:

@@ -42,25 +42,13 @@ _POINTED = {BELOW: "<", ABOVE: ">"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ThresholdData:
-    """What the figure shows.
+    """What the figure shows."""
 
-    Attributes
-    ----------
-    thresholds, groups : pandas.DataFrame
-        From `analysis.thresholds.table.threshold_table` and `group_table`, at least one row.
-    participants : pandas.DataFrame
-        From `analysis.answers.detection.participants_of`: who was tested at which levels.
-    axis : Axis
-        What the levels are.
-    note : str
-        A remark for the title; may be empty.
-    """
-
-    thresholds: pd.DataFrame
-    groups: pd.DataFrame
-    participants: pd.DataFrame
+    thresholds: pd.DataFrame  # `threshold_table`, at least one row
+    groups: pd.DataFrame  # `group_table`
+    participants: pd.DataFrame  # `participants_of`: who was tested at which levels
     axis: Axis
-    note: str = ""
+    note: str = ""  # for the title; may be empty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
