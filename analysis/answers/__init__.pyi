@@ -1,7 +1,7 @@
 from . import counting as counting
 from . import detection as detection
 from .choice import Choices, choices, confusion_table
-from .counting import AUDIBILITY, clean_table, counted, reaction_table
+from .counting import AUDIBILITY, CONTROL_COLUMNS, clean_table, counted, reaction_table
 from .detection import cells, level_table
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
@@ -9,6 +9,7 @@ from .serial import SerialEffect
 
 __all__ = [
     "AUDIBILITY",
+    "CONTROL_COLUMNS",
     "Choices",
     "Sensitivity",
     "SerialEffect",
