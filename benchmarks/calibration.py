@@ -19,12 +19,11 @@ from analysis.thresholds.likelihood import Tables
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import STANDARD, Nodes, posterior
 from benchmarks.timing import duration, median_s
-from experiment.terms.observer import psychometric
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     Floats = NDArray[np.float64]
 
@@ -46,6 +45,25 @@ SIGMA: Final = 0.1
 LAPSE: Final = 0.02
 BETWEEN_DB: Final = 2.0
 PAPER: Final = (60.0, 95.0, 130.0, 165.0, 200.0)
+
+
+def psychometric(
+    level_vpp: ArrayLike,
+    *,
+    threshold_vpp: ArrayLike,
+    sigma: float,
+    guess_rate: float,
+    lapse_rate: float,
+) -> Floats:
+    """Return gamma + (1 - gamma - lambda) Phi(log10(V / threshold) / sigma), docs/model.md.
+
+    Halfway up at the threshold:
+
+    >>> float(psychometric(60, threshold_vpp=60, sigma=0.1, guess_rate=0.5, lapse_rate=0.0))
+    0.75
+    """
+    z = np.log10(np.asarray(level_vpp) / np.asarray(threshold_vpp)) / sigma
+    return np.asarray(guess_rate + (1.0 - guess_rate - lapse_rate) * ndtr(z))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

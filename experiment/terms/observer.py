@@ -1,7 +1,4 @@
-"""The observer model: what a person feels and answers, as probabilities and as single answers.
-
-Simulated participants use it forwards, the analysis uses the same function backwards.
-"""
+"""The observer model: what a simulated person feels, and what it answers."""
 
 from __future__ import annotations
 
@@ -11,11 +8,10 @@ from typing import TYPE_CHECKING
 
 from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains
 from experiment.terms.record import ANSWERS
-from stimuli.checks import finite, finite_array
+from stimuli.checks import finite
 
 if TYPE_CHECKING:
     import numpy as np
-    from numpy.typing import ArrayLike, NDArray
 
 
 MASKING_DB = 20.0
@@ -30,77 +26,6 @@ _MASKING_RATIO: float = 10.0 ** (MASKING_DB / 20)
 _ROUNDING = 1.0 + 1e-12
 """Amplitudes that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
 _SQRT_2 = math.sqrt(2.0)
-
-
-def psychometric(
-    level_vpp: ArrayLike,
-    *,
-    threshold_vpp: ArrayLike,
-    sigma: ArrayLike,
-    guess_rate: ArrayLike,
-    lapse_rate: ArrayLike,
-) -> NDArray[np.float64]:
-    """Return the probability that a stimulus is detected.
-
-    The psychometric function (docs/model.md, "psychometric function"): gamma + (1 - gamma - lambda)
-    Phi(log10(V / threshold) / sigma), Phi the standard normal distribution function. Level 0 gives
-    the guess rate.
-
-    Parameters
-    ----------
-    level_vpp : array_like
-        Drive levels, 0 or more; all arguments broadcast against each other.
-    threshold_vpp : array_like
-        Level that is felt half of the time, above 0.
-    sigma : array_like
-        Width in units of log10(level), above 0.
-    guess_rate : array_like
-        gamma, the probability of the right answer to a stimulus that is not felt, 0 to 1.
-    lapse_rate : array_like
-        lambda, the probability of a wrong answer to a stimulus felt for sure, 0 to 1 - gamma.
-
-    Returns
-    -------
-    ndarray of float64
-        Probabilities in the broadcast shape.
-
-    Raises
-    ------
-    ValueError
-        If an argument lies outside its range.
-
-    Examples
-    --------
-    Halfway up at the threshold, and a pure function of the ratio of level and threshold:
-
-    >>> float(psychometric(60, threshold_vpp=60, sigma=0.1, guess_rate=0.5, lapse_rate=0.0))
-    0.75
-    >>> p = psychometric([50, 100], threshold_vpp=[60, 120], sigma=0.1, guess_rate=0, lapse_rate=0)
-    >>> p.round(9).tolist()
-    [0.214235018, 0.214235018]
-    """
-    import numpy as np
-    from scipy.special import ndtr
-
-    level = finite_array("level_vpp", level_vpp)
-    threshold, width = finite_array("threshold_vpp", threshold_vpp), finite_array("sigma", sigma)
-    gamma, lam = finite_array("guess_rate", guess_rate), finite_array("lapse_rate", lapse_rate)
-    _require_all("level_vpp must be 0 or more", level, level >= 0)
-    _require_all("threshold_vpp must be above 0", threshold, threshold > 0)
-    _require_all("sigma must be above 0", width, width > 0)
-    _require_all("guess_rate must be from 0 to 1", gamma, (gamma >= 0) & (gamma <= 1))
-    _require_all(
-        "lapse_rate must be from 0 to 1 - guess_rate", lam, (lam >= 0) & (lam + gamma <= 1)
-    )
-    with np.errstate(divide="ignore"):
-        z = (np.log10(level) - np.log10(threshold)) / width
-    return np.asarray(gamma + (1.0 - gamma - lam) * ndtr(z))
-
-
-def _require_all(rule: str, values: NDArray[np.float64], good: NDArray[np.bool_]) -> None:
-    """Refuse values where the rule does not hold."""
-    if not good.all():
-        raise ValueError(f"{rule}; got {values.tolist()}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from analysis.thresholds.fit import fit_many
 from analysis.thresholds.goodness import bootstrap_p, deviance_p
 from analysis.thresholds.likelihood import Tables, fit_lapsing
 from analysis.thresholds.probit import deviance
-from experiment.terms.observer import psychometric
+from benchmarks.calibration import psychometric
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -21,8 +21,8 @@ from analysis.thresholds.levels import (
     place_levels,
     placed,
 )
+from benchmarks.calibration import psychometric
 from experiment.study.read import paper_study, read_levels
-from experiment.terms.observer import psychometric
 from tactstrip import main
 
 if TYPE_CHECKING:

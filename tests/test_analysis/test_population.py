@@ -14,7 +14,7 @@ import pytest
 
 from analysis.thresholds.people import people_of, people_of_counts
 from analysis.thresholds.population import PopulationThreshold, population_thresholds
-from experiment.terms.observer import psychometric
+from benchmarks.calibration import psychometric
 
 LEVELS = [60.0, 80.0, 100.0, 125.0, 160.0]
 

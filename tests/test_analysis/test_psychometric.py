@@ -16,7 +16,7 @@ from analysis import GuessRate, PsychometricFit, fit_psychometric
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
 from analysis.thresholds.likelihood import scale
 from analysis.thresholds.probit import fit_lines
-from experiment.terms.observer import psychometric
+from benchmarks.calibration import psychometric
 
 PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
 CENTRED = [70.0, 85.0, 100.0, 120.0, 145.0]

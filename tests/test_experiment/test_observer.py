@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,6 @@ from experiment.terms.observer import (
     NO_ANSWER,
     Observer,
     draw_observer,
-    psychometric,
 )
 
 FORCED = ("left", "right", "both")
@@ -59,84 +59,24 @@ def assert_binomial(share: float, probability: float, trials: int = 4000) -> Non
 # --- the psychometric function --------------------------------------------------------------------
 
 
-def test_the_function_runs_from_the_guess_rate_to_one_minus_the_lapse_rate() -> None:
-    p = psychometric(
-        [0.0, 1e-300, 60.0, 1e6, 1e300],
-        threshold_vpp=60.0,
-        sigma=0.1,
-        guess_rate=0.5,
-        lapse_rate=0.04,
-    )
-    assert p.tolist() == [0.5, 0.5, 0.73, 0.96, 0.96]
+def psychometric(level_vpp: float, guess_rate: float = 0.0, lapse_rate: float = 0.0) -> float:
+    """Return gamma + (1 - gamma - lambda) Phi(log10(V / 60 V) / 0.1), docs/model.md."""
+    felt = NormalDist().cdf(math.log10(level_vpp / 60.0) / 0.1)
+    return guess_rate + (1.0 - guess_rate - lapse_rate) * felt
 
 
-@settings(deadline=None, max_examples=60)
-@given(
-    level=st.floats(1.0, 1e3),
-    factor=st.floats(1e-3, 1e3),
-    sigma=st.floats(0.01, 2.0),
-    guess=st.floats(0.0, 0.6),
-    lapse=st.floats(0.0, 0.3),
-)
-def test_only_the_ratio_of_level_and_threshold_counts(
-    level: float, factor: float, sigma: float, guess: float, lapse: float
-) -> None:
-    p = psychometric(
-        [level, factor * level],
-        threshold_vpp=[60.0, factor * 60.0],
-        sigma=sigma,
-        guess_rate=guess,
-        lapse_rate=lapse,
-    )
-    assert p[0] == pytest.approx(p[1], rel=1e-9)
-    assert guess - 1e-15 <= p[0] <= 1 - lapse + 1e-15  # the sum of the three is rounded
+def test_a_finger_feels_never_without_a_vibration_and_always_with_a_strong_one() -> None:
+    strengths = [0.0, 1e-300, 1.0, 1e6, 1e300]
+    assert [IDEAL.felt_probability(one) for one in strengths] == [0.0, 0.0, 0.5, 1.0, 1.0]
 
 
-def test_the_function_rises_with_the_level_and_broadcasts() -> None:
-    p = psychometric(
-        np.geomspace(20, 200, 50)[:, None],
-        threshold_vpp=[50.0, 60.0, 70.0],
-        sigma=0.1,
-        guess_rate=0.0,
-        lapse_rate=0.0,
-    )
-    assert p.shape == (50, 3)
-    assert np.all(np.diff(p, axis=0) > 0)
-    assert np.all(np.diff(p, axis=1) < 0)
-
-
-def test_it_is_the_normal_distribution_of_the_logarithm() -> None:
+def test_it_feels_by_the_normal_distribution_of_the_logarithm() -> None:
     # Phi(1) = 0.8413447460685429 (Abramowitz and Stegun, table 26.1)
-    p = psychometric(60 * 10**0.1, threshold_vpp=60, sigma=0.1, guess_rate=0, lapse_rate=0)
-    assert float(p) == pytest.approx(0.8413447460685429, abs=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"level_vpp": -1.0}, "level_vpp must be 0 or more"),
-        ({"level_vpp": math.nan}, "level_vpp must hold finite real numbers"),
-        ({"level_vpp": "60"}, "level_vpp must hold finite real numbers"),
-        ({"level_vpp": True}, "level_vpp must hold finite real numbers"),
-        ({"threshold_vpp": 0.0}, "threshold_vpp must be above 0"),
-        ({"threshold_vpp": math.inf}, "threshold_vpp must hold finite real numbers"),
-        ({"sigma": 0.0}, "sigma must be above 0"),
-        ({"guess_rate": 1.1}, "guess_rate must be from 0 to 1"),
-        ({"lapse_rate": 0.6}, "lapse_rate must be from 0 to 1 - guess_rate"),
-    ],
-)
-def test_the_function_refuses_what_is_no_probability(changed: dict[str, float], said: str) -> None:
-    arguments = {
-        "level_vpp": 60.0,
-        "threshold_vpp": 60.0,
-        "sigma": 0.1,
-        "guess_rate": 0.5,
-        "lapse_rate": 0.0,
-    }
-    level_vpp, *_ = (arguments | changed).values()
-    others = {key: value for key, value in (arguments | changed).items() if key != "level_vpp"}
-    with pytest.raises(ValueError, match=said):
-        psychometric(level_vpp, **others)
+    assert IDEAL.felt_probability(10**0.1) == pytest.approx(0.8413447460685429, abs=1e-14)
+    levels_vpp = np.geomspace(20, 200, 50)
+    felt = [IDEAL.felt_probability(float(v) / 60.0) for v in levels_vpp]
+    assert felt == pytest.approx([psychometric(float(v)) for v in levels_vpp], abs=1e-14)
+    assert np.all(np.diff(felt) > 0)
 
 
 # --- answers --------------------------------------------------------------------------------------
@@ -148,21 +88,14 @@ def test_a_forced_choice_follows_the_function_with_a_guess_rate_of_one_half(
 ) -> None:
     observer = replace(IDEAL, lapse_rate=0.06)
     # a lapse picks one of three answers: two of three are wrong; the rest guess or feel
-    expected = psychometric(
-        level_vpp,
-        threshold_vpp=60.0,
-        sigma=0.1,
-        guess_rate=0.94 * 0.5 + 0.06 / 3,
-        lapse_rate=0.06 * 2 / 3,
-    )
-    assert_binomial(shares(observer, (level_vpp, 0.0), FORCED)["left"], float(expected))
+    expected = psychometric(level_vpp, guess_rate=0.94 * 0.5 + 0.06 / 3, lapse_rate=0.06 * 2 / 3)
+    assert_binomial(shares(observer, (level_vpp, 0.0), FORCED)["left"], expected)
 
 
 def test_with_none_offered_the_guess_rate_is_half_the_false_alarm_rate() -> None:
     observer = replace(IDEAL, false_alarm_rate=0.2)
     found = shares(observer, (55.0, 0.0), WITH_NONE)
-    expected = psychometric(55.0, threshold_vpp=60, sigma=0.1, guess_rate=0.1, lapse_rate=0)
-    assert_binomial(found["left"], float(expected))
+    assert_binomial(found["left"], psychometric(55.0, guess_rate=0.1))
     assert_binomial(found["none"], 0.8 * (1 - observer.felt_probability(55.0 / 60.0)))
 
 
@@ -171,12 +104,9 @@ def test_the_threshold_is_recovered_from_simulated_answers() -> None:
     found = [shares(IDEAL, (v, 0.0), WITH_NONE, trials=2000)["left"] for v in levels_vpp]
     thresholds_vpp = np.linspace(50, 70, 201)
     misfit = [
-        np.sum(
-            (psychometric(levels_vpp, threshold_vpp=t, sigma=0.1, guess_rate=0, lapse_rate=0)
-             - found) ** 2
-        )
+        sum((psychometric(v * 60.0 / t) - p) ** 2 for v, p in zip(levels_vpp, found, strict=True))
         for t in thresholds_vpp
-    ]  # fmt: skip
+    ]
     assert thresholds_vpp[int(np.argmin(misfit))] == pytest.approx(60.0, abs=1.0)
 
 
