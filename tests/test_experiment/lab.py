@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
+    from device.clock import Clock
     from device.emulate.mock import MockDevice
     from experiment.archive.disk import Disk
     from experiment.operator.requests import Status
@@ -38,11 +39,13 @@ class Crash(BaseException):
 
 
 class Scripted:
-    """Answers `left` after half a second, unless the script says otherwise for the n-th call."""
+    """Answers as usual, unless the script says otherwise for the n-th call."""
 
     simulated = True
+    usual: tuple[str, float] = ("left", 0.5)
+    """The answer, and its reaction time in seconds."""
 
-    def __init__(self, clock: VirtualClock, **script: Mapping[int, object]) -> None:
+    def __init__(self, clock: Clock, **script: Mapping[int, object]) -> None:
         self._clock = clock
         self._script = script
         self.calls: dict[str, int] = {}
@@ -81,10 +84,10 @@ class Scripted:
         return None
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
-        act = self._next("ask") or ("left", 0.5)
+        act = self._next("ask") or self.usual
         assert isinstance(act, tuple)
         response, rt_s = act
-        self._clock.wait(question.onset_s + rt_s - self._clock.now_s())
+        self._clock.wait(max(0.0, question.onset_s + rt_s - self._clock.now_s()))
         return None if response is None else Press(response, self._clock.now_s())
 
     def feedback(self, *, correct: bool) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -15,28 +13,29 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
-from click.testing import CliRunner, Result
 
 import device.emulate.generator
 from device.emulate.generator import GeneratorEmulator
 from device.emulate.lines import TcpLine
 from experiment.apparatus.rig import assemble
-from experiment.archive.journal import read_journal
 from experiment.study.study import StudyError
-from tactstrip import main
+from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from click.testing import Result
+
     from experiment.study.study import Study
+    from tests.test_experiment.conftest import Run
 
     Start: TypeAlias = Callable[..., tuple[subprocess.Popen[str], str]]
 
-COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
-QUICK = """
-[burst]
-window = "hann"
+HANN = '[burst]\nwindow = "hann"\n'
+QUICK = (
+    HANN
+    + """
 [device]
 least_interval_s = 0.01
 amplifier_gain = 27.5
@@ -45,11 +44,29 @@ volts_full_scale = 110
 reaction_time_s = 0.151
 reaction_time_spread = 0
 """
+)
 PAPER = QUICK + "[design]\nforeperiod_s = [0.01, 0.02]\nminimum_break_s = 0\n"
 SHORT = PAPER + "trials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
 TINY = PAPER + "trials_per_side = 1\nboth_trials = 1\nbreak_every = 3\n"
+LINES = {"pty": ("--pty",), "tcp": ("--tcp", "0")}
+GENERATOR = ("--tcp", "0", "--generator", "keysight", "--amplifier-gain", "27.5")
 SOON_S = 60.0
 MILLISECOND_S = 0.001
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Sessions:
+    return Sessions(tmp_path, TINY)
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Sessions:
+    return Sessions(tmp_path, SHORT)
+
+
+@pytest.fixture
+def truth(tmp_path: Path) -> Path:
+    return tmp_path / "truth.jsonl"
 
 
 @pytest.fixture
@@ -57,10 +74,10 @@ def start(tmp_path: Path) -> Iterator[Start]:
     """Start `tactstrip emulate`; returns the process and its port. All are killed at the end."""
     processes: list[subprocess.Popen[str]] = []
 
-    def started(*options: str) -> tuple[subprocess.Popen[str], str]:
-        process = subprocess.Popen(
-            [*COMMAND, "emulate", *options], stdout=subprocess.PIPE, text=True
-        )
+    def started(*options: str, truth: Path | None = None) -> tuple[subprocess.Popen[str], str]:
+        told = [] if truth is None else ["--truth", str(truth)]
+        command = [*COMMAND, "emulate", *options, *told]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         processes.append(process)
         assert process.stdout is not None
         return process, process.stdout.readline().strip()
@@ -73,27 +90,8 @@ def start(tmp_path: Path) -> Iterator[Start]:
         process.stdout.close()
 
 
-def study_file(tmp_path: Path, text: str) -> str:
-    path = tmp_path / "study.toml"
-    path.write_text(text, encoding="utf-8")
-    return str(path)
-
-
-def run_options(study: str, out: Path, *options: str) -> list[str]:
-    return [
-        *("run", study, "--participant", "01", "--responder", "simulated", "--out", str(out)),
-        *options,
-    ]
-
-
-def invoke(*options: str, answers: str | None = None) -> Result:
-    return CliRunner().invoke(main, list(options), input=answers)
-
-
-def rows_of(out: Path, session: str = "01") -> list[dict[str, str]]:
-    path = out / "sub-01" / f"ses-{session}" / "trials.csv"
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+def over(driver: str, port: str, *more: str) -> list[str]:
+    return ["--responder", "simulated", "--driver", driver, "--port", port, *more]
 
 
 def events_of(truth: Path) -> list[dict[str, Any]]:
@@ -113,13 +111,12 @@ def wait_for_bursts(truth: Path, count: int, process: subprocess.Popen[Any]) -> 
         time.sleep(0.003)
 
 
-def require_true(out: Path, truth: Path, session: str = "01") -> Counter[str]:
+def require_true(sessions: Sessions, truth: Path, session: str = "01") -> Counter[str]:
     """Join journal and truth by token: the journal says what came out, or that nobody knows."""
-    folder = out / "sub-01" / f"ses-{session}"
     armed: dict[int, tuple[int, int]] = {}
     told: dict[tuple[int, int], dict[str, Any]] = {}
     ended: dict[tuple[int, int], str] = {}
-    for entry in read_journal(folder / "journal.jsonl").entries:
+    for entry in sessions.entries(session=session):
         facts: Any = entry.facts
         if entry.event == "trial_armed":
             armed[facts["token"]] = facts["trial"], facts["attempt"]
@@ -141,17 +138,16 @@ def require_true(out: Path, truth: Path, session: str = "01") -> Counter[str]:
             assert token not in burst_of
             assert ended[attempt] in {"device_error", "aborted"}
     answered = Counter(trial for (trial, _), status in ended.items() if status == "ok")
-    planned = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["trials"]
-    assert answered == Counter(trial["number"] for trial in planned)
+    planned = sessions.folder(session).read_plan().trials
+    assert answered == Counter(trial.number for trial in planned)
     return Counter(ended.values())
 
 
-def require_true_by_time(out: Path, truth: Path) -> Counter[str]:
+def require_true_by_time(sessions: Sessions, truth: Path) -> Counter[str]:
     """Join journal and truth by the calendar's clock: a generator knows no tokens."""
     bursts = bursts_of(truth)
-    folder = out / "sub-01" / "ses-01"
     armed_s, told_vpp, ended = 0.0, None, Counter[str]()
-    for entry in read_journal(folder / "journal.jsonl").entries:
+    for entry in sessions.entries():
         facts: Any = entry.facts
         if entry.event == "trial_armed":
             armed_s, told_vpp = entry.wall_s, None
@@ -171,11 +167,11 @@ def require_true_by_time(out: Path, truth: Path) -> Counter[str]:
     return ended
 
 
-def finish(command: list[str], out: Path, *, session: str = "01") -> int:
+def finish(sessions: Sessions, *options: str, session: str = "01") -> int:
     """Run a session to its end through every failure of the device; return how many there were."""
     for failures in range(100):
-        begun = (out / "sub-01" / f"ses-{session}" / "plan.json").exists()
-        result = invoke(*command, *(["--resume"] if begun else []))
+        again = ["--resume"] if sessions.folder(session).plan_path.exists() else []
+        result = sessions.run(*options, "--session", session, *again)
         if result.exit_code == 0:
             return failures
         assert result.exit_code == 3, result.output
@@ -186,11 +182,11 @@ def finish(command: list[str], out: Path, *, session: str = "01") -> int:
 ANSWERS = ("trial", "kind", "side", "level_vpp", "response", "rt_s", "correct", "foreperiod_s")
 
 
-def answers_of(out: Path) -> dict[str, list[str]]:
+def answers_of(sessions: Sessions) -> dict[str, list[str]]:
     """Return what the first attempt at each trial came to, where it was answered."""
     return {
         row["trial"]: [row[column] for column in ANSWERS]
-        for row in rows_of(out)
+        for row in sessions.rows()
         if row["status"] == "ok" and row["attempt"] == "1"
     }
 
@@ -199,43 +195,41 @@ def answers_of(out: Path) -> dict[str, list[str]]:
 def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
     tmp_path: Path, start: Start
 ) -> None:
-    study = study_file(tmp_path, PAPER)
-    mock = tmp_path / "mock"
-    assert invoke(*run_options(study, mock, "--seed", "7")).exit_code == 0
+    mock = Sessions(tmp_path / "mock", PAPER)
+    assert mock.run("--responder", "simulated", "--seed", "7").exit_code == 0
     expected = answers_of(mock)
     assert len(expected) == 155
-    generator = ("--tcp", "0", "--generator", "keysight", "--amplifier-gain", "27.5")
     links = {
-        "pty": ("serial", ("--pty",)),
-        "tcp": ("serial", ("--tcp", "0")),
-        "generator": ("generator", generator),
+        "pty": ("serial", LINES["pty"]),
+        "tcp": ("serial", LINES["tcp"]),
+        "generator": ("generator", GENERATOR),
     }
-    hosts = {}
-    for name, (driver, options) in links.items():
-        _, port = start(*options, "--truth", str(tmp_path / f"{name}.jsonl"))
-        command = run_options(study, tmp_path / name, "--driver", driver, "--port", port)
-        hosts[name] = command, subprocess.Popen([*COMMAND, *command, "--seed", "7"])
-    for name, (command, host) in hosts.items():
-        out = tmp_path / name
+    hosts = []
+    for name, (driver, line) in links.items():
+        sessions, truth = Sessions(tmp_path / name, PAPER), tmp_path / f"{name}.jsonl"
+        options = over(driver, start(*line, truth=truth)[1])
+        host = subprocess.Popen([*COMMAND, *sessions.words(*options, "--seed", "7")])
+        hosts.append((sessions, truth, options, host))
+    for sessions, truth, options, host in hosts:
         if host.wait() != 0:  # the machine stood still for longer than the watchdog waits
-            finish(command, out)
-        repeated = {row["trial"] for row in rows_of(out) if row["attempt"] != "1"}
-        found = answers_of(out)
+            finish(sessions, *options)
+        repeated = {row["trial"] for row in sessions.rows() if row["attempt"] != "1"}
+        found = answers_of(sessions)
         assert set(found) == set(expected) - repeated
         assert found == {trial: expected[trial] for trial in found}
-        assert len(bursts_of(tmp_path / f"{name}.jsonl")) >= 155
-    for name in ("pty", "tcp"):
-        assert require_true(tmp_path / name, tmp_path / f"{name}.jsonl")["ok"] == 155
-    require_true_by_time(tmp_path / "generator", tmp_path / "generator.jsonl")
+        assert len(bursts_of(truth)) >= 155
+        if "generator" in options:
+            require_true_by_time(sessions, truth)
+        else:
+            assert require_true(sessions, truth)["ok"] == 155
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("kind", ["pty", "tcp"])
+@pytest.mark.parametrize("kind", LINES)
 def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
-    kind: str, tmp_path: Path, start: Start
+    kind: str, short: Sessions, truth: Path, start: Start
 ) -> None:
-    study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
-    emulator, port = start(f"--{kind}", *(["0"] if kind == "tcp" else []), "--truth", str(truth))
+    emulator, port = start(*LINES[kind], truth=truth)
 
     def unplug() -> None:
         wait_for_bursts(truth, 5, emulator)
@@ -243,33 +237,30 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
 
     killer = threading.Thread(target=unplug)
     killer.start()
-    result = invoke(*run_options(study, out, "--driver", "serial", "--port", port))
+    result = short.run(*over("serial", port))
     killer.join()
     assert result.exit_code == 3
     assert len(result.stderr.splitlines()) == 1
     assert "go on with --resume" in result.stderr
-    assert 4 <= sum(row["status"] == "ok" for row in rows_of(out)) < 11
+    assert 4 <= sum(row["status"] == "ok" for row in short.rows()) < 11
     _, port = start("--pty", "--serial-number", "2")
-    other = invoke(*run_options(study, out, "--driver", "serial", "--port", port), "--resume")
+    other = short.run(*over("serial", port, "--resume"))
     assert other.exit_code == 2
     assert "serial_number '1'; got '2': give --resume-anyway" in other.stderr
-    _, port = start(f"--{kind}", *(["0"] if kind == "tcp" else []), "--truth", str(truth))
-    finish(run_options(study, out, "--driver", "serial", "--port", port), out)
-    require_true(out, truth)
+    _, port = start(*LINES[kind], truth=truth)
+    finish(short, *over("serial", port))
+    require_true(short, truth)
 
 
 @pytest.mark.process
 def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
-    tmp_path: Path, start: Start
+    short: Sessions, truth: Path, start: Start
 ) -> None:
-    study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
     faults = "reset=0.01,drop=0.002,corrupt=0.002"
-    _, port = start("--pty", "--truth", str(truth), "--fault", faults, "--seed", "5")
+    _, port = start("--pty", "--fault", faults, "--seed", "5", truth=truth)
     failures = 0
     for number in range(1, 21):
-        session = f"{number:02d}"
-        options = ("--driver", "serial", "--port", port, "--session", session)
-        failures += finish(run_options(study, out, *options), out, session=session)
+        failures += finish(short, *over("serial", port), session=f"{number:02d}")
         boots = sum(event["event"] == "boot" for event in events_of(truth))
         if boots > 1 and failures:
             break
@@ -278,49 +269,44 @@ def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
     tokens = [burst["token"] for burst in bursts_of(truth)]
     assert len(tokens) == len(set(tokens))
     for done in range(1, number + 1):
-        require_true(out, truth, f"{done:02d}")
+        require_true(short, truth, f"{done:02d}")
 
 
 @pytest.mark.process
 def test_a_generator_on_a_line_that_breaks_costs_no_trial_and_no_truth(
-    tmp_path: Path, start: Start
+    short: Sessions, truth: Path, start: Start
 ) -> None:
-    study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
     faults = ("--fault", "disconnect_at=6000,reset=0.003,delay=0.02", "--seed", "3")
-    generator = ("--generator", "keysight", "--amplifier-gain", "27.5", "--truth", str(truth))
-    _, port = start("--tcp", "0", *generator, *faults)
-    options = ("--driver", "generator", "--port", port)
-    failures = finish(run_options(study, out, *options), out)
-    assert failures > 0
-    assert require_true_by_time(out, truth)["ok"] == 11
+    _, port = start(*GENERATOR, *faults, truth=truth)
+    assert finish(short, *over("generator", port)) > 0
+    assert require_true_by_time(short, truth)["ok"] == 11
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("kind", ["pty", "tcp"])
-def test_a_host_that_is_killed_doubles_nothing(kind: str, tmp_path: Path, start: Start) -> None:
-    study, out, truth = study_file(tmp_path, SHORT), tmp_path / "out", tmp_path / "truth.jsonl"
-    _, port = start(f"--{kind}", *(["0"] if kind == "tcp" else []), "--truth", str(truth))
-    options = run_options(study, out, "--driver", "serial", "--port", port)
+@pytest.mark.parametrize("kind", LINES)
+def test_a_host_that_is_killed_doubles_nothing(
+    kind: str, short: Sessions, truth: Path, start: Start
+) -> None:
+    _, port = start(*LINES[kind], truth=truth)
     for count, again in ((3, []), (7, ["--resume"])):
-        with subprocess.Popen([*COMMAND, *options, *again], stdout=subprocess.DEVNULL) as host:
+        command = [*COMMAND, *short.words(*over("serial", port, *again))]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as host:
             wait_for_bursts(truth, count, host)
             os.kill(host.pid, signal.SIGKILL)
-    finish(options, out)
+    finish(short, *over("serial", port))
     assert [event["event"] for event in events_of(truth)].count("off") >= 3
-    assert require_true(out, truth)["ok"] == 11
+    assert require_true(short, truth)["ok"] == 11
 
 
 @pytest.mark.process
 def test_an_answer_on_the_machines_clock_comes_after_its_reaction_time(
-    tmp_path: Path, start: Start
+    tiny: Sessions, start: Start
 ) -> None:
-    study, out = study_file(tmp_path, TINY), tmp_path / "out"
     _, port = start("--pty")
-    options = ("--driver", "serial", "--port", port)
     began_s = time.monotonic()
-    assert invoke(*run_options(study, out, *options)).exit_code == 0
+    assert tiny.run(*over("serial", port)).exit_code == 0
     assert time.monotonic() - began_s > 3 * 0.151
-    onsets_s = [float(row["onset_s"]) for row in rows_of(out)]
+    onsets_s = [float(row["onset_s"]) for row in tiny.rows()]
     assert all(later - earlier > 0.151 for earlier, later in pairwise(onsets_s))
 
 
@@ -340,6 +326,7 @@ class RealGenerator:
         self._read = self.line.read
         monkeypatch.setattr(self.line, "read", self._keep)
         self._over = threading.Event()
+        self.truth = truth
         self._file = truth.open("w", encoding="utf-8")
         self._emulator = GeneratorEmulator(self.line, self._file, amplifier_gain=27.5)
         self._thread = threading.Thread(target=self._serve)
@@ -371,30 +358,29 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RealGenera
 @pytest.mark.process
 @pytest.mark.parametrize("command", ["run", "check"])
 def test_without_a_word_for_its_safety_a_real_device_is_sent_nothing(
-    command: str, tmp_path: Path, real: RealGenerator
+    command: str, tiny: Sessions, run: Run, real: RealGenerator
 ) -> None:
-    study, out = study_file(tmp_path, TINY), tmp_path / "out"
     reached = ("--driver", "generator", "--port", real.port)
-    words = run_options(study, out) if command == "run" else ["check", study, "--device"]
-    result = invoke(*words, *reached)
+    if command == "run":
+        result = tiny.run("--responder", "simulated", *reached)
+    else:
+        result = run("check", tiny.study, "--device", *reached)
     assert result.exit_code == 2
     assert len(result.stderr.splitlines()) == 1
     assert "--confirm-hardware" in result.stderr
     assert set(real.received.split()) == {b"*IDN?"}
-    assert not out.exists()
+    assert not tiny.out.exists()
 
 
 @pytest.mark.process
 def test_a_word_for_its_safety_is_kept_with_what_the_device_cannot_promise(
-    tmp_path: Path, real: RealGenerator
+    tiny: Sessions, real: RealGenerator
 ) -> None:
-    study, out = study_file(tmp_path, TINY), tmp_path / "out"
-    options = ("--driver", "generator", "--port", real.port, "--confirm-hardware")
-    result = invoke(*run_options(study, out, *options))
+    result = tiny.run(*over("generator", real.port, "--confirm-hardware"))
     assert result.exit_code == 0, result.stderr
     first = "this device cannot bring its outputs to zero when this program or the line to it dies"
     assert first in result.stdout
-    header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text(encoding="utf-8"))
+    header = tiny.header()
     assert len(header["device_cannot"]) == result.stdout.count("Note: this device cannot ") == 3
     confirmed = header["hardware_confirmed"]
     assert confirmed["how"] == "--confirm-hardware"
@@ -403,91 +389,82 @@ def test_a_word_for_its_safety_is_kept_with_what_the_device_cannot_promise(
     assert len(confirmed["confirmed"]) == 3
 
 
+@pytest.fixture
+def on_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("experiment.commands.options.on_terminal", lambda: True)
+
+
 @pytest.mark.process
+@pytest.mark.usefixtures("on_terminal")
 @pytest.mark.parametrize(("answers", "exit_code"), [("y\n", 0), ("n\n", 2), ("", 2)])
 def test_the_operator_is_asked_once_on_a_terminal(
-    answers: str,
-    exit_code: int,
-    tmp_path: Path,
-    real: RealGenerator,
-    monkeypatch: pytest.MonkeyPatch,
+    answers: str, exit_code: int, tiny: Sessions, real: RealGenerator
 ) -> None:
-    monkeypatch.setattr("experiment.commands.options.on_terminal", lambda: True)
-    study, out = study_file(tmp_path, TINY), tmp_path / "out"
-    options = ("--driver", "generator", "--port", real.port)
-    result = invoke(*run_options(study, out, *options), answers=answers)
+    result = tiny.run(*over("generator", real.port), typed=answers)
     assert result.exit_code == exit_code, result.stderr
     assert result.stderr.count("All of it is so?") == 1
-    assert out.exists() == (exit_code == 0)
+    assert tiny.out.exists() == (exit_code == 0)
     assert (b"OUTP" in real.received.upper()) == (exit_code == 0)
 
 
 @pytest.mark.process
 @pytest.mark.parametrize("given", [(), ("--confirm-hardware",)])
 def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
-    given: tuple[str, ...], tmp_path: Path, start: Start
+    given: tuple[str, ...], tiny: Sessions, start: Start
 ) -> None:
-    study, out = study_file(tmp_path, TINY), tmp_path / "out"
     _, port = start("--pty")
-    options = ("--driver", "serial", "--port", port, *given)
-    assert invoke(*run_options(study, out, *options)).exit_code == 0
-    header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text(encoding="utf-8"))
-    assert header["hardware_confirmed"] == "n/a"
+    assert tiny.run(*over("serial", port, *given)).exit_code == 0
+    header = tiny.header()
+    assert (header["hardware_confirmed"], header["device_cannot"]) == ("n/a", [])
     assert header["device_identity"]["emulated"] is True
-    assert header["device_cannot"] == []
-
-
-@pytest.mark.slow
-def test_a_sound_card_without_a_word_is_not_even_opened(tmp_path: Path) -> None:
-    study, out = study_file(tmp_path, TINY), tmp_path / "out"
-    result = invoke(*run_options(study, out, "--driver", "audio", "--port", "no such card"))
-    assert result.exit_code == 2
-    assert "--confirm-hardware" in result.stderr
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("text", "options", "told"),
     [
-        (["--driver", "serial"], "device.port is missing"),
-        (["--driver", "generator", "--port", "p"], "device.amplifier_gain is missing"),
-        (["--driver", "audio", "--port", "p"], "device.volts_full_scale is missing"),
+        (HANN, ["--driver", "serial"], "device.port is missing"),
+        (HANN, ["--driver", "generator", "--port", "p"], "device.amplifier_gain is missing"),
+        (HANN, ["--driver", "audio", "--port", "p"], "device.volts_full_scale is missing"),
+        (TINY, ["--driver", "audio", "--port", "no such card"], "--confirm-hardware"),
     ],
 )
-def test_a_driver_says_which_key_it_lacks(options: list[str], told: str, tmp_path: Path) -> None:
-    study = study_file(tmp_path, '[burst]\nwindow = "hann"\n')
-    result = invoke(*run_options(study, tmp_path / "out", *options))
+def test_what_a_driver_lacks_is_said_before_anything_is_opened(
+    text: str, options: list[str], told: str, tmp_path: Path
+) -> None:
+    result = Sessions(tmp_path, text).run("--responder", "simulated", *options)
     assert result.exit_code == 2
     assert told in result.stderr
 
 
 @pytest.mark.process
 def test_the_study_names_driver_and_port_and_options_name_others(
-    tmp_path: Path, start: Start
+    tiny: Sessions, start: Start
 ) -> None:
     _, port = start("--pty")
     named = TINY.replace("[device]", f'[device]\ndriver = "serial"\nport = "{port}"')
-    out = tmp_path / "out"
-    result = invoke(*run_options(study_file(tmp_path, named), out))
+    tiny.write(named)
+    result = tiny.run("--responder", "simulated")
     assert result.exit_code == 0, result.stderr
-    study = study_file(tmp_path, named.replace(port, "/no/such/port"))
-    result = invoke(*run_options(study, tmp_path / "b"))
+    tiny.write(named.replace(port, "/no/such/port"))
+    second = ("--responder", "simulated", "--session", "02")
+    result = tiny.run(*second)
     assert (result.exit_code, len(result.stderr.splitlines())) == (3, 1)
-    assert not (tmp_path / "b").exists()
-    assert invoke(*run_options(study, tmp_path / "c", "--port", port)).exit_code == 0
+    assert not tiny.folder("02").plan_path.exists()
+    assert tiny.run(*second, "--port", port).exit_code == 0
 
 
 @pytest.mark.process
-def test_the_mocks_ceiling_is_none_of_another_devices(tmp_path: Path, start: Start) -> None:
+def test_the_mocks_ceiling_is_none_of_another_devices(
+    tiny: Sessions, truth: Path, start: Start, run: Run
+) -> None:
     loud = TINY.replace("[device]", "[device]\nceiling_vpp = 260") + "levels_vpp = [60, 250]\n"
-    loud = loud.replace("trials_per_side = 1", "trials_per_side = 2")
-    study, truth = study_file(tmp_path, loud), tmp_path / "truth.jsonl"
-    refused = invoke(*run_options(study, tmp_path / "mock"))
+    tiny.write(loud.replace("trials_per_side = 1", "trials_per_side = 2"))
+    refused = tiny.run("--responder", "simulated")
     assert (refused.exit_code, "own ceiling, 200 Vpp" in refused.stderr) == (2, True)
-    _, port = start("--tcp", "0", "--ceiling-vpp", "260", "--truth", str(truth))
-    assert check(study, port).exit_code == 0
-    options = ("--driver", "serial", "--port", port, "--seed", "1")
-    result = invoke(*run_options(study, tmp_path / "out", *options))
+    _, port = start("--tcp", "0", "--ceiling-vpp", "260", truth=truth)
+    assert run("check", tiny.study, "--device", "--driver", "serial", "--port", port).exit_code == 0
+    result = tiny.run(*over("serial", port, "--seed", "1"))
     assert result.exit_code == 0, result.stderr
     assert 250_000 in {level for burst in bursts_of(truth) for level in burst["levels_mv"]}
 
@@ -495,24 +472,30 @@ def test_the_mocks_ceiling_is_none_of_another_devices(tmp_path: Path, start: Sta
 # --- the check of a device
 
 
-def check(study: str, port: str, *more: str, answers: str | None = None) -> Result:
-    reached = ("--device", "--driver", "serial", "--port", port)
-    return invoke("check", study, *reached, *more, answers=answers)
+@pytest.fixture
+def check(tmp_path: Path, run: Run) -> Run:
+    """Check a study, and the device that is given."""
+
+    def check(*options: str, typed: str | None = None) -> Result:
+        return run("check", Sessions(tmp_path, QUICK).study, *options, typed=typed)
+
+    return check
 
 
 @pytest.mark.process
-def test_the_check_of_a_device_plays_a_tenth_on_each_channel(tmp_path: Path, start: Start) -> None:
-    truth = tmp_path / "truth.jsonl"
-    _, port = start("--pty", "--truth", str(truth))
-    study = study_file(tmp_path, QUICK)
-    result = check(study, port)
+def test_the_check_of_a_device_plays_a_tenth_on_each_channel(
+    check: Run, truth: Path, start: Start
+) -> None:
+    _, port = start("--pty", truth=truth)
+    reached = ("--device", "--driver", "serial", "--port", port)
+    result = check(*reached)
     assert result.exit_code == 0, result.stderr
     assert "ceiling 200 Vpp, 48000 Hz" in result.stdout
     assert "60 95 130 165 200 Vpp" in result.stdout
     assert result.stdout.count("burst of 20 Vpp: fired, 20 Vpp read back") == 2
     assert [burst["levels_mv"] for burst in bursts_of(truth)] == [[20_000, 0], [0, 20_000]]
     assert events_of(truth)[-1]["event"] == "off"
-    found = json.loads(check(study, port, "--json").stdout)
+    found = json.loads(check(*reached, "--json").stdout)
     assert [channel["good"] for channel in found["device_check"]["channels"]] == [True, True]
 
 
@@ -525,22 +508,17 @@ def test_the_check_of_a_device_plays_a_tenth_on_each_channel(tmp_path: Path, sta
     ],
 )
 def test_a_device_that_does_not_suit_the_study_ends_the_check_with_1(
-    options: tuple[str, str], told: str, tmp_path: Path, start: Start
+    options: tuple[str, str], told: str, check: Run, truth: Path, start: Start
 ) -> None:
-    truth = tmp_path / "truth.jsonl"
-    _, port = start("--pty", "--truth", str(truth), *options)
-    result = check(study_file(tmp_path, QUICK), port)
+    _, port = start("--pty", *options, truth=truth)
+    result = check("--device", "--driver", "serial", "--port", port)
     assert result.exit_code == 1
     assert told in result.stderr
     assert {event["event"] for event in events_of(truth)} == {"boot"}
 
 
-def test_a_check_without_a_device_ends_with_3(tmp_path: Path) -> None:
-    result = check(study_file(tmp_path, QUICK), "socket://127.0.0.1:1")
-    assert (result.exit_code, len(result.stderr.splitlines())) == (3, 1)
-
-
 @pytest.mark.process
+@pytest.mark.usefixtures("on_terminal")
 @pytest.mark.parametrize(
     ("answers", "exit_code", "told"),
     [
@@ -550,25 +528,27 @@ def test_a_check_without_a_device_ends_with_3(tmp_path: Path) -> None:
     ],
 )
 def test_each_burst_of_a_check_is_asked_for_and_confirmed(
-    answers: str,
-    exit_code: int,
-    told: str,
-    tmp_path: Path,
-    real: RealGenerator,
-    monkeypatch: pytest.MonkeyPatch,
+    answers: str, exit_code: int, told: str, check: Run, real: RealGenerator
 ) -> None:
-    monkeypatch.setattr("experiment.commands.options.on_terminal", lambda: True)
-    words = ("check", study_file(tmp_path, QUICK), "--device", "--driver", "generator")
-    result = invoke(*words, "--port", real.port, answers=answers)
+    result = check("--device", "--driver", "generator", "--port", real.port, typed=answers)
     assert result.exit_code == exit_code, result.stderr
     assert told in result.output
-    assert len(bursts_of(tmp_path / "real.jsonl")) == answers.count("y") // 2
+    assert len(bursts_of(real.truth)) == answers.count("y") // 2
 
 
-def test_options_of_a_device_need_the_device(tmp_path: Path) -> None:
-    result = invoke("check", study_file(tmp_path, QUICK), "--port", "p")
-    assert result.exit_code == 2
-    assert "need --device" in result.stderr
+@pytest.mark.parametrize(
+    ("options", "exit_code", "told"),
+    [
+        (("--device", "--driver", "serial", "--port", "socket://127.0.0.1:1"), 3, "127.0.0.1:1"),
+        (("--port", "p"), 2, "need --device"),
+    ],
+)
+def test_a_check_without_a_device_says_so_in_one_line(
+    options: tuple[str, ...], exit_code: int, told: str, check: Run
+) -> None:
+    result = check(*options)
+    assert (result.exit_code, len(result.stderr.splitlines())) == (exit_code, 1)
+    assert told in result.stderr
 
 
 def test_noise_on_the_actuators_sound_card_is_refused(

@@ -1,0 +1,63 @@
+"""Sessions as an experimenter types them: a study file, and the folder of results beside it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+from click.testing import CliRunner
+
+from experiment.archive.folders import SessionFolder
+from experiment.archive.journal import read_journal
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from click.testing import Result
+
+    from experiment.archive.journal import Entry
+
+COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
+
+
+class Sessions:
+    """Sessions of participant 01 of one study; what is asked for is of session 01."""
+
+    def __init__(self, folder: Path, text: str) -> None:
+        folder.mkdir(exist_ok=True)
+        self.study = folder / "study.toml"
+        self.out = folder / "results"
+        self.write(text)
+
+    @property
+    def text(self) -> str:
+        return self.study.read_text("utf-8")
+
+    def write(self, text: str) -> None:
+        self.study.write_text(text, encoding="utf-8")
+
+    def words(self, *more: str) -> list[str]:
+        """Return what is typed to run a session."""
+        return ["run", str(self.study), "--participant", "01", "--out", str(self.out), *more]
+
+    def run(self, *more: str, typed: str | None = None) -> Result:
+        return CliRunner().invoke(main, self.words(*more), input=typed)
+
+    def folder(self, session: str = "01") -> SessionFolder:
+        return SessionFolder(self.out, "01", session)
+
+    def entries(self, event: str | None = None, session: str = "01") -> list[Entry]:
+        read = read_journal(self.folder(session).journal_path).entries
+        return [entry for entry in read if event in {None, entry.event}]
+
+    def rows(self, session: str = "01") -> list[dict[str, str]]:
+        with self.folder(session).trials_path.open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+
+    def header(self) -> dict[str, Any]:
+        text = (self.folder().path / "header.json").read_text("utf-8")
+        facts: dict[str, Any] = json.loads(text)
+        return facts
