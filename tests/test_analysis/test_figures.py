@@ -5,7 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 import warnings
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pandas as pd
@@ -18,16 +19,13 @@ from analysis.answers.detection import cells, participants_of
 from analysis.axis import VOLTS
 from analysis.reading.columns import ColumnMap
 from analysis.reading.load import read_inputs
-from analysis.results.figures.confusion import ConfusionData
 from analysis.results.figures.confusion import draw as draw_confusion
-from analysis.results.figures.detection import DetectionData, draw
+from analysis.results.figures.detection import draw
 from analysis.results.figures.drawing import panels, written
 from analysis.results.figures.figures import FIGURES
-from analysis.results.figures.reaction import ReactionData
 from analysis.results.figures.reaction import draw as draw_reaction
-from analysis.results.figures.thresholds import ThresholdData
 from analysis.results.figures.thresholds import draw as draw_thresholds
-from analysis.results.tables import analyse
+from analysis.results.tables import Analysis, analyse
 from analysis.thresholds.table import group_table
 
 if TYPE_CHECKING:
@@ -38,6 +36,12 @@ if TYPE_CHECKING:
 LEVELS_VPP = (60.0, 95.0, 130.0, 165.0, 200.0)
 
 
+def analysis_of(**tables: object) -> Analysis:
+    """Return an analysis that has nothing but these tables."""
+    others = {"ci": "wilson", "axis": VOLTS, "simulated": ""}
+    return cast("Analysis", SimpleNamespace(**others, **tables))
+
+
 def data(
     people: int = 3,
     conditions: tuple[str, ...] = ("main",),
@@ -46,7 +50,7 @@ def data(
     own_levels: bool = False,
     forced_choice: bool = False,
     name: str = "S",
-) -> DetectionData:
+) -> Analysis:
     rng = np.random.default_rng(5)
     rows = [
         (f"{name}{person:02d}", condition, level + (person / 8 if own_levels else 0), answer)
@@ -57,20 +61,18 @@ def data(
     ]
     columns = ["participant", "condition", "level_vpp", "response"]
     trials = pd.DataFrame(rows, columns=columns).assign(kind="single", side="left", reason="")
-    return DetectionData(
+    return analysis_of(
         levels=level_table(trials),
         participants=participants_of(cells(trials)),
-        forced_choice=forced_choice,
-        ci="wilson",
-        axis=VOLTS,
+        detected_any=None if forced_choice else trials,
     )
 
 
-def render(shown: DetectionData) -> tuple[bytes, bytes]:
+def render(shown: Analysis) -> tuple[bytes, bytes]:
     return written(lambda: draw(shown))
 
 
-def texts(shown: DetectionData) -> str:
+def texts(shown: Analysis) -> str:
     """Return the SVG; matplotlib writes each text beside its glyphs as a comment."""
     return render(shown)[1].decode()
 
@@ -193,11 +195,10 @@ def people(*rows: tuple[str, float, float, float], condition: str = "main") -> p
 
 
 def threshold_texts(thresholds: pd.DataFrame) -> str:
-    shown = ThresholdData(
+    shown = analysis_of(
         thresholds=thresholds,
         groups=group_table(thresholds),
         participants=pd.DataFrame({"level_vpp": LEVELS_VPP}),
-        axis=VOLTS,
     )
     return written(lambda: draw_thresholds(shown))[1].decode()
 
@@ -243,7 +244,7 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
         "condition": "main", "kind": "single", "side": "left", "reason": "",
         "response": ["left"] * 15 + ["both"] * 5,
     })  # fmt: skip
-    shown = ConfusionData(confusion=confusion_table(trials), ci="wilson")
+    shown = analysis_of(confusion=confusion_table(trials))
     svg = written(lambda: draw_confusion(shown))[1].decode()
     for text in ("75 %", "53–89 %", "25 %", "n = 20", "Answer (% of the stimulus's trials)"):
         assert f"<!-- {text} -->" in svg
@@ -253,7 +254,7 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
 def test_reaction_times_are_of_each_side_in_seconds() -> None:
     rows = [("main", v, side, 9, 0.5, 0.4, 0.8) for v in LEVELS_VPP for side in ("left", "right")]
     rows.append(("main", 220.0, "left", 0, NAN, NAN, NAN))
-    shown = ReactionData(reaction=pd.DataFrame(rows, columns=list(REACTION_COLUMNS)), axis=VOLTS)
+    shown = analysis_of(reaction_times=pd.DataFrame(rows, columns=list(REACTION_COLUMNS)))
     svg = written(lambda: draw_reaction(shown))[1].decode()
     assert "Reaction time of correct answers (s)" in svg
     assert "left finger: median, 10–90 % of answers" in svg
@@ -268,8 +269,8 @@ def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     answers = ["left", "none", "left", "right", "left", "left"]
     rows = [f"a,left,{60 + 10 * i},{answer},0.{i + 2}" for i, answer in enumerate(answers)]
     table.write_text("participant,side,level_vpp,response,rt_s\n" + "\n".join(rows), "utf-8")
-    prepared = FIGURES[name](analyse(read_inputs([table], ColumnMap())))
-    assert prepared is not None
-    assert written(prepared.draw) == written(prepared.draw)
-    assert "the" in prepared.alt
-    assert "table" in prepared.alt
+    analysis = analyse(read_inputs([table], ColumnMap()))
+    alt, drawn = FIGURES[name]
+    assert written(lambda: drawn(analysis)) == written(lambda: drawn(analysis))
+    assert "the" in alt(analysis)
+    assert "table" in alt(analysis)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from analysis.answers.intervals import proportion_ci
-from analysis.results.figures.drawing import Prepared, each_condition, panels
+from analysis.results.figures.drawing import in_words, panels
 from experiment.terms.record import RESPONSES
 
 if TYPE_CHECKING:
@@ -26,36 +25,23 @@ _LEAST_SHOWN = 0.005
 _COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it, for every eye
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ConfusionData:
-    """What the figure shows."""
-
-    confusion: pd.DataFrame  # `confusion_table`, at least one row
-    ci: str  # method of the cells' intervals
-    note: str = ""  # for the title; may be empty
-
-
-def prepared(analysis: Analysis) -> Prepared | None:
-    """Return the figure of an analysis that has answers."""
+def alt(analysis: Analysis) -> str:
+    """Tell what the figure shows; nothing where there are no answers."""
     if analysis.confusion.empty:
-        return None
-    data = ConfusionData(confusion=analysis.confusion, ci=analysis.ci, note=analysis.simulated)
-    alt = (
-        f"Grid of stimuli and answers with the share of each answer{each_condition(analysis)}; the "
-        "counts are in the table of answers."
-    )
-    return Prepared(draw=lambda: draw(data), alt=alt)
+        return ""
+    shown = "Grid of stimuli and answers with the share of each answer"
+    return in_words(analysis, shown, "counts are in the table of answers")
 
 
-def draw(data: ConfusionData) -> Figure:
+def draw(analysis: Analysis) -> Figure:
     """Draw a grid of stimuli and answers; each cell has its share, count and 95 % interval."""
-    groups = [(str(name), rows) for name, rows in data.confusion.groupby("condition")]
+    groups = [(str(name), rows) for name, rows in analysis.confusion.groupby("condition")]
     heights = [_AROUND_IN + _ROW_IN * len(rows) for _, rows in groups]
-    figure, axes = panels([name for name, _ in groups], heights, data.note)
+    figure, axes = panels([name for name, _ in groups], heights, analysis.simulated)
     for panel, (_, rows) in zip(axes, groups, strict=True):
-        _draw(panel, rows, data.ci)
+        _draw(panel, rows, analysis.ci)
     axes[-1].annotate(
-        f"In each cell: share of the row, count, 95 % interval ({data.ci.title()})\n"
+        f"In each cell: share of the row, count, 95 % interval ({analysis.ci.title()})\n"
         "of the share, which ignores that participants differ.",
         (0.5, 0), xytext=(0, -40), xycoords="axes fraction", textcoords="offset points",
         ha="center", va="top", fontsize=8,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analysis.results.figures.drawing import (
@@ -10,8 +9,7 @@ from analysis.results.figures.drawing import (
     GROUP,
     MANY,
     MARKERS,
-    Prepared,
-    each_condition,
+    in_words,
     interval,
     key,
     level_axis,
@@ -25,63 +23,39 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from analysis.axis import Axis
     from analysis.results.tables import Analysis
 
 
 _HEIGHT_IN = 4.4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DetectionData:
-    """What the figure shows."""
-
-    levels: pd.DataFrame  # `level_table`, at least one row
-    participants: pd.DataFrame  # `participants_of`
-    forced_choice: bool  # "none" could not be answered, so that who feels nothing guesses a side
-    ci: str  # name of the cells' interval
-    axis: Axis
-    note: str = ""  # for the title, such as that participants are simulated; may be empty
-
-
-def prepared(analysis: Analysis) -> Prepared | None:
-    """Return the figure of an analysis that has a level."""
+def alt(analysis: Analysis) -> str:
+    """Tell what the figure shows; nothing where no level was presented."""
     if analysis.levels.empty:
-        return None
-    data = DetectionData(
-        levels=analysis.levels,
-        participants=analysis.participants,
-        forced_choice=analysis.detected_any is None,
-        ci=analysis.ci,
-        axis=analysis.axis,
-        note=analysis.simulated,
-    )
-    people = of_people(analysis.participants["participant"].nunique())
-    alt = (
-        f"Detection probability from 0 to 1 against level in {analysis.axis.label}, {people}"
-        f"{each_condition(analysis)}; the numbers are in the table of detection by level."
-    )
-    return Prepared(draw=lambda: draw(data), alt=alt)
+        return ""
+    people = of_people(analysis.participants["participant"])
+    shown = f"Detection probability from 0 to 1 against level in {analysis.axis.label}, {people}"
+    return in_words(analysis, shown, "numbers are in the table of detection by level")
 
 
-def draw(data: DetectionData) -> Figure:
+def draw(analysis: Analysis) -> Figure:
     """Draw detection probability against level.
 
     Each participant is a thin line. Where everybody was tested at a level, the unweighted mean
     stands on a thick line with the group interval; a single participant has the interval of each
     cell. One panel per condition.
     """
-    conditions = list(data.levels["condition"].unique())
-    figure, axes = panels(conditions, [_HEIGHT_IN] * len(conditions), data.note)
+    conditions = list(analysis.levels["condition"].unique())
+    figure, axes = panels(conditions, [_HEIGHT_IN] * len(conditions), analysis.simulated)
     for panel, condition in zip(axes, conditions, strict=True):
-        _draw(panel, data, condition)
+        _draw(panel, analysis, condition)
     return figure
 
 
-def _draw(axes: Axes, data: DetectionData, condition: str) -> None:
-    levels = data.levels[data.levels["condition"].eq(condition)]
-    people = data.participants[data.participants["condition"].eq(condition)]
-    everybody = sorted(data.participants["participant"].unique())
+def _draw(axes: Axes, analysis: Analysis, condition: str) -> None:
+    levels = analysis.levels[analysis.levels["condition"].eq(condition)]
+    people = analysis.participants[analysis.participants["condition"].eq(condition)]
+    everybody = sorted(analysis.participants["participant"].unique())
     few = len(everybody) <= len(COLOURS)
     if few:
         _draw_few(axes, people, everybody)
@@ -89,16 +63,16 @@ def _draw(axes: Axes, data: DetectionData, condition: str) -> None:
         _draw_many(axes, people)
     if len(people["participant"].unique()) == 1:
         limits = people[["level_vpp", "low", "high"]]
-        interval(axes, limits, f"95 % interval ({data.ci.title()})", colour="black", zorder=2)
+        interval(axes, limits, f"95 % interval ({analysis.ci.title()})", colour="black", zorder=2)
     else:
         _draw_group(axes, _shared(levels, people), few=few)
-    if data.forced_choice:
+    if analysis.detected_any is None:  # who feels nothing guesses a side
         axes.axhline(0.5, color="black", lw=0.8, ls=(0, (4, 3)), zorder=1)
         axes.annotate(
             "guessing left or right: 1/2", (1, 0.5), xycoords=("axes fraction", "data"),
             xytext=(-4, -3), textcoords="offset points", ha="right", va="top", fontsize=8,
         )  # fmt: skip
-    level_axis(axes, levels["level_vpp"], data.axis)
+    level_axis(axes, levels["level_vpp"], analysis.axis)
     axes.set_ylim(-0.03, 1.03)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
     axes.set_ylabel("Detection probability\n(detected / presented)")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -49,27 +48,22 @@ _STYLE: Any = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
-    """A figure that can be drawn, and what it shows, in words for who cannot see it."""
+def in_words(analysis: Analysis, shown: str, where: str) -> str:
+    """Return what a figure shows, in how many panels, and where its numbers stand."""
+    number = analysis.levels["condition"].nunique()
+    each = f", one panel for each of {number} conditions" if number > 1 else ""
+    return f"{shown}{each}; the {where}."
 
-    draw: Callable[[], Figure]
-    alt: str
 
-
-def of_people(number: int) -> str:
+def of_people(people: pd.Series[Any]) -> str:
     """Return whose numbers a figure shows.
 
-    >>> of_people(1), of_people(5)
-    ('of one participant', 'of 5 participants')
+    >>> import pandas as pd
+    >>> of_people(pd.Series(["1", "1"])), of_people(pd.Series(["1", "2"]))
+    ('of one participant', 'of 2 participants')
     """
+    number = people.nunique()
     return "of one participant" if number == 1 else f"of {number} participants"
-
-
-def each_condition(analysis: Analysis) -> str:
-    """Return that there is more than one panel, where there is."""
-    number = analysis.levels["condition"].nunique()
-    return f", one panel for each of {number} conditions" if number > 1 else ""
 
 
 def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:

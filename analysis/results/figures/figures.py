@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analysis.results.figures import confusion, detection, reaction, thresholds
 from analysis.results.figures.drawing import written
@@ -12,16 +13,24 @@ from analysis.results.figures.drawing import written
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from analysis.results.figures.drawing import Prepared
+    from matplotlib.figure import Figure
+
     from analysis.results.tables import Analysis
 
 
-FIGURES: Mapping[str, Callable[[Analysis], Prepared | None]] = MappingProxyType(
+class Drawing(NamedTuple):
+    """How a figure is drawn, and what it shows in words; none where there is nothing to draw."""
+
+    alt: Callable[[Analysis], str]
+    draw: Callable[[Analysis], Figure]
+
+
+FIGURES: Mapping[str, Drawing] = MappingProxyType(
     {
-        "detection": detection.prepared,
-        "thresholds": thresholds.prepared,
-        "confusion": confusion.prepared,
-        "reaction_times": reaction.prepared,
+        "detection": Drawing(detection.alt, detection.draw),
+        "thresholds": Drawing(thresholds.alt, thresholds.draw),
+        "confusion": Drawing(confusion.alt, confusion.draw),
+        "reaction_times": Drawing(reaction.alt, reaction.draw),
     }
 )
 NAMES = tuple(f"{name}.{ending}" for name in FIGURES for ending in ("png", "svg"))
@@ -39,8 +48,8 @@ class Picture:
 
 def pictures(analysis: Analysis) -> Iterator[Picture]:
     """Draw the figures for which an analysis has data, in the order of `FIGURES`."""
-    for name, prepare in FIGURES.items():
-        prepared = prepare(analysis)
-        if prepared is not None:
-            png, svg = written(prepared.draw)
-            yield Picture(name=name, png=png, svg=svg, alt=prepared.alt)
+    for name, drawing in FIGURES.items():
+        alt = drawing.alt(analysis)
+        if alt:
+            png, svg = written(partial(drawing.draw, analysis))
+            yield Picture(name=name, png=png, svg=svg, alt=alt)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analysis.results.figures.drawing import (
     COLOURS,
     GROUP,
-    Prepared,
-    each_condition,
+    in_words,
     key,
     level_axis,
     panels,
@@ -29,38 +27,25 @@ _SIDES = {"left": (GROUP, "o", -4.0), "right": (COLOURS[3], "s", 4.0)}
 _OTHER = ("black", "D", 0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReactionData:
-    """What the figure shows."""
-
-    reaction: pd.DataFrame  # `reaction_table`, at least one row with a time
-    axis: Axis
-    note: str = ""  # for the title; may be empty
-
-
-def prepared(analysis: Analysis) -> Prepared | None:
-    """Return the figure of an analysis that has reaction times."""
+def alt(analysis: Analysis) -> str:
+    """Tell what the figure shows; nothing where there are no reaction times."""
     if not analysis.reaction_times["n"].gt(0).any():
-        return None
-    data = ReactionData(
-        reaction=analysis.reaction_times, axis=analysis.axis, note=analysis.simulated
-    )
-    alt = (
+        return ""
+    shown = (
         "Median reaction time in seconds of correct answers against level, with 10 % and 90 % "
-        f"points, for each side{each_condition(analysis)}; the numbers are in the table of "
-        "reaction times."
+        "points, for each side"
     )
-    return Prepared(draw=lambda: draw(data), alt=alt)
+    return in_words(analysis, shown, "numbers are in the table of reaction times")
 
 
-def draw(data: ReactionData) -> Figure:
+def draw(analysis: Analysis) -> Figure:
     """Draw the median reaction time of each side with its 10 % and 90 % points."""
-    timed = data.reaction[data.reaction["n"].gt(0)]
+    timed = analysis.reaction_times[analysis.reaction_times["n"].gt(0)]
     groups = [(str(name), rows) for name, rows in timed.groupby("condition")]
-    figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), data.note)
+    figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), analysis.simulated)
     longest_s = float(timed["p90"].max())
     for panel, (_, rows) in zip(axes, groups, strict=True):
-        _draw(panel, rows, data.axis)
+        _draw(panel, rows, analysis.axis)
         panel.set_ylim(0, 1.08 * longest_s or 1.0)
     return figure
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from analysis.results.figures.drawing import (
     GROUP,
-    Prepared,
-    each_condition,
+    in_words,
     key,
     level_axis,
     of_people,
@@ -40,17 +39,6 @@ _BEYOND = 0.35
 _POINTED = {BELOW: "<", ABOVE: ">"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ThresholdData:
-    """What the figure shows."""
-
-    thresholds: pd.DataFrame  # `threshold_table`, at least one row
-    groups: pd.DataFrame  # `group_table`
-    participants: pd.DataFrame  # `participants_of`: who was tested at which levels
-    axis: Axis
-    note: str = ""  # for the title; may be empty
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Mark:
     """A line of the figure: a value with its limits, an arrow at an end, or words."""
@@ -64,45 +52,35 @@ class _Mark:
     colour: str
 
 
-def prepared(analysis: Analysis) -> Prepared | None:
-    """Return the figure of an analysis that has thresholds."""
+def alt(analysis: Analysis) -> str:
+    """Tell what the figure shows; nothing where there are no thresholds."""
     if analysis.thresholds.empty:
-        return None
-    data = ThresholdData(
-        thresholds=analysis.thresholds,
-        groups=analysis.groups,
-        participants=analysis.participants,
-        axis=analysis.axis,
-        note=analysis.simulated,
-    )
-    people = of_people(analysis.thresholds["participant"].nunique())
-    alt = (
-        f"Thresholds in {analysis.axis.label} with 95 % intervals, {people}"
-        f"{each_condition(analysis)}; the numbers are in the tables of thresholds."
-    )
-    return Prepared(draw=lambda: draw(data), alt=alt)
+        return ""
+    people = of_people(analysis.thresholds["participant"])
+    shown = f"Thresholds in {analysis.axis.label} with 95 % intervals, {people}"
+    return in_words(analysis, shown, "numbers are in the tables of thresholds")
 
 
-def draw(data: ThresholdData) -> Figure:
+def draw(analysis: Analysis) -> Figure:
     """Draw one line for each participant, and median and mean below.
 
     A threshold outside the tested levels is an arrow at their end; where there is none the reason
     stands in words. Above 60 participants the lines are ordered by threshold and not named.
     """
-    conditions = list(data.groups["condition"])
-    rows = [_rows(data, condition) for condition in conditions]
+    conditions = list(analysis.groups["condition"])
+    rows = [_rows(analysis, condition) for condition in conditions]
     heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in rows]
-    figure, axes = panels(conditions, heights, data.note)
+    figure, axes = panels(conditions, heights, analysis.simulated)
     for panel, each in zip(axes, rows, strict=True):
-        levels_vpp = data.participants["level_vpp"].to_numpy(dtype=float)
-        _draw(panel, each, levels_vpp, data.axis)
+        levels_vpp = analysis.participants["level_vpp"].to_numpy(dtype=float)
+        _draw(panel, each, levels_vpp, analysis.axis)
         key(panel, columns=1)
     return figure
 
 
-def _rows(data: ThresholdData, condition: str) -> list[_Mark]:
-    people = data.thresholds[data.thresholds["condition"].eq(condition)]
-    group = data.groups[data.groups["condition"].eq(condition)].iloc[0]
+def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
+    people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
+    group = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
     if len(people) > _NAMED:
         rank = people["threshold_vpp"].astype(float)
         rank = rank.mask(people["status"].eq(BELOW), -np.inf).mask(
@@ -187,15 +165,8 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
     """Put into the key what the panel has."""
     held = {row.status for row in rows}
     if any(not np.isnan(row.at) and row.colour == _PERSON for row in rows):
-        axes.plot(
-            [],
-            [],
-            color=_PERSON,
-            marker="o",
-            ms=4,
-            lw=1.4,
-            label="threshold, 95 % interval",
-        )
+        told = "threshold, 95 % interval"
+        axes.plot([], [], color=_PERSON, marker="o", ms=4, lw=1.4, label=told)
     for status, words in (
         (BELOW, "below the lowest tested level"),
         (ABOVE, "above the highest tested level"),
@@ -203,12 +174,5 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
         if status in held:
             axes.plot([], [], color=_PERSON, marker=_POINTED[status], ls="", ms=6, label=words)
     if any(row.colour == GROUP for row in rows):
-        axes.plot(
-            [],
-            [],
-            color=GROUP,
-            marker="D",
-            ms=4,
-            lw=1.4,
-            label="group; of a mean, 95 % interval",
-        )
+        told = "group; of a mean, 95 % interval"
+        axes.plot([], [], color=GROUP, marker="D", ms=4, lw=1.4, label=told)
