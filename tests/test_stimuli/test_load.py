@@ -1,45 +1,28 @@
-"""Loads: their units and sizes, and what they refuse."""
+"""Loads: their units and sizes."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-from stimuli import (
-    ForceRectangle,
-    Load,
-    MomentDisc,
-    MomentRectangle,
-    PointForce,
-    PressureDisc,
-    PressureRectangle,
+from stimuli import ForceRectangle, Load, PressureDisc, PressureRectangle
+from tests.test_stimuli.plates import disc, force, patch
+
+ROUND, OBLONG = (0.0064, 0.0064), (0.005, 0.002)
+
+
+@pytest.mark.parametrize(
+    ("load", "unit", "is_moment", "area_m2", "half_size_m"),
+    [
+        (force(), "N", False, 1, (0.0, 0.0)),
+        (disc(kind=PressureDisc), "Pa", False, 1, ROUND),
+        (disc(), "N m/m", True, 1, ROUND),
+        (patch(0.01, 0.004, kind=PressureRectangle), "Pa", False, 1, OBLONG),
+        (patch(0.01, 0.004), "N m/m", True, 1, OBLONG),
+        (patch(0.01, 0.004, kind=ForceRectangle), "N", False, pytest.approx(4e-5), OBLONG),
+    ],
 )
-
-RECTANGLE: dict[str, Any] = {"x_m": 0.0, "y_m": 0.0125, "length_x_m": 0.01, "length_y_m": 0.004}
-DISC: dict[str, Any] = {"x_m": 0.0, "y_m": 0.0125, "radius_m": 0.0064}
-
-ALL: list[Load] = [
-    PointForce(x_m=0.0, y_m=0.0125),
-    PressureDisc(**DISC),
-    MomentDisc(**DISC),
-    PressureRectangle(**RECTANGLE),
-    MomentRectangle(**RECTANGLE),
-    ForceRectangle(**RECTANGLE),
-]
-
-
-def test_every_load_tells_the_unit_of_its_field() -> None:
-    units = [load.unit for load in ALL]
-    assert units == ["N", "Pa", "N m/m", "Pa", "N m/m", "N"]
-    assert [load.is_moment for load in ALL] == [False, False, True, False, True, False]
-
-
-def test_only_a_force_is_spread_over_its_area() -> None:
-    assert [load.area_m2 for load in ALL] == [1, 1, 1, 1, 1, pytest.approx(4e-5, rel=1e-15)]
-
-
-def test_sizes_are_halved_about_the_centre() -> None:
-    sizes = [load.half_size_m for load in ALL]
-    disc, rectangle = (0.0064, 0.0064), (0.005, 0.002)
-    assert sizes == [(0.0, 0.0), disc, disc, rectangle, rectangle, rectangle]
+def test_a_load_tells_its_unit_the_area_of_a_force_and_half_its_size(
+    load: Load, unit: str, is_moment: object, area_m2: object, half_size_m: object
+) -> None:
+    told = (load.unit, load.is_moment, load.area_m2, load.half_size_m)
+    assert told == (unit, is_moment, area_m2, half_size_m)
