@@ -1,9 +1,13 @@
-"""Every range that a section of study.toml states: refused just outside, taken just inside."""
+"""Every range that a section of study.toml states: refused just outside, taken just inside.
+
+What is no number at all is refused in the same words.
+"""
 
 from __future__ import annotations
 
 import base64
 import math
+import re
 from dataclasses import FrozenInstanceError, replace
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -18,15 +22,9 @@ from experiment.study.study import Study
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-DISC = {"side": "left", "x_mm": 0.0, "y_mm": 12.5, "diameter_mm": 5.0}
-RECTANGLE = {
-    "side": "left",
-    "shape": "rectangle",
-    "x_mm": 0.0,
-    "y_mm": 12.5,
-    "length_x_mm": 5.0,
-    "length_y_mm": 5.0,
-}
+PLACE = {"side": "left", "x_mm": 0.0, "y_mm": 12.5}
+DISC = PLACE | {"diameter_mm": 5.0}
+RECTANGLE = PLACE | {"shape": "rectangle", "length_x_mm": 5.0, "length_y_mm": 5.0}
 MEASURED = {"measured_displacement_um": 1.0, "measured_at_vpp": 1.0, "measured_at_hz": 1.0}
 LAYERS = {
     "piezo_thickness_mm": 0.25,
@@ -48,7 +46,8 @@ def companions(section: str, key: str) -> dict[str, Any]:
         groups = {"measured": MEASURED, "piezo": LAYERS, "carrier": LAYERS}
         return DISC | groups.get(key.split("_", maxsplit=1)[0], {})
     if key in {"wanted_level_db", "auto_cycles"}:
-        return {"name": "a", "window": "auto", "wanted_level_db": -30.0}
+        own = {"name": "a"} if section == "condition" else {}
+        return own | {"window": "auto", "wanted_level_db": -30.0}
     if section == "condition" and key == "sample_rate_hz":
         samples = np.array([0.0, 1.0, 0.0], dtype="<f8").tobytes()
         return {"name": "a", "file": "a", "samples_base64": base64.b64encode(samples).decode()}
@@ -104,21 +103,17 @@ def test_a_range_ends_where_its_key_says(
     words: str,
     listed: bool,
 ) -> None:
-    def table(value: float) -> dict[str, Any]:
-        several = [value] * 2 if key == "foreperiod_s" else [value]
-        own = companions(name, key)
-        if name != "condition":
-            own = {other: given for other, given in own.items() if other != "name"}
-        return own | {key: several if listed else value}
+    def table(value: object) -> dict[str, Any]:
+        several = [value] * (2 if key == "foreperiod_s" else 1)
+        return companions(name, key) | {key: several if listed else value}
 
     section_of(name)(**table(inside))
     several = name in {"actuator", "condition"}
-    tables: dict[str, Any] = {name: [table(outside)] if several else table(outside)}
-    with pytest.raises(ValueError, match=" must be ") as caught:
-        Study(**tables)
-    path = f"{name}[0].{key}" if several else f"{name}.{key}"
-    shown = f"{path}[0]" if listed else path
-    assert f"{shown} must be {words}" in str(caught.value)
+    path = (f"{name}[0].{key}" if several else f"{name}.{key}") + ("[0]" if listed else "")
+    for refused in (outside, math.nan, math.inf, True, "9", *([9.0] if "whole" in words else [])):
+        tables: dict[str, Any] = {name: [table(refused)] if several else table(refused)}
+        with pytest.raises(ValueError, match=re.escape(f"{path} must be {words}")):
+            Study(**tables)
 
 
 def test_the_ranges_are_those_of_every_number_that_is_not_a_place() -> None:

@@ -1,0 +1,256 @@
+"""Study files that are refused: in one line, by the key's path, with what is allowed and what came.
+
+That every number is refused just outside its range is shown in test_sections.py.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from experiment.study.read import read_study, study_from_text
+from experiment.study.study import StudyError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture(autouse=True)
+def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(StudyError) as caught:
+        study_from_text(text, "s.toml")
+    message = str(caught.value)
+    assert message.startswith("s.toml:")
+    assert "\n" not in message
+    return message
+
+
+COLUMN = "{name = 'age', description = 'in years'}"
+IDENTIFIER = "{name = 'participant_id', description = 'who'}"
+MISSPELT = "{nme = 'age', name = 'age', description = 'in years'}"
+REPEATED = "{name = 'hand', description = 'preferred', levels = ['left', 'left']}"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("design.levels_vpp", "[60, 60]", "[1] must be a finite number > 60, got 60"),
+        ("design.levels_vpp", "60", " must be a list; got 60"),
+        ("design.levels_vpp", "[]", " must hold at least one level"),
+        ("design.levels_vpp", "[60, 201]", "[1] must be at most device.ceiling_vpp = 200; got 201"),
+        ("design.both_level", "250", " must be at most device.ceiling_vpp = 200; got 250"),
+        ("design.both_level", "'no'", " must be a finite number >= 0.1 or 'random'; got 'no'"),
+        ("design.order", "'shuffled'", " must be 'random' or 'balanced'; got 'shuffled'"),
+        ("design.responses", "['left', 'right', 'both', 'up']", "[3] must be one of"),
+        ("design.responses", "['left', 'right', 'both', 'both']", " must be distinct"),
+        ("design.foreperiod_s", "[2, 1]", "[1] must be a finite number >= 2"),
+        ("design.foreperiod_s", "[1, 2, 3]", " must be a list of 2; got [1, 2, 3]"),
+        ("design.foreperiod_s", "[1]", "[1] is missing"),
+        ("design.audibility_trials", "5", " must be even"),
+        ("burst.frequency_hz", "1" + "0" * 400, " must be a finite number >="),
+        ("burst.window", "'hamming'", " must be 'none', 'hann', 'tukey', 'gaussian' or 'auto'"),
+        ("burst.accept_unfit", "' '", " must be a reason"),
+        ("device.driver", "'x'", " must be 'mock', 'serial', 'generator' or 'audio'; got 'x'"),
+        ("study.name", "2024-01-01", " must be text; got datetime.date(2024, 1, 1)"),
+        ("study.name", "'my study'", " must be 1 to 32"),
+        ("study.consent_version", "''", " must be a name in one line"),
+        ("study.consent_version", "2", " must be text; got 2"),
+        ("strip", "5", " must be a table; got 5"),
+        ("masking.measured_level_dba", "76", " must be a finite number >= 0 and <= 75, got 76"),
+        ("masking.sound_card", '"a\\tb"', " must be a name in one line"),
+        ("screen.full_screen", "1", " must be true or false; got 1"),
+        ("screen.font", "''", " must be a name"),
+        ("keys.left", "'left'", " must be a list; got 'left'"),
+        ("keys.left", "[]", " must have at least one key"),
+        ("keys.right", "['left']", " must have keys without another meaning; got left, which"),
+        ("keys.left", "['a', 'a']", " must have keys without another meaning; got a, which"),
+        ("keys.left", "['enter']", "[0] must be a key's name"),
+        ("keys.left", "['A']", "[0] must be a key's name"),
+        ("keys.left", "[',']", "[0] must be a key's name"),
+        ("texts.welcome", "' '", " must hold something to read"),
+        ("texts.welcome", '"a\\u0007"', " must have no control characters"),
+        ("texts.welcome", "'{done}'", " must have no braces"),
+        ("texts.rest", "'{minutes}'", " may hold {done}, {planned}, {seconds}"),
+        ("texts.paused", "'{seconds}'", " may hold {done}, {planned}, and other"),
+        ("texts.rest", "'{done'", " may hold"),
+        ("texts.rest", "'{}'", " may hold"),
+        ("texts.rest", "'{done!r}'", " may hold"),
+        ("texts.rest", "'{done:9}'", " may hold"),
+        ("participants.columns", "[{name = 'a'}]", "[0].description is missing"),
+        ("participants.columns", f"[{IDENTIFIER}]", "[0].name must be 1 to 64 of a-z 0-9 _"),
+        ("participants.columns", f"[{COLUMN}, {COLUMN}]", " must have distinct names"),
+        ("participants.columns", f"[{REPEATED}]", "[0].levels must be distinct"),
+        ("dataset.license", "''", " must be one line of text"),
+        ("dataset.authors", "'A'", " must be a list"),
+        ("dataset.authors", "['A', '']", "[1] must be one line of text"),
+        ("condition", "[{name = 'a/b'}]", "[0].name must be 1 to 32"),
+        ("condition", "[{name = 'a', window = 'auto'}]", "[0].wanted_level_db is missing; window"),
+        ("condition", "[{name = 'a', auto_cycles = 2}]", "[0].auto_cycles and auto_window are for"),
+        ("condition", "[{name = 'a', file = 'a.wav', cycles = 2}]", "[0].cycles and file exclude"),
+        ("condition", "[{name = 'a', sample_rate_hz = 1e4}]", "[0].samples_base64 is missing"),
+        ("actuator", "{side = 'left'}", " must be given as [[actuator]]"),
+        ("actuator", "[{side = 'left'}]", "[0].x_mm is missing"),
+    ],
+)
+def test_a_key_is_refused_by_its_path(key: str, value: str, said: str) -> None:
+    assert refusal(f"{key} = {value}").startswith(f"s.toml: {key}{said}")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("design.trails_per_side = 60", "design.trails_per_side; did you mean trials_per_side?"),
+        ("[desing]", "desing; did you mean design?"),
+        ("study.qqq = 1", "study.qqq"),
+        ("self = 1", "self"),
+        ("design.__dataclass_self__ = 1", "design.__dataclass_self__"),
+        ("condition = [{name = 'a', cycle = 1}]", "condition[0].cycle; did you mean cycles?"),
+        ("screen.width = 1", "screen.width; did you mean width_px?"),
+        ("texts.welcom = 'a'", "texts.welcom; did you mean welcome?"),
+        (f"participants.columns = [{MISSPELT}]", "participants.columns[0].nme; did you mean name?"),
+    ],
+)
+def test_an_unknown_key_is_refused_by_name_with_the_nearest_one(text: str, said: str) -> None:
+    assert refusal(text) == f"s.toml: unknown key {said}"
+
+
+def array(left: str = "", more: str = "") -> str:
+    """Two discs, of which the left one may have more keys, and what else lies on the strip."""
+    disc = "{{side = '{}', x_mm = {}, diameter_mm = 12.8{}}}"
+    return f"actuator = [{disc.format('left', -35, left)}, {disc.format('right', 35, '')}{more}]"
+
+
+def other(name: str, x_mm: float) -> str:
+    return f", {{side = 'other', name = '{name}', x_mm = {x_mm}, diameter_mm = 10}}"
+
+
+def side(*names: str) -> str:
+    discs = (
+        f"{{side = '{name}', x_mm = {20 * i}, diameter_mm = 5}}" for i, name in enumerate(names)
+    )
+    return f"actuator = [{', '.join(discs)}]"
+
+
+PIEZO = (
+    ", piezo_thickness_mm = 0.25, piezo_youngs_modulus_gpa = 62, piezo_poisson_ratio = 0.34"
+    ", piezo_d31_pm_v = -180"
+)
+MEASURED = ", measured_displacement_um = 2.6, measured_at_vpp = 100, measured_at_hz = 300"
+CARRIER = (
+    ", carrier_thickness_mm = 1, carrier_youngs_modulus_gpa = 105, carrier_poisson_ratio = 0.35"
+)
+RECTANGLE = ", shape = 'rectangle', length_x_mm = 6, length_y_mm = 18"
+MOTOR = ", shape = 'motor', length_x_mm = 8, length_y_mm = 6"
+
+
+def cut(keys: str, key: str) -> str:
+    """Leave out a key and those after it."""
+    return keys.partition(f", {key} ")[0]
+
+
+def without_diameter(left: str) -> str:
+    return array(left).replace(", diameter_mm = 12.8", "", 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        # the design
+        ("design.responses = ['left', 'right']", "missing both"),
+        ("design.responses = ['left', 'both']", "missing right"),
+        ("design.blank_trials = 10", "missing none"),
+        ("design = {order = 'balanced', trials_per_side = 76}", "multiple of the number of level"),
+        # the strip
+        ("strip.width_mm = 30", "strip.measured_cutoff_hz is missing"),
+        ("strip = {edge = 'clamped', measured_cutoff_hz = 9}", "only; got edge = clamped"),
+        ("strip.measured_cutoff_hz = 5000", "strip, 1926.031369 Hz, and below that of the clamped"),
+        ("strip.measured_cutoff_hz = 5000", "the clamped one, 4366.096943 Hz, got 5000"),
+        ("strip.edge = 'elastic'", "strip.edge_stiffness_n is missing"),
+        # where the actuators lie
+        (array(", y_mm = 5"), "from y = 0 mm to 25 mm; got a disc from -1.4 mm to 11.4 mm"),
+        (array().replace("-35", "-99"), "from x = -100 mm to 100 mm; got a disc from -105.4 mm to"),
+        (array().replace("-35", "30"), "right one begins at 28.6 mm; got an end at 36.4 mm"),
+        (array().replace("-35", "60"), "right one begins at 28.6 mm; got an end at 66.4 mm"),
+        (array(more=other("a", 30)), "the actuators right and a must not overlap"),
+        (array(more=other("a", 0) + other("b", 5)), "the actuators a and b must not overlap"),
+        (array(more=other("a", 99)), "the a actuator must lie on the strip"),
+        # which they are
+        (side("left"), "left and right, each once"),
+        (side("left", "left"), "left and right, each once"),
+        (side("left", "right", "right"), "left and right, each once"),
+        (array(more=other("a", 0) + other("a", 60)), "names must be distinct; got a, a"),
+        (array(more=other("left", 0)), "actuator[2].name must be 1 to 32"),
+        (array(more=other("a b", 0)), "actuator[2].name must be 1 to 32"),
+        (array(more=other("a", 0)).replace(" name = 'a',", ""), "name must be given where side is"),
+        (array(", name = 'a'"), "[0].name must be given where side is other, and only there"),
+        # their shape, and what they do
+        (array(RECTANGLE), "for shape = disc only"),
+        (without_diameter(cut(RECTANGLE, "length_y_mm")), "[0].length_y_mm is missing"),
+        (without_diameter(MOTOR + PIEZO), "piezo_thickness_mm is for patches only"),
+        (array(cut(MEASURED, "measured_at_hz")), "[0].measured_at_hz is missing; measured_displ"),
+        (array(", measured_at_hz = 9"), "measured_displacement_um is missing; measured_at_hz ne"),
+        (array(cut(PIEZO, "piezo_d31_pm_v")), "actuator[0].piezo_d31_pm_v is missing"),
+        (array(PIEZO.replace("-180", "0")), "actuator[0].piezo_d31_pm_v must not be 0"),
+        (array(PIEZO + MEASURED), "displacement_um and piezo_thickness_mm exclude each other; got"),
+        (array(CARRIER), "[0].piezo_thickness_mm is missing; carrier_thickness_mm needs it"),
+        (array(PIEZO + ", carrier_thickness_mm = 1"), "carrier_youngs_modulus_gpa is missing"),
+        # what is felt
+        ("simulation = {threshold_um = 1, threshold_vpp = 58}", "threshold_vpp exclude each other"),
+        (f"simulation.threshold_um = 1\n{array(PIEZO)}", "threshold_um needs the displacement or"),
+        # the stimuli
+        ("burst.cycles = 2000", "must last at most design.response_window_s = 3; got 4 s"),
+        ("burst = {file = 'a.wav', cycles = 2}", "burst.cycles and file exclude each other"),
+        ("burst.file = 'a.wav'", "a.wav: No such file"),
+        ("burst.file = 'a.mp3'", "a.mp3: must be a .wav or .csv file"),
+        ("burst.window = 'auto'", "burst.wanted_level_db is missing; window = auto needs it"),
+        ("burst.wanted_level_db = -30", "burst.wanted_level_db is for window = auto only"),
+        (
+            "burst.file = 'a'\ncondition = [{name = 'a', cycles = 2}]",
+            "; [burst] has a file instead",
+        ),
+        ("condition = [{name = 'a'}, {name = 'a'}]", "condition names must be distinct"),
+        ("condition = []", "condition names must be distinct, at least one"),
+        # the text itself
+        ("burst.frequency_hz = 0x1" + "0" * 6000, "got a number of thousands of digits"),
+        ("[design]\nlevels_vpp = [60,\n\nx", "s.toml:4: "),
+        ("[design]\nlevels_vpp = [60,\n", "s.toml:3: "),
+        ("[a]\n[a]\n", "s.toml:2: "),
+        ("x = " + "[" * 9999, "s.toml: nested too deeply"),
+    ],
+)
+def test_a_study_that_contradicts_itself_is_refused_in_one_line(text: str, said: str) -> None:
+    assert said in refusal(text)
+
+
+def test_several_faults_stand_in_one_line() -> None:
+    message = refusal("[design]\na = 1\nb = 2\norder = 3\n[study]\nname = 4\n")
+    assert message.count(";") >= 3
+    assert message.endswith("and 1 more")
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"\xef\xbb\xbf[study]\n", "byte order mark"),
+        ("[study]\n# \xe9\n".encode("latin-1"), "s.toml:2: must be UTF-8"),
+        ("[study]".encode("utf-16"), "must be UTF-8"),
+    ],
+)
+def test_a_file_in_another_encoding_is_one_clear_line(
+    tmp_path: Path, data: bytes, said: str
+) -> None:
+    (tmp_path / "s.toml").write_bytes(data)
+    with pytest.raises(StudyError, match=said):
+        read_study(tmp_path / "s.toml")
+
+
+def test_a_file_that_is_none_is_one_clear_line(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match="No such file"):
+        read_study(tmp_path / "missing.toml")
+    with pytest.raises(StudyError, match="directory"):
+        read_study(tmp_path)
