@@ -44,16 +44,10 @@ if TYPE_CHECKING:
 
 
 def trial(number: int, block: int = 1, kind: str = "single", side: str = "left") -> Trial:
-    level_vpp = None if kind == "blank" else 100.0
     return Trial(
-        number=number,
-        block=block,
-        condition="main",
-        kind=kind,
-        side=side,
-        level_vpp=level_vpp,
+        number=number, block=block, condition="main", kind=kind, side=side, level_vpp=100.0,
         foreperiod_s=1.0,
-    )
+    )  # fmt: skip
 
 
 def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) -> SessionState:
@@ -73,49 +67,38 @@ def follow(state: SessionState, events: Iterable[Happening]) -> tuple[SessionSta
     return state, effects
 
 
-FELT: tuple[Happening, ...] = (Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.FIRED)
+ARMED: tuple[Happening, ...] = (Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED)
+FELT = (*ARMED, Event.FIRED)
+GREETED: tuple[Happening, ...] = (Event.SITTING_DUE, Event.CONTINUED, Event.PART_DUE)
+TASK = Task(trial(1), 1)
+
+
+def ok(response: str, rt_s: float | None = None, *, anticipated: bool = False) -> EndTrial:
+    """The first trial, done."""
+    return EndTrial(task=TASK, status="ok", response=response, rt_s=rt_s, anticipated=anticipated)
 
 
 def test_a_sitting_begins_with_the_welcome_the_part_and_no_noise_to_repair() -> None:
-    state = SessionState(
-        pending=(Task(trial(1), 1),), keep_anticipated=False, response_window_s=3.0
-    )
+    state = SessionState(pending=(TASK,), keep_anticipated=False, response_window_s=3.0)
     assert upcoming(state) == Event.SITTING_DUE
-    state, effects = follow(
-        state,
-        [Event.SITTING_DUE, Event.CONTINUED, Event.PART_DUE, Event.CONTINUED, Event.TRIAL_DUE],
-    )
-    task = Task(trial(1), 1)
-    assert effects == [Greet(), Introduce(SessionPart.MAIN), OpenBlock(task), Cue(task), Wait(task)]
-
-
-def test_a_pause_with_the_noise_as_it_was_does_not_start_it_again() -> None:
-    state = SessionState(
-        pending=(Task(trial(1), 1),), keep_anticipated=False, response_window_s=3.0
-    )
-    paused, _ = follow(state, [Event.PAUSE_ASKED])
+    paused, _ = step(state, Event.PAUSE_ASKED)
     assert step(paused, Event.CONTINUED)[1] == ()
+    _, effects = follow(state, [*GREETED, Event.CONTINUED, Event.TRIAL_DUE])
+    assert effects == [Greet(), Introduce(SessionPart.MAIN), OpenBlock(TASK), Cue(TASK), Wait(TASK)]
 
 
-def test_a_trial_goes_from_cue_to_answer_and_ends_ok() -> None:
-    state, effects = follow(ready(trial(1)), [*FELT, Key("left", 0.5)])
-    task = Task(trial(1), 1)
-    assert effects == [
-        OpenBlock(task),
-        Cue(task),
-        Wait(task),
-        ArmStimulus(task),
-        FireStimulus(task),
-        Listen(task, 3.0),
-        EndTrial(task=task, status="ok", response="left", rt_s=0.5),
-    ]
-    assert state.pending == ()
+def test_the_first_trial_that_is_due_goes_from_cue_to_answer_and_ends_ok() -> None:
+    state, effects = follow(ready(trial(1), trial(2), trial(3)), [*FELT, Key("left", 0.5)])
+    before = [OpenBlock(TASK), Cue(TASK), Wait(TASK), ArmStimulus(TASK)]
+    assert effects == [*before, FireStimulus(TASK), Listen(TASK, 3.0), ok("left", 0.5)]
+    assert [task.trial.number for task in state.pending] == [2, 3]
+
+
+@pytest.mark.parametrize("late", [Event.ELAPSED, Key("left", 3.01)])
+def test_no_answer_in_time_is_an_ok_trial_with_a_timeout(late: Happening) -> None:
+    state, effects = follow(ready(trial(1)), [*FELT, late])
+    assert effects[-1] == ok("timeout")
     assert upcoming(state) == Event.NOTHING_LEFT
-
-
-def test_no_answer_in_time_is_an_ok_trial_with_a_timeout() -> None:
-    _, effects = follow(ready(trial(1)), [*FELT, Event.ELAPSED])
-    assert effects[-1] == EndTrial(task=Task(trial(1), 1), status="ok", response="timeout")
 
 
 def test_a_practice_answer_is_told_right_or_wrong() -> None:
@@ -138,9 +121,9 @@ def test_a_practice_answer_is_told_right_or_wrong() -> None:
         ([*FELT, Event.STOP_ASKED], "voided"),
         ([Event.TRIAL_DUE, Event.STOP_ASKED], "aborted"),
         ([Event.TRIAL_DUE, Event.ELAPSED, Event.DEVICE_FAILED], "device_error"),
-        ([Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.NOT_FIRED], "device_error"),
-        ([Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.FIRED_PERHAPS], "indeterminate"),
-        ([Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.DEVICE_FAILED], "indeterminate"),
+        ([*ARMED, Event.NOT_FIRED], "device_error"),
+        ([*ARMED, Event.FIRED_PERHAPS], "indeterminate"),
+        ([*ARMED, Event.DEVICE_FAILED], "indeterminate"),
     ],
 )
 def test_a_trial_without_a_valid_answer_is_recorded_and_put_at_the_end_of_its_block(
@@ -152,29 +135,10 @@ def test_a_trial_without_a_valid_answer_is_recorded_and_put_at_the_end_of_its_bl
     assert [(t.trial.number, t.attempt) for t in state.pending] == [(2, 1), (1, 2), (3, 1)]
 
 
-def test_what_is_done_in_a_trial_is_done_for_the_first_that_is_due() -> None:
-    task = Task(trial(1), 1)
-    _, effects = follow(ready(trial(1), trial(2), trial(3)), FELT)
-    assert effects == [
-        OpenBlock(task),
-        Cue(task),
-        Wait(task),
-        ArmStimulus(task),
-        FireStimulus(task),
-        Listen(task, 3.0),
-    ]
-
-
 @pytest.mark.parametrize("rt_s", [EARLIEST_ANSWER_S, 3.0])
 def test_an_answer_at_the_earliest_and_at_the_last_moment_counts(rt_s: float) -> None:
     _, effects = follow(ready(trial(1)), [*FELT, Key("left", rt_s)])
-    assert isinstance(effects[-1], EndTrial)
-    assert (effects[-1].status, effects[-1].response) == ("ok", "left")
-
-
-def test_an_answer_after_the_window_is_a_timeout() -> None:
-    _, effects = follow(ready(trial(1)), [*FELT, Key("left", 3.01)])
-    assert effects[-1] == EndTrial(task=Task(trial(1), 1), status="ok", response="timeout")
+    assert effects[-1] == ok("left", rt_s)
 
 
 def test_practice_goes_over_into_the_first_block_without_a_break() -> None:
@@ -187,22 +151,10 @@ def test_practice_goes_over_into_the_first_block_without_a_break() -> None:
 
 def test_a_study_may_keep_an_anticipated_trial_and_flag_it() -> None:
     state = ready(trial(1), keep_anticipated=True)
-    early: list[Happening] = [
-        Event.TRIAL_DUE,
-        Key("left", None),
-        Event.ELAPSED,
-        Event.ARMED,
-        Event.FIRED,
-        Key("right", 0.6),
-    ]
-    _, effects = follow(state, early)
-    assert effects[-1] == EndTrial(
-        task=Task(trial(1), 1), status="ok", response="right", rt_s=0.6, anticipated=True
-    )
+    _, effects = follow(state, [FELT[0], Key("left", None), *FELT[1:], Key("right", 0.6)])
+    assert effects[-1] == ok("right", 0.6, anticipated=True)
     _, effects = follow(state, [*FELT, Key("left", 0.05)])
-    assert effects[-1] == EndTrial(
-        task=Task(trial(1), 1), status="ok", response="left", rt_s=0.05, anticipated=True
-    )
+    assert effects[-1] == ok("left", 0.05, anticipated=True)
 
 
 def test_an_early_key_does_not_mark_the_next_trial() -> None:
@@ -234,7 +186,7 @@ def test_the_outputs_are_put_to_zero_before_a_session_is_closed() -> None:
         [Event.STOP_ASKED],
         [*FELT, Event.STOP_ASKED],
         [Event.TRIAL_DUE, Event.PAUSE_ASKED, Event.STOP_ASKED],
-        [Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.DEVICE_FAILED],
+        [*ARMED, Event.DEVICE_FAILED],
     ]
     for events in ways:
         state, effects = follow(ready(trial(1)), events)
@@ -253,7 +205,7 @@ def test_stimuli_that_fail_again_and_again_stop_the_session(failed: Event, statu
     effects: list[Effect] = []
     for _ in range(MOST_FAILURES):
         assert state.phase is Phase.READY
-        state, new = follow(state, [Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, failed])
+        state, new = follow(state, [*ARMED, failed])
         effects += new
     assert state.phase is Phase.STOPPED
     statuses = [effect.status for effect in effects if isinstance(effect, EndTrial)]
@@ -261,7 +213,7 @@ def test_stimuli_that_fail_again_and_again_stop_the_session(failed: Event, statu
 
 
 def test_a_stimulus_that_went_out_forgives_earlier_failures() -> None:
-    failed = [Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED, Event.NOT_FIRED]
+    failed = [*ARMED, Event.NOT_FIRED]
     state, _ = follow(ready(trial(1), trial(2)), [*failed, *failed, *FELT])
     assert state.failures == 0
 
@@ -314,7 +266,7 @@ def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
     warm_up = Task(trial(9, block=0, kind="practice"), 1, warm_up=True)
     state = ready(trial(1, block=0, kind="practice"), trial(2))
     state = replace(state, pending=(warm_up, *state.pending), greeted=False)
-    state, _ = follow(state, [Event.SITTING_DUE, Event.CONTINUED, Event.PART_DUE, Event.CONTINUED])
+    state, _ = follow(state, [*GREETED, Event.CONTINUED])
     assert state.part is SessionPart.WARM_UP
     state, _ = follow(state, [*FELT, Key("left", 0.05)])
     assert [task.trial.number for task in state.pending] == [9, 1, 2]
@@ -329,10 +281,10 @@ def test_nobody_is_welcomed_where_nothing_is_left() -> None:
     assert not any(isinstance(effect, Greet | Introduce) for effect in effects)
 
 
-@pytest.mark.parametrize(
-    "before", [[Event.SITTING_DUE], [Event.SITTING_DUE, Event.CONTINUED, Event.PART_DUE]]
-)
-def test_a_session_may_be_stopped_before_its_first_trial(before: list[Happening]) -> None:
+@pytest.mark.parametrize("before", [GREETED[:1], GREETED])
+def test_a_session_may_be_stopped_before_its_first_trial(
+    before: tuple[Happening, ...],
+) -> None:
     state, effects = follow(ready(trial(1), greeted=False), [*before, Event.STOP_ASKED])
     assert state.phase is Phase.STOPPED
     assert effects[-2:] == [CloseSession(finished=False), Farewell(finished=False)]
@@ -359,26 +311,9 @@ def test_lost_noise_pauses_until_it_was_started_again(events: list[Happening]) -
     assert effects == [Rest(paused=True)]
 
 
-EVENTS: list[Happening] = [
-    Event.SITTING_DUE,
-    Event.PART_DUE,
-    Event.TRIAL_DUE,
-    Event.PRACTICE_OVER,
-    Event.BREAK_DUE,
-    Event.NOTHING_LEFT,
-    Event.ELAPSED,
-    Key("left", 0.5),
-    Key("left", None),
-    Event.ARMED,
-    Event.FIRED,
-    Event.NOT_FIRED,
-    Event.FIRED_PERHAPS,
-    Event.DEVICE_FAILED,
-    Event.NOISE_LOST,
-    Event.PAUSE_ASKED,
-    Event.CONTINUED,
-    Event.STOP_ASKED,
-]
+KEYS = (Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_KEPT)
+EVENTS: list[Happening] = [e for e in Event if e not in {*KEYS, Event.NOT_FIRED_AGAIN}]
+EVENTS += [Key("left", 0.5), Key("left", None)]
 
 
 def word(event: Happening, early: Event = Event.EARLY_KEY) -> Event:
@@ -388,7 +323,7 @@ def word(event: Happening, early: Event = Event.EARLY_KEY) -> Event:
     return early if event.rt_s is None else Event.KEY
 
 
-@pytest.mark.parametrize("event", [Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_KEPT])
+@pytest.mark.parametrize("event", KEYS)
 def test_a_key_without_response_and_time_is_refused(event: Event) -> None:
     state, _ = follow(ready(trial(1)), FELT)
     with pytest.raises(IllegalStepError, match="with response and time"):
@@ -416,11 +351,7 @@ def test_an_event_outside_the_table_is_refused_and_changes_nothing(
     phase: Phase, event: Happening
 ) -> None:
     state = SessionState(
-        pending=(Task(trial(1), 1),),
-        keep_anticipated=True,
-        response_window_s=3.0,
-        phase=phase,
-        block=1,
+        pending=(TASK,), keep_anticipated=True, response_window_s=3.0, phase=phase, block=1
     )
     before = repr(state)
     if (phase, word(event, early=Event.EARLY_KEY_KEPT)) in TRANSITIONS:
@@ -438,14 +369,13 @@ def test_whatever_happens_every_trial_ends_and_ok_comes_once_for_each(data: st.D
     state = ready(*(trial(n, block=1 + n // 4) for n in range(1, 9)), greeted=False)
     ends: list[EndTrial] = []
     cued = 0
+    event: Happening
     for _ in range(400):
         if state.phase in {Phase.FINISHED, Phase.STOPPED}:
             break
         if state.phase is Phase.READY:
-            asked = data.draw(
-                st.sampled_from([None, None, None, Event.PAUSE_ASKED, Event.NOISE_LOST])
-            )
-            event: Happening = asked or upcoming(state)
+            due = upcoming(state)
+            event = data.draw(st.sampled_from([due] * 3 + [Event.PAUSE_ASKED, Event.NOISE_LOST]))
         else:
             known = {kind for at, kind in TRANSITIONS if at is state.phase}
             event = data.draw(st.sampled_from([e for e in EVENTS if word(e) in known]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,15 +27,18 @@ from experiment.trial.draw import draw_plan
 from experiment.trial.plan import PlanError, plan_from_json
 from stimuli import MomentDisc, Scene, displacement
 
-if TYPE_CHECKING:
-    from experiment.study.study import Study
-
-SHORT = "[design]\nlevels_vpp = [80, 160]\ntrials_per_side = 2\nboth_trials = 1\n"
-MEASURED = "measured_displacement_um = {um}\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n"
+MEASURED = "measured_displacement_um = {}\nmeasured_at_vpp = 100\nmeasured_at_hz = {}\n"
+KNOWN = MEASURED.format(2.6, 300)
 LAYERS = (
     "piezo_thickness_mm = 0.25\npiezo_youngs_modulus_gpa = 62.1\npiezo_poisson_ratio = 0.34\n"
     "piezo_d31_pm_v = -180\n"
 )
+MATRIX = {
+    "condition": "main",
+    "actuators": ("left", "right"),
+    "bases": (None, None),
+    "per_vpp": ((1.0, 0.1), (0.1, 1.0)),
+}
 
 
 def discs(left: str = "", right: str = "", more: str = "") -> str:
@@ -87,11 +90,9 @@ def test_a_matrix_of_known_displacements_is_in_um_and_takes_the_weaker_basis() -
         bases=("measured", "predicted", None),
         per_vpp=((0.03, 0.002, 0.1), (0.001, 0.02, 0.2), (0.1, 0.1, 1.0)),
     )
+    bases = ("measured", "predicted")
     assert matrix.fingers() == FingerGains(
-        left=(0.03, 0.002),
-        right=(0.001, 0.02),
-        basis="predicted",
-        bases=("measured", "predicted"),
+        left=(0.03, 0.002), right=(0.001, 0.02), basis="predicted", bases=bases
     )
     assert replace(matrix, bases=("measured", "measured", None)).fingers().basis == "measured"
     assert matrix.level_db(1, 0) == pytest.approx(20 * math.log10(1 / 30))
@@ -99,13 +100,9 @@ def test_a_matrix_of_known_displacements_is_in_um_and_takes_the_weaker_basis() -
 
 
 def test_without_one_displacement_the_matrix_of_the_fingers_is_relative() -> None:
-    matrix = ConditionGains(
-        condition="main",
-        actuators=("left", "right"),
-        bases=("measured", None),
-        per_vpp=((0.02, 0.1), (0.001, 1.0)),
-    )
-    fingers = matrix.fingers()
+    fingers = gains_from_json(
+        MATRIX | {"bases": ("measured", None), "per_vpp": ((0.02, 0.1), (0.001, 1.0))}
+    ).fingers()
     assert fingers == FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None)
     assert fingers.peaks_um(100.0, 0.0) is None
 
@@ -132,42 +129,27 @@ def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> No
     ],
 )
 def test_an_impossible_matrix_is_refused_by_name(changed: dict[str, object], said: str) -> None:
-    whole = {
-        "condition": "main",
-        "actuators": ("left", "right"),
-        "bases": (None, None),
-        "per_vpp": ((1.0, 0.1), (0.1, 1.0)),
-    }
     with pytest.raises(ValueError, match=said):
-        gains_from_json(whole | changed)
+        gains_from_json(MATRIX | changed)
 
 
 # --- how it is computed ---------------------------------------------------------------------------
 
 
-def test_the_papers_two_discs_are_mirror_images(paper: ConditionGains) -> None:
+def test_the_paper_plate_is_even_and_masks_the_other_finger(paper: ConditionGains) -> None:
     (ll, lr), (rl, rr) = paper.per_vpp
     assert (ll, lr) == (rr, rl)
-    assert paper.bases == ("measured", "measured")
-    assert paper.actuators == ("left", "right")
-
-
-def test_the_papers_burst_does_about_what_the_measured_sine_did(paper: ConditionGains) -> None:
+    assert (paper.actuators, paper.bases) == (("left", "right"), ("measured", "measured"))
     # 2.6 um of amplitude at 100 Vpp and 300 Hz (paper, section III-B): the plate follows its load
     # up to a few hundred hertz, so the burst of 500 Hz moves it by a few per cent more
-    assert 1.0 < paper.per_vpp[0][0] * 100.0 / 2.6 < 1.1
-
-
-def test_the_other_finger_of_the_paper_is_masked(paper: ConditionGains) -> None:
+    assert 1.0 < ll * 100.0 / 2.6 < 1.1
     # 31.9 dB is the drop 70 mm away at one point, peak to peak; peaks over an area differ a little
     assert -35.0 < paper.level_db(1, 0) < -26.0
 
 
 @pytest.mark.slow
 def test_gains_are_proportional_to_what_was_measured() -> None:
-    weak, strong = (
-        gains_of(discs(MEASURED.format(um=um), MEASURED.format(um=2.6))) for um in (1.3, 2.6)
-    )
+    weak, strong = gains_of(discs(MEASURED.format(1.3, 300), KNOWN)), gains_of(discs(KNOWN, KNOWN))
     assert strong.per_vpp[0][0] == pytest.approx(2 * weak.per_vpp[0][0], rel=1e-3)
     assert strong.per_vpp[1][0] == pytest.approx(2 * weak.per_vpp[1][0], rel=1e-3)
     assert strong.level_db(1, 0) == pytest.approx(weak.level_db(1, 0), abs=0.02)
@@ -177,8 +159,8 @@ def test_gains_are_proportional_to_what_was_measured() -> None:
 @pytest.mark.slow
 def test_a_slow_measurement_is_the_static_displacement_of_a_slow_burst() -> None:
     # far below the cut-off the plate follows the drive: the peak is that of the sine
-    text = discs(MEASURED.format(um=2.6), MEASURED.format(um=2.6)).replace("_hz = 300", "_hz = 50")
-    gains = gains_of(text + "[burst]\nfrequency_hz = 50\nwindow = 'hann'\n")
+    slow = MEASURED.format(2.6, 50)
+    gains = gains_of(discs(slow, slow) + "[burst]\nfrequency_hz = 50\nwindow = 'hann'\n")
     assert gains.per_vpp[0][0] * 100.0 == pytest.approx(2.6, rel=1e-2)
 
 
@@ -213,9 +195,8 @@ def test_a_window_quiets_the_other_finger(paper: ConditionGains) -> None:
 
 @pytest.mark.slow
 def test_a_third_actuator_changes_nothing_for_the_two(paper: ConditionGains) -> None:
-    known = MEASURED.format(um=2.6)
     more = '[[actuator]]\nside = "other"\nname = "mid"\nx_mm = 0\ndiameter_mm = 10\n'
-    gains = gains_of(discs(known, known, more))
+    gains = gains_of(discs(KNOWN, KNOWN, more))
     assert gains.actuators == ("left", "right", "mid")
     assert [row[:2] for row in gains.per_vpp[:2]] == [
         pytest.approx(row, rel=1e-3) for row in paper.per_vpp
@@ -228,7 +209,7 @@ def test_a_third_actuator_changes_nothing_for_the_two(paper: ConditionGains) -> 
 def test_a_motor_pushes_and_its_measured_displacement_counts() -> None:
     motor = (
         '[[actuator]]\nside = "{}"\nshape = "motor"\nx_mm = {}\nlength_x_mm = 8\nlength_y_mm = 8\n'
-        + MEASURED.format(um=5)
+        + MEASURED.format(5, 300)
     )
     gains = gains_of(motor.format("left", -35) + motor.format("right", 35))
     assert gains.bases == ("measured", "measured")
@@ -237,15 +218,14 @@ def test_a_motor_pushes_and_its_measured_displacement_counts() -> None:
 
 @pytest.mark.slow
 def test_a_wider_fingertip_feels_at_least_as_much(paper: ConditionGains) -> None:
-    known = MEASURED.format(um=2.6)
-    wide = gains_of(discs(known + "finger_diameter_mm = 16\n", known))
+    wide = gains_of(discs(KNOWN + "finger_diameter_mm = 16\n", KNOWN))
     assert wide.per_vpp[0][0] >= paper.per_vpp[0][0]
     assert wide.per_vpp[0][1] > paper.per_vpp[0][1]
     assert wide.per_vpp[1] == pytest.approx(paper.per_vpp[1], rel=1e-3)
 
 
 def test_a_displacement_measured_above_the_cutoff_tells_no_load() -> None:
-    text = discs(MEASURED.format(um=2.6), MEASURED.format(um=2.6)).replace("= 300", "= 3000")
+    text = discs(MEASURED.format(2.6, 3000), KNOWN)
     with pytest.raises(StudyError, match="displacement of the left actuator: frequency_hz must"):
         study_gains(study_from_text(text, "s.toml"))
 
@@ -286,33 +266,38 @@ def test_the_field_that_the_measured_value_is_tied_to_is_that_of_the_disc() -> N
 # --- sealed into the plan -------------------------------------------------------------------------
 
 
-def sealed(study: Study, gains: tuple[ConditionGains, ...]) -> str:
-    return draw_plan(study, participant="01", session="01", seed=1, gains=gains).to_json()
+@pytest.fixture
+def contents(paper: ConditionGains) -> dict[str, Any]:
+    """What a sealed plan holds."""
+    study = study_from_text("[design]\ntrials_per_side = 2\nboth_trials = 1\n", "s.toml")
+    plan = draw_plan(study, participant="01", session="01", seed=1, gains=(paper,))
+    read: dict[str, Any] = json.loads(plan.to_json())
+    return read
 
 
-def test_a_plan_keeps_its_matrix_to_the_last_digit(paper: ConditionGains) -> None:
-    plan = plan_from_json(sealed(study_from_text(SHORT, "s.toml"), (paper,)))
+def test_a_plan_keeps_its_matrix_to_the_last_digit(
+    contents: dict[str, Any], paper: ConditionGains
+) -> None:
+    plan = plan_from_json(json.dumps(contents))
     assert plan.gains == (paper,)
     assert plan.gains_of("main") == paper.fingers()
     assert plan.gains_of("unknown") == OWN_FINGER_ONLY
 
 
-def test_a_changed_matrix_breaks_the_seal(paper: ConditionGains) -> None:
-    contents = json.loads(sealed(study_from_text(SHORT, "s.toml"), (paper,)))
+def test_a_changed_matrix_breaks_the_seal(contents: dict[str, Any]) -> None:
     contents["gains"][0]["per_vpp"][0][0] *= 2
     with pytest.raises(PlanError, match="changed after it was sealed"):
         plan_from_json(json.dumps(contents))
 
 
 def test_a_plan_without_a_matrix_says_so() -> None:
-    text = sealed(study_from_text(SHORT, "s.toml"), ())
+    text = draw_plan(paper_study(), participant="01", session="01", seed=1, gains=()).to_json()
     assert json.loads(text)["gains"] == []
     assert plan_from_json(text).gains == ()
 
 
 @pytest.mark.parametrize("schema", [1, 2, 4])
-def test_a_plan_of_another_schema_is_refused(paper: ConditionGains, schema: int) -> None:
-    contents = json.loads(sealed(study_from_text(SHORT, "s.toml"), (paper,)))
+def test_a_plan_of_another_schema_is_refused(contents: dict[str, Any], schema: int) -> None:
     assert contents["schema"] == 3
     with pytest.raises(PlanError, match=f"schema must be 3; got {schema}"):
         plan_from_json(json.dumps(contents | {"schema": schema}))
