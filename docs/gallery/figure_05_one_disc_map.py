@@ -13,34 +13,20 @@ Usage: python docs/gallery/figure_05_one_disc_map.py [OUT.png]
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from paper_plate import BUZZER, DISC, FIRST, Map, draw_map, over_plate, predicted_moment_n, save
+from paper_plate import BUZZER, DISC, FIRST, PatchMap, draw_map, patch_map, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEVEL_VPP = 50.0
-FREQUENCY_HZ = 300.0
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Numbers:
-    """The map, and the amplitude at the disc's centre."""
-
-    plate: Map
-    centre_m: float
-
-
-def numbers() -> Numbers:
+def numbers() -> PatchMap:
     """Compute the figure."""
-    moment_n = predicted_moment_n(FIRST, DISC, BUZZER, LEVEL_VPP)
-    plate = over_plate(FIRST, ((DISC, moment_n),), FREQUENCY_HZ)
-    return Numbers(plate=plate, centre_m=plate.at(DISC.x_m))
+    return patch_map(FIRST, DISC, BUZZER, frequency_hz=300.0, level_vpp=50.0)
 
 
-def draw(found: Numbers) -> Figure:
+def draw(found: PatchMap) -> Figure:
     """Draw the map."""
     return draw_map(found.plate, title="One disc, 300 Hz, 50 Vpp (predicted)")
 

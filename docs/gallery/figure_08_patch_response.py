@@ -13,51 +13,22 @@ Usage: python docs/gallery/figure_08_patch_response.py [OUT.png]
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-from paper_plate import (
-    MIDDLE_M,
-    SECOND,
-    UPRIGHT_PATCH,
-    Frequencies,
-    draw_frequencies,
-    lossy,
-    over_frequency,
-    save,
-)
+from paper_plate import SECOND, UPRIGHT_PATCH, Confinement, confinement, draw_confinement, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NORMAL_HZ = 2500.0
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Numbers:
-    """The cut-off, and the responses over the centre's amplitude there."""
-
-    cutoff_hz: float
-    response: Frequencies
-
-
-def numbers() -> Numbers:
+def numbers() -> Confinement:
     """Compute the figure."""
-    frequencies_hz = np.linspace(10.0, 5000.0, 500)
-    found = over_frequency(lossy(SECOND), UPRIGHT_PATCH, frequencies_hz, (0.02, MIDDLE_M))
-    return Numbers(cutoff_hz=SECOND.cutoff_hz(), response=found.over_centre_at(NORMAL_HZ))
+    return confinement(SECOND, UPRIGHT_PATCH)
 
 
-def draw(found: Numbers) -> Figure:
+def draw(found: Confinement) -> Figure:
     """Draw both responses."""
-    return draw_frequencies(
-        found.response,
-        title="Plate with the measured cut-off of 2.5 kHz, patch 18 x 6 mm (model)",
-        reference="centre at 2.5 kHz",
-        beside="20 mm along",
-        cutoff_hz=found.cutoff_hz,
-    )
+    return draw_confinement(found, actuator="patch 18 x 6 mm")
 
 
 def main() -> None:

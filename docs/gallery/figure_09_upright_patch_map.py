@@ -12,44 +12,20 @@ Usage: python docs/gallery/figure_09_upright_patch_map.py [OUT.png]
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from paper_plate import (
-    PIC255,
-    SECOND,
-    UPRIGHT_PATCH,
-    Map,
-    draw_map,
-    over_plate,
-    predicted_moment_n,
-    save,
-)
+from paper_plate import PIC255, SECOND, UPRIGHT_PATCH, PatchMap, draw_map, patch_map, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEVEL_VPP = 100.0
-FREQUENCY_HZ = 700.0
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Numbers:
-    """The map, the amplitude at the patch's centre, and the moment that drives it."""
-
-    plate: Map
-    centre_m: float
-    moment_n: float
-
-
-def numbers() -> Numbers:
+def numbers() -> PatchMap:
     """Compute the figure."""
-    moment_n = predicted_moment_n(SECOND, UPRIGHT_PATCH, PIC255, LEVEL_VPP)
-    plate = over_plate(SECOND, ((UPRIGHT_PATCH, moment_n),), FREQUENCY_HZ)
-    return Numbers(plate=plate, centre_m=plate.at(UPRIGHT_PATCH.x_m), moment_n=moment_n)
+    return patch_map(SECOND, UPRIGHT_PATCH, PIC255, frequency_hz=700.0, level_vpp=100.0)
 
 
-def draw(found: Numbers) -> Figure:
+def draw(found: PatchMap) -> Figure:
     """Draw the map."""
     return draw_map(found.plate, title="Patch of 18 x 6 mm, 700 Hz, 100 Vpp (predicted)")
 

@@ -143,6 +143,22 @@ def over_frequency(
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Confinement:
+    """The cut-off of a built plate, and the responses over the centre's amplitude there."""
+
+    cutoff_hz: float
+    response: Frequencies
+
+
+def confinement(strip: Strip, load: Load) -> Confinement:
+    """Compute the field of a load at its centre and 20 mm along, up to 5 kHz, with loss."""
+    frequencies_hz = np.linspace(10.0, 5000.0, 500)
+    found = over_frequency(lossy(strip), load, frequencies_hz, (0.02, MIDDLE_M))
+    cutoff_hz = strip.cutoff_hz()
+    return Confinement(cutoff_hz=cutoff_hz, response=found.over_centre_at(cutoff_hz))
+
+
 def over_plate(strip: Strip, driven: tuple[tuple[Load, float], ...], frequency_hz: float) -> Map:
     """Compute the field of loads with their amplitudes over 200 mm, in steps of 0.5 mm."""
     x_m, y_m = np.linspace(-0.1, 0.1, 401), np.linspace(0.0, strip.width_m, 51)
@@ -150,6 +166,24 @@ def over_plate(strip: Strip, driven: tuple[tuple[Load, float], ...], frequency_h
     field = displacement_map(strip, loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=1e-5)
     total_m = np.tensordot(amplitudes, field.displacement_m, axes=1)
     return Map(x_m=x_m, y_m=y_m, displacement_m=total_m, loads=loads)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatchMap:
+    """The map of one patch, the amplitude at its centre, and the moment that drives it."""
+
+    plate: Map
+    centre_m: float
+    moment_n: float
+
+
+def patch_map(
+    strip: Strip, load: Load, layers: PiezoLayers, *, frequency_hz: float, level_vpp: float
+) -> PatchMap:
+    """Compute the field of a patch whose moment is predicted from its layers."""
+    moment_n = predicted_moment_n(strip, load, layers, level_vpp)
+    plate = over_plate(strip, ((load, moment_n),), frequency_hz)
+    return PatchMap(plate=plate, centre_m=plate.at(load.x_m), moment_n=moment_n)
 
 
 def predicted_moment_n(strip: Strip, load: Load, layers: PiezoLayers, level_vpp: float) -> float:
@@ -185,6 +219,18 @@ def draw_frequencies(
     axes.legend(frameon=False)
     axes.spines[["top", "right"]].set_visible(False)
     return figure
+
+
+def draw_confinement(found: Confinement, *, actuator: str) -> Figure:
+    """Draw both responses of a built plate."""
+    told = f"{found.cutoff_hz / 1e3:.1f} kHz"
+    return draw_frequencies(
+        found.response,
+        title=f"Plate with the measured cut-off of {told}, {actuator} (model)",
+        reference=f"centre at {told}",
+        beside="20 mm along",
+        cutoff_hz=found.cutoff_hz,
+    )
 
 
 def draw_map(found: Map, *, title: str) -> Figure:
