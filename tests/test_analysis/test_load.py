@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,8 @@ from hypothesis import strategies as st
 from analysis import ColumnMap, ResultFileError, read_trials
 from analysis.reading.load import read_inputs
 from analysis.reading.text import CHUNK_ROWS
-from experiment.terms.record import COLUMNS, TrialRow, is_correct, trials_csv
+from experiment.terms.record import COLUMNS, TrialRow, trials_csv
+from tests.test_analysis.shared import LEAST, put, refused, row, write
 
 if TYPE_CHECKING:
     import os
@@ -24,79 +24,44 @@ if TYPE_CHECKING:
 
     from analysis.reading.sources import InputTable
 
-BASE = TrialRow(
-    schema=1,
-    participant="007",
-    session="01",
-    condition="main",
-    block=1,
-    trial=1,
-    attempt=1,
-    kind="single",
-    side="left",
-    level_vpp=60.0,
-    response="left",
-    rt_s=0.5,
-    correct=True,
-    status="ok",
-    onset_s=12.25,
-    foreperiod_s=1.5,
-    level_left_vpp=60.0,
-    level_right_vpp=0.0,
-    peak_left_um=None,
-    peak_right_um=None,
-    displacement_basis=None,
-    anticipated=False,
-    noise_ok=True,
-    simulated=False,
-    study_sha256="ab" * 32,
-)
+HEADER, LINE = trials_csv([row()]).splitlines(keepends=True)
+NAMES = [column.name for column in COLUMNS]
 
 
-def row(trial: int = 1, **changes: Any) -> TrialRow:
-    made = replace(BASE, trial=trial, **changes)
-    if "correct" in changes:
-        return made
-    return replace(made, correct=is_correct(made.kind, made.side, made.response))
+def read(folder: Path, *rows: TrialRow) -> pd.DataFrame:
+    return read_trials([write(folder / "trials.csv", *rows)])
 
 
-def write(path: Path, *rows: TrialRow) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(trials_csv(rows), encoding="utf-8")
-    return path
+def refusal(folder: Path, *rows: TrialRow) -> ResultFileError:
+    return refused(write(folder / "trials.csv", *rows))
+
+
+def session(folder: Path, person: str, number: str = "01", **changes: Any) -> Path:
+    """Write a session of one trial."""
+    path = folder / f"sub-{person}" / f"ses-{number}" / "trials.csv"
+    return write(path, row(participant=person, session=number, **changes))
 
 
 def write_cell(path: Path, column: str, text: str) -> Path:
     """Write two trials, the second with one cell as given."""
-    names = [c.name for c in COLUMNS]
-    lines = trials_csv([row(1), row(2)]).splitlines()
-    cells = lines[2].split(",")
-    cells[names.index(column)] = text
-    path.write_text("\n".join([*lines[:2], ",".join(cells)]) + "\n", encoding="utf-8")
-    return path
-
-
-def refused(*paths: Path) -> ResultFileError:
-    with pytest.raises(ResultFileError) as caught:
-        read_trials(paths)
-    assert "\n" not in str(caught.value)
-    return caught.value
+    cells = trials_csv([row(2)]).splitlines()[1].split(",")
+    cells[NAMES.index(column)] = text
+    return put(path, HEADER + LINE + ",".join(cells) + "\n")
 
 
 def test_every_column_comes_back_as_it_was_recorded(tmp_path: Path) -> None:
     blank = row(2, kind="blank", side="none", level_vpp=None, response="none", noise_ok=None)
-    trials = read_trials([write(tmp_path / "trials.csv", row(1), blank)])
-    told = ["file", "line", "none_offered", "reason", "fault"]
-    assert list(trials.columns) == [c.name for c in COLUMNS] + told
-    for column in COLUMNS:
-        for read, written in zip(trials[column.name], (row(1), blank), strict=True):
-            expected = getattr(written, column.name)
-            assert pd.isna(read) if expected is None else read == expected, column.name
+    trials = read(tmp_path, row(), blank)
+    assert list(trials.columns) == [*NAMES, "file", "line", "none_offered", "reason", "fault"]
+    for name in NAMES:
+        for found, written in zip(trials[name], (row(), blank), strict=True):
+            expected = getattr(written, name)
+            assert pd.isna(found) if expected is None else found == expected, name
     assert trials["line"].tolist() == [2, 3]
 
 
 def test_dtypes_are_the_documented_ones(tmp_path: Path) -> None:
-    trials = read_trials([write(tmp_path / "trials.csv", row(1))])
+    trials = read(tmp_path, row())
     for column in COLUMNS:
         dtype = trials[column.name].dtype
         if column.choices:
@@ -111,54 +76,31 @@ def test_dtypes_are_the_documented_ones(tmp_path: Path) -> None:
             assert dtype == expected
 
 
-def test_identifiers_stay_text(tmp_path: Path) -> None:
-    trials = read_trials([write(tmp_path / "trials.csv", row(1))])
-    assert trials[["participant", "session"]].to_numpy().tolist() == [["007", "01"]]
-
-
-def test_the_order_of_columns_is_free(tmp_path: Path) -> None:
-    table = pd.DataFrame([line.split(",") for line in trials_csv([row(1), row(2)]).splitlines()])
-    turned = table.iloc[:, ::-1].to_csv(index=False, header=False)
-    (tmp_path / "turned.csv").write_text(turned, encoding="utf-8")
-    straight = read_trials([write(tmp_path / "trials.csv", row(1), row(2))])
-    mixed = read_trials([tmp_path / "turned.csv"])
-    pd.testing.assert_frame_equal(mixed.drop(columns="file"), straight.drop(columns="file"))
-
-
-def test_windows_line_ends_change_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "trials.csv"
-    path.write_bytes(trials_csv([row(1), row(2)]).replace("\n", "\r\n").encode())
-    assert read_trials([path])["line"].tolist() == [2, 3]
+def test_neither_the_order_of_columns_nor_windows_line_ends_matter(tmp_path: Path) -> None:
+    straight = read(tmp_path, row(), row(2))
+    table = pd.DataFrame([line.split(",") for line in trials_csv([row(), row(2)]).splitlines()])
+    turned = table.iloc[:, ::-1].to_csv(index=False, header=False, lineterminator="\r\n")
+    (tmp_path / "trials.csv").write_bytes(turned.encode())
+    pd.testing.assert_frame_equal(read_trials([tmp_path / "trials.csv"]), straight)
 
 
 def test_more_rows_than_one_chunk_keep_their_lines(tmp_path: Path) -> None:
-    number = CHUNK_ROWS + 3
-    path = write(tmp_path / "trials.csv", *(row(i) for i in range(1, number + 1)))
-    trials = read_trials([path])
-    assert trials["line"].tolist() == list(range(2, number + 2))
-    bad = replace(row(number + 1), rt_s=-1.0)
-    error = refused(write(path, *(row(i) for i in range(1, number + 1)), bad))
-    assert error.line == number + 2
+    rows = [row(number) for number in range(1, CHUNK_ROWS + 4)]
+    assert read(tmp_path, *rows)["line"].tolist() == list(range(2, CHUNK_ROWS + 5))
+    assert refusal(tmp_path, *rows, row(CHUNK_ROWS + 4, rt_s=-1.0)).line == CHUNK_ROWS + 5
 
 
 def test_a_folder_means_its_sessions_and_nothing_else(tmp_path: Path) -> None:
-    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1, participant="1"))
-    write(tmp_path / "sub-2" / "ses-01" / "trials.csv", row(1, participant="2"))
-    write(tmp_path / "sub-2" / "ses-02" / "trials.csv", row(1, participant="2", session="02"))
-    write(tmp_path / "analysis" / "sub-9" / "ses-01" / "trials.csv", row(1))
-    write(tmp_path / "sub-2" / "ses-02" / "analysis" / "trials.csv", row(1))
-    write(tmp_path / "trials.csv", row(1))
+    for person, number in (("1", "01"), ("2", "01"), ("2", "02")):
+        session(tmp_path, person, number)
+    session(tmp_path / "analysis", "9")
+    write(tmp_path / "sub-2" / "ses-02" / "analysis" / "trials.csv", row())
+    write(tmp_path / "trials.csv", row())
     assert read_trials([tmp_path])["participant"].tolist() == ["1", "2", "2"]
     assert len(read_trials([tmp_path / "sub-2"])) == 2
     assert len(read_trials([tmp_path / "sub-2" / "ses-02"])) == 1
     names = [file.name for file in read_inputs([tmp_path]).inputs]
     assert names == [f"sub-{s}/trials.csv" for s in ("1/ses-01", "2/ses-01", "2/ses-02")]
-
-
-def test_a_session_without_a_table_is_told(tmp_path: Path) -> None:
-    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
-    (tmp_path / "sub-1" / "ses-02").mkdir()
-    assert read_inputs([tmp_path]).without_table == ("sub-1/ses-02",)
 
 
 @pytest.mark.parametrize(
@@ -209,31 +151,40 @@ def test_a_cell_that_is_not_allowed_is_named(
 
 
 @pytest.mark.parametrize(
-    ("changes", "column"),
+    ("changes", "column", "must"),
     [
-        ({"kind": "single", "side": "both"}, "side"),
-        ({"kind": "single", "side": "none", "level_vpp": None}, "side"),
-        ({"kind": "both", "side": "left"}, "side"),
-        ({"kind": "blank", "side": "left"}, "side"),
-        ({"level_vpp": None}, "level_vpp"),
-        ({"level_vpp": 0.0}, "level_vpp"),
-        ({"kind": "practice", "level_vpp": None}, "level_vpp"),
-        ({"kind": "blank", "side": "none"}, "level_vpp"),
-        ({"response": None, "rt_s": None}, "response"),
-        ({"response": None, "status": "aborted"}, "rt_s"),
-        ({"response": "timeout"}, "rt_s"),
-        ({"correct": False}, "correct"),
-        ({"response": "both", "correct": True}, "correct"),
-        ({"response": None, "rt_s": None, "status": "aborted", "correct": False}, "correct"),
+        ({"participant": "all"}, "participant", "another name"),
+        ({"kind": "single", "side": "both"}, "side", "left or right in a"),
+        (
+            {"kind": "single", "side": "none", "level_vpp": None},
+            "side",
+            "left or right in a",
+        ),
+        ({"kind": "both", "side": "left"}, "side", "both in a both"),
+        ({"kind": "blank", "side": "left"}, "side", "none in a blank"),
+        ({"level_vpp": None}, "level_vpp", "a number"),
+        ({"level_vpp": 0.0}, "level_vpp", "a number"),
+        ({"kind": "practice", "level_vpp": None}, "level_vpp", "a number"),
+        ({"kind": "blank", "side": "none"}, "level_vpp", "0 or n/a"),
+        ({"response": None, "rt_s": None}, "response", "an answer, timeout or invalid"),
+        ({"response": None, "status": "aborted"}, "rt_s", "n/a where there was no answer"),
+        ({"response": "timeout"}, "rt_s", "n/a where there was no answer"),
+        ({"correct": False}, "correct", "what kind, side and response say"),
+        ({"response": "both", "correct": True}, "correct", "what kind, side and response say"),
+        (
+            {"response": None, "rt_s": None, "status": "aborted", "correct": False},
+            "correct",
+            "what kind, side and response say",
+        ),
     ],
 )
 def test_a_row_that_contradicts_itself_is_refused(
-    tmp_path: Path, changes: dict[str, Any], column: str
+    tmp_path: Path, changes: dict[str, Any], column: str, must: str
 ) -> None:
-    error = refused(write(tmp_path / "trials.csv", row(1), row(2, **changes), row(3)))
+    error = refusal(tmp_path, row(), row(2, **changes), row(3))
     assert error.line == 3
     assert f"column '{column}' is " in str(error)
-    assert "it must be" in str(error)
+    assert f"it must be {must}" in str(error)
 
 
 def test_marks_of_direction_in_a_name_are_spelled_out(tmp_path: Path) -> None:
@@ -242,56 +193,48 @@ def test_marks_of_direction_in_a_name_are_spelled_out(tmp_path: Path) -> None:
 
 
 def test_the_first_line_that_is_wrong_is_the_one_named(tmp_path: Path) -> None:
-    rows = [row(1), row(2, correct=False), row(3, level_vpp=None), row(4, kind="both")]
-    assert refused(write(tmp_path / "trials.csv", *rows)).line == 3
+    rows = [row(), row(2, correct=False), row(3, level_vpp=None), row(4, kind="both")]
+    assert refusal(tmp_path, *rows).line == 3
 
 
 def test_a_blank_trial_has_no_level_however_it_is_written(tmp_path: Path) -> None:
     blank: dict[str, Any] = {"kind": "blank", "side": "none", "response": "none"}
     rows = [row(1, level_vpp=None, **blank), row(2, level_vpp=0.0, **blank)]
-    assert read_trials([write(tmp_path / "trials.csv", *rows)])["level_vpp"].isna().all()
+    assert read(tmp_path, *rows)["level_vpp"].isna().all()
 
 
 def test_a_missing_verdict_is_filled_in(tmp_path: Path) -> None:
-    path = write(tmp_path / "trials.csv", row(1, correct=None), row(2, side="right", correct=None))
-    assert read_trials([path])["correct"].tolist() == [True, False]
+    trials = read(tmp_path, row(correct=None), row(2, side="right", correct=None))
+    assert trials["correct"].tolist() == [True, False]
 
 
 def test_milliseconds_are_noticed(tmp_path: Path) -> None:
-    error = refused(write(tmp_path / "trials.csv", row(1), row(2, rt_s=612.0), row(3, rt_s=590.0)))
+    error = refusal(tmp_path, row(), row(2, rt_s=612.0), row(3, rt_s=590.0))
     assert error.line == 3
     assert "median of 590 s in this file, allowed at most 10 s" in str(error)
     assert '[units] rt_s = "ms"' in str(error)
 
 
 def test_a_trial_told_twice_is_refused(tmp_path: Path) -> None:
-    error = refused(write(tmp_path / "trials.csv", row(1), row(2), row(1)))
+    error = refusal(tmp_path, row(), row(2), row())
     assert error.line == 4
     assert str(error).endswith(f"attempt as {tmp_path / 'trials.csv'}:2")
-
-
-def test_a_trial_told_in_two_files_is_refused(tmp_path: Path) -> None:
-    first, second = write(tmp_path / "a.csv", row(1)), write(tmp_path / "b.csv", row(2), row(1))
+    first, second = write(tmp_path / "a.csv", row()), write(tmp_path / "b.csv", row(2), row())
     error = refused(first, second)
     assert (error.file, error.line) == (str(second), 3)
     assert f"{first}:2" in str(error)
 
 
 def test_two_valid_attempts_of_one_trial_are_refused(tmp_path: Path) -> None:
-    voided = row(1, status="voided")
-    assert len(read_trials([write(tmp_path / "trials.csv", voided, row(1, attempt=2))])) == 2
-    error = refused(write(tmp_path / "trials.csv", row(1), row(1, attempt=2)))
+    assert len(read(tmp_path, row(status="voided"), row(attempt=2))) == 2
+    error = refusal(tmp_path, row(), row(attempt=2))
     assert error.line == 3
     assert "status ok" in str(error)
 
 
-HEADER, LINE = trials_csv([BASE]).splitlines(keepends=True)
-
-
 def without(column: str) -> str:
-    position = [c.name for c in COLUMNS].index(column)
-    lines = [line.split(",") for line in (HEADER, LINE)]
-    return "".join(",".join(c[:position] + c[position + 1 :]) for c in lines)
+    table = pd.DataFrame([line.rstrip("\n").split(",") for line in (HEADER, LINE)])
+    return table.drop(columns=NAMES.index(column)).to_csv(index=False, header=False)
 
 
 @pytest.mark.parametrize(
@@ -306,8 +249,7 @@ def without(column: str) -> str:
     ],
 )
 def test_another_header_is_refused(tmp_path: Path, text: str, words: str) -> None:
-    path = tmp_path / "trials.csv"
-    path.write_text(text, encoding="utf-8")
+    path = put(tmp_path / "trials.csv", text)
     error = refused(path)
     assert (error.file, error.line) == (str(path), 1)
     assert words in str(error)
@@ -323,28 +265,43 @@ def test_an_endless_line_is_refused_before_it_is_read(tmp_path: Path) -> None:
 
 def test_paths_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     assert "no such file or folder" in str(refused(tmp_path / "none.csv"))
+    assert "a\\nb.csv" in str(refused(tmp_path / "a\nb.csv"))
     assert "no sub-*/ses-*/trials.csv" in str(refused(tmp_path))
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     assert str(tmp_path / "loop") in str(refused(tmp_path / "loop"))
     assert "cannot be read" in str(refused(tmp_path / ("x" * 300)))
+    (tmp_path / "sub-1" / "ses-01").mkdir(parents=True)
+    assert "tactstrip export DIR builds it" in str(refused(tmp_path))
     with pytest.raises(ValueError, match="paths must name at least one"):
         read_trials([])
 
 
-def test_a_folder_that_cannot_be_read_is_never_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("method", "place"), [("iterdir", "sub-2"), ("lstat", "sub-2/ses-01/trials.csv")]
+)
+def test_what_cannot_be_entered_is_never_passed_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, place: str
 ) -> None:
-    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
-    (tmp_path / "sub-2").mkdir()
-    list_folder = type(tmp_path).iterdir
+    session(tmp_path, "1")
+    (tmp_path / "sub-2" / "ses-01").mkdir(parents=True)
+    locked, look = tmp_path / place, getattr(type(tmp_path), method)
 
-    def locked(folder: Path) -> Iterator[Path]:
-        if folder.name == "sub-2":
-            raise PermissionError(13, "Permission denied", str(folder))
-        return list_folder(folder)
+    def refuse(path: Path) -> Iterator[Path] | os.stat_result:
+        if path == locked:
+            raise PermissionError(13, "Permission denied", str(path))
+        found: Iterator[Path] | os.stat_result = look(path)
+        return found
 
-    monkeypatch.setattr(type(tmp_path), "iterdir", locked)
-    assert str(refused(tmp_path)) == f"{tmp_path / 'sub-2'}: cannot be read: Permission denied"
+    monkeypatch.setattr(type(tmp_path), method, refuse)
+    assert str(refused(tmp_path)) == f"{locked}: cannot be read: Permission denied"
+
+
+def test_a_table_that_is_a_dead_link_is_never_passed_over(tmp_path: Path) -> None:
+    link = session(tmp_path, "2")
+    link.unlink()
+    link.symlink_to(tmp_path / "gone.csv")
+    session(tmp_path, "1")
+    assert str(refused(tmp_path)) == f"{link}: no such file or folder"
 
 
 @pytest.mark.slow
@@ -367,55 +324,32 @@ def test_a_damaged_file_is_read_or_refused_with_its_line(
 
 
 def test_the_same_file_named_twice_is_refused(tmp_path: Path) -> None:
-    path = write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
+    path = session(tmp_path, "1")
     (tmp_path / "other.csv").symlink_to(path)
-    assert "the same contents as" in str(refused(path, path))
-    assert "the same contents as" in str(refused(tmp_path, path))
-    assert "the same contents as" in str(refused(path, tmp_path / "other.csv"))
+    for paths in ((path, path), (tmp_path, path), (path, tmp_path / "other.csv")):
+        assert "the same contents as" in str(refused(*paths))
 
 
-@pytest.mark.parametrize("columns", [None, ColumnMap()])
-def test_a_copy_of_a_table_is_refused(tmp_path: Path, columns: ColumnMap | None) -> None:
-    first, copy = write(tmp_path / "a.csv", row(1)), tmp_path / "b.csv"
-    copy.write_bytes(first.read_bytes())
-    with pytest.raises(ResultFileError, match="the same contents as") as caught:
-        read_trials([first, copy], columns)
-    assert caught.value.file == str(copy)
-
-
-def test_a_copy_that_numbers_no_trials_does_not_double_the_data(tmp_path: Path) -> None:
-    for name in ("a.csv", "b.csv"):
-        (tmp_path / name).write_text("participant,side,level_vpp,response\n1,left,60,left\n")
-    with pytest.raises(ResultFileError, match="the same contents as"):
-        read_trials([tmp_path / "a.csv", tmp_path / "b.csv"], ColumnMap())
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [(HEADER + LINE, None), (LEAST + "1,left,60,left\n", ColumnMap())],
+    ids=["own", "a table that numbers no trials"],
+)
+def test_a_copy_of_a_table_is_refused(tmp_path: Path, text: str, columns: ColumnMap | None) -> None:
+    paths = [put(tmp_path / name, text) for name in ("a.csv", "b.csv")]
+    error = refused(*paths, columns=columns)
+    assert error.file == str(paths[1])
+    assert "the same contents as" in str(error)
 
 
 def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
-    for number in ("1", "2"):
-        table = tmp_path / f"sub-{number}" / "ses-01" / "trials.csv"
-        write(table, row(1, participant=number))
+    tables = [session(tmp_path, "1"), session(tmp_path, "2")]
     (tmp_path / "sub-1" / "ses-02").mkdir()
-    loaded = read_inputs([tmp_path / "sub-1", tmp_path / "sub-2"])
+    found = read_inputs([tmp_path / "sub-1", tmp_path / "sub-2"])
     names = [f"sub-{number}/ses-01/trials.csv" for number in ("1", "2")]
-    assert [file.name for file in loaded.inputs] == names
-    assert loaded.without_table == ("sub-1/ses-02",)
-    tables = [tmp_path / name for name in names]
+    assert [file.name for file in found.inputs] == names
+    assert found.without_table == ("sub-1/ses-02",)
     assert [file.name for file in read_inputs(tables).inputs] == names
-
-
-def test_a_folder_whose_only_session_was_killed_names_the_remedy(tmp_path: Path) -> None:
-    (tmp_path / "sub-1" / "ses-01").mkdir(parents=True)
-    assert "tactstrip export DIR builds it" in str(refused(tmp_path))
-
-
-def test_a_participant_with_the_name_of_the_total_is_refused(tmp_path: Path) -> None:
-    error = refused(write(tmp_path / "trials.csv", row(1), row(2, participant="all")))
-    assert error.line == 3
-    assert "column 'participant' is all; it must be another name" in str(error)
-
-
-def test_a_name_with_a_line_end_stays_on_one_line(tmp_path: Path) -> None:
-    assert "a\\nb.csv" in str(refused(tmp_path / "a\nb.csv"))
 
 
 @pytest.mark.parametrize("fault", [False, True])
@@ -423,11 +357,9 @@ def test_a_name_with_a_line_end_stays_on_one_line(tmp_path: Path) -> None:
 def test_a_file_that_changes_while_others_are_read_is_refused(
     tmp_path: Path, name: str, *, fault: bool
 ) -> None:
-    for person in ("1", "2"):
-        write(tmp_path / f"sub-{person}" / "ses-01" / "trials.csv", row(1, participant=person))
-    changing = tmp_path / "sub-1" / "ses-01" / name
+    changing, other = session(tmp_path, "1").with_name(name), session(tmp_path, "2")
     if fault:
-        write_cell(tmp_path / "sub-2" / "ses-01" / "trials.csv", "side", "top")
+        write_cell(other, "side", "top")
 
     @contextmanager
     def watched(sources: Sequence[InputTable]) -> Iterator[Iterator[InputTable]]:
@@ -442,28 +374,3 @@ def test_a_file_that_changes_while_others_are_read_is_refused(
         read_inputs([tmp_path], watched=watched)
     words = "changed while it was read; analyze it when nothing writes there any more"
     assert str(caught.value) == f"{changing}: {words}"
-
-
-def test_a_table_that_is_a_dead_link_is_never_passed_over(tmp_path: Path) -> None:
-    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
-    (tmp_path / "sub-2" / "ses-01").mkdir(parents=True)
-    (tmp_path / "sub-2" / "ses-01" / "trials.csv").symlink_to(tmp_path / "gone.csv")
-    message = f"{tmp_path / 'sub-2' / 'ses-01' / 'trials.csv'}: no such file or folder"
-    assert str(refused(tmp_path)) == message
-
-
-def test_a_session_that_cannot_be_entered_is_never_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write(tmp_path / "sub-1" / "ses-01" / "trials.csv", row(1))
-    locked = tmp_path / "sub-2" / "ses-01"
-    locked.mkdir(parents=True)
-    enter = type(tmp_path).lstat
-
-    def refuse(path: Path) -> os.stat_result:
-        if path.parent == locked:
-            raise PermissionError(13, "Permission denied", str(path))
-        return enter(path)
-
-    monkeypatch.setattr(type(tmp_path), "lstat", refuse)
-    assert str(refused(tmp_path)) == f"{locked / 'trials.csv'}: cannot be read: Permission denied"

@@ -31,7 +31,7 @@ NONE = GuessRate(mean=0.0)
 U = np.linspace(0, 1, 5)
 tables_of_counts = st.lists(st.integers(0, 30), min_size=5, max_size=5)
 
-# Sources: tests/test_analysis_probit.py. Posterior median and limits of mu, and mean lambda, by a
+# Sources: test_probit.py. Posterior median and limits of mu, and mean lambda, by a
 # trapezoid of 801 x 401 x 41 nodes over the prior (mu, log sigma, lambda). Its step in mu is
 # range/320, and its limits are interpolated linearly; with 6401 nodes in mu those of the last table
 # move by -0.0018 and +0.0053 to within 1e-4 of ours, those of the others by less.

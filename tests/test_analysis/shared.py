@@ -1,0 +1,95 @@
+"""Tables as the tests of the analysis write, read and refuse them; the command as it is typed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner, Result
+
+from analysis import ColumnMap, ResultFileError, read_trials
+from analysis.reading.load import read_inputs
+from experiment.terms.record import TrialRow, is_correct, trials_csv
+from tactstrip import main
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from analysis.reading.load import LoadedTrials
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+LEAST = "participant,side,level_vpp,response\n"
+"""The header of a table that a map without a word can read."""
+PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
+ROW = TrialRow(
+    schema=1, participant="007", session="01", condition="main", block=1, trial=1, attempt=1,
+    kind="single", side="left", level_vpp=60.0, response="left", rt_s=0.5, correct=True,
+    status="ok", onset_s=12.25, foreperiod_s=1.5, level_left_vpp=60.0, level_right_vpp=0.0,
+    peak_left_um=None, peak_right_um=None, displacement_basis=None, anticipated=False,
+    noise_ok=True, simulated=False, study_sha256="ab" * 32,
+)  # fmt: skip
+SINGLE: dict[str, Any] = {
+    "participant": "1", "condition": "main", "kind": "single", "side": "left", "level_vpp": 60.0,
+    "response": "left", "reason": "", "none_offered": True,
+}  # fmt: skip
+"""A trial as tables are counted from."""
+
+
+def row(trial: int = 1, **changes: Any) -> TrialRow:
+    """Return a row of trials.csv, whose verdict fits unless it is given."""
+    made = replace(ROW, trial=trial, **changes)
+    verdict = is_correct(made.kind, made.side, made.response)
+    return made if "correct" in changes else replace(made, correct=verdict)
+
+
+def put(path: Path, text: str) -> Path:
+    """Write a file, and the folders that it lies in."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def write(path: Path, *rows: TrialRow) -> Path:
+    """Write a trials.csv."""
+    return put(path, trials_csv(rows))
+
+
+def loaded(folder: Path, text: str, columns: ColumnMap | None = None) -> LoadedTrials:
+    """Read a table made elsewhere."""
+    return read_inputs([put(folder / "t.csv", text)], columns or ColumnMap())
+
+
+def refused(*paths: Path, columns: ColumnMap | None = None) -> ResultFileError:
+    """Return what tables are refused with, in one line."""
+    with pytest.raises(ResultFileError) as caught:
+        read_trials(paths, columns)
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+def felt(
+    detected: Iterable[int], levels: Sequence[float] = PAPER, *, n: int = 30, missed: str = "none",
+    **same: Any,
+) -> pd.DataFrame:  # fmt: skip
+    """Return the trials of a person who felt so many of n stimuli at each of the first levels."""
+    rows = [
+        SINGLE | {"level_vpp": level, "response": answer} | same
+        for level, k in zip(levels, detected, strict=False)
+        for answer in ["left"] * k + [missed] * (n - k)
+    ]
+    return pd.DataFrame(rows)
+
+
+def run(*arguments: object) -> Result:
+    """Run tactstrip."""
+    result = CliRunner().invoke(main, [str(one) for one in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+    return result
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Return the contents of a folder's files."""
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
