@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import pytest
-from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,14 +22,13 @@ from analysis.thresholds.levels import (
 )
 from benchmarks.calibration import psychometric
 from experiment.study.read import paper_study, read_levels
-from tactstrip import main
+from tests.test_analysis.shared import PAPER, felt, put, run
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.test_analysis.conftest import Simulate
 
-PAPER = (60.0, 95.0, 130.0, 165.0, 200.0)
 WIDE = (20.0, 40.0, 60.0, 80.0, 100.0, 130.0, 160.0, 200.0)
 PILOT = """
 [design]
@@ -51,26 +49,11 @@ false_alarm_rate = 0.0
 TYPICAL = Function(threshold_vpp=62.0, sigma=0.08, lapse_rate=0.02, guess_rate=0.5)
 
 
-def pilot(detected: list[int], *, n: int = 5, **same: Any) -> pd.DataFrame:
-    rows = [
-        (level, answer)
-        for level, k in zip(WIDE, detected, strict=True)
-        for answer in ["left"] * k + ["none"] * (n - k)
-    ]
-    constant: dict[str, Any] = {
-        "participant": "P7",
-        "condition": "main",
-        "kind": "single",
-        "side": "left",
-        "reason": "",
-        "none_offered": True,
-    }
-    table = pd.DataFrame(rows, columns=["level_vpp", "response"])
-    return table.assign(**(constant | same))
+RISING = [0, 0, 1, 2, 4, 5, 5, 5]
 
 
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(main, ["levels", *(str(one) for one in arguments)])
+def pilot(detected: list[int] = RISING, **same: Any) -> pd.DataFrame:
+    return felt(detected, WIDE, n=5, **({"participant": "P7"} | same))
 
 
 @pytest.fixture
@@ -96,10 +79,9 @@ def test_each_level_is_felt_as_often_as_it_should_be(
 ) -> None:
     one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=guess_rate)
     levels = placed(one, 1000.0)
-    felt = psychometric(
-        levels, threshold_vpp=threshold_vpp, sigma=sigma, guess_rate=0, lapse_rate=0
-    )
-    assert felt == pytest.approx(FELT, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
+    same = {"threshold_vpp": threshold_vpp, "sigma": sigma}
+    p = psychometric(levels, **same, guess_rate=0, lapse_rate=0)
+    assert p == pytest.approx(FELT, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
 
 
 @settings(max_examples=50)
@@ -142,11 +124,11 @@ def test_one_level_finds_no_threshold() -> None:
 
 @pytest.mark.usefixtures("few_studies")
 def test_a_pilot_places_levels_around_its_threshold() -> None:
-    found = place_levels(pilot([0, 0, 1, 2, 4, 5, 5, 5]), "P7", paper_study())
+    found = place_levels(pilot(), "P7", paper_study())
     assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
     assert found.felt == pytest.approx(FELT, abs=0.01)
     assert found.error_db < found.fixed_error_db
-    assert (found.trials, found.fixed_levels_vpp) == (150, PAPER)
+    assert (found.trials, found.fixed_levels_vpp) == (150, tuple(PAPER))
 
 
 @pytest.mark.usefixtures("few_studies")
@@ -166,12 +148,9 @@ def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
         (pilot([5, 5, 4, 3, 2, 1, 0, 0]), "decreasing"),
         (pilot([1, 3, 2, 4, 3, 4, 5, 4], none_offered=False), "cannot place levels|only as"),
         (pilot([0, 1, 0, 1, 1, 1, 2, 3]), "threshold_above_levels|only as|too close"),
-        (pilot([0] * 8).assign(participant="other"), "got conditions: none"),
-        (pilot([0, 0, 1, 2, 4, 5, 5, 5], kind="practice"), "got conditions: none"),
-        (
-            pd.concat([pilot([0, 0, 1, 2, 4, 5, 5, 5], condition=name) for name in ("a", "b")]),
-            "got conditions: a, b",
-        ),
+        (pilot(participant="other"), "got conditions: none"),
+        (pilot(kind="practice"), "got conditions: none"),
+        (pd.concat([pilot(condition=name) for name in "ab"]), "got conditions: a, b"),
     ],
 )
 def test_a_pilot_that_cannot_place_levels_is_refused(trials: pd.DataFrame, said: str) -> None:
@@ -189,52 +168,36 @@ def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
 @pytest.mark.usefixtures("few_studies")
 def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None:
     target, name = tmp_path / "levels.toml", owner(folder)
-    result = run(folder, "--participant", name, "--write", target)
+    result = run("levels", folder, "--participant", name, "--write", target)
     assert (result.exit_code, result.stderr) == (0, "")
     levels = read_levels(target, name)
     assert len(levels) == 5
     assert levels[0] < 85 < levels[-1]
     assert "dB with these levels" in result.stdout
     assert "dB with 20 40 60 80 100 130 160 200 V" in result.stdout
-    again = run(folder, "--participant", name)
+    again = run("levels", folder, "--participant", name)
     assert again.stdout == result.stdout[: len(again.stdout)]
-
-
-def test_a_file_that_exists_is_never_written_over(folder: Path, tmp_path: Path) -> None:
-    target = tmp_path / "levels.toml"
-    target.write_text("mine")
-    result = run(folder, "--participant", owner(folder), "--write", target)
-    assert result.exit_code == 2
-    assert result.stderr == f"error: --write must be a new file; got {target}, which exists\n"
-    assert target.read_text() == "mine"
-
-
-def test_the_study_to_be_run_sets_ceiling_and_levels_to_compare_with(
-    folder: Path, tmp_path: Path
-) -> None:
-    study = tmp_path / "study.toml"
-    study.write_text("[design]\nlevels_vpp = [60, 90]\n[device]\nceiling_vpp = 90\n")
-    result = run(folder, "--participant", owner(folder), "--study", study)
-    assert result.exit_code == 2
-    assert "too close to an end of the levels that can be set, 0.1 to 90 V" in result.stderr
-    assert result.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["nowhere", "--participant", "1"], "nowhere: no such file or folder"),
-        (["nowhere"], "Missing option '--participant'"),
+        ("{dir} --participant {me} --write {file}", "--write must be a new file; got {file}"),
+        ("{dir} --participant {me} --study {study}", "levels that can be set, 0.1 to 90 V"),
+        ("{dir} --participant nobody", "error: --participant must be one of {me}; got nobody\n"),
+        ("nowhere --participant 1", "nowhere: no such file or folder"),
+        ("nowhere", "Missing option '--participant'"),
     ],
 )
-def test_bad_usage_is_one_line(arguments: list[str], said: str) -> None:
-    result = run(*arguments)
+def test_what_cannot_be_is_refused_in_one_line(
+    folder: Path, tmp_path: Path, arguments: str, said: str
+) -> None:
+    study = "[design]\nlevels_vpp = [60, 90]\n[device]\nceiling_vpp = 90\n"
+    mine = put(tmp_path / "levels.toml", "mine")
+    study_file = put(tmp_path / "study.toml", study)
+    named = {"dir": folder, "me": owner(folder), "study": study_file, "file": mine}
+    result = run("levels", *(word.format(**named) for word in arguments.split()))
     assert result.exit_code == 2
-    assert said in result.stderr
+    assert said.format(**named) in result.stderr
     assert result.stderr.count("\n") == 1
-
-
-def test_a_participant_without_a_pilot_is_refused_by_name(folder: Path) -> None:
-    result = run(folder, "--participant", "nobody")
-    assert result.exit_code == 2
-    assert result.stderr == f"error: --participant must be one of {owner(folder)}; got nobody\n"
+    assert mine.read_text() == "mine"
