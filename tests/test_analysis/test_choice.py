@@ -16,9 +16,10 @@ from analysis.answers.choice import CONFUSION_COLUMNS, Choices, choices, confusi
 from analysis.answers.counting import REACTION_COLUMNS, reaction_table
 from analysis.answers.detection import both_table, level_table
 from analysis.definitions import TOTAL
+from tests.test_analysis.shared import SINGLE
 
 if TYPE_CHECKING:
-    from analysis.answers.sensitivity import Sensitivity, SidePreference
+    from analysis.answers.sensitivity import SidePreference
 
 MIRROR = {"left": "right", "right": "left"}
 KIND_OF = {"left": "single", "right": "single", "both": "both", "none": "blank"}
@@ -29,16 +30,13 @@ few = settings(deadline=None, max_examples=10)
 def sequence(*pairs: tuple[str, str], **same: Any) -> pd.DataFrame:
     """Trials of a plan in their order, as stimulus and answer."""
     trials = pd.DataFrame(pairs, columns=["side", "response"])
-    fixed: dict[str, Any] = {
-        "participant": "1", "session": "01", "condition": "main", "block": 1, "attempt": 1,
-        "reason": "", "none_offered": True, "rt_s": 0.5,
-    }  # fmt: skip
-    return trials.assign(
-        kind=trials["side"].map(KIND_OF),
-        trial=np.arange(1, len(trials) + 1),
-        level_vpp=np.where(trials["side"] == "none", math.nan, 60.0),
-        **(fixed | same),
-    )
+    fixed = SINGLE | {"session": "01", "block": 1, "attempt": 1, "rt_s": 0.5} | same
+    of_trial = {
+        "kind": trials["side"].map(KIND_OF),
+        "trial": np.arange(1, len(trials) + 1),
+        "level_vpp": np.where(trials["side"] == "none", math.nan, 60.0),
+    }
+    return trials.assign(**{name: fixed[name] for name in fixed if name not in trials} | of_trial)
 
 
 @st.composite
@@ -49,16 +47,15 @@ def studies(draw: st.DrawFn) -> pd.DataFrame:
         size = int(rng.integers(5, 40))
         sides = rng.choice(list(KIND_OF), size, p=[0.4, 0.4, 0.1, 0.1])
         guess = rng.choice(WORDS, size, p=[0.3, 0.3, 0.1, 0.2, 0.05, 0.05])
-        answers = np.where(rng.random(size) < 0.6, sides, guess)
-        one = sequence(*zip(sides, answers, strict=True), participant=name)
-        people.append(
-            one.assign(
-                block=1 + one["trial"] // 15,
-                reason=rng.choice(["", "voided"], size, p=[0.95, 0.05]),
-                condition=rng.choice(["main", "bare"], size, p=[0.9, 0.1]),
-                rt_s=rng.random(size),
-            )
-        )
+        one = sequence(*zip(sides, np.where(rng.random(size) < 0.6, sides, guess), strict=True))
+        drawn: dict[str, Any] = {
+            "participant": name,
+            "block": 1 + one["trial"] // 15,
+            "reason": rng.choice(["", "voided"], size, p=[0.95, 0.05]),
+            "condition": rng.choice(["main", "bare"], size, p=[0.9, 0.1]),
+            "rt_s": rng.random(size),
+        }
+        people.append(one.assign(**drawn))
     return pd.concat([*people, people[0].assign(participant="4")], ignore_index=True)
 
 
@@ -104,13 +101,10 @@ def test_a_word_that_is_no_answer_is_refused() -> None:
 
 def test_a_forced_choice_without_blanks_says_what_it_cannot_tell() -> None:
     found = of(choices(sequence(("left", "left"), ("right", "left"), none_offered=False)))
-    assert found.detection.d_prime is None
     assert found.detection.reason
-    assert found.serial.felt.p is None
     assert found.serial.felt.reason == '"none" was not offered'
-    assert found.both.p is None
-    assert found.extinction.p is None
-    assert found.spatial.d_prime == 0
+    assert (found.detection.d_prime, found.serial.felt.p) == (None, None)
+    assert (found.both.p, found.extinction.p, found.spatial.d_prime) == (None, None, 0)
 
 
 def test_a_trial_follows_only_its_neighbour_in_the_same_block() -> None:
@@ -148,14 +142,9 @@ def test_runs_of_misses_are_found_and_random_ones_are_not() -> None:
 
 
 def test_a_drift_between_blocks_is_no_serial_effect() -> None:
-    rng = np.random.default_rng(4)
-    parts = []
-    for block, p in enumerate((0.95, 0.5, 0.05), start=1):
-        felt = rng.random(60) < p
-        pairs = [("left", "left" if yes else "none") for yes in felt]
-        part = sequence(*pairs, block=block)
-        parts.append(part.assign(trial=part["trial"] + 60 * block))
-    found = of(choices(pd.concat(parts, ignore_index=True))).serial.correct
+    felt = np.random.default_rng(4).random(180) < np.repeat([0.95, 0.5, 0.05], 60)
+    trials = sequence(*(("left", "left" if yes else "none") for yes in felt))
+    found = of(choices(trials.assign(block=np.repeat([1, 2, 3], 60)))).serial.correct
     assert found.again.p is not None
     assert found.otherwise is not None
     assert found.otherwise.p is not None
@@ -188,8 +177,7 @@ def test_one_side_answered_always_has_no_serial_p() -> None:
 @few
 @given(studies(), st.randoms(use_true_random=False))
 def test_the_order_of_rows_changes_nothing(trials: pd.DataFrame, random: Any) -> None:
-    order = list(range(len(trials)))
-    random.shuffle(order)
+    order = random.sample(range(len(trials)), len(trials))
     shuffled = trials.iloc[order].reset_index(drop=True)
     assert choices(shuffled) == choices(trials)
     for make in (confusion_table, reaction_table):
@@ -228,22 +216,20 @@ def test_exchanging_left_and_right_mirrors_every_side(trials: pd.DataFrame) -> N
 
 
 def _mirrored(one: Choices) -> Choices:
+    hits, wrong = one.spatial.hits, one.spatial.false_alarms
+    criterion = one.spatial.criterion
+    turned = replace(
+        one.spatial,
+        hits=replace(hits, count=wrong.of - wrong.count, of=wrong.of),
+        false_alarms=replace(hits, count=hits.of - hits.count, of=hits.of),
+        criterion=None if criterion is None else -criterion,
+    )
     return replace(
         one,
-        spatial=_turned(one.spatial),
+        spatial=turned,
         wrong_side=_swapped(one.wrong_side),
         blank_side=_swapped(one.blank_side),
         extinction=_swapped(one.extinction),
-    )
-
-
-def _turned(one: Sensitivity) -> Sensitivity:
-    hits, wrong = one.hits, one.false_alarms
-    return replace(
-        one,
-        hits=type(hits)(count=wrong.of - wrong.count, of=wrong.of),
-        false_alarms=type(hits)(count=hits.of - hits.count, of=hits.of),
-        criterion=None if one.criterion is None else -one.criterion,
     )
 
 
@@ -269,17 +255,15 @@ def test_counts_agree_with_the_other_tables(trials: pd.DataFrame) -> None:
     assert single["presented"].sum().to_dict() == levels["presented"].sum().to_dict()
     assert single["both"].sum().to_dict() == levels["over_report"].sum().to_dict()
     main = trials[trials["condition"] == "main"]
-    last = both_table(main).tail(1)
     found = of(choices(main))
-    for row in last.itertuples():
+    for row in both_table(main).tail(1).itertuples():
         assert (found.extinction.left, found.extinction.right) == (row.left_only, row.right_only)
         assert (found.both.count, found.both.of) == (row.noticed, row.presented)
 
 
 def test_the_seed_moves_p_and_nothing_else() -> None:
-    rng = np.random.default_rng(6)
-    trials = sequence(*zip(rng.choice(["left", "right"], 60), rng.choice(["left", "right"], 60),
-                           strict=True))  # fmt: skip
+    sides = np.random.default_rng(6).choice(["left", "right"], (2, 60))
+    trials = sequence(*zip(*sides, strict=True))
     one, other = of(choices(trials, seed=0)), of(choices(trials, seed=1))
     assert one != other
     assert one.spatial == other.spatial

@@ -39,12 +39,8 @@ def test_a_published_table_gives_its_information() -> None:
 def test_independent_counts_carry_nothing() -> None:
     _, found = information(table((6, 2), (3, 1)))
     assert found.plugin_bits == pytest.approx(0, abs=1e-15)
-    assert found.miller_madow_bits is not None
-    assert found.miller_madow_bits < 0
     assert found.p == 1
-
-
-def test_always_one_answer_carries_nothing_for_certain() -> None:
+    assert (found.miller_madow_bits or 0) < 0
     _, found = information(table((5,), (5,)))
     assert (found.plugin_bits, found.miller_madow_bits, found.p) == (0, 0, 1)
 
@@ -80,10 +76,8 @@ def test_without_information_its_estimates_are_biased_as_known(
 
 def test_p_is_uniform_where_there_is_no_information() -> None:
     rng = np.random.default_rng(2)
-    ps = []
-    for _ in range(300):
-        rows = [tuple(rng.multinomial(25, [0.5, 0.3, 0.2])) for _ in range(2)]
-        ps.append(information(table(*rows))[1].p)
+    drawn = rng.multinomial(25, [0.5, 0.3, 0.2], (300, 2))
+    ps = [information(table(*map(tuple, rows)))[1].p for rows in drawn]
     for level in (0.05, 0.2, 0.5):
         assert np.mean(np.array(ps) <= level) == pytest.approx(level, abs=0.07)
 
@@ -91,10 +85,8 @@ def test_p_is_uniform_where_there_is_no_information() -> None:
 def test_participants_who_only_differ_from_each_other_carry_no_information() -> None:
     likes_left, likes_right = table((18, 2), (9, 1)), table((1, 9), (2, 18))
     each, together = information(np.concatenate([likes_left, likes_right]))
-    assert together.plugin_bits is not None
-    assert together.plugin_bits > 0.05
-    assert together.p is not None
-    assert together.p > 0.2
+    assert (together.plugin_bits or 0) > 0.05
+    assert (together.p or 0) > 0.2
     assert [one.plugin_bits for one in each] == pytest.approx([0, 0], abs=1e-15)
 
 
@@ -110,11 +102,10 @@ def test_neither_order_nor_sides_change_a_value(tables: Any, seed: int) -> None:
 
 def test_equal_participants_are_not_drawn_alike() -> None:
     one = table((7, 3), (4, 6))
-    _, alone = information(one)
-    _, twice = information(np.concatenate([one] * 4))
-    assert alone.p is not None
-    assert twice.p is not None
-    assert twice.p < 0.03 < alone.p
+    alone, twice = (information(np.concatenate([one] * n))[1].p for n in (1, 4))
+    assert alone is not None
+    assert twice is not None
+    assert twice < 0.03 < alone
 
 
 @given(counts)
@@ -130,16 +121,17 @@ def test_information_lies_within_its_limits(tables: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [np.zeros((4, 4), np.int64), np.zeros((1, 4, 3), np.int64), np.zeros((1, 4, 4)),
-     np.full((1, 4, 4), -1)],
-)  # fmt: skip
-def test_other_tables_are_refused(wrong: Any) -> None:
-    with pytest.raises(ValueError, match="tables must"):
-        information(wrong)
-
-
-@pytest.mark.parametrize("seed", [-1, True, 0.5])
-def test_another_seed_is_refused(seed: Any) -> None:
-    with pytest.raises(ValueError, match="seed must be a whole number"):
-        information(table((1, 2), (2, 1)), seed)
+    ("tables", "seed", "said"),
+    [
+        (np.zeros((4, 4), np.int64), 0, "tables must"),
+        (np.zeros((1, 4, 3), np.int64), 0, "tables must"),
+        (np.zeros((1, 4, 4)), 0, "tables must"),
+        (np.full((1, 4, 4), -1), 0, "tables must"),
+        (table((1, 2), (2, 1)), -1, "seed must be a whole number"),
+        (table((1, 2), (2, 1)), True, "seed must be a whole number"),
+        (table((1, 2), (2, 1)), 0.5, "seed must be a whole number"),
+    ],
+)
+def test_other_tables_and_seeds_are_refused(tables: Any, seed: Any, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        information(tables, seed)

@@ -14,29 +14,25 @@ from analysis.reading import load
 from analysis.reading.columns import ColumnMap
 from analysis.reading.reasons import with_reasons
 from analysis.results.tables import Analysis, analyse
+from tests.test_analysis.shared import put
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-HEADER = "participant,trial,kind,side,level_vpp,response,status,anticipated,noise_ok\n"
-TRIALS = (
-    "P,1,practice,left,60,left,ok,false,true\n"
-    "P,2,single,left,60,left,ok,false,true\n"
-    "P,3,single,left,60,left,voided,false,false\n"
-    "P,4,single,right,60,left,ok,true,true\n"
-    "P,5,both,both,60,left,ok,false,false\n"
-    "P,6,blank,none,0,none,ok,false,n/a\n"
-)
+TRIALS = """participant,trial,kind,side,level_vpp,response,status,anticipated,noise_ok
+P,1,practice,left,60,left,ok,false,true
+P,2,single,left,60,left,ok,false,true
+P,3,single,left,60,left,voided,false,false
+P,4,single,right,60,left,ok,true,true
+P,5,both,both,60,left,ok,false,false
+P,6,blank,none,0,none,ok,false,n/a
+"""
 GOOD: dict[str, Any] = {"kind": "single", "status": "ok", "anticipated": False, "noise_ok": None}
 
 
 def tables(folder: Path, people: int) -> list[Path]:
-    folder.mkdir(exist_ok=True)
-    paths = [folder / f"{number}.csv" for number in range(people)]
-    for number, path in enumerate(paths):
-        text = TRIALS.replace("P,", f"{number},")
-        path.write_text(HEADER + text, encoding="utf-8")
-    return paths
+    texts = [TRIALS.replace("P,", f"{number},") for number in range(people)]
+    return [put(folder / f"{number}.csv", text) for number, text in enumerate(texts)]
 
 
 def told(found: Analysis) -> list[list[Any]]:
@@ -52,8 +48,11 @@ def told(found: Analysis) -> list[list[Any]]:
         ({"noise_ok": False}, "unmasked", "unmasked"),
         ({"anticipated": True, "noise_ok": False}, "anticipated", "anticipated"),
         ({"status": "indeterminate", "anticipated": True}, "indeterminate", "indeterminate"),
+        ({"status": "device_error"}, "device_error", "device_error"),
+        ({"status": "aborted"}, "aborted", "aborted"),
         ({"kind": "practice"}, "practice", ""),
         ({"kind": "practice", "status": "voided"}, "practice", "voided"),
+        ({"kind": "control"}, "control", ""),
         ({"kind": "control", "noise_ok": False}, "control", "unmasked"),
     ],
 )
@@ -64,9 +63,7 @@ def test_the_first_reason_that_holds_is_told_and_a_fault_whatever_the_kind(
     assert (trial["reason"], trial["fault"]) == (reason, fault)
 
 
-def test_one_analysis_asks_for_reasons_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_analysis_asks_for_reasons_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
 
     def counting(trials: pd.DataFrame) -> pd.DataFrame:

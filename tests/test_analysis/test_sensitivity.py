@@ -40,28 +40,14 @@ def test_published_counts_give_their_sensitivity(
     hits: Share, false_alarms: Share, d_prime: float, criterion: float
 ) -> None:
     found = detection_sensitivity(hits, false_alarms)
-    assert found.d_prime == pytest.approx(d_prime, abs=1e-12)
-    assert found.criterion == pytest.approx(criterion, abs=1e-12)
-
-
-def test_without_blank_trials_there_is_no_sensitivity() -> None:
-    found = detection_sensitivity(share(9, 10), share(0, 0))
-    assert (found.d_prime, found.criterion, found.participants) == (None, None, 0)
-    assert found.reason == "no blank trial counts"
-
-
-def test_a_forced_choice_has_no_sensitivity() -> None:
-    found = detection_sensitivity(share(9, 10), share(10, 10), reason='"none" was not offered')
-    assert (found.d_prime, found.reason) == (None, '"none" was not offered')
+    assert (found.d_prime, found.criterion) == pytest.approx((d_prime, criterion), abs=1e-12)
 
 
 @given(shares, shares)
 def test_saying_no_for_yes_turns_the_criterion_only(hits: Share, false_alarms: Share) -> None:
     found = detection_sensitivity(hits, false_alarms)
-    turned = detection_sensitivity(
-        share(false_alarms.of - false_alarms.count, false_alarms.of),
-        share(hits.of - hits.count, hits.of),
-    )
+    missed, refused = (share(one.of - one.count, one.of) for one in (hits, false_alarms))
+    turned = detection_sensitivity(refused, missed)
     assert turned.d_prime == found.d_prime
     assert found.criterion is not None
     assert turned.criterion == -found.criterion
@@ -74,14 +60,20 @@ def test_spatial_sensitivity_is_smaller_by_the_root_of_two(hits: Share, others: 
     assert narrow.d_prime == pytest.approx(wide.d_prime / math.sqrt(2), abs=1e-15)
 
 
-def test_stimuli_at_one_side_have_no_spatial_sensitivity() -> None:
+def test_what_the_data_do_not_tell_is_not_given_but_its_reason() -> None:
+    unknown = detection_sensitivity(share(9, 10), share(0, 0))
+    assert (unknown.d_prime, unknown.criterion, unknown.participants) == (None, None, 0)
+    assert unknown.reason == "no blank trial counts"
+    forced = detection_sensitivity(share(9, 10), share(10, 10), reason='"none" was not offered')
+    assert (forced.d_prime, forced.reason) == (None, '"none" was not offered')
     assert spatial_sensitivity(share(9, 10), share(0, 0)).d_prime is None
 
 
 def test_the_group_is_the_mean_of_those_who_have_a_value() -> None:
-    one = detection_sensitivity(share(9, 10), share(1, 10))
-    other = detection_sensitivity(share(5, 10), share(2, 10))
-    none = detection_sensitivity(share(5, 10), share(0, 0))
+    none, one, other = (
+        detection_sensitivity(share(*hits), share(*false))
+        for hits, false in (((5, 10), (0, 0)), ((9, 10), (1, 10)), ((5, 10), (2, 10)))
+    )
     found = mean_sensitivity((none, one, other))
     assert one.d_prime is not None
     assert other.d_prime is not None

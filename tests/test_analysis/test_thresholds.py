@@ -15,31 +15,23 @@ from analysis import fit_psychometric, group_table, threshold_table
 from analysis.axis import Axis
 from analysis.thresholds.people import BLANKS_NEEDED, guessing
 from analysis.thresholds.table import GROUP_COLUMNS, THRESHOLD_COLUMNS, WORDS, printed
+from tests.test_analysis.shared import PAPER, SINGLE, felt
 
-PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
-ONE = {
-    "condition": "main",
-    "kind": "single",
-    "side": "left",
-    "level_vpp": 60.0,
-    "response": "left",
-    "reason": "",
-    "none_offered": True,
-}
+GOOD = [2, 14, 22, 28, 29]
+MIRROR = {"left": "right", "right": "left"}
+VALUES = ("threshold_low_", "threshold_", "threshold_high_")
 
 
-def person(name: str, detected: list[int], *, n: int = 30, **same: Any) -> pd.DataFrame:
-    """Return single trials, detected and missed."""
-    rows = [
-        ONE | {"participant": name, "level_vpp": level, "response": answer} | same
-        for level, k in zip(PAPER, detected, strict=False)
-        for answer in ["left"] * k + ["right"] * (n - k)
-    ]
-    return pd.DataFrame(rows)
+def person(name: str, detected: list[int], **same: Any) -> pd.DataFrame:
+    return felt(detected, participant=name, **({"missed": "right"} | same))
+
+
+def table_of(*people: pd.DataFrame, seed: int = 1, **options: Any) -> pd.DataFrame:
+    return threshold_table(pd.concat(people), seed=seed, **options)
 
 
 def blanks(name: str, answers: list[str]) -> pd.DataFrame:
-    same = ONE | {"participant": name, "kind": "blank", "side": "none", "level_vpp": math.nan}
+    same = SINGLE | {"participant": name, "kind": "blank", "side": "none", "level_vpp": math.nan}
     return pd.DataFrame([same | {"response": answer} for answer in answers])
 
 
@@ -61,15 +53,14 @@ def above(name: str, words: str = "> 200 V") -> tuple[str, str, float, str]:
 
 
 def test_the_table_says_what_the_fit_says() -> None:
-    row = threshold_table(person("1", [2, 14, 22, 28, 29]), seed=1).iloc[0]
-    fit = fit_psychometric(PAPER, [2, 14, 22, 28, 29], [30] * 5, guess_rate=0.0)
+    row = table_of(person("1", GOOD)).iloc[0]
+    fit = fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.0)
     assert tuple(row.index) == THRESHOLD_COLUMNS
     assert row["status"] == "ok"
-    limits = [row[f"threshold_{name}vpp"] for name in ("low_", "", "high_")]
-    assert limits == pytest.approx(
-        [fit.threshold_limits[0], fit.threshold, fit.threshold_limits[1]]
-    )
-    decibel = [row[f"threshold_{name}db"] for name in ("low_", "", "high_")]
+    low, high = fit.threshold_limits
+    limits = [row[f"{name}vpp"] for name in VALUES]
+    assert limits == pytest.approx([low, fit.threshold, high])
+    decibel = [row[f"{name}db"] for name in VALUES]
     assert decibel == pytest.approx([20 * math.log10(volts) for volts in limits])
     assert row["printed"] == "{1:.1f} V ({0:.1f} to {2:.1f})".format(*limits)
     assert (row["levels"], row["trials"]) == (5, 150)
@@ -77,12 +68,9 @@ def test_the_table_says_what_the_fit_says() -> None:
 
 
 def test_taking_another_guess_rate_moves_the_threshold_up_with_it() -> None:
-    people = person("1", [12, 17, 22, 29, 29], none_offered=False)
-    row = threshold_table(people, seed=1).iloc[0]
+    row = table_of(person("1", [12, 17, 22, 29, 29], none_offered=False)).iloc[0]
     assert (row["guess_rate"], row["guess_basis"]) == (0.5, "forced choice")
-    names = ("threshold_guess_0_vpp", "threshold_guess_third_vpp", "threshold_vpp")
-    zero, third, half = (float(row[name]) for name in names)
-    assert zero < third < half
+    assert row["threshold_guess_0_vpp"] < row["threshold_guess_third_vpp"] < row["threshold_vpp"]
 
 
 @pytest.mark.parametrize(
@@ -100,7 +88,7 @@ def test_taking_another_guess_rate_moves_the_threshold_up_with_it() -> None:
 def test_where_there_is_no_threshold_the_words_say_so_and_no_number(
     detected: list[int], words: str
 ) -> None:
-    row = threshold_table(person("1", detected), seed=1).iloc[0]
+    row = table_of(person("1", detected)).iloc[0]
     assert row["printed"] == words
     numbers = [name for name in THRESHOLD_COLUMNS if name.startswith(("threshold_", "mle_"))]
     kept = [name for name in numbers if "guess" not in name]
@@ -108,9 +96,9 @@ def test_where_there_is_no_threshold_the_words_say_so_and_no_number(
 
 
 def test_only_levels_that_were_presented_bound_a_threshold() -> None:
-    everybody = pd.concat([person("1", [2, 14, 22, 28, 29]), person("2", [30, 30, 30])])
-    placed = everybody[(everybody["participant"] == "1") | (everybody["level_vpp"] > 60)]
-    assert threshold_table(placed, seed=1)["printed"].iloc[1] == "< 95 V"
+    placed = person("2", [30, 30, 30])
+    found = table_of(person("1", GOOD), placed[placed["level_vpp"] > 60])
+    assert found["printed"].iloc[1] == "< 95 V"
 
 
 def test_a_guess_rate_needs_blanks_and_the_answer_none() -> None:
@@ -122,55 +110,38 @@ def test_a_guess_rate_needs_blanks_and_the_answer_none() -> None:
 
 
 def test_blanks_tell_the_guess_rate_of_their_participant_only() -> None:
-    trials = pd.concat(
-        [
-            person("1", [6, 14, 22, 28, 29]),
-            person("2", [6, 14, 22, 28, 29]),
-            blanks("1", ["left"] * 5 + ["right"] * 3 + ["both"] * 2 + ["none"] * 30),
-        ]
-    )
-    table = threshold_table(trials, seed=1).set_index("participant")
+    answers = ["left"] * 5 + ["right"] * 3 + ["both"] * 2 + ["none"] * 30
+    same = [6, 14, 22, 28, 29]
+    people = (person("1", same), person("2", same), blanks("1", answers))
+    table = table_of(*people).set_index("participant")
     assert table["guess_basis"].to_dict() == {"1": "blanks", "2": "none offered"}
     assert table["guess_rate"]["1"] == pytest.approx((0.5 + 4) / 41)
     assert float(table["threshold_vpp"]["1"]) > float(table["threshold_vpp"]["2"])
 
 
 def test_one_trial_without_the_answer_none_makes_it_a_forced_choice() -> None:
-    trials = person("1", [2, 14, 22, 28, 29])
+    trials = person("1", GOOD)
     trials.loc[0, "none_offered"] = False
-    assert threshold_table(trials, seed=1)["guess_basis"].tolist() == ["forced choice"]
+    assert table_of(trials)["guess_basis"].tolist() == ["forced choice"]
 
 
-def test_shuffled_rows_and_other_names_give_the_same_numbers() -> None:
-    trials = pd.concat([person("1", [2, 14, 22, 28, 29]), person("2", [1, 8, 15, 27, 30])])
-    here = threshold_table(trials, seed=3)
-    shuffled = trials.sample(frac=1, random_state=np.random.default_rng(1))
-    pd.testing.assert_frame_equal(threshold_table(shuffled, seed=3), here)
-    renamed = trials.assign(participant=trials["participant"].map({"1": "z", "2": "=1+1"}))
-    there = threshold_table(renamed, seed=3).set_index("participant").loc[["z", "=1+1"]]
-    numbers = list(THRESHOLD_COLUMNS[1:])
-    assert there[numbers].to_numpy().tolist() == here[numbers].to_numpy().tolist()
-
-
-def test_names_change_no_last_digit() -> None:
+def test_neither_the_order_of_rows_nor_names_change_a_digit() -> None:
     rng = np.random.default_rng(4)
-    rows = np.sort(rng.integers(1, 12, (9, 5)), axis=1).tolist()
+    detected = np.sort(rng.integers(1, 12, (9, 5)), axis=1).tolist()
+    straight, backwards = "123456789", "98765432="
     here, there = (
-        threshold_table(
-            pd.concat([person(name, row, n=12) for name, row in zip(names, rows, strict=True)]),
-            seed=3,
-        )
-        for names in ("123456789", "987654321")
+        pd.concat([person(name, k, n=12) for name, k in zip(names, detected, strict=True)])
+        for names in (straight, backwards)
     )
-    assert there["participant"].tolist() == list("123456789")
-    numbers = list(THRESHOLD_COLUMNS[1:])
-    assert there[::-1][numbers].to_csv(index=False) == here[numbers].to_csv(index=False)
+    known = table_of(here)
+    pd.testing.assert_frame_equal(table_of(here.sample(frac=1, random_state=1)), known)
+    renamed = table_of(there).set_index("participant").loc[[*backwards]]
+    assert renamed.to_csv(index=False) == known.drop(columns="participant").to_csv(index=False)
 
 
 def test_conditions_are_never_mixed() -> None:
-    detected = [2, 14, 22, 28, 29]
-    two = pd.concat([person("1", detected), person("1", detected, condition="control plate")])
-    alone, both = threshold_table(person("1", detected), seed=1), threshold_table(two, seed=1)
+    alone = table_of(person("1", GOOD))
+    both = table_of(person("1", GOOD), person("1", GOOD, condition="control plate"))
     assert both["condition"].tolist() == ["control plate", "main"]
     assert both["trials"].tolist() == [150, 150]
     pd.testing.assert_frame_equal(both.iloc[1:].reset_index(drop=True), alone)
@@ -178,26 +149,24 @@ def test_conditions_are_never_mixed() -> None:
 
 
 def test_left_and_right_trials_count_alike() -> None:
-    left, mirrored = person("1", [2, 14, 22, 28, 29]), person("1", [2, 14, 22, 28, 29])
-    mirrored["side"] = "right"
-    mirrored["response"] = mirrored["response"].map({"left": "right", "right": "left"})
-    pd.testing.assert_frame_equal(threshold_table(mirrored, seed=1), threshold_table(left, seed=1))
+    left = person("1", GOOD)
+    mirrored = left.replace({"side": MIRROR, "response": MIRROR})
+    pd.testing.assert_frame_equal(table_of(mirrored), table_of(left))
 
 
 def test_without_single_trials_there_is_an_empty_table() -> None:
-    table = threshold_table(blanks("1", ["none"] * 30), seed=1)
+    table = table_of(blanks("1", ["none"] * 30))
     assert table.empty
     assert tuple(table.columns) == THRESHOLD_COLUMNS
     assert group_table(table).empty
 
 
 def test_a_linear_axis_has_no_decibels_and_keeps_its_unit() -> None:
-    row = threshold_table(
-        person("1", [2, 14, 22, 28, 29]), seed=1, axis=Axis(x_scale="linear")
-    ).iloc[0]
+    row = table_of(person("1", GOOD), axis=Axis(x_scale="linear")).iloc[0]
     assert math.isnan(row["threshold_db"])
     assert 80 < row["threshold_vpp"] < 120
     assert row["sigma"] > 10
+    assert row["printed"].startswith(f"{row['threshold_vpp']:.1f} V (")
 
 
 def test_the_group_has_a_median_and_where_nobody_is_censored_a_t_interval() -> None:
@@ -219,6 +188,9 @@ def test_the_group_has_a_median_and_where_nobody_is_censored_a_t_interval() -> N
         ([ok("1", 100), below("2"), below("3")], "threshold_below_levels", None, "median < 60 V"),
         ([above("1"), above("2"), ok("3", 90)], "threshold_above_levels", None, "median > 200 V"),
         ([below("1"), above("2"), ok("3", 90)], "ok", 90.0, "median 90.0 V"),
+        ([ok("1", 100)], "ok", 100.0, "median 100.0 V"),
+        ([ok("1", 100), ok("2", 110), below("3"), below("4"), ok("5", 70)],
+         "ok", 70.0, "median 70.0 V"),
         ([ok("1", 100), below("2")], "threshold_below_levels", None, "median < 77.5 V"),
         ([ok("1", 100), above("2")], "threshold_above_levels", None, "median > 141.4 V"),
         ([below("1"), above("2")], "none", None, "no median"),
@@ -246,23 +218,6 @@ def test_who_has_none_for_another_reason_is_listed() -> None:
     assert row["printed"].endswith("without one: 9")
     assert group_of(lost)["printed"].startswith("no threshold")
     assert math.isnan(group_of(ok("1", 100), ok("2", 90), lost)["mean_vpp"])
-
-
-def test_one_participant_has_no_mean() -> None:
-    row = group_of(ok("1", 100))
-    assert row["median_vpp"] == pytest.approx(100)
-    assert math.isnan(row["mean_vpp"])
-
-
-def test_leaving_the_censored_out_would_bias_the_group() -> None:
-    row = group_of(ok("1", 100), ok("2", 110), below("3"), below("4"), ok("5", 70))
-    assert row["median_vpp"] == pytest.approx(70)
-
-
-def test_a_printed_threshold_keeps_its_limits() -> None:
-    fit = fit_psychometric(PAPER, [2, 14, 22, 28, 29], [30] * 5, guess_rate=0.0, x_scale="linear")
-    words = printed(fit, np.array(PAPER), Axis(x_scale="linear"))
-    assert words.startswith(f"{fit.threshold:.1f} V (")
 
 
 @pytest.mark.parametrize(
