@@ -9,20 +9,17 @@ from device.core.messages import Levels, full_scale, to_codes
 from device.core.output import Emission, OutputStage
 from device.driver import FloatArray, LimitExceeded
 from device.limits import Limits, check_ceiling
+from tests.test_device.bursts import BURST
+
+CEILING = Limits(ceiling_vpp=200.0)
 
 
 def render(
-    stage: OutputStage, samples: FloatArray, levels_mvpp: tuple[int, int], limits: Limits
+    stage: OutputStage, levels_mvpp: tuple[int, int], limits: Limits = CEILING, *, peak: float = 1.0
 ) -> FloatArray:
-    codes = to_codes(np.array((samples, samples)), stage.bits)
+    codes = to_codes(np.array((peak * BURST, peak * BURST)), stage.bits)
     levels = Levels(left_mvpp=levels_mvpp[0], right_mvpp=levels_mvpp[1])
     return stage.render(codes, levels=levels, limits=limits)
-
-
-def sine(n_samples: int = 97) -> FloatArray:
-    samples = np.sin(2 * np.pi * np.arange(n_samples) / (n_samples - 1))
-    samples[-1] = 0.0
-    return samples
 
 
 def highest_level_mvpp(peak: float, limits: Limits) -> int:
@@ -47,16 +44,17 @@ def highest_level_mvpp(peak: float, limits: Limits) -> int:
 def test_whatever_passes_the_check_stays_within_half_the_ceiling_to_the_last_bit(
     peak: float, limits: Limits, stage: OutputStage, part: float
 ) -> None:
-    samples = peak * sine(9)
-    level_mvpp = int(part * highest_level_mvpp(float(np.abs(samples).max()), limits))
-    volts = render(stage, samples, (level_mvpp, level_mvpp), limits)
+    level_mvpp = int(part * highest_level_mvpp(peak, limits))
+    volts = render(stage, (level_mvpp, level_mvpp), limits, peak=peak)
     assert np.abs(volts).max() <= min(limits.ceiling_vpp / 2, stage.rail_v)
     assert np.ptp(volts) <= limits.ceiling_vpp
 
 
-def test_the_ceiling_itself_is_reached_exactly() -> None:
-    volts = render(OutputStage(), sine(), (200_000, 200_000), Limits(ceiling_vpp=200.0))
+def test_the_ceiling_itself_is_reached_exactly_and_cannot_be_written_over() -> None:
+    volts = render(OutputStage(), (200_000, 200_000))
     assert (volts.max(), volts.min()) == (100.0, -100.0)
+    with pytest.raises(ValueError, match="read-only"):
+        volts[0, 0] = 1.0
 
 
 @settings(deadline=None, max_examples=100)
@@ -65,9 +63,9 @@ def test_the_volts_follow_waveform_and_level_within_two_steps_of_the_converter(
     level_mvpp: int, bits: int
 ) -> None:
     stage = OutputStage(bits=bits)
-    volts = render(stage, sine(), (level_mvpp, 2 * level_mvpp), Limits(ceiling_vpp=400.0))
+    volts = render(stage, (level_mvpp, 2 * level_mvpp), Limits(ceiling_vpp=400.0))
     step_v = stage.rail_v / full_scale(bits)
-    wanted_v = sine() * level_mvpp / 2000
+    wanted_v = BURST * level_mvpp / 2000
     assert np.abs(volts[0] - wanted_v).max() <= 2 * step_v
     assert np.all(np.abs(volts[0]) <= np.abs(wanted_v) * (1 + 1e-12) + 1e-12)
     assert np.allclose(volts[0] / step_v, np.rint(volts[0] / step_v), atol=1e-6)
@@ -75,31 +73,30 @@ def test_the_volts_follow_waveform_and_level_within_two_steps_of_the_converter(
 
 
 def test_gain_counts_like_level() -> None:
-    louder = render(OutputStage(), sine(), (100_000, 0), Limits(ceiling_vpp=200.0, gain=2.0))
-    level = render(OutputStage(), sine(), (200_000, 0), Limits(ceiling_vpp=200.0))
+    louder = render(OutputStage(), (100_000, 0), Limits(ceiling_vpp=200.0, gain=2.0))
+    level = render(OutputStage(), (200_000, 0))
     assert np.array_equal(louder, level)
     assert not louder[1].any()
 
 
 def test_beyond_the_rail_the_amplifier_saturates() -> None:
-    volts = render(OutputStage(rail_v=60.0), sine(), (200_000, 100_000), Limits(ceiling_vpp=200.0))
+    volts = render(OutputStage(rail_v=60.0), (200_000, 100_000))
     assert (volts[0].max(), volts[0].min()) == (60.0, -60.0)
     assert volts[1].max() == pytest.approx(50.0, abs=0.01)
 
 
 def test_the_default_slew_lets_the_papers_burst_pass_unchanged() -> None:
-    limits = Limits(ceiling_vpp=200.0)
-    fast = render(OutputStage(slew_v_s=1e12), sine(), (200_000, 200_000), limits)
-    assert np.array_equal(render(OutputStage(), sine(), (200_000, 200_000), limits), fast)
+    fast = render(OutputStage(slew_v_s=1e12), (200_000, 200_000))
+    assert np.array_equal(render(OutputStage(), (200_000, 200_000)), fast)
 
 
 @pytest.mark.parametrize("slew_v_s", [2e5, 5e4, 1e4])
 def test_a_slow_amplifier_never_changes_faster_than_its_slew_and_ends_at_zero(
     slew_v_s: float,
 ) -> None:
-    stage, limits = OutputStage(slew_v_s=slew_v_s), Limits(ceiling_vpp=200.0)
-    volts = render(stage, sine(), (200_000, 100_000), limits)
-    wanted = render(OutputStage(), sine(), (200_000, 100_000), limits)
+    stage = OutputStage(slew_v_s=slew_v_s)
+    volts = render(stage, (200_000, 100_000))
+    wanted = render(OutputStage(), (200_000, 100_000))
     step_v = slew_v_s / stage.sample_rate_hz
     assert np.abs(np.diff(volts, prepend=0.0)).max() <= step_v * (1 + 1e-12)
     assert volts.shape[1] >= wanted.shape[1]
@@ -107,22 +104,15 @@ def test_a_slow_amplifier_never_changes_faster_than_its_slew_and_ends_at_zero(
     assert np.abs(volts).max() <= np.abs(wanted).max()
 
 
-def test_what_was_rendered_cannot_be_written_to() -> None:
-    volts = render(OutputStage(), sine(), (1000, 1000), Limits(ceiling_vpp=200.0))
-    with pytest.raises(ValueError, match="read-only"):
-        volts[0, 0] = 1.0
-
-
-def emission(n_samples: int = 96, sample_rate_hz: float = 48_000.0) -> Emission:
-    volts = np.ones(n_samples)
+def emission(n_samples: int, n_right: int | None = None) -> Emission:
     return Emission(
         token=1,
         start_us=1000,
-        left_v=volts,
-        right_v=2 * volts,
+        left_v=np.ones(n_samples),
+        right_v=np.full(n_samples if n_right is None else n_right, 2.0),
         level_left_vpp=2.0,
         level_right_vpp=4.0,
-        sample_rate_hz=sample_rate_hz,
+        sample_rate_hz=48_000.0,
     )
 
 
@@ -145,7 +135,7 @@ def test_a_burst_lasts_its_samples_and_cannot_be_cut_before_it_began() -> None:
     assert emission(96).duration_us == 2000
     assert emission(97).duration_us == 2021
     with pytest.raises(ValueError, match="at_us must be 1000 or later, got 999"):
-        emission().cut(999)
+        emission(96).cut(999)
 
 
 @pytest.mark.parametrize(
@@ -166,12 +156,4 @@ def test_an_output_stage_that_cannot_be_is_refused_by_name(field: str, value: fl
 
 def test_channels_of_different_lengths_are_no_burst() -> None:
     with pytest.raises(ValueError, match="left_v and right_v must be rows of one length"):
-        Emission(
-            token=1,
-            start_us=0,
-            left_v=np.zeros(2),
-            right_v=np.zeros(3),
-            level_left_vpp=0.0,
-            level_right_vpp=0.0,
-            sample_rate_hz=48e3,
-        )
+        emission(2, 3)
