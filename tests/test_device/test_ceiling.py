@@ -14,6 +14,7 @@ from device.driver import FloatArray, LimitExceeded, Refusal
 from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
 from device.limits import Limits, check_ceiling
+from tests.test_device.bursts import sine
 from tests.test_device.in_process import InProcess
 
 FULL = 32767
@@ -37,23 +38,21 @@ def is_above(peak: float, level_vpp: float, limits: Limits) -> bool:
     return product > Fraction(limits.ceiling_vpp)
 
 
-def allowed(peaks: FloatArray, levels: Levels, limits: Limits) -> list[bool]:
-    """Have every peak checked; each refusal names the values."""
-    level_vpp, answers = levels.vpp[0], []
-    end = f" x {level_vpp:g} x {limits.gain:g} > {limits.ceiling_vpp:g} Vpp"
-    for peak in peaks.tolist():
-        reason = reason_against(peak, level_vpp, limits)
-        assert not reason or reason.endswith(f"{peak:g}{end}")
-        answers.append(not reason)
-    return answers
-
-
 def reason_against(peak: float, level_vpp: float, limits: Limits) -> str:
     try:
         check_ceiling(peak, level_vpp, limits)
     except LimitExceeded as refused:
         return str(refused)
     return ""
+
+
+def allowed(peaks: FloatArray, levels: Levels, limits: Limits) -> list[bool]:
+    """Have every peak checked; each refusal names the values."""
+    level_vpp = levels.vpp[0]
+    end = f" x {level_vpp:g} x {limits.gain:g} > {limits.ceiling_vpp:g} Vpp"
+    reasons = [(peak, reason_against(peak, level_vpp, limits)) for peak in peaks.tolist()]
+    assert all(not reason or reason.endswith(f"{peak:g}{end}") for peak, reason in reasons)
+    return [not reason for _, reason in reasons]
 
 
 @pytest.mark.slow
@@ -86,10 +85,6 @@ def test_of_a_million_combinations_none_above_the_ceiling_is_emitted() -> None:
     assert 0.2 * n_all < n_played < 0.9 * n_all
 
 
-def burst(peak: float) -> FloatArray:
-    return peak * np.array([0.0, 1.0, 0.0, -1.0, 0.0])
-
-
 @pytest.mark.slow
 def test_a_whole_device_plays_or_refuses_each_of_thousands() -> None:
     rng = np.random.default_rng(21)
@@ -98,7 +93,9 @@ def test_a_whole_device_plays_or_refuses_each_of_thousands() -> None:
         limits, level_mvpp = a_setting(rng)
         over: list[Emission] = []
         core = DeviceCore(boot_id=1, limits=limits, output=STAGE, sink=over.append)
-        left, right = (to_codes(burst(float(peak)), 16) for peak in rng.uniform(0.01, 1.0, 2))
+        left, right = (
+            to_codes(sine(5, peak=float(peak)), 16) for peak in rng.uniform(0.01, 1.0, 2)
+        )
         core.take(0, Load(slot=0, left=left, right=right))
         core.take(0, Enable())
         peak = float(max(left.max(), right.max())) / FULL
@@ -135,7 +132,7 @@ def test_without_the_hosts_check_the_device_refuses_alone(seed: int) -> None:
         truth=truth,
     )
     rig.link.hello()
-    codes = to_codes(burst(1.0), 16)
+    codes = to_codes(sine(5), 16)
     rig.link.exchange(Load(slot=0, left=codes, right=codes))
     rig.link.exchange(Enable())
     for level_mvpp in rng.integers(150_001, 2**32, size=100):

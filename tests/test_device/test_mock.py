@@ -17,35 +17,20 @@ from device.driver import (
     LinkError,
     Outcome,
     Refusal,
-    RefusedError,
     Rejected,
     StateError,
 )
 from device.emulate.mock import MockDevice
 from device.limits import Limits
+from tests.test_device.bursts import BURST, SILENCE, changed, play, ready, refusal
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
-BURST = np.sin(2 * np.pi * np.arange(97) / 96)
-BURST[-1] = 0.0
-SILENCE = np.zeros_like(BURST)
 
 
 def live_mock(clock: VirtualClock, **options: Any) -> MockDevice:
     device = MockDevice(clock, limits=LIMITS, **options)
-    device.open()
-    device.load(0, BURST, SILENCE)
-    device.enable()
-    device.set_levels(100.0, 100.0)
+    ready(device, 100.0)
     return device
-
-
-def code_of(call: Callable[[], object], kind: type[RefusedError] = RefusedError) -> Refusal:
-    with pytest.raises(kind) as refused:
-        call()
-    return refused.value.code
-
-
-# --- identity and clocks
 
 
 def test_it_says_that_it_is_emulated_and_what_it_can_do() -> None:
@@ -80,8 +65,7 @@ def test_the_devices_clock_is_the_hosts_with_drift_and_offset(
     clock = VirtualClock(start_s=now_s)
     device = live_mock(clock, drift_ppm=drift_ppm, offset_s=offset_s)
     clock.wait(1.0)
-    device.arm(1, 0, time_to_live_s=0.1)
-    felt = device.fire(1)
+    felt = play(device, 1)
     wanted_s = (now_s + 1.0) * (1 + drift_ppm * 1e-6) + offset_s
     assert felt.device_us is not None
     assert felt.device_us * 1e-6 == pytest.approx(wanted_s, abs=2e-6)
@@ -89,33 +73,16 @@ def test_the_devices_clock_is_the_hosts_with_drift_and_offset(
     assert felt.uncertainty_s == 0.0
 
 
-def test_an_onset_asked_for_later_is_still_the_hosts_time_of_the_onset() -> None:
-    clock = VirtualClock(start_s=10.0)
-    device = live_mock(clock, drift_ppm=50.0)
-    device.arm(1, 0, time_to_live_s=0.1)
-    device.fire(1)
-    clock.wait(100.0)
-    told = device.query(1)
-    assert told.host_before_s <= 10.0 <= told.host_after_s
-    assert told.uncertainty_s == pytest.approx(0.01, rel=1e-3)
-
-
 def test_on_a_real_clock_the_interval_and_its_uncertainty_hold_the_onset() -> None:
     clock = MonotonicClock()
     device = MockDevice(clock, limits=LIMITS)
-    device.open()
-    device.load(0, BURST, SILENCE)
-    device.enable()
-    device.arm(1, 0, time_to_live_s=5.0)
+    ready(device)
     before_s = clock.now_s()
-    felt = device.fire(1)
+    felt = play(device, 1, within_s=5.0)
     assert felt.device_us is not None
     assert before_s <= felt.host_before_s <= felt.host_after_s <= clock.now_s()
     middle_s = (felt.host_before_s + felt.host_after_s) / 2
     assert abs(felt.device_us * 1e-6 - middle_s) <= felt.uncertainty_s + 1e-6
-
-
-# --- what is refused before anything is sent
 
 
 @pytest.mark.parametrize(
@@ -130,30 +97,29 @@ def test_on_a_real_clock_the_interval_and_its_uncertainty_hold_the_onset() -> No
         lambda d: d.query(1),
     ],
 )
-@pytest.mark.parametrize("closed_again", [False, True])
 def test_nothing_is_sent_to_a_device_that_is_not_open(
-    call: Callable[[BurstDevice], object], *, closed_again: bool
+    call: Callable[[BurstDevice], object],
 ) -> None:
     device = MockDevice(VirtualClock(), limits=LIMITS)
-    if closed_again:
-        device.open()
-        device.close()
-    assert code_of(lambda: call(device), StateError) is Refusal.NOT_OPEN
+    assert refusal(lambda: call(device), StateError) is Refusal.NOT_OPEN
+    device.open()
+    device.close()
+    assert refusal(lambda: call(device), StateError) is Refusal.NOT_OPEN
 
 
 def test_illegal_steps_are_the_hosts_to_refuse_and_the_rest_the_devices() -> None:
     clock = VirtualClock()
     device = MockDevice(clock, limits=LIMITS)
     device.open()
-    assert code_of(device.open, StateError) is Refusal.ALREADY_OPEN
-    assert code_of(device.enable, StateError) is Refusal.NOTHING_LOADED
+    assert refusal(device.open, StateError) is Refusal.ALREADY_OPEN
+    assert refusal(device.enable, StateError) is Refusal.NOTHING_LOADED
     device.load(0, BURST, SILENCE)
-    assert code_of(lambda: device.fire(1), StateError) is Refusal.NOT_ENABLED
+    assert refusal(lambda: device.fire(1), StateError) is Refusal.NOT_ENABLED
     device.enable()
     device.silence()
     clock.wait(1.0)
-    unheard = code_of(lambda: device.arm(1, 0, time_to_live_s=0.1), Rejected)
-    known = code_of(lambda: device.arm(1, 0, time_to_live_s=0.1), StateError)
+    unheard = refusal(lambda: device.arm(1, 0, time_to_live_s=0.1), Rejected)
+    known = refusal(lambda: device.arm(1, 0, time_to_live_s=0.1), StateError)
     assert unheard is known is Refusal.SAFE_STATE
 
 
@@ -178,13 +144,12 @@ def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None
     device.load(1, 0.5 * BURST, SILENCE)
     device.enable()
     device.set_levels(150.0, 0.0)
-    assert code_of(lambda: device.arm(1, 0, time_to_live_s=5.0)) is Refusal.CEILING
-    assert code_of(lambda: device.arm(1, 1, time_to_live_s=5.1)) is Refusal.BAD_TIME_TO_LIVE
-    device.arm(1, 1, time_to_live_s=5.0)
-    device.fire(1)
+    assert refusal(lambda: device.arm(1, 0, time_to_live_s=5.0)) is Refusal.CEILING
+    assert refusal(lambda: device.arm(1, 1, time_to_live_s=5.1)) is Refusal.BAD_TIME_TO_LIVE
+    play(device, 1, 1, within_s=5.0)
     clock.wait(0.9)
     device.arm(2, 1, time_to_live_s=5.0)
-    assert code_of(lambda: device.fire(2), LimitExceeded) is Refusal.LEAST_INTERVAL
+    assert refusal(lambda: device.fire(2), LimitExceeded) is Refusal.LEAST_INTERVAL
     assert device.query(2).outcome is Outcome.INDETERMINATE
     clock.wait(0.2)
     assert device.fire(2).outcome is Outcome.FIRED
@@ -194,35 +159,27 @@ def test_a_level_one_step_above_the_ceiling_is_refused_though_its_millivolts_are
     device = live_mock(VirtualClock())
     device.set_levels(200.0, 200.0)
     above_vpp = math.nextafter(200.0, math.inf)
-    assert code_of(lambda: device.set_levels(above_vpp, 200.0)) is Refusal.CEILING
+    assert refusal(lambda: device.set_levels(above_vpp, 200.0)) is Refusal.CEILING
 
 
-def test_samples_that_are_not_finite_never_leave_the_host() -> None:
+def test_samples_that_are_no_finite_numbers_never_leave_the_host() -> None:
     device = live_mock(VirtualClock())
     for bad in (math.nan, math.inf):
-        samples = BURST.copy()
-        samples[3] = bad
         with pytest.raises(Rejected, match="a sample is not finite: left"):
-            device.load(0, samples, SILENCE)
-
-
-def test_what_is_no_waveform_is_refused_by_name() -> None:
-    device = live_mock(VirtualClock())
+            device.load(0, changed(3, bad), SILENCE)
     strange: Any = ["0", "1", "0"]
     with pytest.raises(ValueError, match="right must be a one-dimensional array of real numbers"):
         device.load(0, BURST, strange)
 
 
 def test_a_device_opened_anew_plays_nothing_that_this_host_did_not_load_and_set() -> None:
-    clock = VirtualClock()
-    device = live_mock(clock)
+    device = live_mock(VirtualClock())
     device.close()
     device.open()
     device.enable()
-    assert code_of(lambda: device.arm(1, 0, time_to_live_s=0.1)) is Refusal.EMPTY_SLOT
+    assert refusal(lambda: device.arm(1, 0, time_to_live_s=0.1)) is Refusal.EMPTY_SLOT
     device.load(0, BURST, BURST)
-    device.arm(1, 0, time_to_live_s=0.1)
-    assert device.fire(1).level_left_vpp == 0.0
+    assert play(device, 1).level_left_vpp == 0.0
 
 
 @pytest.mark.parametrize(("option", "value"), [("drift_ppm", 2e5), ("offset_s", math.nan)])
@@ -231,15 +188,10 @@ def test_a_clock_that_cannot_be_is_refused_by_name(option: str, value: float) ->
         live_mock(VirtualClock(), **{option: value})
 
 
-# --- power cycles
-
-
 def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> None:
     clock = VirtualClock()
     device = live_mock(clock)
-    old_boot_id = device.query(9).boot_id
-    device.arm(1, 0, time_to_live_s=0.1)
-    device.fire(1)
+    old_boot_id = play(device, 1).boot_id
     clock.wait(0.1)
     device.arm(2, 0, time_to_live_s=0.1)
     device.reset()
@@ -253,8 +205,7 @@ def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> N
 
 def test_after_a_power_cycle_even_a_disarmed_token_may_have_fired_before_it() -> None:
     device = live_mock(VirtualClock())
-    device.arm(1, 0, time_to_live_s=0.1)
-    device.fire(1)
+    play(device, 1)
     device.reset()
     device.disarm(1)
     assert device.query(1).outcome is Outcome.INDETERMINATE
@@ -267,21 +218,17 @@ def test_a_device_that_restarted_can_be_opened_and_used_again() -> None:
     device = live_mock(clock)
     before = device.query(1).boot_id
     device.reset()
-    assert device.open().boot_id != before
-    device.load(0, BURST, SILENCE)
-    device.enable()
+    assert ready(device).boot_id != before
     device.arm(5, 0, time_to_live_s=0.1)
     clock.wait(0.2)
     assert device.query(5).outcome is Outcome.NOT_FIRED
-    device.arm(6, 0, time_to_live_s=0.1)
-    assert device.fire(6).outcome is Outcome.FIRED
+    assert play(device, 6).outcome is Outcome.FIRED
 
 
 def test_losing_power_cuts_the_burst_that_plays() -> None:
     clock = VirtualClock()
     device = live_mock(clock)
-    device.arm(1, 0, time_to_live_s=0.1)
-    device.fire(1)
+    play(device, 1)
     clock.wait(0.001)
     device.reset()
     (cut,) = device.emitted

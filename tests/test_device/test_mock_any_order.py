@@ -12,11 +12,9 @@ from device.clock import VirtualClock
 from device.driver import DeviceError, FloatArray, Outcome
 from device.emulate.mock import MockDevice
 from device.limits import Limits
+from tests.test_device.bursts import BURST, SILENCE
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
-BURST = np.sin(2 * np.pi * np.arange(97) / 96)
-BURST[-1] = 0.0
-SILENCE = np.zeros_like(BURST)
 PAIRS = [(BURST, SILENCE), (SILENCE, 0.5 * BURST), (BURST, -BURST), (SILENCE, SILENCE)]
 
 
@@ -27,8 +25,7 @@ class AnyOrder(RuleBasedStateMachine):
         super().__init__()
         self.clock = VirtualClock()
         self.device = MockDevice(self.clock, limits=LIMITS, rng=np.random.default_rng(1))
-        self.device.open()
-        self.fresh = 0
+        self.fresh = 1000
         self.tokens = [1]
         self.windows: dict[int, tuple[float, float]] = {}
         self.fired: set[int] = set()
@@ -36,6 +33,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.make_ready()
 
     def make_ready(self) -> None:
+        self.device.open()
         for slot, pair in enumerate(PAIRS):
             self.device.load(slot, *pair)
         self.device.enable()
@@ -47,6 +45,19 @@ class AnyOrder(RuleBasedStateMachine):
         except DeviceError:
             return False
         return True
+
+    def next_token(self) -> int:
+        self.fresh += 1
+        return self.fresh
+
+    def arm_within(self, token: int, slot: int, time_to_live_s: float) -> bool:
+        self.tokens.append(token)
+        now_s = self.clock.now_s()
+        armed = self.attempt(lambda: self.device.arm(token, slot, time_to_live_s=time_to_live_s))
+        if armed:
+            assert token not in self.windows
+            self.windows[token] = (now_s, now_s + time_to_live_s)
+        return armed
 
     @rule(slot=st.integers(0, 2), pair=st.sampled_from(PAIRS))
     def load(self, slot: int, pair: tuple[FloatArray, FloatArray]) -> None:
@@ -62,13 +73,8 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(data=st.data(), slot=st.integers(0, 3), time_to_live_s=st.sampled_from([0.001, 0.1, 2.0]))
     def arm(self, data: st.DataObject, slot: int, time_to_live_s: float) -> None:
-        self.fresh += 1
-        token = data.draw(st.just(1000 + self.fresh) | st.sampled_from(self.tokens[-3:]))
-        self.tokens.append(token)
-        now_s = self.clock.now_s()
-        if self.attempt(lambda: self.device.arm(token, slot, time_to_live_s=time_to_live_s)):
-            assert token not in self.windows
-            self.windows[token] = (now_s, now_s + time_to_live_s)
+        token = data.draw(st.just(self.next_token()) | st.sampled_from(self.tokens[-3:]))
+        self.arm_within(token, slot, time_to_live_s)
 
     @rule(data=st.data())
     def fire(self, data: st.DataObject) -> None:
@@ -77,13 +83,9 @@ class AnyOrder(RuleBasedStateMachine):
 
     @rule(slot=st.integers(0, 3), rest_s=st.sampled_from([0.0005, 0.02]))
     def trial(self, slot: int, rest_s: float) -> None:
-        self.fresh += 1
-        token = 1000 + self.fresh
-        self.tokens.append(token)
-        now_s = self.clock.now_s()
+        token = self.next_token()
         self.attempt(self.device.enable)
-        if self.attempt(lambda: self.device.arm(token, slot, time_to_live_s=0.1)):
-            self.windows[token] = (now_s, now_s + 0.1)
+        if self.arm_within(token, slot, 0.1):
             self.attempt(lambda: self.note(self.device.fire(token).outcome, token))
         self.clock.wait(rest_s)
 
@@ -119,17 +121,14 @@ class AnyOrder(RuleBasedStateMachine):
     @rule()
     def reopen(self) -> None:
         self.device.close()
-        self.device.open()
         self.make_ready()
 
     @precondition(lambda self: self.fired)
     @rule()
     def power_cycle(self) -> None:
         self.device.reset()
-        self.device.open()
         self.make_ready()
-        self.fresh += 1
-        self.tokens = [1000 + self.fresh]
+        self.tokens = [self.next_token()]
 
     @invariant()
     def every_burst_is_in_the_log_and_every_logged_burst_came_out(self) -> None:
