@@ -12,13 +12,21 @@ from typing import IO, TYPE_CHECKING, Final
 import numpy as np
 
 from device.clock import VirtualClock
+from device.core.core import DeviceCore
+from device.core.output import OutputStage
 from device.driver import LinkError
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
+from device.limits import Limits
 from device.wire.channels import BEAT_EVERY_S
+from device.wire.endpoint import Endpoint
 from device.wire.link import FrameLink
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from device.clock import Clock
+    from device.core.output import Emission
+    from device.driver import Identity
     from device.emulate.faults import Faults
     from device.emulate.generator import EmulatedGenerator
     from device.sound.player import Frames
@@ -207,3 +215,19 @@ class SoundCard(VirtualClock):
         timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
         callback(out, self.buffer, timing, SimpleNamespace(output_underflow=underflow))
         return out
+
+
+def endpoint(
+    who: Identity,
+    *,
+    least_interval_s: float = 0.005,
+    sink: Callable[[Emission], None] = lambda burst: None,
+) -> Endpoint:
+    """Return the device's end of a line, with a core of that identity behind it."""
+    core = DeviceCore(
+        boot_id=who.boot_id,
+        limits=Limits(ceiling_vpp=who.ceiling_vpp, least_interval_s=least_interval_s),
+        output=OutputStage(sample_rate_hz=who.sample_rate_hz, bits=who.bits),
+        sink=sink,
+    )
+    return Endpoint(core, who)
