@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from device.core.core import WATCHDOG_US, DeviceCore
+from device.core.core import WATCHDOG_US
 from device.core.messages import (
     Arm,
     Beat,
@@ -24,11 +24,9 @@ from device.core.messages import (
     Query,
     Stop,
 )
-from device.core.output import OutputStage
 from device.core.states import State
 from device.core.tokens import Fate, Record
-from device.driver import Identity, Refusal, Rejected
-from device.limits import Limits
+from device.driver import Refusal, Rejected
 from device.wire import codec, frames
 from device.wire.codec import (
     FATES,
@@ -43,6 +41,8 @@ from device.wire.codec import (
 from device.wire.endpoint import Endpoint
 from device.wire.frames import LONGEST_PAYLOAD, Decoder, Frame, encode
 from device.wire.upload import LONGEST_DATA, Begin, Commit, Data, pieces
+from tests.test_device.bursts import identity, refusal
+from tests.test_device.in_process import endpoint
 
 TESTS = Path(__file__).parents[1]
 GOLDEN = json.loads((TESTS / "golden_frames.json").read_text(encoding="utf-8"))
@@ -62,9 +62,6 @@ def fed_in_pieces(data: bytes, cuts: list[int]) -> tuple[list[Frame], Decoder]:
         found += decoder.feed(data[begin:cut])
         begin = cut
     return found, decoder
-
-
-# --- the decoder
 
 
 @settings(max_examples=200)
@@ -128,10 +125,6 @@ def test_memory_stays_bounded_over_a_stream_without_delimiters() -> None:
     assert decoder.dropped == 1
 
 
-def make_frame(*, kind: int = 1, sequence: int = 1, payload: bytes = b"") -> Frame:
-    return Frame(kind=kind, sequence=sequence, payload=payload)
-
-
 def test_two_million_random_bytes_hold_no_frame() -> None:
     decoder = Decoder()
     data = np.random.default_rng(7).integers(0, 256, size=2_000_000, dtype=np.uint8)
@@ -144,43 +137,29 @@ def test_two_million_random_bytes_hold_no_frame() -> None:
     [{"kind": 256}, {"kind": -1}, {"sequence": 65536}, {"payload": bytes(LONGEST_PAYLOAD + 1)}],
 )
 def test_a_frame_that_does_not_fit_the_wire_is_refused(wrong: dict[str, Any]) -> None:
+    fields: dict[str, Any] = {"kind": 1, "sequence": 1, "payload": b""} | wrong
     with pytest.raises(ValueError, match=next(iter(wrong))):
-        make_frame(**wrong)
+        Frame(**fields)
 
 
-# --- an endpoint under any bytes
+def golden_device() -> Endpoint:
+    facts = dict(GOLDEN["device"])
+    least_interval_s = facts.pop("least_interval_s")
+    return endpoint(identity(**facts), least_interval_s=least_interval_s)
 
 
-def endpoint() -> Endpoint:
-    facts = GOLDEN["device"]
-    limits = Limits(ceiling_vpp=facts["ceiling_vpp"], least_interval_s=facts["least_interval_s"])
-    output = OutputStage(sample_rate_hz=facts["sample_rate_hz"], bits=facts["bits"])
-    core = DeviceCore(
-        boot_id=facts["boot_id"], limits=limits, output=output, sink=lambda burst: None
-    )
-    identity = Identity(
-        model=facts["model"],
-        serial_number=facts["serial_number"],
-        boot_id=facts["boot_id"],
-        protocol_version=f"{frames.VERSION}.{frames.MINOR}",
-        sample_rate_hz=facts["sample_rate_hz"],
-        bits=facts["bits"],
-        channels=2,
-        ceiling_vpp=facts["ceiling_vpp"],
-        longest_waveform=facts["longest_waveform"],
-        emulated=facts["emulated"],
-    )
-    return Endpoint(core, identity)
+def ping(device: Endpoint, number: int = 1) -> bytes:
+    payload = codec.payload(Ping(), device.core.boot_id)
+    return encode(Frame(kind=2, sequence=number, payload=payload))
 
 
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(data=st.binary(max_size=400))
 def test_an_endpoint_takes_any_bytes(data: bytes) -> None:
-    device = endpoint()
+    device = golden_device()
     device.receive(1, data)
-    ping = encode(Frame(kind=2, sequence=1, payload=codec.payload(Ping(), device.core.boot_id)))
-    assert len(Decoder().feed(device.receive(2, b"\0" + ping))) == 1
+    assert len(Decoder().feed(device.receive(2, b"\0" + ping(device)))) == 1
 
 
 @pytest.mark.slow
@@ -193,7 +172,7 @@ def test_an_endpoint_takes_any_bytes(data: bytes) -> None:
 def test_any_payload_in_a_whole_frame_is_answered_or_dropped(
     kind: int, content: bytes, *, meant: bool
 ) -> None:
-    device = endpoint()
+    device = golden_device()
     question = QuestionPayload(boot_id=device.core.boot_id, content=content)
     payload = codec.QUESTION.pack(question) if meant else content
     frame = Frame(kind=kind, sequence=3, payload=payload)
@@ -210,7 +189,7 @@ def test_any_payload_in_a_whole_frame_is_answered_or_dropped(
     "before", [b"", b"\0", b"hello?\r\n", encode(Frame(kind=2, sequence=1, payload=b""))]
 )
 def test_a_terminal_is_told_who_is_there(before: bytes, ending: bytes) -> None:
-    device = endpoint()
+    device = golden_device()
     device.receive(1, before)
     for byte in b"*IDN?" + ending[:-1]:
         assert device.receive(2, bytes([byte])) == b""
@@ -232,7 +211,7 @@ def test_a_question_in_plain_text_inside_a_frame_is_no_question(
 ) -> None:
     payload = head + b"\n*IDN?\n" + tail
     coded = encode(Frame(kind=kind, sequence=1, payload=payload))
-    line = endpoint()._text
+    line = golden_device()._text
     begin = 0
     for cut in [*sorted(cuts), len(coded)]:
         assert line.feed(coded[begin:cut]) == b""
@@ -240,12 +219,8 @@ def test_a_question_in_plain_text_inside_a_frame_is_no_question(
 
 
 def test_a_plain_question_between_frames_disturbs_neither() -> None:
-    device = endpoint()
-    ping = [
-        encode(Frame(kind=2, sequence=n, payload=codec.payload(Ping(), device.core.boot_id)))
-        for n in (1, 2)
-    ]
-    said = device.receive(1, ping[0] + b"*IDN?\n" + ping[1])
+    device = golden_device()
+    said = device.receive(1, ping(device, 1) + b"*IDN?\n" + ping(device, 2))
     assert [answer.sequence for answer in Decoder().feed(said)] == [1, 2]
     assert b"tactstrip," in said
 
@@ -259,14 +234,14 @@ def asked(device: Endpoint, message: Message[Any], number: int) -> Refusal | Non
 
 
 def test_a_line_that_is_lost_leaves_nothing_half_done() -> None:
-    device = endpoint()
+    device = golden_device()
     device.receive(1, b"*ID")
     device.hang_up(1)
     assert device.receive(1, b"N?\n") == b""
-    ping = encode(Frame(kind=2, sequence=1, payload=codec.payload(Ping(), device.core.boot_id)))
-    device.receive(1, b"\0" + ping[:9])
+    asking = ping(device)
+    device.receive(1, b"\0" + asking[:9])
     device.hang_up(1)
-    assert device.receive(1, ping[9:]) == b""
+    assert device.receive(1, asking[9:]) == b""
     silence = np.zeros(4, dtype=np.int32)
     *begun, commit = pieces(Load(slot=0, left=silence, right=silence), 16)
     assert [asked(device, piece, number) for number, piece in enumerate(begun, 2)] == [None, None]
@@ -277,20 +252,15 @@ def test_a_line_that_is_lost_leaves_nothing_half_done() -> None:
 
 
 def test_a_piece_of_a_waveform_is_no_message_of_the_core() -> None:
-    with pytest.raises(Rejected) as refused:
-        endpoint().core.take(1, Begin(slot=0, samples=1))
-    assert refused.value.code is Refusal.BAD_MESSAGE
-
-
-# --- golden frames
+    core, piece = golden_device().core, Begin(slot=0, samples=1)
+    assert refusal(lambda: core.take(1, piece), Rejected) is Refusal.BAD_MESSAGE
 
 
 def test_the_golden_frames_are_what_an_endpoint_answers() -> None:
-    device = endpoint()
+    device = golden_device()
     for exchange in GOLDEN["exchanges"]:
-        asked = bytes.fromhex(exchange["question"])
-        answered = device.receive(exchange["at_us"], asked).hex(" ")
-        assert answered == exchange["answer"], exchange["meaning"]
+        answered = device.receive(exchange["at_us"], bytes.fromhex(exchange["question"]))
+        assert answered.hex(" ") == exchange["answer"], exchange["meaning"]
 
 
 @pytest.mark.parametrize("exchange", GOLDEN["exchanges"], ids=lambda e: e["meaning"][:60])
@@ -333,10 +303,7 @@ def test_the_golden_frames_hold_every_type_and_every_refusal_of_the_wire() -> No
 
 @pytest.mark.parametrize("noise", GOLDEN["no_frames"], ids=lambda n: n["meaning"])
 def test_what_is_no_golden_frame_gets_no_answer(noise: dict[str, Any]) -> None:
-    assert endpoint().receive(1, bytes.fromhex(noise["bytes"])) == b""
-
-
-# --- values of the messages
+    assert golden_device().receive(1, bytes.fromhex(noise["bytes"])) == b""
 
 
 LAYOUTS = {
@@ -373,11 +340,9 @@ def test_numbers_that_stand_for_nothing_are_refused() -> None:
         (codec.HEAD, head, 1, len(STATES)),
         (codec.HEAD, head, 17, 128),
     ):
-        wrong = bytearray(content)
-        wrong[place] = number
-        with pytest.raises(Rejected) as refused:
-            layout.read(bytes(wrong))
-        assert refused.value.code is Refusal.BAD_MESSAGE
+        wrong = content[:place] + bytes([number]) + content[place + 1 :]
+        with pytest.raises(Rejected, match=Refusal.BAD_MESSAGE.text):
+            layout.read(wrong)
 
 
 some_token = st.integers(1, 2**64 - 1)
@@ -422,9 +387,6 @@ def test_an_answer_that_is_packed_is_read_again(answer: AnswerPayload) -> None:
     assert codec.HEAD.read(codec.HEAD.pack(answer)) == answer
 
 
-# --- the page
-
-
 def table_of(heading: str) -> list[list[str]]:
     """Return the rows of the first table under a heading, without its head."""
     section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
@@ -454,12 +416,10 @@ def test_the_page_states_the_layouts() -> None:
     assert f"1 to {LONGEST_DATA}" in page["DATA"][3]
 
 
-@pytest.mark.parametrize(
-    ("heading", "names"),
-    [("States", [s.value for s in STATES]), ("Fates", [f.value for f in FATES])],
-)
-def test_the_page_numbers_states_and_fates(heading: str, names: list[str]) -> None:
-    assert [(int(row[0]), row[1]) for row in table_of(heading)] == list(enumerate(names))
+def test_the_page_numbers_states_and_fates() -> None:
+    for heading, listed in (("States", STATES), ("Fates", FATES)):
+        names = [member.value for member in listed]
+        assert [(int(row[0]), row[1]) for row in table_of(heading)] == list(enumerate(names))
 
 
 def test_the_page_lists_the_refusals() -> None:

@@ -16,15 +16,7 @@ from hypothesis import strategies as st
 
 from device.clock import MonotonicClock, VirtualClock
 from device.core.output import Emission
-from device.driver import (
-    BurstDevice,
-    FloatArray,
-    LinkError,
-    Outcome,
-    Refusal,
-    RefusedError,
-    SettingError,
-)
+from device.driver import BurstDevice, LinkError, Outcome, Refusal, RefusedError, SettingError
 from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator
 from device.emulate.instrument import Reader
 from device.emulate.lines import PtyLine, TcpLine
@@ -45,6 +37,7 @@ from experiment.session.simulate import simulated_responder
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
+from tests.test_device.bursts import play, ready, refusal
 from tests.test_device.in_process import LocalChannel
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
@@ -55,8 +48,8 @@ NO_ERROR = b'+0,"No error"\n'
 CODES = [0, 10, 2570, 32767, -2570, -32767, -10, 0]
 """Their bytes hold 0x0A alone, doubled, and at either place."""
 
-WAVE: FloatArray = np.clip((np.array(CODES) + 0.25 * np.sign(CODES)) / 32767, -1.0, 1.0)
-SILENCE: FloatArray = np.zeros_like(WAVE)
+WAVE = np.clip((np.array(CODES) + 0.25 * np.sign(CODES)) / 32767, -1.0, 1.0)
+SILENCE = np.zeros_like(WAVE)
 
 
 class Recorder(LocalChannel):
@@ -65,8 +58,8 @@ class Recorder(LocalChannel):
     def __init__(self, generator: EmulatedGenerator, clock: VirtualClock) -> None:
         super().__init__(generator, clock)
         self.written = b""
-        self.before: Callable[[bytes], None] = lambda _: None
-        self.change: Callable[[bytes], bytes] = lambda answer: answer
+        self.before: Callable[[bytes], None] = lambda data: None
+        self.change: Callable[[bytes], bytes] = lambda told: told
 
     def write(self, data: bytes) -> None:
         self.before(data)
@@ -105,64 +98,61 @@ class Bench:
         )
 
     def live(self) -> "Bench":
-        self.device.open()
-        self.device.load(0, WAVE, SILENCE)
-        self.device.load(1, SILENCE, WAVE)
-        self.device.enable()
-        self.device.set_levels(60.0, 60.0)
+        ready(self.device, 60.0, burst=WAVE)
+        self.channel.taken()
         return self
 
     def play(self, token: int, slot: int = 0) -> Outcome:
         self.clock.wait(0.1)
-        self.device.arm(token, slot, time_to_live_s=1.0)
-        return self.device.fire(token).outcome
+        return play(self.device, token, slot).outcome
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def live() -> Bench:
+    return Bench().live()
 
 
 def lines(*texts: str) -> bytes:
     return "".join(f"{text}\n" for text in texts).encode()
 
 
-# --- bytes
-
-
 BLOCK = b"#216" + np.array(CODES, dtype="<i2").tobytes()
 ZEROS = b"#216" + bytes(16)
 
 
-def test_the_waveform_of_these_tests_has_line_feeds_inside_its_block() -> None:
-    assert BLOCK.count(b"\n") == 3
-
-
 def channel_setup(channel: int, name: str) -> bytes:
-    return b"".join(
-        (
-            lines(
-                f"SOUR{channel}:VOLT:LIM:STAT OFF",
-                f"OUTP{channel}:LOAD INF",
-                f"SOUR{channel}:VOLT:UNIT VPP",
-                f"SOUR{channel}:DATA:VOL:CLE",
-            ),
-            f"SOUR{channel}:DATA:ARB:DAC {name},".encode() + ZEROS + b"\n",
-            lines(
-                f"SOUR{channel}:FUNC:ARB {name}",
-                f"SOUR{channel}:FUNC:ARB:SRAT 48000",
-                f"SOUR{channel}:FUNC:ARB:FILT OFF",
-                f"SOUR{channel}:FUNC ARB",
-                f"SOUR{channel}:VOLT:OFFS 0",
-                f"SOUR{channel}:VOLT 7.2727272",
-                f"SOUR{channel}:VOLT:RANG:AUTO OFF",
-                f"SOUR{channel}:VOLT:LIM:HIGH 3.6363637",
-                f"SOUR{channel}:VOLT:LIM:LOW -3.6363637",
-                f"SOUR{channel}:VOLT:LIM:STAT ON",
-                f"SOUR{channel}:BURS:MODE TRIG",
-                f"SOUR{channel}:BURS:NCYC 1",
-                f"SOUR{channel}:BURS:PHAS 0",
-                f"TRIG{channel}:SOUR BUS",
-                f"SOUR{channel}:BURS:STAT ON",
-                "SYST:ERR?",
-            ),
-        )
+    source = f"SOUR{channel}"
+    before = (
+        f"{source}:VOLT:LIM:STAT OFF",
+        f"OUTP{channel}:LOAD INF",
+        f"{source}:VOLT:UNIT VPP",
+        f"{source}:DATA:VOL:CLE",
     )
+    after = (
+        f"{source}:FUNC:ARB {name}",
+        f"{source}:FUNC:ARB:SRAT 48000",
+        f"{source}:FUNC:ARB:FILT OFF",
+        f"{source}:FUNC ARB",
+        f"{source}:VOLT:OFFS 0",
+        f"{source}:VOLT 7.2727272",
+        f"{source}:VOLT:RANG:AUTO OFF",
+        f"{source}:VOLT:LIM:HIGH 3.6363637",
+        f"{source}:VOLT:LIM:LOW -3.6363637",
+        f"{source}:VOLT:LIM:STAT ON",
+        f"{source}:BURS:MODE TRIG",
+        f"{source}:BURS:NCYC 1",
+        f"{source}:BURS:PHAS 0",
+        f"TRIG{channel}:SOUR BUS",
+        f"{source}:BURS:STAT ON",
+        "SYST:ERR?",
+    )
+    upload = f"{source}:DATA:ARB:DAC {name},".encode() + ZEROS + b"\n"
+    return lines(*before) + upload + lines(*after)
 
 
 def read_back(channel: int) -> bytes:
@@ -182,29 +172,18 @@ def read_back(channel: int) -> bytes:
     )
 
 
-def test_the_set_up_byte_for_byte() -> None:
-    bench = Bench()
+def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(bench: Bench) -> None:
     bench.device.open()
-    assert bench.channel.taken() == b"".join(
-        (
-            lines("", "*IDN?"),
-            lines("*RST", "*CLS", "OUTP1 OFF", "OUTP2 OFF", "FORM:BORD SWAP", "SYST:ERR?"),
-            channel_setup(1, "T1"),
-            channel_setup(2, "T2"),
-            read_back(1),
-            read_back(2),
-        )
-    )
-
-
-def test_an_upload_byte_for_byte_with_line_feeds_inside() -> None:
-    bench = Bench()
-    bench.device.open()
-    bench.channel.taken()
-    bench.device.load(0, WAVE, SILENCE)
-    assert bench.channel.taken() == b"SOUR1:DATA:ARB:DAC T3," + BLOCK + b"\n" + lines("SYST:ERR?")
-    bench.device.load(2, WAVE, WAVE)
-    assert bench.channel.taken() == b"SOUR2:DATA:ARB:DAC T4," + BLOCK + b"\n" + lines("SYST:ERR?")
+    general = ("", "*IDN?", "*RST", "*CLS", "OUTP1 OFF", "OUTP2 OFF", "FORM:BORD SWAP", "SYST:ERR?")
+    channels = channel_setup(1, "T1"), channel_setup(2, "T2"), read_back(1), read_back(2)
+    assert bench.channel.taken() == lines(*general) + b"".join(channels)
+    assert BLOCK.count(b"\n") == 3
+    for slot, right, start in (
+        (0, SILENCE, b"SOUR1:DATA:ARB:DAC T3,"),
+        (2, WAVE, b"SOUR2:DATA:ARB:DAC T4,"),
+    ):
+        bench.device.load(slot, WAVE, right)
+        assert bench.channel.taken() == start + BLOCK + b"\n" + lines("SYST:ERR?")
 
 
 def trial(names: tuple[str, str]) -> bytes:
@@ -230,19 +209,12 @@ def trial(names: tuple[str, str]) -> bytes:
     )
 
 
-def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands() -> None:
-    bench = Bench().live()
-    bench.channel.taken()
-    bench.play(1, slot=0)
-    assert bench.channel.taken() == trial(("T3", "T2"))
-    bench.play(2, slot=1)
-    assert bench.channel.taken() == trial(("T1", "T4"))
-
-
-def test_what_comes_out_is_the_waveform_at_the_level() -> None:
-    bench = Bench().live()
-    bench.play(1)
-    (burst,) = bench.out
+def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Bench) -> None:
+    live.play(1, slot=0)
+    assert live.channel.taken() == trial(("T3", "T2"))
+    live.play(2, slot=1)
+    assert live.channel.taken() == trial(("T1", "T4"))
+    burst, _ = live.out
     assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
     assert not burst.right_v.any()
 
@@ -288,39 +260,24 @@ def test_a_make_that_keeps_one_waveform_is_given_both_before_each_trigger() -> N
     device = GeneratorDevice(
         lambda: parrot, limits=LIMITS, clock=clock, amplifier_gain=GAIN, sample_rate_hz=RATE_HZ
     )
-    device.open()
-    device.load(0, WAVE, SILENCE)
-    device.enable()
-    device.set_levels(60.0, 60.0)
+    ready(device, 60.0, burst=WAVE)
     for token in (1, 2):
         parrot.headers.clear()
         clock.wait(0.1)
-        device.arm(token, 0, time_to_live_s=1.0)
-        assert device.fire(token).outcome is Outcome.FIRED
+        assert play(device, token).outcome is Outcome.FIRED
         said = [header for header in parrot.headers if not header.endswith("?")]
         assert said[0::4][:2] == ["SOUR1:DATA:DAC", "SOUR2:DATA:DAC"]
         assert said[-2:] == ["SOUR1:BURS:TRIG", "SOUR2:BURS:TRIG"]
     assert any("at once" in sentence for sentence in device.cannot)
 
 
-# --- refusals before anything is played
-
-
-def answering(question: bytes, answer: bytes) -> Callable[[Bench], None]:
+def answer_otherwise(bench: Bench, question: bytes, answer: bytes) -> None:
     """Have the answer to one question replaced."""
 
-    def prepare(bench: Bench) -> None:
-        last = [b""]
+    def change(told: bytes) -> bytes:
+        return answer if told and bench.channel.written.endswith(question + b"\n") else told
 
-        def before(data: bytes) -> None:
-            last[0] = data
-
-        def change(told: bytes) -> bytes:
-            return answer if told and last[0].endswith(question + b"\n") else told
-
-        bench.channel.before, bench.channel.change = before, change
-
-    return prepare
+    bench.channel.change = change
 
 
 @pytest.mark.parametrize(
@@ -338,16 +295,13 @@ def answering(question: bytes, answer: bytes) -> Callable[[Bench], None]:
     ],
 )
 def test_a_setting_that_was_not_taken_is_refused_and_nothing_is_switched_on(
-    question: bytes, answer: bytes
+    bench: Bench, question: bytes, answer: bytes
 ) -> None:
-    bench = Bench()
-    answering(question, answer)(bench)
+    answer_otherwise(bench, question, answer)
     with pytest.raises(SettingError):
         bench.device.open()
     assert bench.generator.outputs_on == (False, False)
-    with pytest.raises(RefusedError) as closed:
-        bench.device.enable()
-    assert closed.value.code is Refusal.NOT_OPEN
+    assert refusal(bench.device.enable) is Refusal.NOT_OPEN
 
 
 @pytest.mark.parametrize(
@@ -359,114 +313,92 @@ def test_a_setting_that_was_not_taken_is_refused_and_nothing_is_switched_on(
         (b"SYST:ERR?", b'-222,"Data out of range"\n'),
     ],
 )
-def test_a_trial_that_was_not_set_up_is_not_triggered(question: bytes, answer: bytes) -> None:
-    bench = Bench().live()
-    answering(question, answer)(bench)
+def test_a_trial_that_was_not_set_up_is_not_triggered(
+    live: Bench, question: bytes, answer: bytes
+) -> None:
+    answer_otherwise(live, question, answer)
     with pytest.raises(SettingError):
-        bench.play(1)
-    assert b"*TRG" not in bench.channel.written
-    assert bench.out == []
-    bench.channel.change = lambda told: told
-    assert bench.device.query(1).outcome is Outcome.NOT_FIRED
-    assert bench.play(2) is Outcome.FIRED
+        live.play(1)
+    assert b"*TRG" not in live.channel.written
+    assert live.out == []
+    live.channel.change = lambda told: told
+    assert live.device.query(1).outcome is Outcome.NOT_FIRED
+    assert live.play(2) is Outcome.FIRED
 
 
-def test_what_answers_otherwise_is_no_generator() -> None:
-    bench = Bench()
-    answering(b"*IDN?", b"Agilent Technologies,33521B,MY50000000,1.0\n")(bench)
+def test_what_answers_otherwise_is_no_generator(bench: Bench) -> None:
+    answer_otherwise(bench, b"*IDN?", b"Agilent Technologies,33521B,MY50000000,1.0\n")
     with pytest.raises(LinkError, match="two channels"):
         bench.device.open()
 
 
-def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence() -> None:
-    bench = Bench().live()
-    bench.device.set_levels(0.01, 0.01)
-    with pytest.raises(RefusedError) as refused:
-        bench.play(1)
-    assert refused.value.code is Refusal.BAD_LEVEL
-    bench.device.set_levels(0.0, 0.0)
-    assert bench.play(2) is Outcome.FIRED
-    assert not bench.out[0].left_v.any()
+def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence(live: Bench) -> None:
+    live.device.set_levels(0.01, 0.01)
+    assert refusal(lambda: live.play(1)) is Refusal.BAD_LEVEL
+    live.device.set_levels(0.0, 0.0)
+    assert live.play(2) is Outcome.FIRED
+    assert not live.out[0].left_v.any()
 
 
-# --- the trigger
-
-
-def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out() -> None:
-    bench = Bench().live()
-    lost = [True]
-
-    def before(data: bytes) -> None:
-        lost[0] = lost[0] and b"*IDN?" not in data
-
+def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out(
+    live: Bench,
+) -> None:
     def change(told: bytes) -> bytes:
-        return b"" if lost[0] and b"*TRG" in bench.channel.written else told
+        before_asked = live.channel.written.partition(b"*IDN?")[1] == b""
+        return b"" if before_asked and b"*TRG" in live.channel.written else told
 
-    bench.channel.taken()
-    bench.channel.before, bench.channel.change = before, change
-    began_s = bench.clock.now_s()
-    bench.device.arm(1, 0, time_to_live_s=1.0)
-    told = bench.device.fire(1)
+    live.channel.change = change
+    began_s = live.clock.now_s()
+    told = play(live.device, 1)
     assert told.outcome is Outcome.INDETERMINATE
-    assert bench.clock.now_s() - began_s >= PATIENCE_S
-    assert bench.device.fire(1) == told
-    assert bench.device.query(1) == told
-    assert bench.channel.written.count(b"*TRG") == 1
-    assert [burst.token for burst in bench.out] == [1]
-    assert bench.play(2) is Outcome.FIRED
-    assert len(bench.out) == 2
+    assert live.clock.now_s() - began_s >= PATIENCE_S
+    assert live.device.fire(1) == told == live.device.query(1)
+    assert live.channel.written.count(b"*TRG") == 1
+    assert [burst.token for burst in live.out] == [1]
+    assert live.play(2) is Outcome.FIRED
+    assert len(live.out) == 2
 
 
-def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer() -> None:
-    bench = Bench().live()
+def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer(live: Bench) -> None:
     held = [b""]
 
     def change(told: bytes) -> bytes:
-        if b"*IDN?" in bench.channel.written:
+        if b"*IDN?" in live.channel.written:
             early, held[0] = held[0], b""
             return early + told
         held[0] += told
         return b""
 
-    bench.device.arm(1, 0, time_to_live_s=1.0)
-    bench.channel.taken()
-    bench.channel.change = change
-    assert bench.device.fire(1).outcome is Outcome.INDETERMINATE
-    assert bench.play(2, slot=1) is Outcome.FIRED
-    assert [burst.level_right_vpp > 0 for burst in bench.out] == [False, True]
+    live.device.arm(1, 0, time_to_live_s=1.0)
+    live.channel.taken()
+    live.channel.change = change
+    assert live.device.fire(1).outcome is Outcome.INDETERMINATE
+    assert live.play(2, slot=1) is Outcome.FIRED
+    assert [burst.level_right_vpp > 0 for burst in live.out] == [False, True]
 
 
-def test_a_line_that_breaks_with_the_trigger_leaves_it_open() -> None:
-    bench = Bench().live()
-
+def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: Bench) -> None:
     def before(data: bytes) -> None:
         if b"*TRG" in data:
             raise LinkError("unplugged")
 
-    bench.channel.before = before
-    assert bench.play(1) is Outcome.INDETERMINATE
-    assert bench.device.query(1).outcome is Outcome.INDETERMINATE
+    live.channel.before = before
+    assert live.play(1) is Outcome.INDETERMINATE
+    assert live.device.query(1).outcome is Outcome.INDETERMINATE
 
 
-def test_a_trigger_that_the_generator_reports_as_ignored_is_indeterminate() -> None:
-    bench = Bench().live()
-    bench.clock.wait(0.1)
-    bench.device.arm(1, 0, time_to_live_s=1.0)
-    bench.channel.write(lines("TRIG1:SOUR IMM", "TRIG2:SOUR IMM"))
-    assert bench.device.fire(1).outcome is Outcome.INDETERMINATE
-    assert bench.out == []
+def test_a_trigger_that_the_generator_reports_as_ignored_is_indeterminate(live: Bench) -> None:
+    live.device.arm(1, 0, time_to_live_s=1.0)
+    live.channel.write(lines("TRIG1:SOUR IMM", "TRIG2:SOUR IMM"))
+    assert live.device.fire(1).outcome is Outcome.INDETERMINATE
+    assert live.out == []
 
 
-def test_another_run_says_not_fired_for_its_own_boot_id_only() -> None:
-    bench = Bench().live()
-    bench.play(1)
-    later = Bench(clock=bench.clock).live()
-    told = later.device.query(1)
+def test_another_run_says_not_fired_for_its_own_boot_id_only(live: Bench) -> None:
+    live.play(1)
+    told = Bench(clock=live.clock).live().device.query(1)
     assert told.outcome is Outcome.NOT_FIRED
-    assert told.boot_id != bench.device.query(1).boot_id
-
-
-# --- ceiling
+    assert told.boot_id != live.device.query(1).boot_id
 
 
 @pytest.mark.slow
@@ -484,11 +416,10 @@ def test_nothing_above_the_ceiling_comes_out(
     bench = Bench(limits=Limits(ceiling_vpp=ceiling_vpp, gain=level_gain), gain=gain)
     wave = np.array([0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0]) * peak
     try:
-        bench.device.open()
-        bench.device.load(0, wave, -wave)
-        bench.device.enable()
+        ready(bench.device, burst=wave)
+        bench.device.load(2, wave, -wave)
         bench.device.set_levels(level_vpp, level_vpp)
-        bench.play(1)
+        bench.play(1, slot=2)
     except (RefusedError, SettingError):
         assert bench.out == []
         return
@@ -498,73 +429,53 @@ def test_nothing_above_the_ceiling_comes_out(
         assert 2 * np.abs(volts).max() * gain <= level_vpp * level_gain * peak * (1 + 1e-12)
 
 
-# --- stop
-
-
-def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminate() -> None:
-    bench = Bench().live()
-    long = np.concatenate((np.tile(WAVE[:-1], 4000), [0.0]))
-    bench.device.load(2, long, SILENCE_OF_LONG)
-    bench.clock.wait(0.1)
-    bench.device.arm(1, 2, time_to_live_s=1.0)
-    stopper = threading.Thread(target=bench.device.stop)
+def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminate(
+    live: Bench,
+) -> None:
+    long = np.append(np.tile(WAVE[:-1], 4000), 0.0)
+    live.device.load(2, long, 0 * long)
+    stopper = threading.Thread(target=live.device.stop)
 
     def change(told: bytes) -> bytes:
-        if bench.clock.now_s() > 0.4 and stopper.ident is None:
+        if live.clock.now_s() > 0.4 and stopper.ident is None:
             stopper.start()
             stopper.join()
         return told
 
-    bench.channel.change = change
-    assert bench.device.fire(1).outcome is Outcome.INDETERMINATE
-    assert bench.out[0].cut_us is not None
-    assert bench.generator.outputs_on == (False, False)
-    with pytest.raises(RefusedError) as refused:
-        bench.device.arm(2, 0, time_to_live_s=1.0)
-    assert refused.value.code is Refusal.SAFE_STATE
+    live.channel.change = change
+    assert live.play(1, slot=2) is Outcome.INDETERMINATE
+    assert live.out[0].cut_us is not None
+    assert live.generator.outputs_on == (False, False)
+    assert refusal(lambda: play(live.device, 2)) is Refusal.SAFE_STATE
 
 
-SILENCE_OF_LONG = np.zeros(4000 * (WAVE.size - 1) + 1)
-
-
-def test_a_stop_inside_an_upload_is_sent_again_and_holds() -> None:
-    bench = Bench().live()
-    upload = b"SOUR1:DATA"
-
+def test_a_stop_inside_an_upload_is_sent_again_and_holds(live: Bench) -> None:
     def before(data: bytes) -> None:
-        if upload in data:
-            bench.channel.before = lambda _: None
-            bench.channel.written += b"-"
-            bench.device.stop()
-            bench.generator.receive(round(bench.clock.now_s() * 1e6), lines("OUTP1 ON", "OUTP2 ON"))
+        if b"SOUR1:DATA" in data:
+            live.channel.before = lambda later: None
+            live.channel.written += b"-"
+            live.device.stop()
+            live.generator.receive(round(live.clock.now_s() * 1e6), lines("OUTP1 ON", "OUTP2 ON"))
 
-    bench.channel.before = before
-    bench.device.load(2, -WAVE, SILENCE)
-    assert bench.generator.outputs_on == (False, False)
-    with pytest.raises(RefusedError):
-        bench.device.arm(1, 0, time_to_live_s=1.0)
-
-
-def test_a_stop_just_before_the_trigger_leaves_it_unsent() -> None:
-    bench = Bench().live()
-    bench.clock.wait(0.1)
-    bench.device.arm(1, 0, time_to_live_s=1.0)
-    bench.channel.taken()
-    bench.device.stop()
-    with pytest.raises(RefusedError):
-        bench.device.fire(1)
-    assert b"*TRG" not in bench.channel.written
-    assert bench.device.query(1).outcome is Outcome.NOT_FIRED
+    live.channel.before = before
+    live.device.load(2, -WAVE, SILENCE)
+    assert live.generator.outputs_on == (False, False)
+    refusal(lambda: play(live.device, 1))
 
 
-def test_what_a_generator_cannot_promise_is_told() -> None:
-    bench = Bench()
+def test_a_stop_just_before_the_trigger_leaves_it_unsent(live: Bench) -> None:
+    live.device.arm(1, 0, time_to_live_s=1.0)
+    live.channel.taken()
+    live.device.stop()
+    refusal(lambda: live.device.fire(1))
+    assert b"*TRG" not in live.channel.written
+    assert live.device.query(1).outcome is Outcome.NOT_FIRED
+
+
+def test_what_a_generator_cannot_promise_is_told(bench: Bench) -> None:
     bench.device.open()
     assert any("dies" in sentence for sentence in bench.device.cannot)
     assert MockDevice(VirtualClock(), limits=LIMITS).cannot == ()
-
-
-# --- the emulator
 
 
 @pytest.mark.parametrize(
@@ -639,10 +550,7 @@ def test_the_truth_file_says_what_the_driver_was_told(
     )
     try:
         assert identify_generator(line.name) == IDENTITY
-        assert device.open().emulated
-        device.load(0, WAVE, SILENCE)
-        device.enable()
-        device.set_levels(130.0, 130.0)
+        assert ready(device, 130.0, burst=WAVE).emulated
         device.arm(1, 0, time_to_live_s=5.0)
         before_s = time.time()
         told = device.fire(1)
@@ -663,16 +571,14 @@ def test_the_truth_file_says_what_the_driver_was_told(
     assert facts[-1]["event"] == "off"
 
 
-def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_understood() -> None:
-    bench = Bench().live()
-    now_us = round(bench.clock.now_s() * 1e6)
-    bench.generator.receive(now_us, b"*OPC?;SOUR1:DATA:ARB:DAC z,#3194abc")
-    bench.generator.hang_up()
-    assert bench.generator.outputs_on == (True, True)
-    assert bench.generator.receive(now_us, b"*IDN?\n").decode().strip() == IDENTITY
-
-
-# --- a session
+def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_understood(
+    live: Bench,
+) -> None:
+    now_us = round(live.clock.now_s() * 1e6)
+    live.generator.receive(now_us, b"*OPC?;SOUR1:DATA:ARB:DAC z,#3194abc")
+    live.generator.hang_up()
+    assert live.generator.outputs_on == (True, True)
+    assert live.generator.receive(now_us, b"*IDN?\n").decode().strip() == IDENTITY
 
 
 COLUMNS = ("trial", "side", "response", "correct", "level_left_vpp", "level_right_vpp", "status")
