@@ -1,4 +1,4 @@
-from .checks import CONDITION_NAME, NAME_RULE, is_line, require_word, unknown_key
+from .checks import NAME, NAME_RULE, is_line, require_word, unknown_key
 from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
     OWN_FINGER_ONLY,
@@ -38,11 +38,11 @@ __all__ = [
     "ANSWERS",
     "ANSWER_IS_NO",
     "COLUMNS",
-    "CONDITION_NAME",
     "DEVICE_FAILED",
     "ESCAPE",
     "FASTEST_ANSWER_S",
     "KINDS",
+    "NAME",
     "NAME_RULE",
     "NOT_AVAILABLE",
     "OWN_FINGERS",

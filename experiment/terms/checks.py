@@ -79,5 +79,5 @@ def unknown_key(path: str, known: Iterable[str]) -> str:
     return f"unknown key {path}" + (f"; did you mean {near[0]}?" if near else "")
 
 
-CONDITION_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -"

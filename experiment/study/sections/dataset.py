@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pydantic import Field
 
 from experiment.study.sections.table import FromTable, section
-from experiment.terms.checks import CONDITION_NAME, NAME_RULE, is_line
+from experiment.terms.checks import NAME, NAME_RULE, is_line
 
 _COLUMN = re.compile(r"[a-z][a-z0-9_]{0,63}")
 _IDENTIFIER = "participant_id"
@@ -24,7 +24,7 @@ class About:
     )
 
     def __post_init__(self) -> None:
-        if not CONDITION_NAME.fullmatch(self.name):
+        if not NAME.fullmatch(self.name):
             raise ValueError(f"name must be {NAME_RULE}; got {self.name!r}")
         if self.consent_version is not None and not is_line(self.consent_version):
             raise ValueError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
@@ -12,6 +11,7 @@ from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
 from experiment.study.sections.table import file_keys, refuse_incomplete, section
+from experiment.terms.checks import NAME, NAME_RULE
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -34,7 +34,6 @@ EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 PAPER_CUTOFF_HZ: Final = 2900.0
 """First cut-off measured on the paper's plate (figure 4)."""
 
-_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 _ROUNDING_M = 1e-12
 """A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
 
@@ -214,11 +213,8 @@ class Actuator:
                 f"name must be given where side is other, and only there; got {self.name!r} where "
                 f"side is {self.side}"
             )
-        if self.name is not None and (not _NAME.fullmatch(self.name) or self.name in SIDES):
-            raise ValueError(
-                "name must be 1 to 32 of the characters A-Z a-z 0-9 _ - and no side; "
-                f"got {self.name!r}"
-            )
+        if self.name is not None and (not NAME.fullmatch(self.name) or self.name in SIDES):
+            raise ValueError(f"name must be {NAME_RULE} and no side; got {self.name!r}")
 
     def _check_basis(self) -> None:
         """Refuse half a basis, two, or one that the shape cannot have."""

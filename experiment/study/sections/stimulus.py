@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
 from experiment.study.sections.table import refuse_incomplete, section
-from experiment.terms.checks import CONDITION_NAME, NAME_RULE, is_line
+from experiment.terms.checks import NAME, NAME_RULE, is_line
 from stimuli import Burst, SampledDrive
 from stimuli.drive.windows import Window
 
@@ -116,7 +116,7 @@ class Condition(Stimulus):
     sample_rate_hz: float | None = Field(default=None, ge=1e-3, le=1e9)
 
     def __post_init__(self) -> None:
-        if not CONDITION_NAME.fullmatch(self.name):
+        if not NAME.fullmatch(self.name):
             raise ValueError(f"name must be {NAME_RULE}; got {self.name!r}")
         if self.file is None and self.frequency_hz is None:
             raise ValueError("frequency_hz is missing; [burst] has a file instead")
