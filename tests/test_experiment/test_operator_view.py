@@ -19,7 +19,7 @@ from experiment.operator.terminal import LONGEST_NOTE, OperatorKeys
 from tactstrip import __file__ as front_door
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
 termios = pytest.importorskip("termios", reason="pseudo-terminals are a POSIX feature")
@@ -29,8 +29,7 @@ CONTROL = re.compile(r"\x1b\[([0-9;?]*)([A-Za-z])|\r|\n|[^\x1b\r\n]+")
 
 BESIDE = """
 import json, os, signal, sys, threading, time
-from experiment.operator.requests import StopRequested, StopSignal
-from experiment.operator.requests import Requests, Status, Tally
+from experiment.operator.requests import Requests, Status, StopRequested, StopSignal, Tally
 from experiment.operator.view import OperatorView
 
 requests, stop, what, told = Requests(), StopSignal(), sys.argv[1], {}
@@ -46,24 +45,24 @@ def wait():
     with stop.interruptible():
         time.sleep(50)
 
-def idle(view):
-    view.show(status())
-    wait()
-
 def progress(view):
     for done in range(12, 16):
         view.show(status(done=done))
         time.sleep(0.25)
-    view.show(status(done=99, message="put the cup away"))
+    stand(view, done=99, message="put the cup away")
+
+def stand(view, **new):
+    view.show(status(**new))
     wait()
+
+def idle(view):
+    stand(view)
 
 def answer(view):
-    view.show(status(phase="answer", done=77))
-    wait()
+    stand(view, phase="answer", done=77)
 
 def paused(view):
-    view.show(status(phase="paused"))
-    wait()
+    stand(view, phase="paused")
 
 def many(view):
     for done in range(1500):
@@ -114,30 +113,20 @@ import sys
 from pathlib import Path
 from device.clock import MonotonicClock
 from device.emulate.mock import DEVICE_LIMITS, MockDevice
-from experiment.archive.folders import SessionFolder
-from experiment.session.setting import Setting; from experiment.session.conduct import begin
-from experiment.trial.draw import draw_plan
-from experiment.operator.requests import StopSignal
-from experiment.operator.requests import Requests
-from experiment.operator.view import OperatorView
-from experiment.terms.responder import Press
 from experiment.apparatus.noise import SilentNoise
-from experiment.study.read import read_study
+from experiment.archive.folders import SessionFolder
+from experiment.operator.requests import Requests, StopSignal
+from experiment.operator.view import OperatorView
 from experiment.preview.check import check_study
+from experiment.session.conduct import begin
+from experiment.session.setting import Setting
+from experiment.study.read import read_study
+from experiment.trial.draw import draw_plan
+from tests.test_experiment.lab import Scripted
 
 requests, stop, clock = Requests(), StopSignal(), MonotonicClock()
 
-class Scripted:
-    simulated = True
-    def begin(self, progress): return True
-    def introduce(self, part, progress): return True
-    def cue(self, progress): pass
-    def wait(self, until_s): clock.wait(max(0.0, until_s - clock.now_s()))
-    def feedback(self, *, correct): pass
-    def end(self, progress, *, finished): pass
-    def ask(self, question):
-        clock.wait(0.4)
-        return Press("left", clock.now_s())
+class Patient(Scripted):
     def pause(self, progress, *, paused, minimum_s):
         while not requests.take_go_on():
             clock.wait(0.02)
@@ -148,7 +137,7 @@ plan = draw_plan(study, participant="01", session="01", seed=1, gains=check_stud
 folder = SessionFolder(Path(sys.argv[2]), "01", "01")
 device = MockDevice(clock, limits=DEVICE_LIMITS)
 with stop.on_signals(), OperatorView(requests, stop) as view:
-    setting = Setting(device=device, responder=Scripted(), noise=SilentNoise(study.masking),
+    setting = Setting(device=device, responder=Patient(clock), noise=SilentNoise(study.masking),
                       clock=clock, stop=stop, requests=requests, monitor=view)
     ending = begin(folder, plan, setting)
 print("finished" if ending.finished else "stopped early")
@@ -205,8 +194,9 @@ class Terminal:
             os.close(handle)
 
     def hang_up(self) -> None:
-        os.close(self.far)
-        self.far = -1
+        for handle in (self.near, self.far):
+            os.close(handle)
+        self.near = self.far = -1
 
     def read(self, within_s: float = 0.05) -> str:
         text = ""
@@ -236,6 +226,16 @@ class Terminal:
         self.read()
         return self.process.wait(0)
 
+    def stop(self, first: str = "") -> None:
+        """Let the operator stop the session, after other keys perhaps."""
+        self.type(first + "sy")
+        assert self.ended() == 0
+
+    def given_back(self) -> bool:
+        """Tell whether it has the settings and the cursor that it had."""
+        shown, hidden = (self.seen.rfind(f"\x1b[?25{how}") for how in "hl")
+        return termios.tcgetattr(self.near) == self.settings and shown > hidden
+
     @property
     def by_line(self) -> bool:
         """Whether it is as a shell has it: whole lines, echoed."""
@@ -260,15 +260,22 @@ def beside(what: str, told_path: Path, *more: str) -> Terminal:
     return Terminal(BESIDE, what, str(told_path), *more)
 
 
-@pytest.mark.process
-def test_the_view_says_where_the_session_stands(told_path: Path) -> None:
+@pytest.fixture
+def idle(told_path: Path) -> Iterator[Terminal]:
+    """A view that waits for keys."""
     with beside("idle", told_path) as terminal:
-        terminal.expect("11 of 155 trials done   block 2 of 5   ready   10 min left")
-        shown = ("device  ready", "noise   plays", "left    5 of 6 correct", "left both",
-                 "right   4 of 5 correct", "right timeout", "p pause")  # fmt: skip
-        for words in shown:
-            assert terminal.screen.has(words), terminal.screen.lines
-        assert "vpp" not in terminal.seen.lower()
+        terminal.expect("p pause")
+        yield terminal
+
+
+@pytest.mark.process
+def test_the_view_says_where_the_session_stands(idle: Terminal) -> None:
+    idle.expect("11 of 155 trials done   block 2 of 5   ready   10 min left")
+    shown = ("device  ready", "noise   plays", "left    5 of 6 correct", "left both",
+             "right   4 of 5 correct", "right timeout")  # fmt: skip
+    for words in shown:
+        assert idle.screen.has(words), idle.screen.lines
+    assert "vpp" not in idle.seen.lower()
 
 
 @pytest.mark.process
@@ -293,26 +300,22 @@ def test_nothing_is_drawn_while_an_answer_is_awaited_unless_the_operator_types(
 
 
 @pytest.mark.process
-def test_a_pause_is_asked_for_by_p_and_ended_by_r(told_path: Path) -> None:
-    with beside("idle", told_path) as terminal:
-        terminal.expect("p pause")
-        terminal.type("p")
-        terminal.expect("a pause follows this trial")
-        terminal.type("r")
-        terminal.until(lambda: not terminal.screen.has("a pause follows this trial"))
-        terminal.type("sy")
-        assert terminal.ended() == 0
+def test_a_pause_is_asked_for_by_p_and_ended_by_r(idle: Terminal, told_path: Path) -> None:
+    idle.type("p")
+    idle.expect("a pause follows this trial")
+    idle.type("r")
+    idle.until(lambda: not idle.screen.has("a pause follows this trial"))
+    idle.stop()
     assert told(told_path) | {"paused": False, "go_on": True} == told(told_path)
 
 
 @pytest.mark.process
-def test_a_resume_where_nothing_is_paused_is_not_kept_for_the_next_pause(told_path: Path) -> None:
-    with beside("idle", told_path) as terminal:
-        terminal.expect("p pause")
-        terminal.type("r")
-        terminal.expect("nothing is paused")
-        terminal.type("sy")
-        assert terminal.ended() == 0
+def test_a_resume_where_nothing_is_paused_is_not_kept_for_the_next_pause(
+    idle: Terminal, told_path: Path
+) -> None:
+    idle.type("r")
+    idle.expect("nothing is paused")
+    idle.stop()
     assert told(told_path)["go_on"] is False
 
 
@@ -320,43 +323,33 @@ def test_a_resume_where_nothing_is_paused_is_not_kept_for_the_next_pause(told_pa
 def test_a_pause_that_another_asked_for_is_ended_by_r(told_path: Path) -> None:
     with beside("paused", told_path) as terminal:
         terminal.expect("paused")
-        terminal.type("rsy")
-        assert terminal.ended() == 0
+        terminal.stop("r")
     assert told(told_path)["go_on"] is True
 
 
 @pytest.mark.process
-def test_a_note_is_written_corrected_and_kept(told_path: Path) -> None:
-    with beside("idle", told_path) as terminal:
-        terminal.expect("p pause")
-        terminal.type("nchair mow")
-        terminal.expect("note: chair mow_")
-        terminal.type("\x7fved, späť\r")
-        terminal.expect("noted: chair moved, späť")
-        terminal.type("nnever mind\x1b")
-        terminal.until(lambda: not terminal.screen.has("never mind"))
-        terminal.type("sy")
-        assert terminal.ended() == 0
+def test_a_note_is_written_corrected_and_kept(idle: Terminal, told_path: Path) -> None:
+    idle.type("nchair mow")
+    idle.expect("note: chair mow_")
+    idle.type("\x7fved, späť\r")
+    idle.expect("noted: chair moved, späť")
+    idle.type("nnever mind\x1b")
+    idle.until(lambda: not idle.screen.has("never mind"))
+    idle.stop()
     assert told(told_path)["notes"] == ["chair moved, späť"]
 
 
 @pytest.mark.process
 def test_a_stop_has_to_be_confirmed_and_then_ends_a_wait_of_the_main_thread(
-    told_path: Path,
+    idle: Terminal, told_path: Path
 ) -> None:
-    with beside("idle", told_path) as terminal:
-        terminal.expect("p pause")
-        terminal.type("s")
-        terminal.expect("stop the session?   y / n")
-        terminal.type("n")
-        terminal.expect("p pause")
-        terminal.type("s")
-        terminal.expect("stop the session?   y / n")
-        assert terminal.process.poll() is None
-        began_s = time.monotonic()
-        terminal.type("y")
-        assert terminal.ended() == 0
-        print(f"stopped {time.monotonic() - began_s:.3f} s after the key")
+    for key in "ny":
+        idle.expect("p pause")
+        idle.type("s")
+        idle.expect("stop the session?   y / n")
+        assert idle.process.poll() is None
+        idle.type(key)
+    assert idle.ended() == 0
     assert told(told_path)["asked"] is True
 
 
@@ -371,43 +364,40 @@ def test_keys_typed_before_the_view_are_not_taken_for_it(told_path: Path) -> Non
 
 
 @pytest.mark.process
-def test_the_terminal_is_given_back_at_the_end_and_by_a_signal(told_path: Path) -> None:
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        with beside("idle", told_path) as terminal:
-            terminal.expect("p pause")
-            assert not terminal.by_line
-            terminal.process.send_signal(number)
-            assert terminal.ended() == 0
-            assert termios.tcgetattr(terminal.near) == terminal.settings
-            assert terminal.seen.rindex("\x1b[?25h") > terminal.seen.rindex("\x1b[?25l")
-            assert not terminal.screen.has("p pause")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_the_terminal_is_given_back_at_the_end_and_by_a_signal(
+    idle: Terminal, number: signal.Signals
+) -> None:
+    assert not idle.by_line
+    idle.process.send_signal(number)
+    assert idle.ended() == 0
+    assert idle.given_back()
+    assert not idle.screen.has("p pause")
 
 
 @pytest.mark.process
 def test_the_terminal_is_given_back_when_the_session_fails(told_path: Path) -> None:
     with beside("fail", told_path) as terminal:
         assert terminal.ended() == 1
-        assert termios.tcgetattr(terminal.near) == terminal.settings
+        assert terminal.given_back()
         assert "a fault of the session" in terminal.seen
 
 
 @pytest.mark.process
-def test_a_suspended_program_gives_the_terminal_back_and_takes_it_again(told_path: Path) -> None:
-    with beside("idle", told_path) as terminal:
-        terminal.expect("p pause")
-        for _ in range(3):
-            terminal.process.send_signal(signal.SIGTSTP)
-            _, how = os.waitpid(terminal.process.pid, os.WUNTRACED)
-            assert os.WIFSTOPPED(how)
-            assert terminal.by_line
-            terminal.read()
-            assert terminal.seen.rindex("\x1b[?25h") > terminal.seen.rindex("\x1b[?25l")
-            terminal.process.send_signal(signal.SIGCONT)
-            terminal.until(lambda: not terminal.by_line)
-            terminal.expect("p pause")
-        terminal.type("nstill here\rsy")
-        assert terminal.ended() == 0
-        assert termios.tcgetattr(terminal.near) == terminal.settings
+def test_a_suspended_program_gives_the_terminal_back_and_takes_it_again(
+    idle: Terminal, told_path: Path
+) -> None:
+    for _ in range(3):
+        idle.process.send_signal(signal.SIGTSTP)
+        _, how = os.waitpid(idle.process.pid, os.WUNTRACED)
+        assert os.WIFSTOPPED(how)
+        idle.read()
+        assert idle.given_back()
+        idle.process.send_signal(signal.SIGCONT)
+        idle.until(lambda: not idle.by_line)
+        idle.expect("p pause")
+    idle.stop("nstill here\r")
+    assert idle.given_back()
     assert told(told_path)["notes"] == ["still here"]
 
 
@@ -417,31 +407,25 @@ def test_where_no_shell_could_continue_it_the_program_is_not_halted(told_path: P
         terminal.expect("p pause")
         terminal.process.send_signal(signal.SIGTSTP)
         terminal.until(lambda: terminal.seen.count("\x1b[?25l") == 2)
-        terminal.type("nstill here\rsy")
-        assert terminal.ended() == 0
+        terminal.stop("nstill here\r")
     assert told(told_path)["notes"] == ["still here"]
 
 
 @pytest.mark.process
-def test_settings_changed_while_it_was_halted_are_those_given_back(told_path: Path) -> None:
-    with beside("idle", told_path) as terminal:
-        terminal.expect("p pause")
-        terminal.process.send_signal(signal.SIGSTOP)
-        os.waitpid(terminal.process.pid, os.WUNTRACED)
-        termios.tcsetattr(terminal.near, termios.TCSANOW, terminal.settings)
-        terminal.process.send_signal(signal.SIGCONT)
-        terminal.until(lambda: not terminal.by_line)
-        terminal.type("sy")
-        assert terminal.ended() == 0
-        assert termios.tcgetattr(terminal.near) == terminal.settings
+def test_settings_changed_while_it_was_halted_are_those_given_back(idle: Terminal) -> None:
+    idle.process.send_signal(signal.SIGSTOP)
+    os.waitpid(idle.process.pid, os.WUNTRACED)
+    termios.tcsetattr(idle.near, termios.TCSANOW, idle.settings)
+    idle.process.send_signal(signal.SIGCONT)
+    idle.until(lambda: not idle.by_line)
+    idle.stop()
+    assert idle.given_back()
 
 
 @pytest.mark.process
 def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Path) -> None:
     with beside("idle", told_path, "own") as terminal:
         terminal.expect("p pause")
-        os.close(terminal.near)
-        terminal.near = -1
         terminal.hang_up()
         assert terminal.process.wait(PATIENCE_S) == 0
     assert told(told_path)["asked"] is True
@@ -451,8 +435,6 @@ def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Pa
 def test_where_that_signal_is_ignored_the_session_goes_on_without_a_view(told_path: Path) -> None:
     with beside("deaf", told_path, "own") as terminal:
         terminal.until(Path(f"{told_path}.deaf").exists)
-        os.close(terminal.near)
-        terminal.near = -1
         terminal.hang_up()
         assert terminal.process.wait(PATIENCE_S) == 0
     assert told(told_path)["shown"] == 19
@@ -517,22 +499,16 @@ def test_a_whole_session_heeds_the_operators_keys(tmp_path: Path, quick_study_te
     assert "cup moved" in journal
 
 
-def nothing() -> None:
-    pass
-
-
 def test_a_note_has_an_end_and_an_empty_one_is_none() -> None:
     notes: list[str] = []
-    keys = OperatorKeys(pause=nothing, go_on=bool, stop=nothing, note=notes.append)
+    keys = OperatorKeys(pause=print, go_on=bool, stop=print, note=notes.append)
     keys.type("n" + "x" * (LONGEST_NOTE + 5) + "\n" + "n  \n" + "n\x1b[Dy\x1bOC\n")
     assert notes == ["x" * LONGEST_NOTE, "y"]
 
 
 def test_any_key_but_y_leaves_the_session_running() -> None:
     stops: list[None] = []
-    keys = OperatorKeys(
-        pause=nothing, go_on=bool, stop=lambda: stops.append(None), note=lambda _: None
-    )
+    keys = OperatorKeys(pause=print, go_on=bool, stop=lambda: stops.append(None), note=print)
     for key in ("n", "\n", "\x1b", "\x1b[D", " ", "s"):
         keys.type("s" + key)
         keys.type("y")
