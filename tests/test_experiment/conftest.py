@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from tactstrip import main
+from tests.test_experiment.sessions import contents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     Run: TypeAlias = Callable[..., Result]
     Rows: TypeAlias = Callable[..., list[dict[str, str]]]
+    Refused: TypeAlias = Callable[..., str]
 
 
 @pytest.fixture
@@ -28,6 +30,20 @@ def run() -> Run:
         return CliRunner().invoke(main, [str(argument) for argument in arguments], input=typed)
 
     return run
+
+
+@pytest.fixture
+def refused(run: Run, tmp_path: Path) -> Refused:
+    """Run a command that must end with 2 and change nothing; returns its error."""
+
+    def refused(*arguments: str | Path, typed: str | None = None) -> str:
+        before = contents(tmp_path)
+        result = run(*arguments, typed=typed)
+        assert result.exit_code == 2, result.output
+        assert contents(tmp_path) == before
+        return result.stderr
+
+    return refused
 
 
 @pytest.fixture

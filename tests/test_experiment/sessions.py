@@ -23,6 +23,15 @@ if TYPE_CHECKING:
 COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
 
 
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return every file below a folder but locks."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.endswith("lock")
+    }
+
+
 class Sessions:
     """Sessions of participant 01 of one study; what is asked for is of session 01."""
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment.archive.history import replay
-from tests.test_experiment.sessions import Sessions
+from tests.test_experiment.sessions import Sessions, contents
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -99,18 +99,14 @@ def assert_complete_and_true(sessions: Sessions, felt_before: list[Entry]) -> No
     assert len(set(tokens)) == len(tokens) == len(rows)
 
 
-def contents(sessions: Sessions) -> dict[Path, bytes]:
-    return {path: path.read_bytes() for path in sessions.folder().path.iterdir()}
-
-
 def refused(sessions: Sessions, *more: str) -> str:
     """Run, expect exit 2 with one line, and check that no file of the session changed."""
-    before = contents(sessions)
+    before = contents(sessions.folder().path)
     result = sessions.run(*SIMULATED, *more)
     assert result.exit_code == 2, result.output
     assert isinstance(result.exception, SystemExit)
     assert len(result.stderr.splitlines()) == 1
-    assert contents(sessions) == before
+    assert contents(sessions.folder().path) == before
     return result.stderr
 
 

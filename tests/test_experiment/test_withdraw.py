@@ -16,12 +16,15 @@ from experiment.archive.manifest import NAME, search
 from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
 from experiment.archive.withdraw import look_up
 from tactstrip import main
+from tests.test_experiment.sessions import contents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from click.testing import Result
+
+    from tests.test_experiment.conftest import Refused, Run
 
 
 @pytest.fixture(scope="module")
@@ -39,15 +42,6 @@ def two_people(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def results(two_people: Path, tmp_path: Path) -> Path:
     return shutil.copytree(two_people, tmp_path / "results")
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Everything in a folder but locks."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and not path.name.endswith("lock")
-    }
 
 
 def withdraw(results: Path, *more: str, typed: str = "01\n") -> Result:
@@ -90,70 +84,70 @@ def test_the_tombstone_holds_the_id_and_the_day_and_nothing_else(results: Path) 
     assert len(tombstone["withdrawn"]) == len("2000-01-01")
 
 
-def test_a_withdrawn_id_is_not_given_again(results: Path, tmp_path: Path) -> None:
+def withdrawing(results: Path, who: str = "01") -> tuple[str | Path, ...]:
+    return "withdraw", results, "--participant", who
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "study.toml"
+    path.write_text("", encoding="utf-8")
+    return path
+
+
+def test_a_withdrawn_id_is_not_given_again(results: Path, study: Path, refused: Refused) -> None:
     withdraw(results)
-    before = contents(results)
-    study = tmp_path / "study.toml"
-    study.write_text("", encoding="utf-8")
-    again = CliRunner().invoke(
-        main, ["run", str(study), "--participant", "01", "--out", str(results)]
-    )
-    assert again.exit_code == 2
-    assert "participant 01 withdrew on " in again.stderr
-    assert contents(results) == before
+    told = refused("run", study, "--participant", "01", "--out", results)
+    assert "participant 01 withdrew on " in told
 
 
 def test_a_session_of_an_interrupted_withdrawal_is_neither_resumed_nor_exported(
-    results: Path,
+    results: Path, study: Path, refused: Refused
 ) -> None:
-    begun = Tombstone(participant="01", withdrawn="2026-01-02", removed=False)
     (results / "withdrawn").mkdir()
-    write_tombstone(results, begun)
-    study = results.parent / "study.toml"
-    study.write_text("", encoding="utf-8")
-    before = contents(results)
-    resumed = ["run", str(study), "--participant", "01", "--out", str(results), "--resume"]
-    for command in (resumed, ["export", str(results)]):
-        done = CliRunner().invoke(main, command)
-        assert done.exit_code == 2
-        assert "participant 01 withdrew on 2026-01-02; the removal was interrupted" in done.stderr
-    assert contents(results) == before
+    write_tombstone(results, Tombstone(participant="01", withdrawn="2026-01-02", removed=False))
+    resumed = ("run", study, "--participant", "01", "--out", results, "--resume")
+    for command in (resumed, ("export", results)):
+        told = refused(*command)
+        assert "participant 01 withdrew on 2026-01-02; the removal was interrupted" in told
 
 
 @pytest.mark.parametrize("typed", ["", "\x04", "1\n", "sub-01\n", "02\n", "yes\n"])
-def test_without_the_typed_id_nothing_is_changed(results: Path, typed: str) -> None:
-    before = contents(results)
-    done = withdraw(results, typed=typed)
-    assert done.exit_code == 2
-    assert "nothing was changed" in done.stderr.splitlines()[-1]
-    assert contents(results) == before
+def test_without_the_typed_id_nothing_is_changed(
+    results: Path, typed: str, refused: Refused
+) -> None:
+    told = refused(*withdrawing(results), typed=typed)
+    assert "nothing was changed" in told.splitlines()[-1]
 
 
-def test_nothing_is_removed_while_a_session_of_the_person_runs(results: Path) -> None:
-    before = contents(results)
+def test_nothing_is_removed_while_a_session_of_the_person_runs(
+    results: Path, refused: Refused
+) -> None:
     with FileLock(results / "sub-01" / "ses-01" / ".lock"):
-        done = withdraw(results)
-    assert done.exit_code == 2
-    assert "another process is running this session; nothing was changed" in done.stderr
-    assert contents(results) == before
+        told = refused(*withdrawing(results), typed="01\n")
+    assert "another process is running this session; nothing was changed" in told
     assert withdraw(results).exit_code == 0
 
 
 @pytest.mark.parametrize("who", ["../results", "01/../02", "sub-01", "", ".", "all", "*", "0 1"])
-def test_an_id_that_is_a_path_is_refused(results: Path, who: str) -> None:
-    before = contents(results)
-    done = CliRunner().invoke(
-        main, ["withdraw", str(results), "--participant", who], input=f"{who}\n"
-    )
-    assert done.exit_code == 2
-    assert len(done.stderr.splitlines()) == 1
-    assert contents(results) == before
+def test_an_id_that_is_a_path_is_refused(results: Path, who: str, refused: Refused) -> None:
+    told = refused(*withdrawing(results, who), typed=f"{who}\n")
+    assert "participant must be" in told
+    assert told.count("\n") == 1
+
+
+def test_nobody_is_not_removed(results: Path, refused: Refused) -> None:
+    told = refused(*withdrawing(results, "03"))
+    assert "there is no participant 03 here" in told
+    assert told.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     "place", ["sub-01", "sub-01/ses-01", "sub-01/ses-01/more", "participants.tsv", "withdrawn"]
 )
-def test_a_symbolic_link_in_the_way_is_refused(results: Path, tmp_path: Path, place: str) -> None:
+def test_a_symbolic_link_in_the_way_is_refused(
+    results: Path, tmp_path: Path, place: str, refused: Refused
+) -> None:
     elsewhere = tmp_path / "elsewhere"
     link = results / place
     if link.exists():
@@ -161,19 +155,8 @@ def test_a_symbolic_link_in_the_way_is_refused(results: Path, tmp_path: Path, pl
     else:
         elsewhere.mkdir()
     link.symlink_to(elsewhere)
-    before = contents(tmp_path)
-    done = withdraw(results)
-    assert done.exit_code == 2
-    assert "symbolic link" in done.stderr
-    assert contents(tmp_path) == before
-
-
-def test_nobody_is_not_removed(results: Path) -> None:
-    before = contents(results)
-    done = CliRunner().invoke(main, ["withdraw", str(results), "--participant", "03"])
-    assert (done.exit_code, len(done.stderr.splitlines())) == (2, 1)
-    assert "there is no participant 03 here" in done.stderr
-    assert contents(results) == before
+    assert "symbolic link" in refused(*withdrawing(results), typed="01\n")
+    assert link.is_symlink()
 
 
 def test_what_comes_back_from_a_backup_is_removed_again_under_the_first_day(
@@ -192,8 +175,7 @@ def test_a_withdrawal_killed_anywhere_is_whole_or_run_again(
     results: Path, step: int, kill_at: Callable[..., int | None]
 ) -> None:
     before = contents(results)
-    arguments = ("withdraw", str(results), "--participant", "01")
-    assert kill_at(step, *arguments, typed="01\n") is None
+    assert kill_at(step, *map(str, withdrawing(results)), typed="01\n") is None
     person = {name for name in before if name.startswith("sub-01")}
     there = person & set(contents(results))
     assert there in (set(), person)
@@ -209,8 +191,7 @@ def test_a_withdrawal_killed_anywhere_is_whole_or_run_again(
 def test_a_withdrawal_has_no_more_steps_than_it_was_killed_at(
     results: Path, kill_at: Callable[..., int | None]
 ) -> None:
-    arguments = ("withdraw", str(results), "--participant", "01")
-    assert kill_at(STEPS + 1, *arguments, typed="01\n") == STEPS
+    assert kill_at(STEPS + 1, *map(str, withdrawing(results)), typed="01\n") == STEPS
     assert_gone(results)
 
 
@@ -222,26 +203,27 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_
     shutil.copytree(results / "sub-01", copies / "old" / "sub-01")
     shutil.copytree(results / "sub-02", copies / "old" / "sub-02")
     shutil.copytree(results / "analysis", copies / "analysis")
-    (copies / "levels.toml").write_text('participant = "01"\nlevels_vpp = [60]\n', encoding="utf-8")
-    (copies / "others.toml").write_text('participant = "02"\nlevels_vpp = [1]\n', encoding="utf-8")
-    (copies / "no.toml").write_text("participant = 01 is no TOML", encoding="utf-8")
-    (copies / "table.csv").write_text("side,participant\nleft,01\n", encoding="utf-8")
+    for name, text in (
+        ("levels.toml", 'participant = "01"\nlevels_vpp = [60]\n'),
+        ("others.toml", 'participant = "02"\nlevels_vpp = [1]\n'),
+        ("no.toml", "participant = 01 is no TOML"),
+        ("table.csv", "side,participant\nleft,01\n"),
+    ):
+        (copies / name).write_text(text, encoding="utf-8")
     (copies / "link").symlink_to(results)
     (copies / "broken").mkdir()
     (copies / "broken" / NAME).write_text("[]", encoding="utf-8")
     done = withdraw(results, "--also", str(copies))
     assert done.exit_code == 0
     lines = done.stdout.splitlines()
-    held = lines[lines.index("Participant 01 is still in:") + 1 :]
-    held, unsearched = held[: held.index(UNSEARCHED)], held[held.index(UNSEARCHED) + 1 :]
-    assert sorted(held) == sorted(
-        [
-            f"  analysis: {results / 'analysis'}",
-            f"  analysis: {copies / 'analysis'}",
-            f"  sessions: {copies / 'old' / 'sub-01'}",
-            f"  levels: {copies / 'levels.toml'}",
-        ]
-    )
+    at, then = lines.index("Participant 01 is still in:"), lines.index(UNSEARCHED)
+    held, unsearched = lines[at + 1 : then], lines[then + 1 :]
+    assert set(held) == {
+        f"  analysis: {results / 'analysis'}",
+        f"  analysis: {copies / 'analysis'}",
+        f"  sessions: {copies / 'old' / 'sub-01'}",
+        f"  levels: {copies / 'levels.toml'}",
+    }
     assert unsearched[:-1] == [f"  {copies / 'broken' / NAME}", f"  {copies / 'link'}"]
     assert unsearched[-1] == "Files of other origin, packed files and backups are not known here."
 
@@ -249,11 +231,11 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_
 UNSEARCHED = "Not searched (links, damaged manifests, no permission):"
 
 
-def test_an_analysis_without_the_person_is_not_listed(results: Path) -> None:
+def test_an_analysis_without_the_person_is_not_listed(results: Path, run: Run) -> None:
     withdraw(results)
     assert search([results], "01", leave_out=look_up(results, "01").known).holdings
-    analyze = ["analyze", str(results), "--out", str(results / "analysis"), "--no-figures"]
-    assert CliRunner().invoke(main, analyze).exit_code == 0
+    analyzed = run("analyze", results, "--out", results / "analysis", "--no-figures")
+    assert analyzed.exit_code == 0
     done = withdraw(results, typed="")
     assert done.exit_code == 0
     assert "is removed already" in done.stdout
