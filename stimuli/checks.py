@@ -58,13 +58,8 @@ def _is_number(value: Any, sort: type) -> bool:
 def whole(name: str, value: int, *, least: int, most: int) -> int:
     """Return a value as an int, or refuse it.
 
-    Raises
-    ------
-    ValueError
-        If the value is not a whole number from `least` to `most`.
+    ValueError where the value is not a whole number from `least` to `most`.
 
-    Examples
-    --------
     >>> whole("mode", 3, least=1, most=9)
     3
     >>> whole("mode", 3.0, least=1, most=9)
@@ -79,13 +74,8 @@ def whole(name: str, value: int, *, least: int, most: int) -> int:
 def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Return numbers as an array of float64 of the same shape, or refuse them.
 
-    Raises
-    ------
-    ValueError
-        If they are not real numbers, or not all of them are finite.
+    ValueError where they are not real numbers, or not all of them are finite.
 
-    Examples
-    --------
     >>> finite_array("y_m", [0, 1])
     array([0., 1.])
     >>> finite_array("y_m", [0, float("nan")])
@@ -101,13 +91,8 @@ def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
 def finite_complex(name: str, value: complex) -> complex:
     """Return a value as a complex number, or refuse it.
 
-    Raises
-    ------
-    ValueError
-        If the value is not a finite real or complex number.
+    ValueError where the value is not a finite real or complex number.
 
-    Examples
-    --------
     >>> finite_complex("wavenumber_rad_m", 2)
     (2+0j)
     >>> finite_complex("wavenumber_rad_m", float("nan"))
@@ -122,13 +107,8 @@ def finite_complex(name: str, value: complex) -> complex:
 def instance(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) -> None:
     """Refuse a value of the wrong type.
 
-    Raises
-    ------
-    ValueError
-        If the value is no instance; the message says what is wanted.
+    ValueError where the value is no instance; the message says what is wanted.
 
-    Examples
-    --------
     >>> instance("lossless", 1, bool, "True or False")
     Traceback (most recent call last):
     ValueError: lossless must be True or False, got 1
@@ -141,13 +121,8 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) 
 def upper_half_plane(name: str, values: ArrayLike) -> NDArray[np.complex128]:
     """Return numbers as an array of complex128 of the same shape, or refuse them.
 
-    Raises
-    ------
-    ValueError
-        If they are not numbers, not all finite, or one of them lies below the real axis.
+    ValueError where they are not numbers, not all finite, or one of them lies below the real axis.
 
-    Examples
-    --------
     >>> upper_half_plane("frequencies_hz", [0.0, 1.0 - 1.0j])
     Traceback (most recent call last):
     ValueError: frequencies_hz must hold finite numbers with imaginary parts >= 0,

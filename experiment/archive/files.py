@@ -41,10 +41,7 @@ class ArchiveError(ValueError):
 def check_identifier(name: str, value: str) -> str:
     """Return a participant's or session's identifier.
 
-    Raises
-    ------
-    ArchiveError
-        Unless it consists of 1 to 32 letters a-z, A-Z and digits, and is not ``all``.
+    ArchiveError unless it consists of 1 to 32 letters a-z, A-Z and digits, and is not ``all``.
     """
     if not _IDENTIFIER.fullmatch(value) or value == _TOTALS:
         raise ArchiveError(
@@ -152,10 +149,7 @@ def _delete(folder: Path) -> None:
 def refuse_target(out: Path, source: Path) -> None:
     """Refuse a place that an export may not take.
 
-    Raises
-    ------
-    ArchiveError
-        As `replaced`.
+    ArchiveError as `replaced`.
     """
     if out.is_symlink():
         raise ArchiveError(f"{out}: must not be a symbolic link; nothing was changed")

@@ -63,10 +63,7 @@ class JournalFile:
 def read_journal(path: Path) -> JournalFile:
     """Read and verify a journal; a last line that was cut short is returned apart.
 
-    Raises
-    ------
-    JournalError
-        If a complete line is damaged, missing or repeated; with file and line.
+    JournalError where a complete line is damaged, missing or repeated; with file and line.
     """
     lines = path.read_bytes().split(b"\n")
     torn = lines.pop()

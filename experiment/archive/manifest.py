@@ -49,10 +49,7 @@ class Manifest:
 def read_manifest(folder: Path) -> Manifest | None:
     """Read the manifest of a folder; none if it has none.
 
-    Raises
-    ------
-    ValueError
-        If it is damaged or of another schema.
+    ValueError where it is damaged or of another schema.
     """
     path = folder / NAME
     if not path.is_file():

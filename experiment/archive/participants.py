@@ -71,10 +71,7 @@ def tombstone_path(root: Path, participant: str) -> Path:
 def read_tombstone(root: Path, participant: str) -> Tombstone | None:
     """Read a person's tombstone; none if there is none.
 
-    Raises
-    ------
-    ArchiveError
-        If the file is no tombstone of this person.
+    ArchiveError where the file is no tombstone of this person.
     """
     path = tombstone_path(root, participant)
     if not path.exists():
@@ -103,10 +100,7 @@ def write_tombstone(root: Path, tombstone: Tombstone, *, disk: Disk = DISK) -> N
 def refuse_withdrawn(root: Path, participant: str) -> None:
     """Refuse an identifier whose person withdrew.
 
-    Raises
-    ------
-    ArchiveError
-        If there is a tombstone.
+    ArchiveError where there is a tombstone.
     """
     tombstone = read_tombstone(root, participant)
     if tombstone is not None:
@@ -177,10 +171,7 @@ def participant_facts(
 def check_facts(columns: Sequence[ParticipantColumn], facts: Iterable[Fact]) -> None:
     """Refuse a fact that the study does not declare, or whose value it does not know.
 
-    Raises
-    ------
-    ArchiveError
-        As `participant_facts`.
+    ArchiveError as `participant_facts`.
     """
     declared = {column.name: column for column in columns}
     for fact in facts:
@@ -235,10 +226,7 @@ class People:
     ) -> People:
         """Return the table with this person and these columns; what is not given is ``n/a``.
 
-        Raises
-        ------
-        ArchiveError
-            If a fact differs from what is there already.
+        ArchiveError where a fact differs from what is there already.
         """
         heading = (*self.heading, *(name for name in columns if name not in self.heading))
         more = (NOT_AVAILABLE,) * (len(heading) - len(self.heading))
@@ -278,10 +266,7 @@ class People:
 def read_people(root: Path) -> People:
     """Read participants.tsv; where there is none, its bare heading.
 
-    Raises
-    ------
-    ArchiveError
-        If it is no such table.
+    ArchiveError where it is no such table.
     """
     path = root / FILE_NAME
     if not path.exists():
@@ -309,10 +294,7 @@ def enter_person(
 ) -> None:
     """Enter a person and what is known of them; nothing is written where nothing is new.
 
-    Raises
-    ------
-    ArchiveError
-        If a fact differs from what is there already, or the person was withdrawn.
+    ArchiveError where a fact differs from what is there already, or the person was withdrawn.
     """
     names = [column.name for column in columns]
     with lock_on(root / _LOCK):
@@ -326,10 +308,7 @@ def enter_person(
 def remove_person(root: Path, participant: str, *, disk: Disk = DISK) -> None:
     """Remove a person's row, also from a table that was left half written.
 
-    Raises
-    ------
-    ArchiveError
-        If participants.tsv is no such table.
+    ArchiveError where participants.tsv is no such table.
     """
     with lock_on(root / _LOCK):
         for left_over in root.glob(f".{FILE_NAME}.*{TEMPORARY}"):

@@ -57,10 +57,7 @@ class StimulusOut:
     def prepare(self, trial: Trial) -> float:
         """Load the trial's waveforms, if need be; return the earliest time of its onset.
 
-        Raises
-        ------
-        DeviceError
-            If the device does not take them.
+        DeviceError where the device does not take them.
         """
         self.delivery = None
         if trial.condition != self._loaded:

@@ -164,10 +164,7 @@ class Session:
     def run(self) -> bool:
         """Run to the end, or until the session is stopped; return whether it is complete.
 
-        Raises
-        ------
-        JournalWriteError
-            If the record cannot be kept; the outputs are at zero then.
+        JournalWriteError where the record cannot be kept; the outputs are at zero then.
         """
         try:
             # A device that fails while it loads a condition has no row in the table: no token

@@ -175,10 +175,7 @@ def seal(plan: Plan) -> Plan:
 def verify(plan: Plan) -> None:
     """Refuse a plan that differs from what was sealed.
 
-    Raises
-    ------
-    PlanError
-        If the checksum does not match the contents.
+    PlanError where the checksum does not match the contents.
     """
     found = _checksum(plan)
     if plan.sha256 != found:

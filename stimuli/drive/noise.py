@@ -82,13 +82,8 @@ def pink_loop(
 def crest_factor(samples: ArrayLike) -> float:
     """Return the highest peak of samples over their root mean square.
 
-    Raises
-    ------
-    ValueError
-        If there are none, one is not finite, or all are zero.
+    ValueError where there are none, one is not finite, or all are zero.
 
-    Examples
-    --------
     >>> crest_factor([1.0, -1.0]), round(crest_factor(np.sin(np.arange(0.0, 6.28, 0.01))), 2)
     (1.0, 1.41)
     """

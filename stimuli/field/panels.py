@@ -290,14 +290,9 @@ def swept(scene: Scene, drive: Drive, line: ComplexLine, rtol: float) -> PanelSw
     `rtol` is relative to the peak of each pair of a load and a point. With `skip` False in the
     scene every bin up to the end of the range is solved.
 
-    Raises
-    ------
-    ValueError
-        If the drive reaches so far beyond the frequencies of the field that `rtol` is out of
-        reach.
+    ValueError where the drive reaches so far beyond the frequencies of the field that `rtol` is out
+    of reach.
 
-    Examples
-    --------
     >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
     >>> from stimuli.field.panels import line_for
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)

@@ -277,13 +277,8 @@ def causal(strip: Strip, drive: Drive) -> Strip:
 def checked_fingertips(fingertips: Sequence[Fingertip]) -> tuple[Fingertip, ...]:
     """Return fingertips as a tuple, or refuse them.
 
-    Raises
-    ------
-    ValueError
-        If they are no fingertips, or none at all.
+    ValueError where they are no fingertips, or none at all.
 
-    Examples
-    --------
     >>> checked_fingertips(())
     Traceback (most recent call last):
     ValueError: fingertips must hold at least one, got ()

@@ -28,13 +28,8 @@ _PANEL_RAD: Final = 4.0
 def folded(y_m: ArrayLike, width_m: float, *, symmetric: bool) -> tuple[Real, Real]:
     """Return the distances from the nearer edge in half widths, and the signs of that half.
 
-    Raises
-    ------
-    ValueError
-        If a place is no number from 0 to the width.
+    ValueError where a place is no number from 0 to the width.
 
-    Examples
-    --------
     >>> from_edge, sign = folded([0.0, 0.5, 2.0], 2.0, symmetric=False)
     >>> from_edge.tolist(), sign.tolist()
     ([0.0, 0.5, 0.0], [1.0, 1.0, -1.0])
