@@ -148,7 +148,9 @@ class _RationalTransform:
 
     def amplitude(self, nearest: Real, rest: Real) -> Real:
         sine, cosine = self._sine_and_cosine(nearest, rest)
-        slope = np.sign(cosine) * (np.pi / self.stretch) * np.sinc(rest / self.stretch)
+        # of the whole number: half way to the next, rounding may take the cosine past 0
+        sign = self._sine_and_cosine(nearest, np.zeros_like(rest))[1]
+        slope = sign * (np.pi / self.stretch) * np.sinc(rest / self.stretch)
         ratio = np.where(np.isin(nearest, self.poles), slope, sine)
         for pole in self.poles:
             ratio = ratio / np.where(nearest == pole, 1.0, nearest - pole + rest)
