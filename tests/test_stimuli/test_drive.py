@@ -25,10 +25,8 @@ from stimuli.drive.sampled import exponential_sums
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from stimuli.drive.windows import Window
 
 laws = settings(deadline=None, max_examples=25)
-WINDOWS: tuple[Window, ...] = ("none", "hann", "tukey", "gaussian")
 GAUSS = np.polynomial.legendre.leggauss(24)
 
 
@@ -38,18 +36,6 @@ def integral(value: Any, edges: NDArray[np.float64], frequency_hz: complex) -> c
     t = (edges[:-1, np.newaxis] + half * (GAUSS[0] + 1)).ravel()
     weights = (half * GAUSS[1]).ravel()
     return complex(weights @ (value(t) * np.exp(2j * np.pi * frequency_hz * t)))
-
-
-def burst_value(burst: Burst, t: NDArray[np.float64]) -> NDArray[np.float64]:
-    v = t / burst.duration_s
-    nearer = np.minimum(v, 1 - v)
-    window = {
-        "none": np.ones_like(v),
-        "hann": np.sin(np.pi * v) ** 2,
-        "tukey": np.sin(2 * np.pi * np.minimum(nearer, 0.25)) ** 2,
-        "gaussian": np.exp(-18 * (v - 0.5) ** 2),
-    }[burst.window]
-    return np.asarray(window * np.sin(2 * np.pi * burst.frequency_hz * t))
 
 
 def sampled_value(drive: SampledDrive, t: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,38 +60,6 @@ def sampled(draw: st.DrawFn) -> SampledDrive:
 
 
 # --- spectra -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("window", WINDOWS)
-@pytest.mark.parametrize("cycles", [1, 2, 3, 5])
-@pytest.mark.parametrize("rise", [1e-9, 1e-3, 0.3, 2.8, 2.95, 6.0])
-def test_burst_spectra_hold_above_the_real_axis(window: Window, cycles: int, rise: float) -> None:
-    burst = Burst(frequency_hz=500.0, cycles=cycles, window=window)
-    edges = np.linspace(0.0, burst.duration_s, 16 * cycles + 1)
-    above = 1j * rise / burst.duration_s
-    for frequency in (0.0, 250.0, 500.0, 500.0 - 500.0 / cycles, 777.7, -321.0, 1500.0):
-        true = integral(lambda t: burst_value(burst, t), edges, frequency + above)
-        found = complex(burst.spectrum([frequency + above])[0])
-        assert abs(found - true) < 1e-12 * abs(true) + 1e-15 * burst.duration_s
-
-
-@pytest.mark.parametrize("window", WINDOWS)
-def test_burst_spectra_meet_the_real_axis(window: Window) -> None:
-    burst = Burst(frequency_hz=500.0, cycles=2, window=window)
-    real = np.array([0.0, 100.0, 250.0, 500.0, 750.0, 1000.0, 12_345.6, -500.0])
-    near = burst.spectrum(real + 1e-12j)
-    np.testing.assert_allclose(near, burst.spectrum(real), atol=1e-16)
-    mixed = burst.spectrum(np.array([500.0 + 0j, 500.0 + 5j]))
-    assert mixed[0] == burst.spectrum(500.0)
-
-
-@pytest.mark.parametrize("window", WINDOWS)
-def test_burst_spectra_do_not_overflow(window: Window) -> None:
-    burst = Burst(frequency_hz=500.0, cycles=3, window=window)
-    with np.errstate(over="raise", invalid="raise", divide="raise"):
-        far = burst.spectrum(np.array([500.0 + 1e7j, 1e9 + 1j, 1e6j, 500.0 + 1e4j]))
-    assert np.all(np.isfinite(far))
-    assert np.all(np.abs(far) < burst.duration_s)
 
 
 @laws
@@ -158,13 +112,6 @@ def test_a_held_drive_is_its_own_staircase(rate: float, frequency: float) -> Non
     for samples in (drive.samples(rate), burst.samples(rate)):
         steps = staircase_energy_above(samples, sample_rate_hz=rate, frequency_hz=frequency)
         assert steps == pytest.approx(share, abs=1e-13)
-
-
-def test_a_step_from_the_first_sample_counts_in_the_staircase() -> None:
-    drive = SampledDrive(samples=[1.0, 0.5], sample_rate_hz=1000.0, held=True)
-    for frequency in (100.0, 700.0, 2500.0):
-        share = staircase_energy_above(drive.values, sample_rate_hz=1000.0, frequency_hz=frequency)
-        assert share == pytest.approx(drive.energy_above(frequency), abs=1e-13)
 
 
 def test_fine_samples_have_the_band_and_the_energies_of_their_burst() -> None:
