@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
-from analysis import ColumnMap, ResultFileError, read_trials
+from analysis import ColumnMap, ResultFileError
 from analysis.reading.load import read_inputs
 from experiment.terms.record import TrialRow, is_correct, trials_csv
 from tactstrip import main
@@ -65,7 +65,7 @@ def loaded(folder: Path, text: str, columns: ColumnMap | None = None) -> LoadedT
 def refused(*paths: Path, columns: ColumnMap | None = None) -> ResultFileError:
     """Return what tables are refused with, in one line."""
     with pytest.raises(ResultFileError) as caught:
-        read_trials(paths, columns)
+        read_inputs(paths, columns)
     assert "\n" not in str(caught.value)
     return caught.value
 

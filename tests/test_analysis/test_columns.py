@@ -8,32 +8,22 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 import pytest
 
-from analysis import ColumnMap, ResultFileError, load_column_map, read_trials
-from analysis.reading.load import read_inputs
+from analysis import ColumnMap, load_column_map, read_trials
+from tests.test_analysis.shared import LEAST, loaded, put, refused
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-LEAST = "participant,side,level_vpp,response\n"
+FELT = "participant,side,level_vpp,detected\n"
+LINEAR = {"axis": {"x_scale": "linear"}}
 
 
 def read(folder: Path, table: str, columns: ColumnMap | None = None) -> pd.DataFrame:
-    path = folder / "table.csv"
-    path.write_text(table, encoding="utf-8")
-    return read_trials([path], columns or ColumnMap())
-
-
-def refused(folder: Path, table: str, columns: ColumnMap | None = None) -> ResultFileError:
-    with pytest.raises(ResultFileError) as caught:
-        read(folder, table, columns)
-    assert "\n" not in str(caught.value)
-    return caught.value
+    return loaded(folder, table, columns).trials
 
 
 def load(folder: Path, text: str) -> ColumnMap:
-    path = folder / "MAP.toml"
-    path.write_text(text, encoding="utf-8")
-    return load_column_map(path)
+    return load_column_map(put(folder / "MAP.toml", text))
 
 
 def test_four_columns_are_enough_and_the_rest_has_its_default(tmp_path: Path) -> None:
@@ -53,10 +43,10 @@ def test_four_columns_are_enough_and_the_rest_has_its_default(tmp_path: Path) ->
 
 def test_trials_are_numbered_within_participant_and_session_across_files(tmp_path: Path) -> None:
     header = "participant,session,side,level_vpp,response\n"
-    one, two = tmp_path / "1.csv", tmp_path / "2.csv"
-    one.write_text(header + "a,1,left,60,left\nb,1,left,60,left\na,1,left,60,left\n")
-    two.write_text(header + "a,1,left,60,left\na,2,left,60,left\n")
-    assert read_trials([one, two], ColumnMap())["trial"].tolist() == [1, 1, 2, 3, 1]
+    rows = ("a,1,left,60,left\nb,1,left,60,left\na,1,left,60,left\n",
+            "a,1,left,60,left\na,2,left,60,left\n")  # fmt: skip
+    paths = [put(tmp_path / f"{n}.csv", header + text) for n, text in enumerate(rows)]
+    assert read_trials(paths, ColumnMap())["trial"].tolist() == [1, 1, 2, 3, 1]
 
 
 def test_columns_words_constants_and_units_are_translated(tmp_path: Path) -> None:
@@ -81,11 +71,11 @@ def test_columns_words_constants_and_units_are_translated(tmp_path: Path) -> Non
     )
     table = "Subject,amplitude,key,time,colour\n01,30000,l,612.5,red\n01,30000,,,blue\n"
     trials = read(tmp_path, table, columns)
-    assert trials["level_vpp"].tolist() == [60.0, 60.0]
-    assert trials["response"].tolist() == ["left", "timeout"]
+    assert trials[["level_vpp", "response", "side", "block"]].to_numpy().tolist() == [
+        [60.0, "left", "left", 2],
+        [60.0, "timeout", "left", 2],
+    ]
     assert trials["rt_s"].dropna().tolist() == [0.6125]
-    assert trials["side"].tolist() == ["left", "left"]
-    assert trials["block"].tolist() == [2, 2]
     assert "colour" not in trials
 
 
@@ -123,21 +113,13 @@ def test_one_column_of_theirs_may_serve_two_of_ours(tmp_path: Path) -> None:
     assert trials["response"].tolist() == ["right", "none", "none", "right", "timeout"]
 
 
-def test_a_felt_blank_needs_a_table_with_one_side(tmp_path: Path) -> None:
-    table = "participant,side,level_vpp,detected\n1,left,60,1\n1,right,60,1\n1,none,0,1\n"
-    error = refused(tmp_path, table)
-    assert error.line == 4
-    assert "stimuli at left, right: which side was answered?" in str(error)
-
-
 def test_an_unanswered_trial_of_zeros_and_ones_must_be_explained(tmp_path: Path) -> None:
     table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,\n"
-    assert refused(tmp_path, table).line == 3
     columns = ColumnMap(values={"detected": {"": "timeout"}})
     assert read(tmp_path, table, columns)["response"].tolist() == ["left", "timeout"]
 
 
-TWO_ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
+ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
 
 
 @pytest.mark.parametrize(
@@ -152,39 +134,22 @@ TWO_ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n
 def test_of_two_answers_the_map_names_the_source(
     tmp_path: Path, columns: dict[str, str], response: str
 ) -> None:
-    assert read(tmp_path, TWO_ANSWERS, ColumnMap(columns=columns))["response"].tolist() == [
-        response
-    ]
-
-
-def test_two_answers_without_a_named_source_are_refused(tmp_path: Path) -> None:
-    error = refused(tmp_path, TWO_ANSWERS)
-    assert error.line == 1
-    assert "response and detected both tell the answer" in str(error)
-    for name, table in (
-        ("detected", "participant,side,level_vpp,response\n1,left,60,left\n"),
-        ("response", "participant,side,level_vpp,detected\n1,left,60,1\n"),
-    ):
-        constant = ColumnMap(constant={name: {"detected": "0", "response": "none"}[name]})
-        assert "both tell the answer" in str(refused(tmp_path, table, constant))
+    assert read(tmp_path, ANSWERS, ColumnMap(columns=columns))["response"].tolist() == [response]
 
 
 def test_a_word_of_theirs_stands_for_a_value_in_our_unit(tmp_path: Path) -> None:
-    columns = ColumnMap(
-        values={"level_vpp": {"low": "60", "1000": "95"}}, units={"level_vpp": "mV"}
-    )
+    words = {"level_vpp": {"low": "60", "1000": "95"}}
     table = LEAST + "1,left,low,left\n1,left,130000,left\n1,left,1000,left\n"
-    assert read(tmp_path, table, columns)["level_vpp"].tolist() == [60.0, 130.0, 95.0]
+    trials = read(tmp_path, table, ColumnMap(values=words, units={"level_vpp": "mV"}))
+    assert trials["level_vpp"].tolist() == [60.0, 130.0, 95.0]
 
 
 def test_a_column_with_an_empty_source_is_not_taken(tmp_path: Path) -> None:
     table = "participant,trial,side,level_vpp,response\n1,a,left,60,left\n1,a,left,60,none\n"
-    assert refused(tmp_path, table).line == 2
     trials = read(tmp_path, table, load(tmp_path, '[columns]\ntrial = ""\n'))
     assert trials["trial"].tolist() == [1, 2]
     columns = ColumnMap(columns={"trial": "", "side": ""}, constant={"side": "right"})
     assert read(tmp_path, table, columns)["side"].tolist() == ["right", "right"]
-    assert "no column side" in str(refused(tmp_path, table, ColumnMap(columns={"side": ""})))
 
 
 def test_a_constant_level_is_that_of_the_stimuli(tmp_path: Path) -> None:
@@ -202,24 +167,14 @@ def test_one_answer_none_shows_that_it_was_offered_in_its_file_and_condition(
     tmp_path: Path,
 ) -> None:
     header = "participant,side,level_vpp,response,condition\n"
-    (tmp_path / "2.csv").write_text(header + "2,left,60,left,a\n")
-    (tmp_path / "1.csv").write_text(
-        header + "1,left,60,none,a\n1,left,60,left,a\n1,left,60,left,b\n"
-    )
-    trials = read_trials([tmp_path / "1.csv", tmp_path / "2.csv"], ColumnMap())
-    assert offered(trials) == [True, True, None, None]
+    rows = ("1,left,60,none,a\n1,left,60,left,a\n1,left,60,left,b\n", "2,left,60,left,a\n")
+    paths = [put(tmp_path / f"{n}.csv", header + text) for n, text in enumerate(rows)]
+    assert offered(read_trials(paths, ColumnMap())) == [True, True, None, None]
 
 
 def test_a_table_that_says_yes_or_no_offered_none(tmp_path: Path) -> None:
     table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,1\n"
     assert offered(read(tmp_path, table)) == [True, True]
-
-
-@pytest.mark.parametrize("level", ["1e-7", "1.1e6", "1e300"])
-def test_a_level_that_no_actuator_has_is_refused(tmp_path: Path, level: str) -> None:
-    error = refused(tmp_path, LEAST + f"1,left,60,left\n1,left,{level},left\n")
-    assert error.line == 3
-    assert "it must be a number from 1e-06 to 1e+06" in str(error)
 
 
 def test_the_bounds_of_levels_are_in_our_unit(tmp_path: Path) -> None:
@@ -234,18 +189,13 @@ def test_a_time_beside_a_time_out_is_no_reaction_time(tmp_path: Path) -> None:
 
 
 def test_a_spreadsheets_byte_order_mark_is_read_over(tmp_path: Path) -> None:
-    path = tmp_path / "table.csv"
-    path.write_text(LEAST + "1,left,60,left\n", encoding="utf-8-sig")
-    assert read_trials([path], ColumnMap())["participant"].tolist() == ["1"]
+    assert read(tmp_path, f"\ufeff{LEAST}1,left,60,left\n")["participant"].tolist() == ["1"]
 
 
 def test_the_map_is_listed_among_the_inputs(tmp_path: Path) -> None:
     columns = load(tmp_path, '[constant]\nside = "left"\n')
-    (tmp_path / "t.csv").write_text("participant,level_vpp,response\n1,60,left\n")
-    assert [i.name for i in read_inputs([tmp_path / "t.csv"], columns).inputs] == [
-        "MAP.toml",
-        "t.csv",
-    ]
+    found = loaded(tmp_path, "participant,level_vpp,response\n1,60,left\n", columns)
+    assert [one.name for one in found.inputs] == ["MAP.toml", "t.csv"]
 
 
 @pytest.mark.parametrize(
@@ -259,21 +209,29 @@ def test_the_map_is_listed_among_the_inputs(tmp_path: Path) -> None:
         (LEAST + "1,left,,left\n", {}, 2, "column 'level_vpp' is n/a"),
         (LEAST + ",left,60,left\n", {}, 2, "column 'participant' is empty"),
         (LEAST + "1,left,60,\n", {}, 2, "column 'response' is n/a; it must be an answer"),
-        ("p,side,level_vpp,response\nx,up,60,left\n", {"columns": {"participant": "p"}}, 2, "'up'"),
-        (
-            "participant,s,level_vpp,response\n1,up,60,left\n",
-            {"columns": {"side": "s"}},
-            2,
-            "(side)",
-        ),
+        (LEAST.replace("side", "s") + "1,up,60,left\n", {"columns": {"side": "s"}}, 2, "(side)"),
+        (LEAST + "1,up,60,left\n", {}, 2, "'up'"),
         (LEAST + "1,left,1e999,left\n", {"units": {"level_vpp": "V-peak"}}, 2, "holds '1e999'"),
         (LEAST + "1,left,60;1\n", {}, 2, "too few fields"),
+        (LEAST + "1,left,60,left\n1,left,1e-7,left\n", {}, 3, "a number from 1e-06 to 1e+06"),
+        (LEAST + "1,left,60,left\n1,left,1.1e6,left\n", {}, 3, "a number from 1e-06 to 1e+06"),
+        (LEAST + "1,left,-60,left\n", {}, 2, "column 'level_vpp' holds '-60'"),
+        (LEAST + "1,left,nan,left\n", LINEAR, 2, "'nan'; allowed: a finite number or n/a"),
+        (LEAST + "1,left,,left\n", LINEAR, 2, "n/a; it must be a number where there is"),
+        (LEAST + "1,none,-60,none\n", LINEAR, 2, "-60; it must be 0 or n/a where there is no"),
+        (LEAST[:-1] + ",trial\n1,left,60,left,a\n", {}, 2, "'a'"),
+        (LEAST + "1,left,60,left\n", {"columns": {"side": ""}}, 1, "no column side"),
+        (ANSWERS, {}, 1, "response and detected both tell the answer"),
+        (LEAST + "1,left,60,left\n", {"constant": {"detected": "0"}}, 1, "both tell the answer"),
+        (FELT + "1,left,60,1\n", {"constant": {"response": "none"}}, 1, "both tell the answer"),
+        (FELT + "1,left,60,1\n1,left,60,\n", {}, 3, "column 'response' is n/a"),
+        (FELT + "1,left,60,1\n1,right,60,1\n1,none,0,1\n", {}, 4, "left, right: which side was"),
     ],
 )
 def test_a_table_that_does_not_fit_its_map_is_refused(
     tmp_path: Path, table: str, columns: dict[str, Any], line: int, words: str
 ) -> None:
-    error = refused(tmp_path, table, ColumnMap(**columns))
+    error = refused(put(tmp_path / "t.csv", table), columns=ColumnMap(**columns))
     assert error.line == line
     assert words in str(error)
 
@@ -323,39 +281,20 @@ def test_a_map_made_in_python_is_held_to_the_same_types(section: str) -> None:
         ColumnMap(**sections)
 
 
-def test_a_map_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "MAP.toml")
+def test_a_map_that_is_a_pipe_or_not_utf8_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "MAP.toml"
+    os.mkfifo(path)
     with pytest.raises(ValueError, match=r"MAP\.toml: not a regular file"):
-        load_column_map(tmp_path / "MAP.toml")
-
-
-def test_a_map_that_is_not_utf8_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "MAP.toml").write_bytes(b"# caf\xe9\n")
+        load_column_map(path)
+    path.unlink()
+    path.write_bytes(b"# caf\xe9\n")
     with pytest.raises(ValueError, match=r"MAP\.toml: "):
-        load_column_map(tmp_path / "MAP.toml")
+        load_column_map(path)
 
 
 def test_a_linear_axis_has_levels_of_any_sign(tmp_path: Path) -> None:
     text = LEAST + "1,left,-60,left\n1,left,0,none\n1,left,1e7,left\n1,none,0,none\n"
-    (tmp_path / "t.csv").write_text(text)
-    columns = ColumnMap(axis={"x_scale": "linear", "unit": "deg"})
-    loaded = read_inputs([tmp_path / "t.csv"], columns)
-    assert loaded.trials["level_vpp"].tolist()[:3] == [-60.0, 0.0, 1e7]
-    assert loaded.trials["level_vpp"].isna().tolist() == [False, False, False, True]
-    assert (loaded.axis.x_scale, loaded.axis.unit) == ("linear", "deg")
-
-
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ("1,left,-60,left", "column 'level_vpp' holds '-60'"),
-        ("1,left,nan,left", "column 'level_vpp' holds 'nan'; allowed: a finite number or n/a"),
-        ("1,left,,left", "column 'level_vpp' is n/a; it must be a number where there is"),
-        ("1,none,-60,none", "column 'level_vpp' is -60; it must be 0 or n/a where there is no"),
-    ],
-)
-def test_levels_of_the_other_axis_are_refused(tmp_path: Path, row: str, words: str) -> None:
-    axis = {} if words.endswith("'-60'") else {"x_scale": "linear"}
-    error = refused(tmp_path, f"{LEAST}{row}\n", ColumnMap(axis=axis))
-    assert error.line == 2
-    assert words in str(error)
+    found = loaded(tmp_path, text, ColumnMap(axis={"x_scale": "linear", "unit": "deg"}))
+    assert found.trials["level_vpp"].tolist()[:3] == [-60.0, 0.0, 1e7]
+    assert found.trials["level_vpp"].isna().tolist() == [False, False, False, True]
+    assert (found.axis.x_scale, found.axis.unit) == ("linear", "deg")

@@ -10,15 +10,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis import ColumnMap, ResultFileError, level_table, read_trials, write_analysis
-from analysis.answers.detection import cells as cells_of
-from analysis.answers.detection import levels_of, participants_of
-from analysis.reading.load import read_inputs
+from analysis import ColumnMap, level_table, read_trials, write_analysis
+from analysis.answers.detection import cells, levels_of, participants_of
+from tests.test_analysis.shared import loaded, put, refused
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from analysis.reading.load import LoadedTrials
+    from analysis.results.tables import Analysis
 
 TABLE = {"detected": "k", "presented": "n", "group": ["participant", "vibration"]}
 MAP = ColumnMap(columns={"level_vpp": "level"}, table=TABLE, axis={"x_scale": "linear"})
@@ -26,15 +25,19 @@ HEADER = "participant,vibration,level,k,n\n"
 KNOWN = ["condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"]
 
 
-def read(folder: Path, text: str, columns: ColumnMap = MAP) -> LoadedTrials:
-    path = folder / "t.csv"
-    path.write_text(text, encoding="utf-8")
-    return read_inputs([path], columns)
+def cells_of(folder: Path, text: str, columns: ColumnMap = MAP) -> pd.DataFrame:
+    found = loaded(folder, text, columns).cells
+    assert found is not None
+    return found
+
+
+def analysed(folder: Path, rows: str, columns: ColumnMap = MAP) -> Analysis:
+    path = put(folder / "t.csv", HEADER + rows)
+    return write_analysis([path], folder / "out", columns=columns, figures=False)
 
 
 def test_groups_of_their_columns_are_the_conditions(tmp_path: Path) -> None:
-    cells = read(tmp_path, HEADER + "AK,0,1.0,3,40\nAK,32,-1.0,4,40\n").cells
-    assert cells is not None
+    cells = cells_of(tmp_path, HEADER + "AK,0,1.0,3,40\nAK,32,-1.0,4,40\n")
     assert cells[["condition", "level_vpp", "participant", "detected"]].to_numpy().tolist() == [
         ["vibration=0", 1.0, "AK", 3],
         ["vibration=32", -1.0, "AK", 4],
@@ -50,58 +53,46 @@ def test_groups_of_their_columns_are_the_conditions(tmp_path: Path) -> None:
         st.tuples(st.sampled_from("ABC"), st.sampled_from([-50, 0, 50])),
         st.tuples(st.integers(0, 4), st.integers(0, 4)),
         min_size=1,
-    ).filter(lambda cells: any(sum(counts) for counts in cells.values()))
+    ).filter(lambda counts: any(map(sum, counts.values())))
 )
 def test_counts_give_the_tables_of_the_trials_they_stand_for(
-    tmp_path: Path, cells: dict[tuple[str, int], tuple[int, int]]
+    tmp_path: Path, counts: dict[tuple[str, int], tuple[int, int]]
 ) -> None:
     counted, trials = HEADER, "participant,side,level,felt\n"
-    for (person, level), (hits, misses) in cells.items():
+    for (person, level), (hits, misses) in counts.items():
         counted += f"{person},0,{level},{hits},{hits + misses}\n"
         trials += f"{person},left,{level},1\n" * hits + f"{person},left,{level},0\n" * misses
-    of_counts = read(tmp_path, counted).cells
-    assert of_counts is not None
-    (tmp_path / "trials.csv").write_text(trials)
     columns = {"level_vpp": "level", "detected": "felt"}
     condition = {"condition": "vibration=0"}
     known = ColumnMap(columns=columns, constant=condition, axis={"x_scale": "linear"})
-    of_trials = read_trials([tmp_path / "trials.csv"], known)
+    of_counts, of_trials = cells_of(tmp_path, counted), loaded(tmp_path, trials, known).trials
     same = [*KNOWN, "p_pooled", "group_low", "group_high"]
     pd.testing.assert_frame_equal(levels_of(of_counts)[same], level_table(of_trials)[same])
-    pd.testing.assert_frame_equal(participants_of(of_counts), participants_of(cells_of(of_trials)))
+    pd.testing.assert_frame_equal(participants_of(of_counts), participants_of(cells(of_trials)))
 
 
 def test_cells_are_summed_over_sessions_and_sides(tmp_path: Path) -> None:
     text = "participant,session,side,level_vpp,k,n\n1,1,left,60,1,2\n1,1,right,60,0,3\n"
     columns = ColumnMap(table={"detected": "k", "presented": "n"})
-    cells = read(tmp_path, text + "1,2,left,60,4,4\n", columns).cells
-    assert cells is not None
+    cells = cells_of(tmp_path, text + "1,2,left,60,4,4\n", columns)
     assert cells[["detected", "presented"]].to_numpy().tolist() == [[5, 9]]
 
 
 def test_a_thousand_million_trials_take_no_more_room_than_one(tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text(HEADER + "A,0,60,900000000,1000000000\nA,0,70,0,0\nB,0,60,7,10\n")
-    analysis = write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
-    assert analysis.levels[["detected", "presented"]].to_numpy().tolist() == [
-        [900000007, 1000000010]
-    ]
-    assert len(analysis.participants) == 2
-    assert analysis.counts.trials == 1000000010
+    found = analysed(tmp_path, "A,0,60,900000000,1000000000\nA,0,70,0,0\nB,0,60,7,10\n")
+    counts = found.levels[["detected", "presented"]].to_numpy().tolist()
+    assert counts == [[900000007, 1000000010]]
+    assert (len(found.participants), found.counts.trials) == (2, 1000000010)
 
 
 def test_what_counts_do_not_tell_is_not_given(tmp_path: Path) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text(HEADER + "A,0,60,9,10\n")
-    analysis = write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
+    assert analysed(tmp_path, "A,0,60,9,10\n").warnings == ()
     [level] = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"]
     unknown = ("over_report", "mislocalised", "timeouts", "p_answered")
     assert [level[name] for name in unknown] == [None] * 4
     assert level["detected_any"] == 9
-    assert analysis.warnings == ()
     forced = ColumnMap(columns=MAP.columns, axis=MAP.axis, table={**TABLE, "none_offered": False})
-    analysis = write_analysis([path], tmp_path / "out", columns=forced, figures=False)
-    assert analysis.detected_any is None
+    assert analysed(tmp_path, "A,0,60,9,10\n", forced).detected_any is None
 
 
 def test_counts_are_no_trials() -> None:
@@ -132,29 +123,27 @@ def test_counts_are_no_trials() -> None:
 def test_counts_that_cannot_be_are_refused_with_their_line(
     tmp_path: Path, row: str, words: str
 ) -> None:
-    with pytest.raises(ResultFileError) as caught:
-        read(tmp_path, f"{HEADER}A,0,55,1,10\n{row}\n")
-    assert caught.value.line == 3
-    assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
+    error = refused(put(tmp_path / "t.csv", f"{HEADER}A,0,55,1,10\n{row}\n"), columns=MAP)
+    assert error.line == 3
+    assert words in str(error)
 
 
 def test_a_level_of_0_has_no_place_on_a_logarithmic_axis(tmp_path: Path) -> None:
-    columns = ColumnMap(columns=MAP.columns, table=TABLE)
-    with pytest.raises(ResultFileError, match=r":2: column 'level_vpp' is 0; it must be a number"):
-        read(tmp_path, HEADER + "A,0,0,1,10\n", columns)
-
-
-def test_a_table_in_which_nothing_was_presented_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ResultFileError, match="nothing was presented in any row"):
-        read(tmp_path, HEADER + "A,0,60,0,0\n")
+    path = put(tmp_path / "t.csv", HEADER + "A,0,0,1,10\n")
+    error = refused(path, columns=ColumnMap(columns=MAP.columns, table=TABLE))
+    assert f"{path}:2: column 'level_vpp' is 0; it must be a number" in str(error)
 
 
 def test_a_cell_told_in_two_files_is_refused(tmp_path: Path) -> None:
-    for name in ("a.csv", "b.csv"):
-        (tmp_path / name).write_text(HEADER + "A,0,60,1,10\n")
-    with pytest.raises(ResultFileError, match=r"b\.csv:2: .* told already at .*a\.csv:2"):
-        read_inputs([tmp_path / "a.csv", tmp_path / "b.csv"], MAP)
+    paths = [put(tmp_path / name, HEADER + "A,0,60,1,10\n") for name in ("a.csv", "b.csv")]
+    error = refused(*paths, columns=MAP)
+    assert str(error).startswith(f"{paths[1]}:2: ")
+    assert f"told already at {paths[0]}:2" in str(error)
+
+
+def test_a_table_in_which_nothing_was_presented_is_refused(tmp_path: Path) -> None:
+    error = refused(put(tmp_path / "t.csv", HEADER + "A,0,60,0,0\n"), columns=MAP)
+    assert "nothing was presented in any row" in str(error)
 
 
 @pytest.mark.parametrize(
@@ -189,15 +178,12 @@ def test_a_map_of_counts_that_cannot_be_meant_is_refused(
 def test_a_table_without_what_the_map_names_is_refused(
     tmp_path: Path, text: str, words: str
 ) -> None:
-    with pytest.raises(ResultFileError) as caught:
-        read(tmp_path, text)
-    assert caught.value.line == 1
-    assert words in str(caught.value)
+    path = put(tmp_path / "t.csv", text)
+    assert f"{path}:1: {words}" in str(refused(path, columns=MAP))
 
 
 def test_a_table_of_counts_is_never_overwritten(tmp_path: Path) -> None:
-    path = tmp_path / "levels.csv"
-    path.write_text(HEADER + "A,0,60,1,10\n")
+    path = put(tmp_path / "levels.csv", HEADER + "A,0,60,1,10\n")
     with pytest.raises(ValueError, match="out_dir must not hold what is analysed"):
         write_analysis([path], tmp_path, columns=MAP, figures=False)
     assert [one.name for one in tmp_path.iterdir()] == ["levels.csv"]
