@@ -78,21 +78,12 @@ class Rig:
     rate_hz: float = 48_000.0
     longest: int = 65_536
     in_real_time: bool = False
-
-    @property
-    def long_s(self) -> float:
-        """Duration of a long burst."""
-        return 1.2 if self.in_real_time else 1.0
-
-    @property
-    def idle_s(self) -> float:
-        """As long as a host may be idle: where it can be waited for, an hour."""
-        return 1.2 if self.in_real_time else 3600.0
-
-    @property
-    def time_to_live_s(self) -> float:
-        """Long enough for any machine to fire within."""
-        return 5.0 if self.in_real_time else 0.1
+    long_s: float = 1.0
+    """Duration of a long burst."""
+    idle_s: float = 3600.0
+    """As long as a host may be idle: where it can be waited for, an hour."""
+    time_to_live_s: float = 0.1
+    """Long enough for any machine to fire within."""
 
     def came_out(self, *tokens: int) -> tuple[Emission, ...]:
         """Return all bursts, which are those of `tokens`; nothing where they cannot be read."""
@@ -103,6 +94,9 @@ class Rig:
         emissions = self.emitted()
         assert [emission.token for emission in emissions] == list(tokens)
         return emissions
+
+
+REAL: dict[str, Any] = {"in_real_time": True, "long_s": 1.2, "idle_s": 1.2, "time_to_live_s": 5.0}
 
 
 class BareCore(LocalCore):
@@ -219,7 +213,7 @@ def emulator_rig(kind: str) -> Callable[[pytest.FixtureRequest], Rig]:
             clock=clock,
             silence=lambda: silence(link),
             emitted=emitted,
-            in_real_time=True,
+            **REAL,
         )
 
     return make
@@ -263,7 +257,7 @@ def hardware_rig(request: pytest.FixtureRequest) -> Rig:
         clock=clock,
         silence=lambda: silence(link),
         emitted=None,
-        in_real_time=True,
+        **REAL,
     )
 
 

@@ -125,107 +125,67 @@ BLOCK = b"#216" + np.array(CODES, dtype="<i2").tobytes()
 ZEROS = b"#216" + bytes(16)
 
 
-def channel_setup(channel: int, name: str) -> bytes:
-    source = f"SOUR{channel}"
-    before = (
-        f"{source}:VOLT:LIM:STAT OFF",
-        f"OUTP{channel}:LOAD INF",
-        f"{source}:VOLT:UNIT VPP",
-        f"{source}:DATA:VOL:CLE",
-    )
-    after = (
-        f"{source}:FUNC:ARB {name}",
-        f"{source}:FUNC:ARB:SRAT 48000",
-        f"{source}:FUNC:ARB:FILT OFF",
-        f"{source}:FUNC ARB",
-        f"{source}:VOLT:OFFS 0",
-        f"{source}:VOLT 7.2727272",
-        f"{source}:VOLT:RANG:AUTO OFF",
-        f"{source}:VOLT:LIM:HIGH 3.6363637",
-        f"{source}:VOLT:LIM:LOW -3.6363637",
-        f"{source}:VOLT:LIM:STAT ON",
-        f"{source}:BURS:MODE TRIG",
-        f"{source}:BURS:NCYC 1",
-        f"{source}:BURS:PHAS 0",
-        f"TRIG{channel}:SOUR BUS",
-        f"{source}:BURS:STAT ON",
-        "SYST:ERR?",
-    )
-    upload = f"{source}:DATA:ARB:DAC {name},".encode() + ZEROS + b"\n"
-    return lines(*before) + upload + lines(*after)
+CLEARED = """
+SOUR{0}:VOLT:LIM:STAT OFF;OUTP{0}:LOAD INF;SOUR{0}:VOLT:UNIT VPP;SOUR{0}:DATA:VOL:CLE;
+"""
+SET_UP = """
+SOUR{0}:FUNC:ARB T{0};SOUR{0}:FUNC:ARB:SRAT 48000;SOUR{0}:FUNC:ARB:FILT OFF;SOUR{0}:FUNC ARB;
+SOUR{0}:VOLT:OFFS 0;SOUR{0}:VOLT 7.2727272;SOUR{0}:VOLT:RANG:AUTO OFF;
+SOUR{0}:VOLT:LIM:HIGH 3.6363637;SOUR{0}:VOLT:LIM:LOW -3.6363637;SOUR{0}:VOLT:LIM:STAT ON;
+SOUR{0}:BURS:MODE TRIG;SOUR{0}:BURS:NCYC 1;SOUR{0}:BURS:PHAS 0;
+TRIG{0}:SOUR BUS;SOUR{0}:BURS:STAT ON;SYST:ERR?;
+"""
+READ_BACK = """
+OUTP{0}:LOAD?;SOUR{0}:VOLT:LIM:HIGH?;SOUR{0}:VOLT:LIM:LOW?;SOUR{0}:VOLT:LIM:STAT?;
+SOUR{0}:VOLT:OFFS?;SOUR{0}:FUNC?;SOUR{0}:FUNC:ARB:FILT?;SOUR{0}:FUNC:ARB:SRAT?;
+SOUR{0}:BURS:MODE?;SOUR{0}:BURS:NCYC?;SOUR{0}:BURS:STAT?;TRIG{0}:SOUR?;
+"""
+SELECT = "SOUR{0}:FUNC:ARB {1};SOUR{0}:FUNC:ARB:SRAT 48000;SOUR{0}:VOLT 2.1818181;"
+SELECTED = "OUTP{0}:LOAD?;SOUR{0}:FUNC:ARB?;SOUR{0}:FUNC:ARB:SRAT?;SOUR{0}:VOLT?;"
+"""What a channel is told, and asked; a semicolon here ends a line there."""
 
 
-def read_back(channel: int) -> bytes:
-    return lines(
-        f"OUTP{channel}:LOAD?",
-        f"SOUR{channel}:VOLT:LIM:HIGH?",
-        f"SOUR{channel}:VOLT:LIM:LOW?",
-        f"SOUR{channel}:VOLT:LIM:STAT?",
-        f"SOUR{channel}:VOLT:OFFS?",
-        f"SOUR{channel}:FUNC?",
-        f"SOUR{channel}:FUNC:ARB:FILT?",
-        f"SOUR{channel}:FUNC:ARB:SRAT?",
-        f"SOUR{channel}:BURS:MODE?",
-        f"SOUR{channel}:BURS:NCYC?",
-        f"SOUR{channel}:BURS:STAT?",
-        f"TRIG{channel}:SOUR?",
-    )
+def filled(commands: str, *values: object) -> bytes:
+    return commands.replace("\n", "").replace(";", "\n").format(*values).encode()
+
+
+def upload(channel: int, name: str, block: bytes) -> bytes:
+    return f"SOUR{channel}:DATA:ARB:DAC {name},".encode() + block + b"\n"
 
 
 def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(bench: Bench) -> None:
     bench.device.open()
-    general = ("", "*IDN?", "*RST", "*CLS", "OUTP1 OFF", "OUTP2 OFF", "FORM:BORD SWAP", "SYST:ERR?")
-    channels = channel_setup(1, "T1"), channel_setup(2, "T2"), read_back(1), read_back(2)
-    assert bench.channel.taken() == lines(*general) + b"".join(channels)
     assert BLOCK.count(b"\n") == 3
-    for slot, right, start in (
-        (0, SILENCE, b"SOUR1:DATA:ARB:DAC T3,"),
-        (2, WAVE, b"SOUR2:DATA:ARB:DAC T4,"),
-    ):
-        bench.device.load(slot, WAVE, right)
-        assert bench.channel.taken() == start + BLOCK + b"\n" + lines("SYST:ERR?")
-
-
-def trial(names: tuple[str, str]) -> bytes:
-    said = [
+    assert bench.channel.taken() == b"".join(
         (
-            f"SOUR{channel}:FUNC:ARB {name}",
-            f"SOUR{channel}:FUNC:ARB:SRAT 48000",
-            f"SOUR{channel}:VOLT 2.1818181",
+            filled(";*IDN?;*RST;*CLS;OUTP1 OFF;OUTP2 OFF;FORM:BORD SWAP;SYST:ERR?;"),
+            *(filled(CLEARED, 1), upload(1, "T1", ZEROS), filled(SET_UP, 1)),
+            *(filled(CLEARED, 2), upload(2, "T2", ZEROS), filled(SET_UP, 2)),
+            *(filled(READ_BACK, 1), filled(READ_BACK, 2)),
         )
-        for channel, name in enumerate(names, start=1)
-    ]
-    asked = [
-        (
-            f"OUTP{channel}:LOAD?",
-            f"SOUR{channel}:FUNC:ARB?",
-            f"SOUR{channel}:FUNC:ARB:SRAT?",
-            f"SOUR{channel}:VOLT?",
-        )
-        for channel in (1, 2)
-    ]
-    return lines(
-        *said[0], *said[1], *asked[0], *asked[1], "SYST:ERR?", "*TRG", "*OPC?", "SYST:ERR?"
     )
+    bench.device.load(0, WAVE, SILENCE)
+    assert bench.channel.taken() == upload(1, "T3", BLOCK) + lines("SYST:ERR?")
+    bench.device.load(2, WAVE, WAVE)
+    assert bench.channel.taken() == upload(2, "T4", BLOCK) + lines("SYST:ERR?")
 
 
 def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Bench) -> None:
-    live.play(1, slot=0)
-    assert live.channel.taken() == trial(("T3", "T2"))
-    live.play(2, slot=1)
-    assert live.channel.taken() == trial(("T1", "T4"))
+    for token, (slot, left, right) in enumerate([(0, "T3", "T2"), (1, "T1", "T4")]):
+        live.play(1 + token, slot)
+        said = filled(SELECT, 1, left) + filled(SELECT, 2, right)
+        asked = filled(SELECTED, 1) + filled(SELECTED, 2)
+        assert live.channel.taken() == said + asked + filled("SYST:ERR?;*TRG;*OPC?;SYST:ERR?;")
     burst, _ = live.out
     assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
     assert not burst.right_v.any()
 
 
 def test_the_same_commands_in_the_other_dialects_fill_in_without_code() -> None:
+    settings = {"channel": 2, "name": "T1", "rate": "48000", "volts": "1.0"}
     for dialect in DIALECTS:
         for command in (*dialect.channel_load, *dialect.channel_setup, *dialect.select):
-            filled = command.format(
-                channel=2, name="T1", rate="48000", volts="1.0", high="1.0", low="-1.0"
-            )
-            assert "{" not in filled
+            assert "{" not in command.format(high="1.0", low="-1.0", **settings)
     assert dialect_of("Rigol Technologies,DG1032Z,DG1ZA0,03.01.12") is RIGOL
     assert dialect_of(IDENTITY) is KEYSIGHT
 
@@ -344,8 +304,8 @@ def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out(
     live: Bench,
 ) -> None:
     def change(told: bytes) -> bytes:
-        before_asked = live.channel.written.partition(b"*IDN?")[1] == b""
-        return b"" if before_asked and b"*TRG" in live.channel.written else told
+        lost = b"*TRG" in live.channel.written and b"*IDN?" not in live.channel.written
+        return b"" if lost else told
 
     live.channel.change = change
     began_s = live.clock.now_s()
