@@ -12,23 +12,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiment.study.read import paper_study, study_from_text
+from experiment.study.read import study_from_text
 from experiment.trial.draw import block_count, draw_plan
 from experiment.trial.plan import PlanError, plan_from_json, verify
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from experiment.study.study import Study
     from experiment.trial.plan import Plan
 
 
-def draw(study: Study, seed: int = 1) -> Plan:
+BALANCED = '[design]\norder = "balanced"'
+
+
+def draw(text: str = "", seed: int = 1) -> Plan:
+    """Draw a plan of a study, the paper's if nothing else is said."""
+    study = study_from_text(text, "study.toml")
     return draw_plan(study, participant="01", session="01", seed=seed)
 
 
 def test_the_papers_plan_has_75_single_trials_a_side_and_5_both_finger_trials() -> None:
-    plan = draw(paper_study())
+    plan = draw()
     assert Counter((t.kind, t.side) for t in plan.trials) == {
         ("single", "left"): 75,
         ("single", "right"): 75,
@@ -39,23 +41,15 @@ def test_the_papers_plan_has_75_single_trials_a_side_and_5_both_finger_trials() 
 
 
 def test_same_seed_gives_the_same_plan_and_another_seed_another() -> None:
-    study = paper_study()
-    assert draw(study, 7) == draw(study, 7)
-    assert draw(study, 7).trials != draw(study, 8).trials
-
-
-def test_the_seed_and_the_generators_name_are_recorded() -> None:
-    plan = json.loads(draw(paper_study(), 7).to_json())
+    assert draw("", 7) == draw("", 7)
+    assert draw("", 7).trials != draw("", 8).trials
+    plan = json.loads(draw("", 7).to_json())
     assert plan["seed"] == 7
     assert plan["generator"].startswith("PCG64 of numpy ")
 
 
 def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
-    study = study_from_text(
-        "[design]\nlevels_vpp = [80, 120, 160]\ntrials_per_side = 3\nforeperiod_s = [0.5, 2.5]\n",
-        "study.toml",
-    )
-    plan = draw(study)
+    plan = draw("[design]\nlevels_vpp = [80, 160]\ntrials_per_side = 2\nforeperiod_s = [0.5, 2.5]")
     assert [
         (t.number, t.block, t.condition, t.kind, t.side, t.level_vpp, t.foreperiod_s)
         for t in plan.warm_up
@@ -68,7 +62,7 @@ def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
 @pytest.mark.slow
 def test_random_levels_scatter_like_independent_draws() -> None:
     counts = [
-        Counter(t.level_vpp for t in draw(paper_study(), seed).trials if t.kind == "single")[60.0]
+        Counter(t.level_vpp for t in draw("", seed).trials if t.kind == "single")[60.0]
         for seed in range(200)
     ]
     mean = sum(counts) / len(counts)
@@ -77,10 +71,8 @@ def test_random_levels_scatter_like_independent_draws() -> None:
     assert variance == pytest.approx(24, rel=0.45)
 
 
-def test_balanced_blocks_hold_every_stimulus_equally_often(
-    make_study: Callable[[str], Study],
-) -> None:
-    plan = draw(make_study('[design]\norder = "balanced"'))
+def test_balanced_blocks_hold_every_stimulus_equally_often() -> None:
+    plan = draw(BALANCED)
     blocks = {trial.block for trial in plan.trials}
     assert blocks == {1, 2, 3, 4, 5}
     for block in blocks:
@@ -91,13 +83,10 @@ def test_balanced_blocks_hold_every_stimulus_equally_often(
         assert sum(n for cell, n in cells.items() if cell[0] == "both") == 1
 
 
-def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one(
-    make_study: Callable[[str], Study],
-) -> None:
-    study = make_study('[design]\norder = "balanced"')
+def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> None:
     same = total = 0
     for seed in range(100):
-        sides = [t.side for t in draw(study, seed).trials if t.kind == "single"]
+        sides = [t.side for t in draw(BALANCED, seed).trials if t.kind == "single"]
         same += sum(a == b for a, b in itertools.pairwise(sides))
         total += len(sides) - 1
     assert same / total == pytest.approx(0.5, abs=0.03)
@@ -116,15 +105,15 @@ def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one(
 def test_every_plan_has_the_asked_counts_in_blocks_no_longer_than_asked(
     levels: int, repeats: int, both: int, blanks: int, break_every: int, order: str, seed: int
 ) -> None:
-    study = study_from_text(
+    text = (
         f"[design]\nlevels_vpp = {[10 * (i + 1) for i in range(levels)]}\n"
         f"trials_per_side = {levels * repeats}\nboth_trials = {both}\nblank_trials = {blanks}\n"
         f'responses = ["left", "right", "both", "none"]\norder = "{order}"\n'
-        f"break_every = {break_every}\n",
-        "study.toml",
+        f"break_every = {break_every}\n"
     )
+    design = study_from_text(text, "study.toml").design
     try:
-        plan = draw(study, seed)
+        plan = draw(text, seed)
     except PlanError as error:
         assert order == "balanced"
         assert "break_every must be 0 or at least" in str(error)  # noqa: PT017 - some draws do plan
@@ -133,63 +122,55 @@ def test_every_plan_has_the_asked_counts_in_blocks_no_longer_than_asked(
     assert kinds["single"] == 2 * levels * repeats
     assert (kinds["both"], kinds["blank"]) == (both, blanks)
     lengths = Counter(trial.block for trial in plan.trials)
-    assert len(lengths) == block_count(study.design)
+    assert len(lengths) == block_count(design)
     assert max(lengths.values()) <= (break_every or len(plan.trials))
-    least_s, most_s = study.design.foreperiod_s
+    least_s, most_s = design.foreperiod_s
     assert all(least_s <= trial.foreperiod_s <= most_s for trial in plan.trials)
     assert plan_from_json(plan.to_json()) == plan
 
 
-def test_foreperiods_are_exponential_and_cut_at_both_ends(
-    make_study: Callable[[str], Study],
-) -> None:
-    study = make_study("[design]\nforeperiod_s = [1.0, 3.0]\ntrials_per_side = 2000")
-    waits = [trial.foreperiod_s for trial in draw(study).trials]
+def test_foreperiods_are_exponential_and_cut_at_both_ends() -> None:
+    plan = draw("[design]\nforeperiod_s = [1.0, 3.0]\ntrials_per_side = 2000")
+    waits = [trial.foreperiod_s for trial in plan.trials]
     # Mean of an exponential of scale 1 cut at 2: 1 - 2 / (e^2 - 1).
     assert sum(waits) / len(waits) == pytest.approx(1 + 1 - 2 / (2.718281828**2 - 1), abs=0.03)
     assert max(waits) > 2.8
 
 
-def test_practice_stands_first_on_both_sides_at_the_highest_level(
-    make_study: Callable[[str], Study],
-) -> None:
-    plan = draw(make_study("[design]\npractice_trials = 4"))
+def test_practice_stands_first_on_both_sides_at_the_highest_level() -> None:
+    plan = draw("[design]\npractice_trials = 4")
     practice = plan.trials[:4]
     assert Counter(t.side for t in practice) == {"left": 2, "right": 2}
     assert {(t.kind, t.block, t.level_vpp) for t in practice} == {("practice", 0, 200.0)}
 
 
-def test_blank_trials_have_no_level(make_study: Callable[[str], Study]) -> None:
-    plan = draw(
-        make_study('[design]\nblank_trials = 3\nresponses = ["left", "right", "both", "none"]')
-    )
+def test_blank_trials_have_no_level() -> None:
+    plan = draw('[design]\nblank_trials = 3\nresponses = ["left", "right", "both", "none"]')
     blanks = [t for t in plan.trials if t.kind == "blank"]
     assert [(t.side, t.level_vpp) for t in blanks] == [("none", None)] * 3
 
 
-def test_every_condition_runs_the_whole_design_in_blocks_of_its_own(
-    make_study: Callable[[str], Study],
-) -> None:
-    study = make_study(
+def test_every_condition_runs_the_whole_design_in_blocks_of_its_own() -> None:
+    text = (
         '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n'
         "[design]\ntrials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
     )
-    plan = draw(study)
+    plan = draw(text)
     assert Counter(t.condition for t in plan.trials) == {"a": 11, "b": 11}
     of_block = {t.block: t.condition for t in plan.trials}
     assert len(of_block) == 4
     assert all(of_block[t.block] == t.condition for t in plan.trials)
-    first = {draw(study, seed).trials[0].condition for seed in range(20)}
+    first = {draw(text, seed).trials[0].condition for seed in range(20)}
     assert first == {"a", "b"}
 
 
-def test_a_fixed_level_of_both_finger_trials_is_kept(make_study: Callable[[str], Study]) -> None:
-    plan = draw(make_study("[design]\nboth_level = 110"))
+def test_a_fixed_level_of_both_finger_trials_is_kept() -> None:
+    plan = draw("[design]\nboth_level = 110")
     assert {t.level_vpp for t in plan.trials if t.kind == "both"} == {110.0}
 
 
 def test_a_changed_plan_is_refused() -> None:
-    plan = draw(paper_study())
+    plan = draw()
     changed = json.loads(plan.to_json())
     changed["trials"][3]["level_vpp"] = 61.0
     with pytest.raises(PlanError, match="changed after it was sealed"):
@@ -211,11 +192,11 @@ def test_what_is_no_plan_is_refused(text: str) -> None:
 @pytest.mark.parametrize("seed", [-1, 1.0, True, None])
 def test_a_seed_that_is_no_whole_number_is_refused(seed: int) -> None:
     with pytest.raises(PlanError, match="seed must be a whole number >= 0"):
-        draw(paper_study(), seed)
+        draw("", seed)
 
 
 def test_a_plan_with_a_number_that_json_has_not_is_named_as_no_plan() -> None:
-    changed = json.loads(draw(paper_study()).to_json())
+    changed = json.loads(draw().to_json())
     changed["trials"][0]["foreperiod_s"] = float("nan")
     with pytest.raises(PlanError, match="not a plan of this program: Out of range float"):
         plan_from_json(json.dumps(changed))
@@ -232,16 +213,14 @@ def test_a_plan_with_a_number_that_json_has_not_is_named_as_no_plan() -> None:
     ],
 )
 def test_a_trial_that_no_plan_can_hold_is_refused(change: dict[str, object], said: str) -> None:
-    trial = draw(paper_study()).trials[0]
+    trial = draw().trials[0]
     with pytest.raises(PlanError, match=said):
         replace(replace(trial, level_vpp=60.0), **change)  # type: ignore[arg-type]  # as a file might
 
 
-def test_a_break_before_a_balanced_block_can_end_is_refused_with_the_shortest_one(
-    make_study: Callable[[str], Study],
-) -> None:
+def test_a_break_before_a_balanced_block_can_end_is_refused_with_the_shortest_one() -> None:
     text = '[design]\norder = "balanced"\nlevels_vpp = [60, 100]\ntrials_per_side = 6\n'
     least = 6  # 2 sides, 2 levels, and of the 5 both-finger trials up to 2 in each of 3 blocks
-    assert block_count(make_study(f"{text}break_every = {least}\n").design) == 3
+    assert draw(f"{text}break_every = {least}\n").trials[-1].block == 3
     with pytest.raises(PlanError, match=f"0 or at least {least} .*; got {least - 1}"):
-        block_count(make_study(f"{text}break_every = {least - 1}\n").design)
+        draw(f"{text}break_every = {least - 1}\n")
