@@ -137,6 +137,7 @@ def test_of_two_equal_stimuli_one_is_chosen_where_both_is_not_offered() -> None:
         # both where it is offered, the stronger one where not
         ((900.0, 1000.0), {}, FORCED, "both"),
         ((900.0, 1000.0), {}, ("left", "right"), "right"),
+        ((1000.0, 900.0), {}, ("left", "right"), "left"),
         # a finger 20 dB below the other feels nothing
         ((1e6, 0.0), {"crosstalk_db": -19.9}, FORCED, "both"),
         ((1e6, 0.0), {"crosstalk_db": -20.0}, FORCED, "left"),

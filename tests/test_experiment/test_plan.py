@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from experiment.study.read import study_from_text
@@ -102,6 +102,7 @@ def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> 
     order=st.sampled_from(["random", "balanced"]),
     seed=st.integers(0, 2**40),
 )
+@example(levels=2, repeats=4, both=0, blanks=0, break_every=6, order="balanced", seed=1)
 def test_every_plan_has_the_asked_counts_in_blocks_no_longer_than_asked(
     levels: int, repeats: int, both: int, blanks: int, break_every: int, order: str, seed: int
 ) -> None:
