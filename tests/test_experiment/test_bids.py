@@ -403,7 +403,7 @@ def test_what_is_no_export_is_refused(results: Path, no_export: Refused) -> None
     assert "got one with thesis.tex, which is no export" in no_export()
     shutil.rmtree(bids)
     bids.write_text("a file", encoding="utf-8")
-    assert "bids" in no_export()
+    assert "bids: must be a folder" in no_export()
     bids.unlink()
     bids.symlink_to(results)
     assert "symbolic link" in no_export()

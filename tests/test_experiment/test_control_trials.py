@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +21,6 @@ from experiment.study.read import paper_study, study_from_text
 from experiment.terms.responder import AwaitedAnswer
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import AUDIBILITY_BLOCK, PRACTICE_BLOCK, PlanError, Trial, plan_from_json
-from tactstrip import main
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
 
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
+    from tests.test_experiment.conftest import Run
 
 RELATIVE = """
 [[actuator]]
@@ -41,7 +40,9 @@ side = "right"
 x_mm = 35
 diameter_mm = 12.8
 """
+HANN = '[burst]\nwindow = "hann"\n'
 OFF_PLATE = "audibility_trials = 6\ncontrol_trials = 10\n"
+SIXTEEN = f"[design]\n{OFF_PLATE}"
 TWO_CONDITIONS = (
     '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n'
     '[design]\npractice_trials = 3\norder = "balanced"\nblank_trials = 7\n'
@@ -49,7 +50,9 @@ TWO_CONDITIONS = (
 )
 
 
-def draw(study: Study, seed: int = 1) -> Plan:
+def draw(study: str | Study, seed: int = 1) -> Plan:
+    if isinstance(study, str):
+        study = study_from_text(study, "s.toml")
     return draw_plan(study, participant="01", session="01", seed=seed)
 
 
@@ -59,6 +62,10 @@ def digest(plan: Plan) -> str:
         for t in (*plan.trials, *plan.warm_up)
     )
     return hashlib.sha256("\n".join(words).encode()).hexdigest()[:16]
+
+
+def control_of(plan: Plan) -> list[Trial]:
+    return [t for t in plan.trials if t.kind == "control"]
 
 
 def others(plan: Plan) -> list[Trial]:
@@ -71,12 +78,12 @@ def others(plan: Plan) -> list[Trial]:
 def test_plans_of_studies_without_such_trials_are_those_of_before() -> None:
     # as drawn by the version that knew no control trials
     assert digest(draw(paper_study(), 7)) == "d358cfaf7d463dc0"
-    assert digest(draw(study_from_text(TWO_CONDITIONS, "s.toml"), 2**70)) == "5e87e8f6fa29f135"
+    assert digest(draw(TWO_CONDITIONS, 2**70)) == "5e87e8f6fa29f135"
 
 
 def test_such_trials_leave_all_others_as_they_are_with_the_same_seed() -> None:
-    without = draw(study_from_text(TWO_CONDITIONS, "s.toml"))
-    with_them = draw(study_from_text(TWO_CONDITIONS + OFF_PLATE, "s.toml"))
+    without = draw(TWO_CONDITIONS)
+    with_them = draw(TWO_CONDITIONS + OFF_PLATE)
     assert others(with_them) == others(without)
     assert [t.condition for t in with_them.warm_up] == [t.condition for t in without.warm_up]
 
@@ -91,13 +98,12 @@ def test_such_trials_leave_all_others_as_they_are_with_the_same_seed() -> None:
 def test_both_sides_come_equally_often_at_the_highest_level_in_blocks_of_their_own(
     audibility: int, control: int, practice: int, seed: int
 ) -> None:
-    study = study_from_text(
+    plan = draw(
         f"[design]\naudibility_trials = {audibility}\ncontrol_trials = {control}\n"
         f"practice_trials = {practice}\ntrials_per_side = 10\nbreak_every = 8\n",
-        "s.toml",
+        seed,
     )
-    plan = draw(study, seed)
-    off = [t for t in plan.trials if t.kind == "control"]
+    off = control_of(plan)
     last = max(t.block for t in plan.trials if t.kind != "control") + 1
     assert Counter((t.block, t.side) for t in off) == Counter(
         {
@@ -116,17 +122,13 @@ def test_both_sides_come_equally_often_at_the_highest_level_in_blocks_of_their_o
 
 
 def test_the_sides_are_shuffled_and_another_seed_gives_another_order() -> None:
-    study = study_from_text(f"[design]\n{OFF_PLATE}", "s.toml")
-    orders = {
-        tuple(t.side for t in draw(study, seed).trials if t.kind == "control") for seed in range(20)
-    }
-    assert len(orders) > 15
-    assert draw(study, 3) == draw(study, 3)
+    plans = [draw(SIXTEEN, seed) for seed in range(20)]
+    assert len({tuple(t.side for t in control_of(plan)) for plan in plans}) > 15
+    assert draw(SIXTEEN, 3) == plans[3]
 
 
 def test_every_condition_is_checked_one_after_the_other_in_the_sessions_order() -> None:
-    study = study_from_text(TWO_CONDITIONS + OFF_PLATE, "s.toml")
-    plan = draw(study)
+    plan = draw(TWO_CONDITIONS + OFF_PLATE)
     order = list(dict.fromkeys(t.condition for t in plan.trials if t.kind == "single"))
     for block, trials in ((AUDIBILITY_BLOCK, 6), (plan.trials[-1].block, 10)):
         conditions = [t.condition for t in plan.trials if t.block == block]
@@ -134,19 +136,17 @@ def test_every_condition_is_checked_one_after_the_other_in_the_sessions_order() 
 
 
 def test_the_highest_level_may_be_that_of_both_fingers() -> None:
-    study = study_from_text(
-        f"[design]\nlevels_vpp = [50, 60]\nboth_level = 90\n{OFF_PLATE}", "s.toml"
-    )
-    assert {t.level_vpp for t in draw(study).trials if t.kind == "control"} == {90.0}
+    plan = draw(f"{SIXTEEN}levels_vpp = [50, 60]\nboth_level = 90\n")
+    assert {t.level_vpp for t in control_of(plan)} == {90.0}
 
 
 def test_none_is_accepted_with_the_fingers_off_even_where_it_is_not_offered() -> None:
-    plan = draw(study_from_text(f"[design]\n{OFF_PLATE}", "s.toml"))
-    control = next(t for t in plan.trials if t.kind == "control")
+    plan = draw(SIXTEEN)
+    control = control_of(plan)[0]
     single = next(t for t in plan.trials if t.kind == "single")
     assert plan.answers_to(single) == ("left", "right", "both")
     assert plan.answers_to(control) == ("left", "right", "both", "none")
-    offered = draw(study_from_text(TWO_CONDITIONS, "s.toml"))
+    offered = draw(TWO_CONDITIONS)
     assert offered.answers_to(control) == offered.answers_to(single) == offered.responses
 
 
@@ -162,20 +162,13 @@ def test_none_is_accepted_with_the_fingers_off_even_where_it_is_not_offered() ->
 def test_a_trial_in_an_impossible_block_is_refused(
     block: int, kind: str, side: str, said: str
 ) -> None:
+    trial = draw(SIXTEEN).trials[0]
     with pytest.raises(PlanError, match=said):
-        Trial(
-            number=1,
-            block=block,
-            condition="main",
-            kind=kind,
-            side=side,
-            level_vpp=60.0,
-            foreperiod_s=1.0,
-        )
+        replace(trial, block=block, kind=kind, side=side)
 
 
 def test_whoever_resumes_begins_with_the_audibility_check() -> None:
-    plan = draw(study_from_text(f"[design]\npractice_trials = 2\n{OFF_PLATE}", "s.toml"))
+    plan = draw(f"{SIXTEEN}practice_trials = 2\n")
     pending = [task.trial for task in replay(plan, ()).pending]
     assert pending == list(plan.trials)
     assert [t.kind for t in pending[:8]] == ["control"] * 6 + ["practice"] * 2
@@ -185,31 +178,28 @@ def test_whoever_resumes_begins_with_the_audibility_check() -> None:
 
 
 @pytest.mark.slow
-def test_the_check_counts_them_apart_and_their_time(make_study: Callable[[str], Study]) -> None:
-    before = check_study(make_study('[burst]\nwindow = "hann"'))
-    check = check_study(make_study(f'[burst]\nwindow = "hann"\n[design]\n{OFF_PLATE}'))
+def test_the_check_counts_them_apart_and_their_time(
+    tmp_path: Path, make_study: Callable[[str], Study], run: Run
+) -> None:
+    text = HANN + SIXTEEN
+    before, check = check_study(make_study(HANN)), check_study(make_study(text))
     assert (check.trials, check.blocks) == (before.trials, before.blocks)
     assert (check.audibility_trials, check.control_trials) == (6, 10)
     # 16 trials of 1.4 s until the stimulus and 1 s for the answer, one more break of 15 s
     assert check.duration_s - before.duration_s == pytest.approx(16 * 2.4 + 15)
-    lines = check_findings(check, "s.toml").text.splitlines()
-    (line,) = [line for line in lines if line.startswith("fingers off")]
-    assert line.endswith(
-        "6 trials before everything else, is the plate heard; 10 at the end; all at 200 Vpp"
-    )
     assert "fingers off" not in check_findings(before, "s.toml").text
     report = json.loads(check_findings(check, "s.toml").json)
     assert (report["audibility_trials"], report["control_trials"]) == (6, 10)
-
-
-@pytest.mark.slow
-def test_the_command_prints_counts_and_length(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
-    study.write_text(f'[burst]\nwindow = "hann"\n[design]\n{OFF_PLATE}')
-    result = CliRunner().invoke(main, ["check", str(study)])
-    assert result.exit_code == 0
-    assert "6 trials before everything else" in result.stdout
-    assert "about 9 min in 5 blocks" in result.stdout
+    study.write_text(text)
+    done = run("check", study)
+    assert done.exit_code == 0
+    told = done.stdout
+    (line,) = [line for line in told.splitlines() if line.startswith("fingers off")]
+    assert line.endswith(
+        "6 trials before everything else, is the plate heard; 10 at the end; all at 200 Vpp"
+    )
+    assert "about 9 min in 5 blocks" in told
 
 
 # --- a simulated participant ----------------------------------------------------------------------

@@ -37,6 +37,12 @@ columns = [
 """
 
 
+def create(study: Study, root: Path, participant: str, facts: tuple[Fact, ...] = ()) -> None:
+    folder = SessionFolder(root, participant, "01", facts=facts)
+    folder.path.mkdir(parents=True)
+    folder.create(draw_plan(study, participant=participant, session="01", seed=1), {})
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -63,11 +69,8 @@ def test_facts_stand_in_the_declared_columns_and_n_a_where_none_is_given(
 ) -> None:
     study = make_study(quick_study_text + COLUMNS)
     facts = participant_facts(study.participants.columns, ["age_group=20-29"])
-    for participant, known in (("01", facts), ("02", ())):
-        folder = SessionFolder(tmp_path, participant, "01", facts=known)
-        folder.path.mkdir(parents=True)
-        plan = draw_plan(study, participant=participant, session="01", seed=1)
-        folder.create(plan, {})
+    create(study, tmp_path, "01", facts)
+    create(study, tmp_path, "02")
     table = (tmp_path / "participants.tsv").read_text("utf-8")
     assert table == "participant_id\thand\tage_group\nsub-01\tn/a\t20-29\nsub-02\tn/a\tn/a\n"
 
@@ -75,12 +78,9 @@ def test_facts_stand_in_the_declared_columns_and_n_a_where_none_is_given(
 def test_an_undeclared_fact_creates_no_session(
     tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
 ) -> None:
-    plan = draw_plan(make_study(quick_study_text), participant="01", session="01", seed=1)
-    folder = SessionFolder(tmp_path, "01", "01", facts=(Fact("hand", "left"),))
-    folder.path.mkdir(parents=True)
     with pytest.raises(ArchiveError, match="unknown key hand"):
-        folder.create(plan, {})
-    assert list(folder.path.iterdir()) == []
+        create(make_study(quick_study_text), tmp_path, "01", (Fact("hand", "left"),))
+    assert list((tmp_path / "sub-01" / "ses-01").iterdir()) == []
     assert not (tmp_path / "participants.tsv").exists()
 
 
