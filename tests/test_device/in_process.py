@@ -17,6 +17,8 @@ from device.core.output import OutputStage
 from device.driver import LinkError
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
 from device.limits import Limits
+from device.scpi.generator import GeneratorDevice
+from device.sound.audio import AudioDevice
 from device.wire.channels import BEAT_EVERY_S
 from device.wire.endpoint import Endpoint
 from device.wire.link import FrameLink
@@ -31,8 +33,11 @@ if TYPE_CHECKING:
     from device.emulate.generator import EmulatedGenerator
     from device.sound.player import Frames
     from device.sound.stream import Callback
+    from device.wire.channels import Channel
 
 _LEAST_STEP_S: Final = 1e-7
+
+DEVICE_LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 
 
 class Buffers:
@@ -184,6 +189,19 @@ class LocalChannel:
         return round(self._clock.now_s() * 1e6)
 
 
+def generator_on(
+    channel: Channel, clock: Clock, *, gain: float, limits: Limits = DEVICE_LIMITS
+) -> GeneratorDevice:
+    """Return a device that is a generator at the end of a channel."""
+    return GeneratorDevice(
+        lambda: channel,
+        limits=limits,
+        clock=clock,
+        amplifier_gain=gain,
+        sample_rate_hz=48_000.0,
+    )
+
+
 class SoundCard(VirtualClock):
     """A sound card without a cable, and the clock by which it takes a buffer at a time."""
 
@@ -231,3 +249,18 @@ def endpoint(
         sink=sink,
     )
     return Endpoint(core, who)
+
+
+FULL_SCALE_V = 125.0
+
+
+def audio_on(card: SoundCard, limits: Limits = DEVICE_LIMITS) -> AudioDevice:
+    """Return a device that is a sound card."""
+    return AudioDevice(
+        card.connect,
+        limits=limits,
+        clock=card,
+        volts_full_scale=FULL_SCALE_V,
+        sample_rate_hz=48_000.0,
+        name="card",
+    )

@@ -23,7 +23,7 @@ from device.sound.audio import AudioDevice, audio_device
 from device.sound.stream import in_a_thread, open_stream, sound_cards, stderr_kept
 from tactstrip import main
 from tests.test_device.bursts import BURST, play, ready, refusal
-from tests.test_device.in_process import SoundCard
+from tests.test_device.in_process import DEVICE_LIMITS, FULL_SCALE_V, SoundCard, audio_on
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,9 +33,7 @@ if TYPE_CHECKING:
     from device.sound.stream import Callback
     from tests.conftest import NullSink
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 RATE_HZ = 48_000.0
-FULL_SCALE_V = 125.0
 CONFIRM = "--confirm-hardware"
 
 
@@ -57,17 +55,6 @@ class Card(SoundCard):
         return np.concatenate(self.played)
 
 
-def device_on(card: Card, limits: Limits = LIMITS) -> AudioDevice:
-    return AudioDevice(
-        card.connect,
-        limits=limits,
-        clock=card,
-        volts_full_scale=FULL_SCALE_V,
-        sample_rate_hz=RATE_HZ,
-        name="card",
-    )
-
-
 @pytest.fixture
 def card() -> Card:
     return Card()
@@ -76,7 +63,7 @@ def card() -> Card:
 @pytest.fixture
 def live(card: Card) -> AudioDevice:
     """Slot 0 plays left, 1 right, 2 a hundred periods to the left."""
-    device = device_on(card)
+    device = audio_on(card)
     ready(device, 100.0)
     device.load(2, np.append(np.tile(BURST[:-1], 100), 0.0), np.zeros(9601))
     card.wait(0.1)
@@ -165,15 +152,8 @@ def test_a_stop_before_the_first_frame_means_that_nothing_came_out(
     assert not card.frames().any()
 
 
-def test_nothing_is_let_through_before_it_is_enabled(card: Card) -> None:
-    device = device_on(card)
-    device.open()
-    device.load(0, BURST, BURST)
-    assert refusal(lambda: play(device, 1)) is Refusal.NOT_ENABLED
-
-
 def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
-    device = device_on(card, Limits(ceiling_vpp=400.0))
+    device = audio_on(card, Limits(ceiling_vpp=400.0))
     assert ready(device).ceiling_vpp == 2 * FULL_SCALE_V
     assert refusal(lambda: device.set_levels(2 * FULL_SCALE_V + 1.0, 0.0)) is Refusal.CEILING
 
@@ -184,7 +164,7 @@ def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
 )
 def test_no_frame_is_above_the_ceiling(level_vpp: float, peak: float, ceiling_vpp: float) -> None:
     card = Card()
-    device = device_on(card, Limits(ceiling_vpp=ceiling_vpp))
+    device = audio_on(card, Limits(ceiling_vpp=ceiling_vpp))
     ready(device)
     device.load(2, peak * BURST, peak * BURST)
     try:
@@ -199,7 +179,7 @@ def test_no_frame_is_above_the_ceiling(level_vpp: float, peak: float, ceiling_vp
 
 
 def test_what_a_sound_card_cannot_promise_is_told(card: Card) -> None:
-    assert any("loopback" in sentence for sentence in device_on(card).cannot)
+    assert any("loopback" in sentence for sentence in audio_on(card).cannot)
 
 
 def test_a_stream_is_opened_without_dither_and_closed_where_it_cannot_start(
@@ -243,7 +223,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int)
     null_sink.listen()
     device = audio_device(
         "pulse",
-        limits=LIMITS,
+        limits=DEVICE_LIMITS,
         clock=MonotonicClock(),
         volts_full_scale=FULL_SCALE_V,
         sample_rate_hz=RATE_HZ,

@@ -53,13 +53,11 @@ from device.driver import (
 from device.emulate.generator import EmulatedGenerator
 from device.emulate.mock import MockDevice
 from device.limits import Limits
-from device.scpi.generator import GeneratorDevice
-from device.sound.audio import AudioDevice
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
 from tests.test_device import bursts
 from tests.test_device.bursts import BURST, SILENCE, changed, refusal
-from tests.test_device.in_process import LocalChannel, SoundCard
+from tests.test_device.in_process import LocalChannel, SoundCard, audio_on, generator_on
 
 Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
 
@@ -265,13 +263,7 @@ def generator_rig(_: pytest.FixtureRequest) -> Rig:
     clock = VirtualClock(start_s=3.0)
     over: list[Emission] = []
     generator = EmulatedGenerator(over.append)
-    device = GeneratorDevice(
-        lambda: LocalChannel(generator, clock),
-        limits=LIMITS,
-        clock=clock,
-        amplifier_gain=1 / GENERATOR_LEVEL,
-        sample_rate_hz=48_000.0,
-    )
+    device = generator_on(LocalChannel(generator, clock), clock, gain=1 / GENERATOR_LEVEL)
     return Rig(
         device=device,
         clock=clock,
@@ -292,15 +284,7 @@ def at_actuator(burst: Emission) -> Emission:
 def audio_rig(_: pytest.FixtureRequest) -> Rig:
     card = SoundCard(start_s=3.0)
     card.buffer, card.latency = 48, 0.005
-    device = AudioDevice(
-        card.connect,
-        limits=LIMITS,
-        clock=card,
-        volts_full_scale=125.0,
-        sample_rate_hz=48_000.0,
-        name="card",
-    )
-    return Rig(device=device, clock=card, silence=lambda: None, emitted=None)
+    return Rig(device=audio_on(card), clock=card, silence=lambda: None, emitted=None)
 
 
 EMULATED_RATE_HZ = 4000.0

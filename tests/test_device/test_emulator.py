@@ -224,17 +224,6 @@ def test_a_host_that_stands_still_is_noticed_by_the_watchdog(
     assert is_alive(pid)
 
 
-@pytest.mark.process
-def test_a_host_that_is_idle_keeps_its_output_on(emulate: Emulate) -> None:
-    port, truth, _ = emulate("pty")
-    device = device_at(port)
-    ready(device, burst=QUICK)
-    time.sleep(1.2)
-    device.set_levels(50.0, 50.0)
-    assert [fact["event"] for fact in events(truth)] == ["boot", "on"]
-    device.close()
-
-
 @LINES
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_emulator_that_is_asked_to_end_puts_its_outputs_at_zero_first(

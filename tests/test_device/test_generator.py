@@ -38,11 +38,9 @@ from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
 from tests.test_device.bursts import play, ready, refusal
-from tests.test_device.in_process import LocalChannel
+from tests.test_device.in_process import DEVICE_LIMITS, LocalChannel, generator_on
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 GAIN = 27.5
-RATE_HZ = 48_000.0
 NO_ERROR = b'+0,"No error"\n'
 
 CODES = [0, 10, 2570, 32767, -2570, -32767, -10, 0]
@@ -78,7 +76,7 @@ class Recorder(LocalChannel):
 class Bench:
     """A generator device with an emulated generator behind it."""
 
-    limits: Limits = LIMITS
+    limits: Limits = DEVICE_LIMITS
     gain: float = GAIN
     clock: VirtualClock = field(default_factory=VirtualClock)
     out: list[Emission] = field(default_factory=list)
@@ -89,13 +87,7 @@ class Bench:
     def __post_init__(self) -> None:
         self.generator = EmulatedGenerator(self.out.append)
         self.channel = Recorder(self.generator, self.clock)
-        self.device = GeneratorDevice(
-            lambda: self.channel,
-            limits=self.limits,
-            clock=self.clock,
-            amplifier_gain=self.gain,
-            sample_rate_hz=RATE_HZ,
-        )
+        self.device = generator_on(self.channel, self.clock, gain=self.gain, limits=self.limits)
 
     def live(self) -> "Bench":
         ready(self.device, 60.0, burst=WAVE)
@@ -217,9 +209,7 @@ class Parrot:
 
 def test_a_make_that_keeps_one_waveform_is_given_both_before_each_trigger() -> None:
     parrot, clock = Parrot("Rigol Technologies,DG1032Z,DG1ZA0,03.01.12"), VirtualClock()
-    device = GeneratorDevice(
-        lambda: parrot, limits=LIMITS, clock=clock, amplifier_gain=GAIN, sample_rate_hz=RATE_HZ
-    )
+    device = generator_on(parrot, clock, gain=GAIN)
     ready(device, 60.0, burst=WAVE)
     for token in (1, 2):
         parrot.headers.clear()
@@ -423,19 +413,10 @@ def test_a_stop_inside_an_upload_is_sent_again_and_holds(live: Bench) -> None:
     refusal(lambda: play(live.device, 1))
 
 
-def test_a_stop_just_before_the_trigger_leaves_it_unsent(live: Bench) -> None:
-    live.device.arm(1, 0, time_to_live_s=1.0)
-    live.channel.taken()
-    live.device.stop()
-    refusal(lambda: live.device.fire(1))
-    assert b"*TRG" not in live.channel.written
-    assert live.device.query(1).outcome is Outcome.NOT_FIRED
-
-
 def test_what_a_generator_cannot_promise_is_told(bench: Bench) -> None:
     bench.device.open()
     assert any("dies" in sentence for sentence in bench.device.cannot)
-    assert MockDevice(VirtualClock(), limits=LIMITS).cannot == ()
+    assert MockDevice(VirtualClock(), limits=DEVICE_LIMITS).cannot == ()
 
 
 @pytest.mark.parametrize(
@@ -503,10 +484,10 @@ def test_the_truth_file_says_what_the_driver_was_told(
     server.start()
     device: BurstDevice = generator_device(
         line.name,
-        limits=LIMITS,
+        limits=DEVICE_LIMITS,
         clock=MonotonicClock(),
         amplifier_gain=GAIN,
-        sample_rate_hz=RATE_HZ,
+        sample_rate_hz=48_000.0,
     )
     try:
         assert identify_generator(line.name) == IDENTITY

@@ -240,13 +240,11 @@ def test_a_question_for_another_power_cycle_does_nothing_and_leaves_the_count() 
     assert line.core.state is State.LIVE
 
 
-@pytest.mark.parametrize("boot_id", [5, 6])
-def test_a_stop_is_obeyed_from_anyone(boot_id: int) -> None:
+@pytest.mark.parametrize("payload", [b"", codec.payload(Stop(), 5), codec.payload(Stop(), 6)])
+def test_a_late_stop_is_obeyed_from_anyone(payload: bytes) -> None:
     line, link, _ = live_link()
-    stop = Frame(kind=Kind.STOP, sequence=(next(link._numbers) - 500) & 0xFFFF, payload=b"")
-    line.answer(encode(stop))
-    assert line.core.state is State.SAFE
-    line.answer(question(Stop(), 0, boot_id=boot_id))
+    late = (next(link._numbers) - 500) & 0xFFFF
+    line.answer(encode(Frame(kind=Kind.STOP, sequence=late, payload=payload)))
     assert line.core.state is State.SAFE
 
 
