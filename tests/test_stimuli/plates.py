@@ -12,7 +12,9 @@ from stimuli import (
     ALUMINIUM,
     CLAMPED,
     SIMPLY_SUPPORTED,
+    Burst,
     ElasticEdge,
+    Fingertip,
     IdealEdge,
     Load,
     MomentDisc,
@@ -78,6 +80,12 @@ def patch(
 ) -> Any:
     """A rectangle, the paper's unless told otherwise."""
     return kind(x_m=x_m, y_m=y_m, length_x_m=along_m, length_y_m=across_m)
+
+
+DISCS = disc(x_m=-0.035), disc(x_m=0.035)
+TIPS = Fingertip(x_m=-0.035, y_m=W / 2), Fingertip(x_m=0.035, y_m=W / 2)
+CYCLE = Burst(frequency_hz=500.0, cycles=1, window="none")
+HANN = Burst(frequency_hz=500.0, cycles=2, window="hann")
 
 
 def scene_of(strip: Strip, loads: Load | tuple[Load, ...], *points_m: Any, **more: Any) -> Scene:

@@ -1,4 +1,4 @@
-"""Samples of a burst: their number, their ends, their symmetry, and what is refused."""
+"""Samples of a burst: their number, their ends, their symmetry."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stimuli.drive.windows import WINDOWS, Window
 PAPER = Burst(frequency_hz=500.0, cycles=1, window="none")
 """The paper's burst (section IV-A)."""
 
-windows = st.sampled_from(("none", "hann", "tukey", "gaussian"))
+windows = st.sampled_from(WINDOWS)
 laws = settings(deadline=None, max_examples=80)
 
 
@@ -30,7 +30,7 @@ def test_every_burst_starts_and_ends_at_exactly_zero_within_unit_amplitude(
     window: Window, cycles: int, frequency_hz: float, per_cycle: float
 ) -> None:
     burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
-    samples = burst.samples(max(per_cycle * frequency_hz, 4 * frequency_hz))
+    samples = burst.samples(per_cycle * frequency_hz)
     assert samples.dtype == np.float64
     assert samples[0] == samples[-1] == 0.0
     assert np.all(np.abs(samples) <= 1.0)
@@ -48,7 +48,7 @@ def test_a_whole_number_of_samples_is_recognised_and_exactly_antisymmetric(
     window: Window, cycles: int, per_cycle: int, frequency_hz: float
 ) -> None:
     burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
-    samples = burst.samples(max(per_cycle * frequency_hz, 4 * frequency_hz))
+    samples = burst.samples(per_cycle * frequency_hz)
     assert samples.size == cycles * per_cycle + 1
     np.testing.assert_array_equal(samples, -samples[::-1])
 
@@ -79,21 +79,18 @@ def test_samples_are_window_times_sine_at_their_times(
     assert times_s[-1] >= burst.duration_s * (1 - 1e-12)
 
 
-def test_the_papers_burst_at_48_khz_has_97_samples() -> None:
+def test_the_papers_burst_has_97_samples_at_48_khz_and_at_least_five() -> None:
     samples = PAPER.samples(48_000)
     assert samples.size == 97
-    assert samples[24] == 1.0
-    assert samples[48] == 0.0
-    assert samples[72] == -1.0
+    assert samples[[24, 48, 72]].tolist() == [1.0, 0.0, -1.0]
+    assert PAPER.samples(2000).tolist() == [0.0, 1.0, 0.0, -1.0, 0.0]
 
 
 @pytest.mark.parametrize("window", WINDOWS)
-@pytest.mark.parametrize(("frequency_hz", "rate_hz", "size"), [(0.1, 480.0, 4801), (0.3, 9.0, 31)])
-def test_rounding_adds_no_sample(
-    window: Window, frequency_hz: float, rate_hz: float, size: int
-) -> None:
-    samples = Burst(frequency_hz=frequency_hz, cycles=1, window=window).samples(rate_hz)
-    assert samples.size == size
+def test_rounding_adds_no_sample(window: Window) -> None:
+    for frequency_hz, rate_hz, size in ((0.1, 480.0, 4801), (0.3, 9.0, 31)):
+        burst = Burst(frequency_hz=frequency_hz, cycles=1, window=window)
+        assert burst.samples(rate_hz).size == size
 
 
 def test_a_burst_that_ends_between_samples_gets_one_more_which_is_zero() -> None:
@@ -110,9 +107,6 @@ def test_every_half_cycle_is_an_exact_zero() -> None:
     assert np.count_nonzero(samples) == samples.size - 15
 
 
-def test_the_duration_is_the_cycles_over_the_frequency() -> None:
-    assert Burst(frequency_hz=250.0, cycles=3, window="hann").duration_s == 0.012
-
-
-def test_the_default_is_one_cycle_without_a_window() -> None:
+def test_a_burst_is_one_cycle_without_a_window_unless_told_otherwise() -> None:
     assert Burst(frequency_hz=500) == PAPER
+    assert Burst(frequency_hz=250.0, cycles=3, window="hann").duration_s == 0.012

@@ -22,6 +22,7 @@ from stimuli import (
 )
 from stimuli.field.field import solve
 from tests.test_stimuli.plates import (
+    DISCS,
     EDGES,
     FIRM,
     SUPPORTED,
@@ -371,7 +372,7 @@ def test_complex_frequencies_continue_the_real_ones() -> None:
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-7])
 def test_skipping_changes_the_counts_and_no_result(edge: Edge, rtol: float) -> None:
     points_m = ((-0.035, W / 2), (0.035, W / 2), (0.0, 0.004))
-    quick = scene_of(on(edge, 0.35), (disc(x_m=-0.035), disc(x_m=0.035)), *points_m)
+    quick = scene_of(on(edge, 0.35), DISCS, *points_m)
     careful, sweep_hz = dataclasses.replace(quick, skip=False), np.linspace(100.0, 1500.0, 24)
     full, some = (response(scene, sweep_hz, rtol) for scene in (careful, quick))
     assert full.work.skipped == ()

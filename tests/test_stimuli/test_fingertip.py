@@ -4,66 +4,45 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stimuli import (
-    ALUMINIUM,
-    CLAMPED,
-    SIMPLY_SUPPORTED,
-    Fingertip,
-    Load,
-    MomentDisc,
-    MomentRectangle,
-    PointForce,
-    Scene,
-    Strip,
-    displacement,
-)
+from stimuli import CLAMPED, SIMPLY_SUPPORTED, Fingertip, Load, MomentDisc, Strip, displacement
+from tests.test_stimuli.plates import DISCS, PLATE, TIPS, Edge, disc, force, on, patch, scene_of
 
-STRIP = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-TIP = Fingertip(x_m=0.035, y_m=0.0125)
-DISC = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
-LOADS: list[Load] = [
-    DISC,
-    MomentRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.01, length_y_m=0.003),
-    PointForce(x_m=0.0, y_m=0.0125),
-]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+TIP = TIPS[1]
+SHORT = on(CLAMPED, 0.2)
+LOADS: list[Load] = [disc(), patch(0.01, 0.003), force()]
 PLACES = [
-    (0.0, 0.0125),
-    (0.003, 0.0145),
-    (0.002, 0.0085),
-    (0.012, 0.0125),
-    (0.015, 0.0155),
-    (0.0, 0.022),
-    (0.07, 0.0125),
-    (0.07, 0.0165),
+    *((0.0, 0.0125), (0.003, 0.0145), (0.002, 0.0085), (0.012, 0.0125), (0.015, 0.0155)),
+    *((0.0, 0.022), (0.07, 0.0125), (0.07, 0.0165)),
 ]
 
 
 def test_the_centre_comes_first_and_all_points_lie_in_the_disc() -> None:
-    points = np.array(TIP.points_m(STRIP))
+    points = np.array(TIP.points_m(PLATE))
     assert points[0].tolist() == [0.035, 0.0125]
     reach_m = np.hypot(points[:, 0] - 0.035, points[:, 1] - 0.0125)
     assert np.max(reach_m) == pytest.approx(0.005, abs=2e-12)
 
 
 def test_the_points_are_the_same_on_either_side_of_the_centre() -> None:
-    points = TIP.points_m(STRIP)
+    points = TIP.points_m(PLATE)
     offsets = {(round(x - 0.035, 11), round(y - 0.0125, 11)) for x, y in points}
     assert len(offsets) == len(points) == 49
     assert offsets == {(-x, y) for x, y in offsets} == {(x, -y) for x, y in offsets}
 
 
 def test_two_fingers_on_two_discs_repeat_their_pairs() -> None:
-    discs = tuple(dataclasses.replace(DISC, x_m=x) for x in (-0.035, 0.035))
-    tips = [dataclasses.replace(TIP, x_m=x) for x in (-0.035, 0.035)]
-    points = tuple(point for tip in tips for point in tip.points_m(STRIP))
-    work = Scene(strip=STRIP, loads=discs, points_m=points).work([500.0])
+    points = (point for tip in TIPS for point in tip.points_m(PLATE))
+    work = scene_of(PLATE, DISCS, *points).work([500.0])
     # a quarter of the own finger's points and half of the other's
     assert (work.pairs_asked, work.pairs_solved) == (196, 16 + 28)
 
@@ -78,11 +57,9 @@ def dense(tip: Fingertip, strip: Strip, rings: int = 12) -> tuple[tuple[float, f
     return tuple(point for point in grid if 0 <= point[1] <= strip.width_m)
 
 
-def greatest(
-    strip: Strip, load: Load, points: tuple[tuple[float, float], ...], frequency_hz: float
-) -> float:
-    scene = Scene(strip=strip, loads=(load,), points_m=points)
-    return float(np.max(np.abs(displacement(scene, [frequency_hz], 1e-4))))
+def greatest(strip: Strip, load: Load, points: Iterable[object], frequency_hz: float) -> float:
+    moved_m = displacement(scene_of(strip, load, *points), [frequency_hz], 1e-4)
+    return float(np.max(np.abs(moved_m)))
 
 
 @pytest.mark.slow
@@ -90,9 +67,9 @@ def greatest(
 @pytest.mark.parametrize("load", LOADS, ids=lambda load: type(load).__name__)
 @pytest.mark.parametrize("place", PLACES, ids=str)
 def test_the_points_miss_a_tenth_of_a_decibel_at_most(
-    edge: Any, load: Load, place: tuple[float, float]
+    edge: Edge, load: Load, place: tuple[float, float]
 ) -> None:
-    strip = dataclasses.replace(STRIP, edge=edge)
+    strip = on(edge)
     tip = Fingertip(x_m=place[0], y_m=place[1])
     small = not isinstance(load, MomentDisc) and 0 < math.dist(place, (0.0, 0.0125)) < 0.005
     for frequency_hz in (500.0, 1500.0, 5000.0):
@@ -104,27 +81,23 @@ def test_the_points_miss_a_tenth_of_a_decibel_at_most(
 @settings(max_examples=30)
 @given(st.floats(0.001, 0.024), st.floats(0.0, 0.012))
 def test_wider_fingertips_have_denser_rings(y_m: float, radius_m: float) -> None:
-    points = Fingertip(x_m=0.0, y_m=y_m, radius_m=radius_m).points_m(STRIP)
+    points = Fingertip(x_m=0.0, y_m=y_m, radius_m=radius_m).points_m(PLATE)
     rings = max(3, math.ceil(15 * radius_m / 0.025 - 1e-9))
     assert len(points) <= 1 + 4 * rings * (rings + 1)
     assert all(0 < y < 0.025 for _, y in points)
 
 
 def test_a_fingertip_of_no_size_is_a_point() -> None:
-    assert dataclasses.replace(TIP, radius_m=0.0).points_m(STRIP) == ((0.035, 0.0125),)
-    tiny = np.array(dataclasses.replace(TIP, radius_m=1e-9).points_m(STRIP))
+    assert dataclasses.replace(TIP, radius_m=0.0).points_m(PLATE) == ((0.035, 0.0125),)
+    tiny = np.array(dataclasses.replace(TIP, radius_m=1e-9).points_m(PLATE))
     assert np.max(np.abs(tiny - [0.035, 0.0125])) < 1.01e-9
 
 
-def test_a_contact_area_is_cut_off_at_the_edges() -> None:
-    points = dataclasses.replace(TIP, y_m=0.002).points_m(STRIP)
+def test_a_contact_area_is_cut_off_at_the_edges_and_at_the_ends() -> None:
+    points = dataclasses.replace(TIP, y_m=0.002).points_m(PLATE)
     assert min(y for _, y in points) > 0
     assert 0 < len(points) < 49
-
-
-def test_a_contact_area_is_cut_off_at_the_ends() -> None:
-    finite = dataclasses.replace(STRIP, length_m=0.2)
-    points = dataclasses.replace(TIP, x_m=0.098).points_m(finite)
+    points = dataclasses.replace(TIP, x_m=0.098).points_m(SHORT)
     assert max(x for x, _ in points) == 0.1
     assert {y for x, y in points if x == 0.1} >= {0.0125}
-    assert dataclasses.replace(TIP, x_m=0.1).points_m(finite)[0] == (0.1, 0.0125)
+    assert dataclasses.replace(TIP, x_m=0.1).points_m(SHORT)[0] == (0.1, 0.0125)

@@ -4,33 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 
-from stimuli import (
-    ALUMINIUM,
-    SIMPLY_SUPPORTED,
-    Burst,
-    Fingertip,
-    MomentDisc,
-    Strip,
-    felt,
-    level_db,
-    shortest_window,
-)
+from stimuli import Burst, Fingertip, felt, level_db, shortest_window
 from stimuli.fingers import level
+from tests.test_stimuli.plates import CYCLE, DISCS, HANN, SUPPORTED, TIPS, W, disc
 
-if TYPE_CHECKING:
-    from stimuli.drive.windows import Window
-
-SUPPORTED = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=SIMPLY_SUPPORTED)
 HELD = SUPPORTED.with_cutoff(2900.0)
-DISCS = tuple(MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035))
-TIPS = tuple(Fingertip(x_m=x, y_m=0.0125) for x in (-0.035, 0.035))
-CYCLE = Burst(frequency_hz=500.0, cycles=1, window="none")
 MATRIX_M = [[2e-6, 1e-7, 5e-7], [2e-7, 3e-6, 6e-7]]
+
+
+def burst_of(cycles: int, window: Any) -> Burst:
+    return Burst(frequency_hz=500.0, cycles=cycles, window=window)
 
 
 def test_a_tenth_of_the_own_peak_is_minus_twenty_decibels() -> None:
@@ -57,11 +45,10 @@ def test_the_papers_burst_is_some_thirty_decibels_quieter_at_the_other_finger() 
 
 @pytest.mark.slow
 def test_the_edge_and_the_window_decide_the_level() -> None:
-    hann = Burst(frequency_hz=500.0, cycles=2, window="hann")
     levels = [
         level_db(felt(strip, DISCS, TIPS, burst), own=0, other=1)
         for strip in (SUPPORTED, HELD)
-        for burst in (CYCLE, hann)
+        for burst in (CYCLE, HANN)
     ]
     assert levels[1] < levels[0] - 20
     assert levels[3] < levels[2] - 20
@@ -95,7 +82,7 @@ def test_windows_are_tried_from_the_shortest_and_only_the_near_ones_exactly(
     peaks: list[tuple[int, str, bool]],
 ) -> None:
     choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-30.0)
-    assert choice.burst == Burst(frequency_hz=500.0, cycles=2, window="none")
+    assert choice.burst == burst_of(2, "none")
     assert choice.level_db == pytest.approx(-30.0, abs=1e-12)
     assert choice.extra_s == pytest.approx(0.002, rel=1e-12)
     assert peaks == [
@@ -120,21 +107,27 @@ def test_a_burst_quiet_enough_is_kept() -> None:
 @pytest.mark.slow
 def test_the_first_window_that_is_quiet_enough_is_taken() -> None:
     choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-65.0)
-    order: tuple[Window, ...] = ("none", "tukey", "gaussian", "hann")
-    tried = [Burst(frequency_hz=500.0, cycles=n, window=w) for n in (1, 2) for w in order]
-    before = tried[: tried.index(choice.burst)]
-    levels = [level_db(felt(HELD, DISCS, TIPS, burst), own=0, other=1) for burst in before]
-    assert choice.burst == Burst(frequency_hz=500.0, cycles=2, window="gaussian")
-    assert choice.level_db <= -65.0 < min(levels)
+    tried = [
+        level_db(felt(HELD, DISCS, TIPS, burst_of(n, w)), 0, 1)
+        for n, w in [
+            (1, "none"),
+            (1, "tukey"),
+            (1, "gaussian"),
+            (1, "hann"),
+            (2, "none"),
+            (2, "tukey"),
+        ]
+    ]
+    assert choice.burst == burst_of(2, "gaussian")
+    assert choice.level_db <= -65.0 < min(tried)
     assert choice.extra_s == pytest.approx(0.002, rel=1e-12)
 
 
 @pytest.mark.slow
 def test_the_worst_of_all_fingers_counts() -> None:
-    near = tuple(
-        dataclasses.replace(tip, radius_m=0.0) for tip in (*TIPS, Fingertip(x_m=0.055, y_m=0.0125))
-    )
-    discs = (*DISCS, dataclasses.replace(DISCS[0], x_m=0.055))
+    tips = (*TIPS, Fingertip(x_m=0.055, y_m=W / 2))
+    near = tuple(dataclasses.replace(tip, radius_m=0.0) for tip in tips)
+    discs = (*DISCS, disc(x_m=0.055))
     choice = shortest_window(HELD, discs, near, CYCLE, wanted_db=-10.0)
     peaks_m = felt(HELD, discs, near, choice.burst)
     levels = [level_db(peaks_m, i, j) for i in range(3) for j in range(3) if i != j]

@@ -50,19 +50,14 @@ def test_the_lines_go_from_20_hz_to_half_the_rate(rate_hz: float) -> None:
 
 
 @settings(max_examples=25)
-@given(loop=loops)
-def test_it_is_real_finite_and_without_a_mean(loop: NDArray[np.float64]) -> None:
-    assert loop.dtype == np.float64
-    assert np.all(np.isfinite(loop))
-    assert abs(loop.mean()) < 1e-12 * np.abs(loop).max()
-
-
-@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32), level_dbfs=st.floats(-70.0, -20.0), loop_s=st.floats(1.0, 3.0))
-def test_the_rms_is_the_level_asked_for(seed: int, level_dbfs: float, loop_s: float) -> None:
+def test_its_rms_is_the_level_asked_for_about_no_mean(
+    seed: int, level_dbfs: float, loop_s: float
+) -> None:
     loop = loop_of(seed, loop_s=loop_s, level_dbfs=level_dbfs)
     assert 10 * np.log10(np.mean(loop**2)) == pytest.approx(level_dbfs, abs=1e-9)
     assert len(loop) == round(loop_s * RATE_HZ)
+    assert abs(loop.mean()) < 1e-12 * np.abs(loop).max()
 
 
 def test_repeated_it_has_no_line_that_one_loop_has_not() -> None:
@@ -71,14 +66,6 @@ def test_repeated_it_has_no_line_that_one_loop_has_not() -> None:
     between = np.delete(size, slice(None, None, 3))
     assert between.max() < 1e-9 * size.max()
     np.testing.assert_allclose(size[::3], 3 * np.abs(np.fft.rfft(loop)), atol=1e-9 * size.max())
-
-
-def test_turned_about_it_is_the_same_noise() -> None:
-    loop = loop_of()
-    size = np.abs(np.fft.rfft(loop))
-    for by in (1, 777, 50_000):
-        turned = np.abs(np.fft.rfft(np.roll(loop, by)))
-        np.testing.assert_allclose(turned, size, atol=1e-9 * size.max())
 
 
 @pytest.mark.slow

@@ -13,7 +13,6 @@ from stimuli import (
     ALUMINIUM,
     Burst,
     ElasticEdge,
-    Fingertip,
     ForceRectangle,
     MeasuredDisplacement,
     PiezoLayers,
@@ -35,7 +34,7 @@ from stimuli import (
     transient,
 )
 from stimuli.drive.noise import crest_factor, pink_loop
-from tests.test_stimuli.plates import PLATE, SUPPORTED, W, disc, force, patch
+from tests.test_stimuli.plates import DISCS, PLATE, SUPPORTED, TIPS, W, disc, force, patch
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -51,9 +50,7 @@ SHORT = change(PLATE, length_m=0.2)
 SCENE = Scene(strip=PLATE, loads=(force(),), points_m=((0.0, W / 2),))
 FINITE = change(SCENE, strip=SHORT)
 MOVING = change(SCENE, strip=SUPPORTED)
-DISCS = disc(x_m=-0.035), disc(x_m=0.035)
-TIP = Fingertip(x_m=0.035, y_m=W / 2)
-TIPS = change(TIP, x_m=-0.035), TIP
+TIP = TIPS[1]
 MEASURED = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
 LAYERS = PiezoLayers(
     thickness_m=2.5e-4, youngs_modulus_pa=6.2e10, poisson_ratio=0.34, d31_m_v=-1.8e-10

@@ -10,12 +10,12 @@ import pytest
 
 from stimuli import PressureRectangle, response
 from tests.test_stimuli.plates import (
+    DISCS,
     FIRM,
     PLATE,
     SUPPORTED,
     Edge,
     W,
-    disc,
     each_edge,
     force,
     on,
@@ -24,7 +24,6 @@ from tests.test_stimuli.plates import (
     within,
 )
 
-DISCS = disc(x_m=-0.035), disc(x_m=0.035)
 FINGERS = ((-0.035, W / 2), (0.035, W / 2))
 COUNTS = ("frequencies", "pairs", "symmetries", "integrals")
 
