@@ -6,12 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
 from analysis import ColumnMap, ResultFileError
 from analysis.reading.load import read_inputs
+from analysis.thresholds.likelihood import Tables
 from experiment.terms.record import TrialRow, is_correct, trials_csv
 from tactstrip import main
 
@@ -24,6 +26,17 @@ EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 LEAST = "participant,side,level_vpp,response\n"
 """The header of a table that a map without a word can read."""
 PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
+# Hecht, Shlaer & Pirenne (1942), quanta at the cornea, in the R package MPDiR, on the axis
+# ln(quanta); Miranda & Henson (2008), in the R package modelfree; Dallmann et al. (2015), speed in
+# cm/s, all participants together, with 0 and 32 Hz, in the R package MixedPsy.
+QUANTA = {
+    "SH/R1": [46.9, 73.1, 113.8, 177.4, 276.1, 421.7],
+    "SS/R1": [24.1, 37.6, 58.6, 91.0, 141.9, 221.3],
+    "SS/R2": [23.5, 37.1, 58.5, 92.9, 148.6, 239.3],
+    "MHP/R1": [37.6, 58.6, 91.0, 141.9, 221.3, 342.8],
+}
+FLASH = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.9, 1.1, 1.3]
+SPEED = [1.0, 3.5, 6.0, 8.5, 11.0, 13.5, 16.0]
 ROW = TrialRow(
     schema=1, participant="007", session="01", condition="main", block=1, trial=1, attempt=1,
     kind="single", side="left", level_vpp=60.0, response="left", rt_s=0.5, correct=True,
@@ -81,6 +94,17 @@ def felt(
         for answer in ["left"] * k + [missed] * (n - k)
     ]
     return pd.DataFrame(rows)
+
+
+def counts_at(u: Any, detected: Any, presented: Any, guess_rate: float = 0.0) -> Tables:
+    """Return one table of counts, or several, at the same scaled levels."""
+    k = np.atleast_2d(np.asarray(detected, float))
+    return Tables(
+        u=np.broadcast_to(np.asarray(u, float), k.shape),
+        detected=k,
+        presented=np.broadcast_to(np.asarray(presented, float), k.shape),
+        guess_rate=np.full(len(k), guess_rate),
+    )
 
 
 def run(*arguments: object) -> Result:

@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import json
 from fractions import Fraction
-from itertools import combinations_with_replacement
-from pathlib import Path
+from itertools import combinations_with_replacement, product
+from typing import TYPE_CHECKING
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.audit.printed import CONVENTIONS, HALF_EVEN, HALF_UP, TRUNCATED, Printed
 from analysis.audit.rows import READINGS, PrintedRow, audit
 from analysis.commands.audit import read_table
-from tactstrip import main
+from tests.test_analysis.shared import EXAMPLES, put, run
 
-TABLE_1 = Path(__file__).parents[2] / "docs" / "examples" / "paper-table1.csv"
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+TABLE_1 = EXAMPLES / "paper-table1.csv"
 few = settings(deadline=None, max_examples=40)
 
 
-def row(
-    least: str, mean: str, largest: str, n: int | None = None, people: int | None = None
-) -> PrintedRow:
+def row(*three: str, n: int | None = None, people: int | None = None) -> PrintedRow:
+    least, mean, largest = (Printed(text=text) for text in three)
+    trials = None if n is None else (n, n)
     return PrintedRow(
-        label="60",
-        least=Printed(text=least),
-        mean=Printed(text=mean),
-        largest=Printed(text=largest),
-        trials=None if n is None else (n, n),
-        participants=people,
+        label="60", least=least, mean=mean, largest=largest, trials=trials, participants=people
     )
 
 
@@ -45,6 +43,11 @@ def shortened(value: Fraction, convention: str, decimals: int) -> str:
     return f"{whole // 10**decimals}.{whole % 10**decimals:0{decimals}d}"
 
 
+def summed_up(counts: Sequence[int], n: int) -> tuple[Fraction, Fraction, Fraction]:
+    values = [Fraction(k, n) for k in counts]
+    return min(values), sum(values) / Fraction(len(values)), max(values)
+
+
 def test_table_1_is_found_impossible_where_the_documentation_says() -> None:
     found = audit(read_table(TABLE_1))
     assert [one.row.label for one in found.rows if not one.possible] == ["60", "95", "165"]
@@ -56,19 +59,9 @@ def test_table_1_is_found_impossible_where_the_documentation_says() -> None:
     for place, mean, least in ((1, "0.87", "0.9"), (3, "0.9", "0.96")):
         for verdict in found.rows[place].verdicts:
             assert verdict.reasons == (f"the mean {mean} is below the least value {least}",)
-
-
-def test_dropped_zeros_are_told_apart() -> None:
-    found = audit(read_table(TABLE_1)).rows
-    assert found[0].possible_as_shown == ("truncated",)
-    assert found[1].possible_as_shown == ("rounded",)
-    assert found[3].possible_as_shown == ("truncated",)
-
-
-def test_exactly_rounded_values_give_0_81() -> None:
-    exact = row("0.4500000", "0.8100001", "0.9000000", people=5)
-    assert not audit([exact]).possible
-    assert audit([row("0.4500000", "0.8100000", "0.9000000", people=5)]).possible
+    # dropped zeros are told apart
+    shown = [found.rows[place].possible_as_shown for place in (0, 1, 3)]
+    assert shown == [("truncated",), ("rounded",), ("truncated",)]
 
 
 @pytest.mark.parametrize(
@@ -91,6 +84,9 @@ def test_exactly_rounded_values_give_0_81() -> None:
         (row("0.1", "0.95", "0.9"), ()),
         (row("0", "1", "1", people=3), ("rounded",)),
         (row("0.0", "1.0", "1.0", people=3), ()),
+        # five participants' mean of values printed so exactly
+        (row("0.4500000", "0.8100001", "0.9000000", people=5), ()),
+        (row("0.4500000", "0.8100000", "0.9000000", people=5), ("rounded", "truncated")),
     ],
 )
 def test_each_reading_has_its_verdict(value: PrintedRow, readings: tuple[str, ...]) -> None:
@@ -107,10 +103,8 @@ def test_what_was_really_measured_is_never_impossible(
 ) -> None:
     n, people = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 6))
     counts = data.draw(st.lists(st.integers(0, n), min_size=people, max_size=people))
-    values = [Fraction(k, n) for k in counts]
-    three = (min(values), sum(values) / Fraction(people), max(values))
-    printed = [shortened(value, convention, decimals) for value in three]
-    [found] = audit([row(printed[0], printed[1], printed[2], n=n, people=people)]).rows
+    printed = [shortened(value, convention, decimals) for value in summed_up(counts, n)]
+    [found] = audit([row(*printed, n=n, people=people)]).rows
     reading = next(name for name, ways in READINGS.items() if convention in ways)
     assert next(one for one in found.verdicts if one.reading == reading).possible
 
@@ -120,18 +114,15 @@ def test_the_verdict_is_that_of_trying_everything() -> None:
     n, people = 6, 3
     possible: dict[str, set[tuple[str, ...]]] = {reading: set() for reading in READINGS}
     for counts in combinations_with_replacement(range(n + 1), people):
-        values = [Fraction(k, n) for k in counts]
-        three = (min(values), sum(values) / Fraction(people), max(values))
+        three = summed_up(counts, n)
         for reading, conventions in READINGS.items():
             for way in conventions:
                 possible[reading].add(tuple(shortened(value, way, 1) for value in three))
     texts = [f"0.{digit}" for digit in range(10)] + ["1.0"]
-    for least in texts:
-        for mean in texts:
-            for largest in texts:
-                [found] = audit([row(least, mean, largest, n=n, people=people)]).rows
-                for verdict in found.verdicts:
-                    assert verdict.possible == ((least, mean, largest) in possible[verdict.reading])
+    for printed in product(texts, repeat=3):
+        [found] = audit([row(*printed, n=n, people=people)]).rows
+        for verdict in found.verdicts:
+            assert verdict.possible == (printed in possible[verdict.reading])
 
 
 @given(st.integers(0, 1000), st.integers(1, 1000), st.sampled_from(CONVENTIONS))
@@ -160,15 +151,12 @@ def test_other_texts_are_no_proportion(text: str) -> None:
 
 
 def test_the_command_answers_no_with_exit_1() -> None:
-    result = CliRunner().invoke(main, ["audit", str(TABLE_1)])
+    result = run("audit", TABLE_1)
     assert (result.exit_code, result.stderr) == (1, "")
     assert result.stdout.endswith("Impossible under every reading: 60, 95, 165.\n")
     assert "No order of the means fits all rows." in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 80
-
-
-def test_json_is_one_object() -> None:
-    result = CliRunner().invoke(main, ["audit", str(TABLE_1), "--json"])
+    result = run("audit", TABLE_1, "--json")
     assert result.exit_code == 1
     told = json.loads(result.stdout)
     assert (told["possible"], told["decimals"], told["exchange_fits"]) == (False, 2, [])
@@ -177,9 +165,8 @@ def test_json_is_one_object() -> None:
 
 
 def test_a_possible_table_is_exit_0(tmp_path: Path) -> None:
-    file = tmp_path / "t.csv"
-    file.write_text("\ufefflabel,min,mean,max,participants\n=1+1,0.5,0.6,0.7,n/a\n", "utf-8")
-    result = CliRunner().invoke(main, ["audit", str(file)])
+    text = "\ufefflabel,min,mean,max,participants\n=1+1,0.5,0.6,0.7,n/a\n"
+    result = run("audit", put(tmp_path / "t.csv", text))
     assert (result.exit_code, result.stderr) == (0, "")
     assert "Impossible under every reading: none." in result.stdout
 
@@ -204,9 +191,7 @@ def test_a_possible_table_is_exit_0(tmp_path: Path) -> None:
     ],
 )
 def test_other_tables_are_refused_in_one_line(text: str, told: str, tmp_path: Path) -> None:
-    file = tmp_path / "t.csv"
-    file.write_text(text, "utf-8")
-    result = CliRunner().invoke(main, ["audit", str(file), "--json"])
+    result = run("audit", put(tmp_path / "t.csv", text), "--json")
     assert (result.exit_code, result.stdout) == (2, "")
     assert len(result.stderr.splitlines()) == 1
     assert told in result.stderr

@@ -5,22 +5,20 @@ from __future__ import annotations
 import csv
 import io
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pytest
-from click.testing import CliRunner
 
-from analysis import ResultFileError, read_trials
+from analysis import ColumnMap, read_trials
 from analysis.answers.counting import control_table
 from analysis.answers.detection import both_table, level_table
 from analysis.reading.load import read_inputs
 from analysis.results.tables import analyse
-from tactstrip import main
+from tests.test_analysis.shared import EXAMPLES, loaded, put, refused, run
 
 if TYPE_CHECKING:
-    from click.testing import Result
+    from pathlib import Path
 
     from tests.test_analysis.conftest import Simulate
 
@@ -42,24 +40,17 @@ CONTROL = (
 )
 
 
-def read(folder: Path, *rows: str) -> Path:
-    (folder / "map.toml").write_text("", encoding="utf-8")
-    table = folder / "table.csv"
-    table.write_text(HEADER + "".join(rows), encoding="utf-8")
-    return table
-
-
 def trials_of(folder: Path, *rows: str) -> pd.DataFrame:
-    from analysis.reading.columns import load_column_map
-
-    table = read(folder, *rows)
-    return read_trials([table], load_column_map(folder / "map.toml"))
+    return loaded(folder, HEADER + "".join(rows)).trials
 
 
-def run(folder: Path, *rows: str) -> Result:
-    table = read(folder, *rows)
-    arguments = ["analyze", str(table), "--columns", str(folder / "map.toml"), "--no-figures"]
-    return CliRunner().invoke(main, [*arguments, "--out", str(folder / "out")])
+def analysed(folder: Path, *rows: str) -> tuple[str, dict[str, Any]]:
+    """Return what the command says, and its summary."""
+    table, names = put(folder / "t.csv", HEADER + "".join(rows)), put(folder / "map.toml", "")
+    out = folder / "out"
+    result = run("analyze", table, "--columns", names, "--no-figures", "--out", out)
+    assert result.exit_code == 0
+    return " ".join(result.stdout.split()), json.loads((out / "summary.json").read_text())
 
 
 def test_answers_are_counted_by_person_part_and_side(tmp_path: Path) -> None:
@@ -87,9 +78,8 @@ def test_no_other_table_knows_them(tmp_path: Path) -> None:
 
 
 def test_none_in_a_control_trial_does_not_say_that_it_was_offered_elsewhere(tmp_path: Path) -> None:
-    result = run(tmp_path, MAIN, CONTROL)
-    assert 'The answer "none" was not offered' in result.stdout
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    said, summary = analysed(tmp_path, MAIN, CONTROL)
+    assert 'The answer "none" was not offered' in said
     assert summary["levels"][0]["detected_any"] is None
 
 
@@ -103,24 +93,18 @@ def test_conditions_are_never_pooled(tmp_path: Path) -> None:
 
 
 def test_the_command_writes_and_tells_them_apart(tmp_path: Path) -> None:
-    result = run(tmp_path, MAIN, CONTROL)
-    assert result.exit_code == 0
-    said = " ".join(result.stdout.split())
-    assert (
-        "Fingers off the plate, audibility check: 1/3 answered with the driven side, 1/3 left, "
-        "right or both." in said
-    )
-    assert (
-        "Fingers off the plate, control: 0/3 answered with the driven side, 1/3 left, right or "
-        "both." in said
-    )
-    assert "Counted: single 2, both 1, blank 0; left out 9." in said
+    said, summary = analysed(tmp_path, MAIN, CONTROL)
+    for words in (
+        "audibility check: 1/3 answered with the driven side, 1/3 left, right or both.",
+        "the plate, control: 0/3 answered with the driven side, 1/3 left, right or both",
+        "Counted: single 2, both 1, blank 0; left out 9.",
+    ):
+        assert words in said
     text = (tmp_path / "out" / "control.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(io.StringIO(text)))
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert len(rows) == len(summary["control"]) == 9
     assert rows[0] == {name: str(value) for name, value in summary["control"][0].items()}
-    documented = (Path(__file__).parents[2] / "docs" / "statistics.md").read_text("utf-8")
+    documented = (EXAMPLES.parent / "statistics.md").read_text("utf-8")
     defined = {name for key in summary["definitions"] for name in key.split(", ")}
     for column in rows[0]:
         assert f"`{column}`" in documented, column
@@ -128,21 +112,19 @@ def test_the_command_writes_and_tells_them_apart(tmp_path: Path) -> None:
 
 
 def test_without_control_trials_there_is_no_file_and_no_line(tmp_path: Path) -> None:
-    result = run(tmp_path, MAIN)
-    assert "Fingers off" not in result.stdout
+    said, summary = analysed(tmp_path, MAIN)
+    assert "Fingers off" not in said
     assert not (tmp_path / "out" / "control.csv").exists()
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["control"] == []
+    assert summary["control"] == []
 
 
 def test_control_trials_alone_can_be_read(tmp_path: Path) -> None:
-    result = run(tmp_path, CONTROL)
-    assert result.exit_code == 0
-    assert "Fingers off the plate, audibility check: 1/3" in " ".join(result.stdout.split())
+    assert "Fingers off the plate, audibility check: 1/3" in analysed(tmp_path, CONTROL)[0]
 
 
 def test_a_block_before_the_audibility_check_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ResultFileError, match="a whole number of at least -1"):
-        trials_of(tmp_path, MAIN.replace("1,1,90", "1,-2,90"))
+    path = put(tmp_path / "t.csv", HEADER + MAIN.replace("1,1,90", "1,-2,90"))
+    assert "a whole number of at least -1" in str(refused(path, columns=ColumnMap()))
 
 
 @pytest.fixture
@@ -166,15 +148,10 @@ def test_a_simulated_studys_control_trials_are_complete(dry: Path) -> None:
 
 def test_none_is_legal_by_the_plan_in_a_control_trial_only(dry: Path) -> None:
     table = dry / "sub-01" / "ses-01" / "trials.csv"
-    rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
-    kind, response, correct = (rows[0].index(name) for name in ("kind", "response", "correct"))
-    for row in rows[1:]:
-        if row[kind] == "control":
-            row[response], row[correct] = "none", "false"
-    table.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")
+    trials = pd.read_csv(table, dtype=str, keep_default_na=False)
+    trials.loc[trials["kind"].eq("control"), ["response", "correct"]] = ["none", "false"]
+    trials.to_csv(table, index=False)
     assert read_trials([table])["response"].eq("none").sum() == 6
-    single = next(row for row in rows if row[kind] == "single")
-    single[response], single[correct] = "none", "false"
-    table.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")
-    with pytest.raises(ResultFileError, match="one of left, right, both, timeout, invalid by"):
-        read_trials([table])
+    trials.loc[trials["kind"].eq("single").idxmax(), ["response", "correct"]] = ["none", "false"]
+    trials.to_csv(table, index=False)
+    assert "one of left, right, both, timeout, invalid by" in str(refused(table))

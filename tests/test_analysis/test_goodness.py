@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,24 +10,16 @@ import pytest
 from analysis import GuessRate, PsychometricFit
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.goodness import bootstrap_p, deviance_p
-from analysis.thresholds.likelihood import Tables, fit_lapsing
+from analysis.thresholds.likelihood import fit_lapsing
 from analysis.thresholds.probit import deviance
 from benchmarks.calibration import psychometric
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from tests.test_analysis.shared import counts_at
 
 LEVELS = [60.0, 85.0, 110.0, 140.0, 200.0]
 U = np.log(np.array(LEVELS) / 60) / np.log(200 / 60)
 
 
-def tables(detected: NDArray[np.float64], guess_rate: float = 0.0) -> Tables:
-    return Tables(
-        u=np.broadcast_to(U, detected.shape),
-        detected=detected,
-        presented=np.full(detected.shape, 30.0),
-        guess_rate=np.full(len(detected), guess_rate),
-    )
+tables = partial(counts_at, U)
 
 
 @pytest.mark.slow
@@ -36,7 +28,7 @@ def test_p_is_uniform_under_the_model(guess: float) -> None:
     """Of 400 values, the share below 0.05, 0.25, 0.5 has a standard error of at most 2.5 %."""
     p = psychometric(LEVELS, threshold_vpp=105, sigma=0.12, guess_rate=guess, lapse_rate=0.02)
     k = np.random.default_rng(1).binomial(30, p, (400, 5)).astype(float)
-    drawn = tables(k, guess)
+    drawn = tables(k, 30, guess)
     best = fit_lapsing(drawn, np.tile([0.5, -1.0, 0.02], (400, 1)))
     values = bootstrap_p(drawn, best, seed=2)
     assert ((values > 0) & (values <= 1)).all()
@@ -45,7 +37,7 @@ def test_p_is_uniform_under_the_model(guess: float) -> None:
 
 
 def test_a_table_that_no_function_gives_has_the_least_p() -> None:
-    drawn = tables(np.array([[2.0, 25, 6, 28, 29]]))
+    drawn = tables([2, 25, 6, 28, 29], 30)
     best = fit_lapsing(drawn, np.array([[0.4, -1.0, 0.02]]))
     assert bootstrap_p(drawn, best, seed=1)[0] == pytest.approx(1 / 500)
     assert bootstrap_p(drawn, best, seed=1, replicates=49)[0] == pytest.approx(1 / 50)
@@ -56,13 +48,12 @@ def test_neither_order_nor_company_nor_empty_levels_matter() -> None:
     x, n = np.tile(np.log10(LEVELS), (3, 1)), np.full((3, 5), 30.0)
     guesses = [GuessRate(mean=0.0)] * 3
     fits = fit_many(x, k, n, guesses=guesses)
-    values = deviance_p(x, k, n, fits=fits, guesses=guesses, seed=5)
-    again = deviance_p(x[::-1], k[::-1], n[::-1], fits=fits[::-1], guesses=guesses, seed=5)
-    assert again[::-1].tolist() == values.tolist()
+    p = partial(deviance_p, guesses=guesses)
+    values = p(x, k, n, fits=fits, seed=5).tolist()
+    assert p(x[::-1], k[::-1], n[::-1], fits=fits[::-1], seed=5).tolist() == values[::-1]
     padded = [np.pad(one, ((0, 0), (0, 2)), constant_values=0.0) for one in (x, k, n)]
-    assert deviance_p(*padded, fits=fits, guesses=guesses, seed=5).tolist() == values.tolist()
-    other = deviance_p(x, k, n, fits=fits, guesses=guesses, seed=6)
-    assert other.tolist() != values.tolist()
+    assert p(*padded, fits=fits, seed=5).tolist() == values
+    assert p(x, k, n, fits=fits, seed=6).tolist() != values
 
 
 def test_a_fit_without_a_threshold_has_no_p() -> None:

@@ -21,6 +21,7 @@ from analysis.thresholds.likelihood import (
     probabilities,
 )
 from analysis.thresholds.posterior import Nodes, Posterior, posterior
+from tests.test_analysis.shared import FLASH, QUANTA, SPEED, counts_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,17 +32,10 @@ NONE = GuessRate(mean=0.0)
 U = np.linspace(0, 1, 5)
 tables_of_counts = st.lists(st.integers(0, 30), min_size=5, max_size=5)
 
-# Sources: test_probit.py. Posterior median and limits of mu, and mean lambda, by a
+# Posterior median and limits of mu, and mean lambda, by a
 # trapezoid of 801 x 401 x 41 nodes over the prior (mu, log sigma, lambda). Its step in mu is
 # range/320, and its limits are interpolated linearly; with 6401 nodes in mu those of the last table
 # move by -0.0018 and +0.0053 to within 1e-4 of ours, those of the others by less.
-QUANTA: dict[str, list[float]] = {
-    "SH/R1": [46.9, 73.1, 113.8, 177.4, 276.1, 421.7],
-    "SS/R2": [23.5, 37.1, 58.5, 92.9, 148.6, 239.3],
-    "MHP/R1": [37.6, 58.6, 91.0, 141.9, 221.3, 342.8],
-}
-FLASH = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.9, 1.1, 1.3]
-SPEED = [1.0, 3.5, 6.0, 8.5, 11.0, 13.5, 16.0]
 PUBLISHED: list[tuple[Any, list[int], Any, list[float], float, float]] = [
     (np.log(QUANTA["SH/R1"]), [0, 3, 12, 26, 35, 35], 35,
      [4.75988800752367, 4.865466062692493, 4.9698877942415995], 0.013836108684540426, 6e-4),
@@ -59,28 +53,19 @@ PUBLISHED: list[tuple[Any, list[int], Any, list[float], float, float]] = [
 # The same data by psignifit 4.3 with gamma = eta = 0: most likely threshold and sigma, mean of the
 # threshold and its 95 % limits (both lie about 0.009, half a step of its grid, below the others').
 PSIGNIFIT = [
-    ("SH/R1", [0, 3, 12, 26, 35, 35], 35, 4.874117690465556, 0.3744785715695196,
+    ("SH/R1", [0, 3, 12, 26, 35, 35], 35, (4.874117690465556, 0.3744785715695196),
      4.866049268539545, (4.750542111039541, 4.962707138924242)),
-    ("SS/R2", [0, 0, 6, 22, 47, 50], 50, 4.527336570078458, 0.3338432122071795,
+    ("SS/R2", [0, 0, 6, 22, 47, 50], 50, (4.527336570078458, 0.3338432122071795),
      4.5187609184560396, (4.422783537945373, 4.5956218436693534)),
-    ("MHP/R1", [3, 3, 12, 33, 44, 50], 50, 4.766060714856281, 0.5261535164663057,
+    ("MHP/R1", [3, 3, 12, 33, 44, 50], 50, (4.766060714856281, 0.5261535164663057),
      4.751689862938804, (4.632073838814405, 4.850549625634922)),
 ]  # fmt: skip
 
 
-def one(u: Any, detected: Any, presented: Any, guess_rate: float = 0.0) -> Tables:
-    k = np.asarray(detected, float)[None]
-    return Tables(
-        u=np.asarray(u, float)[None],
-        detected=k,
-        presented=np.broadcast_to(np.asarray(presented, float), k.shape),
-        guess_rate=np.array([guess_rate]),
-    )
-
-
 def on_axis(x: Any, detected: Any, presented: Any) -> tuple[Posterior, float, float]:
     low, width = float(np.min(x)), float(np.ptp(x))
-    return posterior(one((np.asarray(x) - low) / width, detected, presented), [NONE]), low, width
+    table = counts_at((np.asarray(x) - low) / width, detected, presented)
+    return posterior(table, [NONE]), low, width
 
 
 def brute_force(table: Tables, gammas: Floats, weights: Floats) -> Floats:
@@ -117,21 +102,18 @@ def test_the_posterior_is_that_of_an_independent_grid(
     assert known.lapse_rate[0] == pytest.approx(lapse, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("name", "detected", "presented", "mu", "sigma", "mean", "limits"), PSIGNIFIT
-)
+@pytest.mark.parametrize(("name", "detected", "presented", "best", "mean", "limits"), PSIGNIFIT)
 def test_psignifit_finds_the_same_within_its_grid(
     name: str,
     detected: list[int],
     presented: int,
-    mu: float,
-    sigma: float,
+    best: tuple[float, float],
     mean: float,
     limits: tuple[float, float],
 ) -> None:
     known, low, width = on_axis(np.log(QUANTA[name]), detected, presented)
-    best = known.best[0]
-    assert (low + width * best[0], width * np.exp(best[1])) == pytest.approx((mu, sigma), abs=1e-4)
+    mu, log_sigma, _ = known.best[0]
+    assert (low + width * mu, width * np.exp(log_sigma)) == pytest.approx(best, abs=1e-4)
     found = low + width * known.mu[0]
     assert found[1] == pytest.approx(mean, abs=2e-3)
     assert found[[0, 2]] == pytest.approx(limits, abs=1.1e-2)
@@ -142,7 +124,7 @@ def test_psignifit_finds_the_same_within_its_grid(
     "detected", [[2, 9, 20, 28, 30], [12, 18, 17, 29, 28], [26, 26, 29, 27, 29]]
 )
 def test_brute_force_finds_the_same(detected: list[int], guess_rate: float) -> None:
-    table = one(U, detected, 30, guess_rate)
+    table = counts_at(U, detected, 30, guess_rate)
     known = posterior(table, [GuessRate(mean=guess_rate)])
     expected = brute_force(table, np.array([guess_rate]), np.ones(1))
     assert known.mu[0] == pytest.approx(expected, abs=2e-3)
@@ -153,7 +135,7 @@ def test_a_guess_rate_after_blanks_is_integrated_over() -> None:
     guess = GuessRate.after_blanks(answered=6, blanks=40)
     at = np.linspace(0.01, 0.45, 23)
     weights = beta(*guess.beta or (1, 1)).pdf(at)
-    table = one(U, [5, 9, 20, 28, 30], 30, guess.mean)
+    table = counts_at(U, [5, 9, 20, 28, 30], 30, guess.mean)
     known = posterior(table, [guess])
     assert known.mu[0] == pytest.approx(brute_force(table, at, weights), abs=3e-3)
     sure = posterior(table, [GuessRate(mean=guess.mean)])
@@ -173,7 +155,7 @@ def test_the_points_of_a_guess_rate_have_the_moments_of_its_beta_distribution() 
 
 def test_a_guess_rate_after_very_many_blanks_is_a_number() -> None:
     guess = GuessRate.after_blanks(answered=1_000_000, blanks=10_000_000)
-    table = one(U, [5, 9, 20, 28, 30], 30, guess.mean)
+    table = counts_at(U, [5, 9, 20, 28, 30], 30, guess.mean)
     sure = posterior(table, [GuessRate(mean=guess.mean)])
     assert posterior(table, [guess]).mu[0] == pytest.approx(sure.mu[0], abs=1e-5)
 
@@ -182,7 +164,7 @@ def test_a_guess_rate_after_very_many_blanks_is_a_number() -> None:
 @settings(max_examples=25)
 @given(tables_of_counts, st.sampled_from([0.0, 1 / 3, 0.5]))
 def test_a_finer_grid_finds_the_same(detected: list[int], guess_rate: float) -> None:
-    table, guess = one(U, detected, 30, guess_rate), [GuessRate(mean=guess_rate)]
+    table, guess = counts_at(U, detected, 30, guess_rate), [GuessRate(mean=guess_rate)]
     here = posterior(table, guess)
     finer = posterior(table, guess, Nodes(mu=121, log_sigma=81, lapse=12))
     assert here.mu[0] == pytest.approx(finer.mu[0], abs=4e-3)
@@ -194,12 +176,7 @@ def test_a_finer_grid_finds_the_same(detected: list[int], guess_rate: float) -> 
 def test_many_posteriors_are_the_single_ones() -> None:
     rng = np.random.default_rng(3)
     k = rng.binomial(30, 0.5 + 0.48 * ndtr((U - 0.4) / 0.3), (150, 5)).astype(float)
-    many = Tables(
-        u=np.broadcast_to(U, k.shape),
-        detected=k,
-        presented=np.full(k.shape, 30.0),
-        guess_rate=np.full(150, 0.5),
-    )
+    many = counts_at(U, k, 30, 0.5)
     together = posterior(many, [GuessRate(mean=0.5)] * 150)
     for i in range(0, 150, 10):
         alone = posterior(many[slice(i, i + 1)], [GuessRate(mean=0.5)])
@@ -208,15 +185,15 @@ def test_many_posteriors_are_the_single_ones() -> None:
 
 
 def test_a_place_without_a_stimulus_tells_nothing() -> None:
-    padded = one([*U, 0.0, 0.0], [2, 9, 20, 28, 30, 0, 0], [30] * 5 + [0] * 2)
-    plain = posterior(one(U, [2, 9, 20, 28, 30], 30), [NONE])
+    padded = counts_at([*U, 0.0, 0.0], [2, 9, 20, 28, 30, 0, 0], [30] * 5 + [0] * 2)
+    plain = posterior(counts_at(U, [2, 9, 20, 28, 30], 30), [NONE])
     assert posterior(padded, [NONE]).mu == pytest.approx(plain.mu, abs=1e-12)
 
 
 def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
     n = 1e9
     k = np.round(n * 0.98 * ndtr((U - 0.4) / 0.2))
-    known = posterior(one(U, k, n), [NONE])
+    known = posterior(counts_at(U, k, n), [NONE])
     assert known.mu[0] == pytest.approx(0.4, abs=1e-4)
     assert 1e-6 < np.ptp(known.mu[0]) < 1e-4
     assert known.best[0] == pytest.approx([0.4, np.log(0.2), 0.02], abs=1e-7)
@@ -227,19 +204,14 @@ def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
 def test_no_corner_or_neighbour_is_likelier_than_the_fit(
     detected: list[int], guess_rate: float
 ) -> None:
-    table = one(U, detected, 30, guess_rate)
+    table = counts_at(U, detected, 30, guess_rate)
     best = posterior(table, [GuessRate(mean=guess_rate)]).best
     reached = log_likelihood(table, best)[0]
     rng = np.random.default_rng(sum(detected))
     for spread in (1e-3, 1e-1, 1.0):
         near = best + spread * rng.normal(size=(200, 3)) * [1.0, 1.0, 0.05]
         tried = np.clip(near, LOWER, UPPER)
-        repeated = Tables(
-            u=np.repeat(table.u, 200, axis=0),
-            detected=np.repeat(table.detected, 200, axis=0),
-            presented=np.repeat(table.presented, 200, axis=0),
-            guess_rate=np.repeat(table.guess_rate, 200),
-        )
+        repeated = counts_at(U, np.repeat(table.detected, 200, axis=0), 30, guess_rate)
         assert log_likelihood(repeated, tried).max() <= reached + 1e-6
 
 
@@ -247,15 +219,15 @@ def test_no_corner_or_neighbour_is_likelier_than_the_fit(
 def test_guesses_and_lapses_change_places_in_a_mirrored_table(
     detected: list[int], mu: float, log_sigma: float, lapse: float, guess_rate: float
 ) -> None:
-    here = one(U, detected, 30, guess_rate)
-    there = one(1 - U, [30 - k for k in detected], 30, lapse)
+    here = counts_at(U, detected, 30, guess_rate)
+    there = counts_at(1 - U, [30 - k for k in detected], 30, lapse)
     value = log_likelihood(here, np.array([[mu, log_sigma, lapse]]))
     mirrored = log_likelihood(there, np.array([[1 - mu, log_sigma, guess_rate]]))
     assert mirrored == pytest.approx(value, rel=1e-9, abs=1e-9)
 
 
-def test_detections_and_misses_keep_their_digits_and_add_up_to_one() -> None:
-    table = one([0.0, 1.0], [1, 1], 1)
+def test_detections_and_misses_keep_their_digits_and_add_up_to_counts_at() -> None:
+    table = counts_at([0.0, 1.0], [1, 1], 1)
     p, q = probabilities(table, np.array([[0.5, np.log(0.02), 0.0]]))
     assert p + q == pytest.approx(np.ones((1, 2)), abs=1e-15)
     assert p[0, 0] == pytest.approx(q[0, 1], rel=1e-12)
@@ -265,11 +237,5 @@ def test_detections_and_misses_keep_their_digits_and_add_up_to_one() -> None:
 def test_a_fit_stays_within_its_bounds() -> None:
     start = np.array([[0.5, -1.0, 0.05]])
     for detected in ([30] * 5, [0] * 5, [30, 20, 10, 5, 0], [0, 0, 0, 30, 30]):
-        fit = fit_lapsing(one(U, detected, 30), start)
+        fit = fit_lapsing(counts_at(U, detected, 30), start)
         assert ((fit >= LOWER) & (fit <= UPPER)).all()
-
-
-@pytest.mark.parametrize("rate", [-0.1, 0.95, float("nan"), float("inf"), True])
-def test_guess_rates_that_cannot_be_are_refused(rate: float) -> None:
-    with pytest.raises(ValueError, match="guess_rate must be"):
-        GuessRate(mean=rate)

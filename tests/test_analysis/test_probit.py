@@ -13,18 +13,10 @@ from scipy.special import log_ndtr, ndtr
 
 from analysis import probit_mle
 from analysis.thresholds.probit import fit_lines, increasing_exists
+from tests.test_analysis.shared import FLASH, PAPER, QUANTA, SPEED
 
 # x, detected, presented; mu, sigma and deviance by statsmodels 0.14 and 40-digit arithmetic, which
-# agree. Hecht, Shlaer & Pirenne (1942), quanta at the cornea, in the R package MPDiR, on the axis
-# ln(quanta); Miranda & Henson (2008), in the R package modelfree; Dallmann et al. (2015), speed in
-# cm/s, all participants together, with 0 and 32 Hz, in the R package MixedPsy.
-QUANTA = {
-    "SH/R1": [46.9, 73.1, 113.8, 177.4, 276.1, 421.7],
-    "SS/R1": [24.1, 37.6, 58.6, 91.0, 141.9, 221.3],
-    "MHP/R1": [37.6, 58.6, 91.0, 141.9, 221.3, 342.8],
-}
-FLASH = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.9, 1.1, 1.3]
-SPEED = [1.0, 3.5, 6.0, 8.5, 11.0, 13.5, 16.0]
+# agree.
 PUBLISHED: list[tuple[Any, list[int], Any, float, float, float]] = [
     (np.log(QUANTA["SH/R1"]), [0, 3, 12, 26, 35, 35], 35,
      4.874159236599045, 0.37444493924413164, 2.7810146983896575),
@@ -39,13 +31,12 @@ PUBLISHED: list[tuple[Any, list[int], Any, float, float, float]] = [
     (SPEED, [40, 54, 118, 165, 257, 301, 334], 360,
      8.410582261709207, 5.307713589287506, 10.564642504510195),
 ]  # fmt: skip
-LEVELS = [60.0, 95.0, 130.0, 165.0, 200.0]
 tables = st.lists(st.integers(0, 30), min_size=5, max_size=5)
 
 
 def rises(detected: list[int], presented: int = 30) -> bool:
     """Whether a table overlaps and its line goes up."""
-    k, n, x = np.array([detected], float), np.full((1, 5), float(presented)), np.array([LEVELS])
+    k, n, x = np.array([detected], float), np.full((1, 5), float(presented)), np.array([PAPER])
     u = (x - 60) / 140
     exists = bool(increasing_exists(u, k, n)[0] and increasing_exists(-u, k, n)[0])
     return exists and bool(fit_lines(u, k, n).slope[0] > 1e-3)
@@ -63,8 +54,8 @@ def test_the_fit_is_that_of_an_independent_implementation(
 @given(tables)
 def test_the_score_is_zero_at_the_fit(detected: list[int]) -> None:
     assume(rises(detected))
-    fit = probit_mle(LEVELS, detected, [30] * 5)
-    z = (np.array(LEVELS) - fit.mu) / fit.sigma
+    fit = probit_mle(PAPER, detected, [30] * 5)
+    z = (np.array(PAPER) - fit.mu) / fit.sigma
     log_density = -z * z / 2 - math.log(2 * math.pi) / 2
     felt, missed = (np.exp(log_density - log_ndtr(side)) for side in (z, -z))
     score = np.array(detected) * felt - (30 - np.array(detected)) * missed
@@ -78,8 +69,8 @@ def test_the_fit_shifts_and_scales_with_the_axis(
     detected: list[int], shift: float, factor: float
 ) -> None:
     assume(rises(detected))
-    here = probit_mle(LEVELS, detected, [30] * 5)
-    there = probit_mle(np.array(LEVELS) * factor + shift, detected, [30] * 5)
+    here = probit_mle(PAPER, detected, [30] * 5)
+    there = probit_mle(np.array(PAPER) * factor + shift, detected, [30] * 5)
     size = factor * (abs(here.mu) + here.sigma) + abs(shift)
     assert there.mu == pytest.approx(here.mu * factor + shift, abs=1e-8 * size)
     assert there.sigma == pytest.approx(here.sigma * factor, rel=1e-7)
@@ -90,8 +81,8 @@ def test_the_fit_shifts_and_scales_with_the_axis(
 @given(tables)
 def test_a_mirrored_table_has_the_mirrored_fit(detected: list[int]) -> None:
     assume(rises(detected))
-    here = probit_mle(LEVELS, detected, [30] * 5)
-    there = probit_mle([-x for x in LEVELS], [30 - k for k in detected], [30] * 5)
+    here = probit_mle(PAPER, detected, [30] * 5)
+    there = probit_mle([-x for x in PAPER], [30 - k for k in detected], [30] * 5)
     assert (-there.mu, there.sigma) == pytest.approx((here.mu, here.sigma), rel=1e-9)
 
 
@@ -101,8 +92,8 @@ def test_order_empty_levels_and_split_levels_make_no_difference(
     detected: list[int], order: list[int]
 ) -> None:
     assume(rises(detected))
-    here = probit_mle(LEVELS, detected, [30] * 5)
-    mixed = [(LEVELS[i], detected[i], 30) for i in order]
+    here = probit_mle(PAPER, detected, [30] * 5)
+    mixed = [(PAPER[i], detected[i], 30) for i in order]
     split = [(x, part, 15) for x, k, _ in mixed for part in (min(k, 15), k - min(k, 15))]
     with_empty = [*split, (1e9, 0, 0)]
     assert probit_mle(*zip(*with_empty, strict=True)) == here
@@ -120,8 +111,8 @@ def test_many_fits_are_the_single_ones() -> None:
 
 def test_counts_of_a_billion_give_back_the_function_that_made_them() -> None:
     n = 10**9
-    k = np.round(n * ndtr((np.log10(LEVELS) - 2) / 0.1))
-    fit = probit_mle(np.log10(LEVELS), k, [n] * 5)
+    k = np.round(n * ndtr((np.log10(PAPER) - 2) / 0.1))
+    fit = probit_mle(np.log10(PAPER), k, [n] * 5)
     assert (fit.mu, fit.sigma) == pytest.approx((2, 0.1), abs=1e-8)
 
 
@@ -134,29 +125,29 @@ def test_an_axis_that_begins_at_a_million_loses_only_the_digits_of_its_numbers()
 @pytest.mark.parametrize(
     ("levels", "detected", "presented", "said"),
     [
-        (LEVELS, [30] * 5, [30] * 5, "must overlap"),
-        (LEVELS, [0] * 5, [30] * 5, "must overlap"),
-        (LEVELS, [0, 0, 0, 30, 30], [30] * 5, "must overlap"),
-        (LEVELS, [0, 0, 9, 30, 30], [30] * 5, "must overlap"),
-        (LEVELS, [15] * 5, [30] * 5, "must rise"),
-        (LEVELS, [27] * 5, [30] * 5, "must rise"),
+        (PAPER, [30] * 5, [30] * 5, "must overlap"),
+        (PAPER, [0] * 5, [30] * 5, "must overlap"),
+        (PAPER, [0, 0, 0, 30, 30], [30] * 5, "must overlap"),
+        (PAPER, [0, 0, 9, 30, 30], [30] * 5, "must overlap"),
+        (PAPER, [15] * 5, [30] * 5, "must rise"),
+        (PAPER, [27] * 5, [30] * 5, "must rise"),
         ([0.1, 0.2, 0.3], [26, 27, 26], [30] * 3, "must rise"),
-        (list(map(str, LEVELS)), [1, 2, 3, 4, 5], [30] * 5, "x must be finite numbers"),
-        (LEVELS, [29, 24, 15, 6, 1], [30] * 5, "must rise"),
-        (LEVELS, [30, 30, 15, 0, 0], [30] * 5, "must rise"),
+        (list(map(str, PAPER)), [1, 2, 3, 4, 5], [30] * 5, "x must be finite numbers"),
+        (PAPER, [29, 24, 15, 6, 1], [30] * 5, "must rise"),
+        (PAPER, [30, 30, 15, 0, 0], [30] * 5, "must rise"),
         ([60, 60], [3, 4], [30] * 2, "at least two levels"),
-        (LEVELS, [1, 2, 3, 4, 5], [30, 0, 0, 0, 0], "at most presented"),
-        (LEVELS, [1, 0, 0, 0, 0], [30, 0, 0, 0, 0], "at least two levels"),
-        (LEVELS, [0] * 5, [0] * 5, "at least one stimulus"),
-        (LEVELS, [31, 0, 0, 0, 0], [30] * 5, "at most presented"),
-        (LEVELS, [-1, 0, 0, 0, 0], [30] * 5, "whole numbers"),
-        (LEVELS, [1.5, 0, 0, 0, 0], [30] * 5, "whole numbers"),
-        (LEVELS, [math.nan, 0, 0, 0, 0], [30] * 5, "whole numbers"),
-        (LEVELS, [True] * 5, [30] * 5, "whole numbers"),
-        ([*LEVELS[:4], math.nan], [1, 2, 3, 4, 5], [30] * 5, "x must be finite"),
-        ([*LEVELS[:4], math.inf], [1, 2, 3, 4, 5], [30] * 5, "x must be finite"),
-        (LEVELS[:4], [1, 2, 3, 4, 5], [30] * 5, "of one length"),
-        ([LEVELS], [[1, 2, 3, 4, 5]], [[30] * 5], "of one length"),
+        (PAPER, [1, 2, 3, 4, 5], [30, 0, 0, 0, 0], "at most presented"),
+        (PAPER, [1, 0, 0, 0, 0], [30, 0, 0, 0, 0], "at least two levels"),
+        (PAPER, [0] * 5, [0] * 5, "at least one stimulus"),
+        (PAPER, [31, 0, 0, 0, 0], [30] * 5, "at most presented"),
+        (PAPER, [-1, 0, 0, 0, 0], [30] * 5, "whole numbers"),
+        (PAPER, [1.5, 0, 0, 0, 0], [30] * 5, "whole numbers"),
+        (PAPER, [math.nan, 0, 0, 0, 0], [30] * 5, "whole numbers"),
+        (PAPER, [True] * 5, [30] * 5, "whole numbers"),
+        ([*PAPER[:4], math.nan], [1, 2, 3, 4, 5], [30] * 5, "x must be finite"),
+        ([*PAPER[:4], math.inf], [1, 2, 3, 4, 5], [30] * 5, "x must be finite"),
+        (PAPER[:4], [1, 2, 3, 4, 5], [30] * 5, "of one length"),
+        ([PAPER], [[1, 2, 3, 4, 5]], [[30] * 5], "of one length"),
     ],
 )
 def test_tables_without_a_likeliest_increasing_function_are_refused(

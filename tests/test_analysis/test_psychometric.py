@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,22 +18,25 @@ from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
 from analysis.thresholds.likelihood import scale
 from analysis.thresholds.probit import fit_lines
 from benchmarks.calibration import psychometric
+from tests.test_analysis.shared import PAPER
 
-PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
 CENTRED = [70.0, 85.0, 100.0, 120.0, 145.0]
 GOOD = [2, 14, 22, 28, 29]
 tables = st.lists(st.integers(0, 30), min_size=5, max_size=5)
 guess_rates = st.sampled_from([0.0, 1 / 3, 0.5])
 
 
-def status(detected: Any, *, presented: Any = None, levels: Any = None, guess: float = 0.0) -> str:
-    shown = [30] * len(detected) if presented is None else presented
-    at = PAPER[: len(detected)] if levels is None else levels
-    return fit_psychometric(at, detected, shown, guess_rate=guess).status
+def fit(detected: Any, x: Any = PAPER, n: int = 30, *, guess: Any = 0.0) -> PsychometricFit:
+    return fit_psychometric(x, detected, [n] * len(detected), guess_rate=guess)
 
 
-def numbers(fit: PsychometricFit) -> list[float]:
-    _, threshold, limits, *others = astuple(fit)
+def linear(detected: Any, x: Any) -> PsychometricFit:
+    n = [30] * len(detected)
+    return fit_psychometric(x, detected, n, guess_rate=0.0, x_scale="linear")
+
+
+def numbers(found: PsychometricFit) -> list[float]:
+    _, threshold, limits, *others = astuple(found)
     return [threshold, *limits, *others]
 
 
@@ -51,55 +55,56 @@ def numbers(fit: PsychometricFit) -> list[float]:
         ([27, 30, 30, 30, 30], "separated"),
         ([26, 26, 29, 27, 29], "threshold_below_levels"),
         ([2, 14, 24, 25, 25], "lapse_at_bound"),
+        ([0, 1, 0, 3, 6], "threshold_above_levels"),
     ],
 )
 def test_every_table_has_its_status(guess: float, detected: list[int], expected: str) -> None:
-    assert status(detected, guess=guess) == expected
+    assert fit(detected, guess=guess).status == expected
 
 
 def test_a_table_with_a_threshold_is_ok() -> None:
-    fit = fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.0)
-    assert fit.status == "ok"
-    assert all(math.isfinite(value) for value in numbers(fit))
-    low, high = fit.threshold_limits
-    assert 80 < low < fit.threshold < high < 110
+    found = fit(GOOD)
+    assert found.status == "ok"
+    assert all(math.isfinite(value) for value in numbers(found))
+    low, high = found.threshold_limits
+    assert 80 < low < found.threshold < high < 110
+    assert linear([0, 15, 29], [0, 50, 100]).status == "ok"
 
 
-@pytest.mark.parametrize("detected", [[0], [3], [5]])
-def test_one_level_has_no_threshold(detected: list[int]) -> None:
-    assert status(detected, presented=[5]) == "one_level"
-    assert status([*detected, 0, 0], presented=[5, 0, 0]) == "one_level"
-    assert status([*detected, 2], presented=[5, 5], levels=[60, 60]) == "one_level"
-
-
-def test_a_rise_far_above_the_levels_is_above_them() -> None:
-    assert status([0, 1, 0, 3, 6]) == "threshold_above_levels"
+@pytest.mark.parametrize("k", [0, 3, 5])
+def test_one_level_has_no_threshold(k: int) -> None:
+    for x, detected, presented in (
+        ([60], [k], [5]),
+        ([60, 95, 130], [k, 0, 0], [5, 0, 0]),
+        ([60, 60], [k, 2], [5, 5]),
+    ):
+        found = fit_psychometric(x, detected, presented, guess_rate=0.0)
+        assert found.status == "one_level"
 
 
 def test_the_papers_typical_table_does_not_rise_and_lies_at_the_ceiling() -> None:
-    detected = np.array([[26.0, 26, 29, 27, 29]])
-    u = scale(np.log10([PAPER]), np.full((1, 5), 30.0)).u
-    lines = fit_lines(u, detected, np.full((1, 5), 30.0))
+    detected, n = np.array([[26.0, 26, 29, 27, 29]]), np.full((1, 5), 30.0)
+    lines = fit_lines(scale(np.log10([PAPER]), n).u, detected, n)
     assert lines.slope[0] > 0
     root = math.sqrt(lines.flat_deviance[0] - lines.deviance[0])
     assert float(ndtr(-root)) == pytest.approx(0.077, abs=5e-4)
-    assert status([26, 26, 29, 27, 29]) == "threshold_below_levels"
+    assert fit([26, 26, 29, 27, 29]).status == "threshold_below_levels"
 
 
 @pytest.mark.parametrize("level", [1, 2, 5, 10, 15, 18])
 def test_a_table_that_does_not_rise_below_the_ceiling_is_flat(level: int) -> None:
-    assert status([level] * 5, guess=0.5) == "flat"
+    assert fit([level] * 5, guess=0.5).status == "flat"
 
 
 @pytest.mark.slow
 @given(tables, guess_rates)
 def test_only_tables_with_a_threshold_have_numbers(detected: list[int], guess: float) -> None:
-    fit = fit_psychometric(PAPER, detected, [30] * 5, guess_rate=guess)
-    finite = [math.isfinite(value) for value in numbers(fit)]
-    assert all(finite) if fit.status in WITH_THRESHOLD else not any(finite)
-    if fit.status in WITH_THRESHOLD:
-        assert fit.threshold_limits[0] < fit.threshold < fit.threshold_limits[1]
-        assert PAPER[0] <= fit.threshold <= PAPER[-1]
+    found = fit(detected, guess=guess)
+    finite = [math.isfinite(value) for value in numbers(found)]
+    assert all(finite) if found.status in WITH_THRESHOLD else not any(finite)
+    if found.status in WITH_THRESHOLD:
+        assert found.threshold_limits[0] < found.threshold < found.threshold_limits[1]
+        assert PAPER[0] <= found.threshold <= PAPER[-1]
 
 
 @pytest.mark.slow
@@ -108,8 +113,7 @@ def test_only_tables_with_a_threshold_have_numbers(detected: list[int], guess: f
 def test_a_change_of_the_unit_scales_the_threshold(
     detected: list[int], guess: float, factor: float
 ) -> None:
-    here = fit_psychometric(PAPER, detected, [30] * 5, guess_rate=guess)
-    there = fit_psychometric([x * factor for x in PAPER], detected, [30] * 5, guess_rate=guess)
+    here, there = (fit(detected, [x * f for x in PAPER], guess=guess) for f in (1, factor))
     assert there.status == here.status
     assume(here.status in WITH_THRESHOLD)
     assert there.threshold == pytest.approx(here.threshold * factor, rel=1e-6)
@@ -122,8 +126,7 @@ def test_a_change_of_the_unit_scales_the_threshold(
 @given(tables, st.floats(-1e3, 1e3))
 def test_a_linear_axis_may_begin_anywhere(detected: list[int], shift: float) -> None:
     x = np.linspace(-250, 100, 5)
-    here = fit_psychometric(x, detected, [30] * 5, guess_rate=0.0, x_scale="linear")
-    there = fit_psychometric(x + shift, detected, [30] * 5, guess_rate=0.0, x_scale="linear")
+    here, there = linear(detected, x), linear(detected, x + shift)
     assert there.status == here.status
     assume(here.status in WITH_THRESHOLD)
     assert there.threshold - shift == pytest.approx(here.threshold, abs=1e-4)
@@ -131,20 +134,15 @@ def test_a_linear_axis_may_begin_anywhere(detected: list[int], shift: float) -> 
 
 
 def test_an_axis_that_begins_at_a_million_gives_the_same_width() -> None:
-    x = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
-    here, there = (
-        fit_psychometric(x + s, GOOD, [30] * 5, guess_rate=0.0, x_scale="linear") for s in (0, 1e6)
-    )
+    here, there = (linear(GOOD, np.arange(5.0) + start) for start in (0, 1e6))
     assert there.threshold - 1e6 == pytest.approx(here.threshold, abs=1e-7)
     assert there.sigma == pytest.approx(here.sigma, rel=1e-7)
 
 
 def test_volts_in_place_of_their_logarithm_are_another_function_and_no_crash() -> None:
-    volts = fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.0, x_scale="linear")
-    assert volts.status == "ok"
+    volts, wrong = linear(GOOD, PAPER), fit(GOOD, np.log10(PAPER))
+    assert (volts.status, wrong.status) == ("ok", "ok")
     assert volts.sigma > 20
-    wrong = fit_psychometric(np.log10(PAPER), GOOD, [30] * 5, guess_rate=0.0)
-    assert wrong.status == "ok"
     assert wrong.threshold < 2.5
 
 
@@ -153,10 +151,9 @@ def test_volts_in_place_of_their_logarithm_are_another_function_and_no_crash() -
 def test_order_empty_levels_and_split_levels_make_no_difference(
     order: list[int], guess: float
 ) -> None:
-    here = fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=guess)
     split = [(PAPER[i], part, 15) for i in order for part in (GOOD[i] // 2, GOOD[i] - GOOD[i] // 2)]
     columns = zip(*[*split, (10.0, 0, 0), (1e6, 0, 0)], strict=True)
-    assert fit_psychometric(*columns, guess_rate=guess) == here
+    assert fit_psychometric(*columns, guess_rate=guess) == fit(GOOD, guess=guess)
 
 
 @pytest.mark.slow
@@ -166,27 +163,26 @@ def test_many_fits_are_the_single_ones() -> None:
     k = rng.binomial(30, p, (60, 5)).astype(float)
     x, n = np.broadcast_to(np.log10(PAPER), k.shape), np.full(k.shape, 30.0)
     together = fit_many(x, k, n, guesses=[GuessRate(mean=0.5)] * 60)
-    for i in range(60):
-        alone = fit_psychometric(PAPER, k[i], n[i], guess_rate=0.5)
-        assert together[i].status == alone.status
+    for one, detected in zip(together, k, strict=True):
+        alone = fit(detected, guess=0.5)
+        assert one.status == alone.status
         if alone.status in WITH_THRESHOLD:
-            assert 10 ** together[i].threshold == pytest.approx(alone.threshold, rel=1e-6)
-            assert together[i].deviance == pytest.approx(alone.deviance, abs=1e-8)
+            assert 10**one.threshold == pytest.approx(alone.threshold, rel=1e-6)
+            assert one.deviance == pytest.approx(alone.deviance, abs=1e-8)
 
 
 def test_a_billion_trials_a_level_give_back_the_truth() -> None:
     p = psychometric(PAPER, threshold_vpp=100, sigma=0.1, guess_rate=0, lapse_rate=0.01)
-    fit = fit_psychometric(PAPER, np.round(1e9 * p), [10**9] * 5, guess_rate=0.0)
-    assert fit.status == "ok"
-    assert fit.threshold == pytest.approx(100, abs=0.01)
-    assert fit.mle_threshold == pytest.approx(100, abs=1e-5)
-    assert (fit.mle_sigma, fit.mle_lapse_rate) == pytest.approx((0.1, 0.01), abs=1e-7)
+    found = fit(np.round(1e9 * p), n=10**9)
+    assert found.status == "ok"
+    assert found.threshold == pytest.approx(100, abs=0.01)
+    assert found.mle_threshold == pytest.approx(100, abs=1e-5)
+    assert (found.mle_sigma, found.mle_lapse_rate) == pytest.approx((0.1, 0.01), abs=1e-7)
 
 
 def test_counts_that_no_guess_rate_explains_are_fitted_without_a_warning() -> None:
-    detected = [10**11 * tenth for tenth in (1, 3, 5, 7, 9)]
-    fit = fit_psychometric(PAPER, detected, [10**12] * 5, guess_rate=0.5)
-    assert 130 < fit.threshold_limits[0] < fit.threshold < fit.threshold_limits[1] < 200
+    found = fit([10**11 * tenth for tenth in (1, 3, 5, 7, 9)], n=10**12, guess=0.5)
+    assert 130 < found.threshold_limits[0] < found.threshold < found.threshold_limits[1] < 200
 
 
 @pytest.mark.slow
@@ -203,12 +199,12 @@ def test_limits_cover_the_threshold_they_are_for(
     x = np.broadcast_to(np.log10(CENTRED), k.shape)
     guesses = [GuessRate(mean=guess)] * studies
     fits = fit_many(x, k, np.full(k.shape, float(presented)), guesses=guesses)
-    found = [fit for fit in fits if fit.status in WITH_THRESHOLD]
+    found = [one for one in fits if one.status in WITH_THRESHOLD]
     assert len(found) > 0.97 * studies
     truth = math.log10(truth_vpp)
     covered = np.mean([low < truth < high for low, high in (f.threshold_limits for f in found)])
     assert covered == pytest.approx(0.95, abs=0.03)
-    errors_db = 20 * (np.array([fit.threshold for fit in found]) - truth)
+    errors_db = 20 * (np.array([one.threshold for one in found]) - truth)
     assert errors_db.mean() == pytest.approx(0, abs=3 * errors_db.std() / 24 + within_db)
 
 
@@ -223,28 +219,16 @@ def test_the_error_is_that_of_fishers_information() -> None:
     information = (slopes * (n / (p * (1 - p)))) @ slopes.T
     bound = math.sqrt(np.linalg.inv(information)[0, 0])
     k = np.random.default_rng(7).binomial(int(n), p, (studies, 5)).astype(float)
-    fits = fit_many(
-        np.broadcast_to(x, k.shape),
-        k,
-        np.full(k.shape, n),
-        guesses=[GuessRate(mean=0.0)] * studies,
-    )
-    error = np.std([fit.threshold for fit in fits])
+    guesses = [GuessRate(mean=0.0)] * studies
+    fits = fit_many(np.broadcast_to(x, k.shape), k, np.full(k.shape, n), guesses=guesses)
+    error = np.std([one.threshold for one in fits])
     assert error == pytest.approx(bound, rel=0.12)
 
 
 def test_a_guess_rate_that_is_known_less_well_widens_the_limits() -> None:
-    detected = [8, 12, 20, 28, 29]
-    few, many = (
-        fit_psychometric(
-            PAPER,
-            detected,
-            [30] * 5,
-            guess_rate=GuessRate.after_blanks(answered=0.2 * blanks, blanks=blanks),
-        )
-        for blanks in (20, 2000)
-    )
-    spans = [math.log10(fit.threshold_limits[1] / fit.threshold_limits[0]) for fit in (few, many)]
+    few, many = (GuessRate.after_blanks(answered=0.2 * n, blanks=n) for n in (20, 2000))
+    limits = [fit([8, 12, 20, 28, 29], guess=guess).threshold_limits for guess in (few, many)]
+    spans = [math.log10(high / low) for low, high in limits]
     assert spans[0] > spans[1] * 1.02
 
 
@@ -273,20 +257,15 @@ def test_impossible_tables_are_refused(
         fit_psychometric(levels, detected, presented, guess_rate=0.0)
 
 
-@pytest.mark.parametrize("guess", [-0.1, 1.0, math.nan, True, "0.5"])
+@pytest.mark.parametrize("guess", [-0.1, 0.95, 1.0, math.nan, math.inf, True, "0.5"])
 def test_impossible_guess_rates_are_refused(guess: Any) -> None:
     with pytest.raises(ValueError, match="guess_rate must be"):
-        fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=guess)
+        fit(GOOD, guess=guess)
 
 
 def test_another_axis_is_refused() -> None:
     with pytest.raises(ValueError, match="x_scale must be one of log10, linear"):
         fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.0, x_scale="ln")  # type: ignore[arg-type] # no axis
-
-
-def test_zero_volts_may_stand_on_a_linear_axis() -> None:
-    fit = fit_psychometric([0, 50, 100], [0, 15, 29], [30] * 3, guess_rate=0.0, x_scale="linear")
-    assert fit.status == "ok"
 
 
 def test_a_place_without_a_stimulus_does_not_stretch_the_scale() -> None:
@@ -296,14 +275,11 @@ def test_a_place_without_a_stimulus_does_not_stretch_the_scale() -> None:
 
 @pytest.mark.process
 def test_fits_spread_over_processes_are_those_of_one() -> None:
-    rng = np.random.default_rng(5)
-    x = np.tile(np.log10([60.0, 95.0, 130.0, 165.0, 200.0]), (5, 1))
-    presented = np.full(x.shape, 30.0)
-    detected = rng.binomial(30, ndtr((x - 2) / 0.1)).astype(np.float64)
-    guesses = [GuessRate(mean=0.0)] * 5
-    one = fit_many(x, detected, presented, guesses=guesses)
-    two = fit_many(x, detected, presented, guesses=guesses, jobs=2)
+    x = np.tile(np.log10(PAPER), (5, 1))
+    detected = np.random.default_rng(5).binomial(30, ndtr((x - 2) / 0.1)).astype(np.float64)
+    many = partial(fit_many, x, detected, np.full(x.shape, 30.0), guesses=[GuessRate(mean=0.0)] * 5)
+    one, two = many(), many(jobs=2)
     assert [fit.status for fit in two] == [fit.status for fit in one]
     assert np.allclose([f.threshold for f in two], [f.threshold for f in one], rtol=1e-12)
     with pytest.raises(ValueError, match="jobs"):
-        fit_many(x, detected, presented, guesses=guesses, jobs=0)
+        many(jobs=0)
