@@ -153,8 +153,11 @@ class Watching:
 class Lab:
     """A study, a folder and a device that outlives the sessions on it."""
 
-    def __init__(self, study: Study, root: Path, disk: Disk = UNWAITED) -> None:
+    def __init__(
+        self, study: Study, root: Path, patch: pytest.MonkeyPatch, disk: Disk = UNWAITED
+    ) -> None:
         self.study = study
+        self.patch = patch
         self.clock = VirtualClock()
         self.device: MockDevice = mock_device(study, self.clock)
         self.folder = SessionFolder(root, "01", "01", disk=disk)
@@ -202,7 +205,7 @@ class Lab:
             if written == lines or name == event:
                 raise Crash
 
-        with pytest.MonkeyPatch.context() as patch:
+        with self.patch.context() as patch:
             patch.setattr(Journal, "append", append_and_crash)
             yield
 

@@ -130,9 +130,6 @@ def cut_journal(results: Path, participant: str, lines: int) -> None:
     folder.trials_path.unlink()
 
 
-# --- the validator --------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="session")
 def validator() -> Path:
     bundle = pytest.importorskip(
@@ -211,9 +208,6 @@ def test_facts_that_the_study_gives_are_not_missed(validator: Path, described: P
     missed = {issue.get("subCode") for issue in issues(validator, bids)}
     assert missed == {"HEDVersion", "SourceDatasets", "CogAtlasID", "CogPOID",
                       "InstitutionalDepartmentName", "Instructions"}  # fmt: skip
-
-
-# --- tables and sidecars --------------------------------------------------------------------------
 
 
 def test_events_are_the_trials_under_other_names(results: Path, rows_of: Rows) -> None:
@@ -300,9 +294,6 @@ def test_the_study_describes_the_data_set(described: Path) -> None:
     assert sidecar["TaskDescription"] == "Say where a vibration is felt"
 
 
-# --- what is left out, named and marked -----------------------------------------------------------
-
-
 def test_host_and_operator_are_only_in_sourcedata(results: Path) -> None:
     header = results / "sub-01" / "ses-01" / "header.json"
     facts = json.loads(header.read_text("utf-8")) | {"host": "labhost7", "operator": "grete"}
@@ -347,9 +338,6 @@ def test_simulated_sessions_are_marked(results: Path) -> None:
     assert "SIMULATED, without a person: sub-01/ses-01, sub-02/ses-01" in readme
 
 
-# --- refusals: nothing changes --------------------------------------------------------------------
-
-
 def test_a_damaged_journal_stops_the_export(results: Path, no_export: Refused) -> None:
     journal = results / "sub-02" / "ses-01" / "journal.jsonl"
     raw = bytearray(journal.read_bytes())
@@ -359,7 +347,7 @@ def test_a_damaged_journal_stops_the_export(results: Path, no_export: Refused) -
 
 
 @pytest.mark.parametrize("out", [None, "bids"])
-def test_a_plan_of_another_schema_is_refused_before_anything_is_written(
+def test_a_plan_of_another_schema_ends_it_before_anything_is_written(
     results: Path, out: str | None
 ) -> None:
     plan = results / "sub-02" / "ses-01" / "plan.json"
@@ -382,17 +370,13 @@ def test_a_running_session_stops_the_export(results: Path, no_export: Refused) -
         assert "another process is running this session" in no_export()
 
 
-def test_a_person_whose_withdrawal_has_begun_is_not_exported(
-    results: Path, no_export: Refused
-) -> None:
+def test_whoever_has_begun_to_withdraw_is_not_exported(results: Path, no_export: Refused) -> None:
     write_tombstone(results, Tombstone(participant="02", withdrawn="2001-02-03", removed=False))
     assert "participant 02" in no_export()
 
 
 @pytest.mark.parametrize("place", [".", "sub-01", "sub-01/ses-01/bids", "sub-x", "withdrawn/bids"])
-def test_a_data_set_does_not_lie_among_its_data(
-    results: Path, place: str, no_export: Refused
-) -> None:
+def test_a_data_set_is_not_among_its_data(results: Path, place: str, no_export: Refused) -> None:
     assert "must not lie among the data" in no_export(results / place)
 
 
@@ -410,9 +394,7 @@ def test_what_is_no_export_is_refused(results: Path, no_export: Refused) -> None
 
 
 @pytest.mark.parametrize("what", ["added", "changed", "removed", "linked", "damaged"])
-def test_an_export_that_was_changed_is_not_replaced(
-    results: Path, what: str, no_export: Refused
-) -> None:
+def test_a_changed_export_is_not_replaced(results: Path, what: str, no_export: Refused) -> None:
     bids = exported(results)
     if what == "added":
         (bids / "sub-01" / "notes.txt").write_text("dear", encoding="utf-8")
@@ -451,9 +433,6 @@ def test_a_data_set_is_named_from_the_folder_in_which_one_stands(
     assert (work / place / "dataset_description.json").is_file()
 
 
-# --- kills ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_an_export_killed_anywhere_leaves_the_old_or_the_new_one_and_is_run_again(
     results: Path, kill_at: Callable[..., int | None]
@@ -483,9 +462,6 @@ def test_an_export_killed_anywhere_leaves_the_old_or_the_new_one_and_is_run_agai
         assert contents(exported(results)) == new_bids
         assert sorted(path.name for path in results.parent.iterdir()) == ["bids", "kept", "results"]
     assert {"old", "new"} <= seen
-
-
-# --- withdrawal -----------------------------------------------------------------------------------
 
 
 def test_a_withdrawal_lists_the_exports_that_hold_the_person(results: Path, run: Run) -> None:

@@ -42,11 +42,16 @@ SAMPLES = {"one": 97, "two": 193}
 
 
 @pytest.fixture
-def lab_of(tmp_path: Path, make_study: Callable[[str], Study], short_study_text: str) -> LabOf:
+def lab_of(
+    tmp_path: Path,
+    make_study: Callable[[str], Study],
+    short_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> LabOf:
     """Set up a study with more lines than the short one's."""
 
     def lab_of(more: str = "", place: str = "first") -> Lab:
-        return Lab(make_study(short_study_text + more), tmp_path / place)
+        return Lab(make_study(short_study_text + more), tmp_path / place, monkeypatch)
 
     return lab_of
 
@@ -103,7 +108,7 @@ def test_every_answer_stays_in_the_record_and_is_timed_from_the_onset(lab: Lab) 
 @pytest.mark.parametrize(
     ("script", "emitted"), [({"wait": {1: "left"}}, 5), ({"ask": {1: ("left", 0.05)}}, 6)]
 )
-def test_a_press_before_the_onset_or_too_soon_after_it_repeats_the_trial(
+def test_a_press_that_comes_too_early_repeats_the_trial(
     lab: Lab, script: Script, emitted: int
 ) -> None:
     lab.begin(**script)
@@ -122,9 +127,7 @@ def test_escape_pauses_and_escape_again_stops_with_the_outputs_at_zero(lab: Lab)
 
 
 @pytest.mark.parametrize(("call", "number", "status"), [("ask", 3, "voided"), ("pause", 1, "ok")])
-def test_a_stop_from_outside_ends_a_wait_and_the_session(
-    lab: Lab, call: str, number: int, status: str
-) -> None:
+def test_a_stop_from_outside_ends_a_wait(lab: Lab, call: str, number: int, status: str) -> None:
     def stop() -> None:
         lab.stop.ask()
 
@@ -137,9 +140,7 @@ def test_a_stop_from_outside_ends_a_wait_and_the_session(
 
 
 @pytest.mark.parametrize("status", ["voided", "indeterminate"])
-def test_only_a_device_that_stayed_on_can_tell_that_the_stimulus_was_felt(
-    lab: Lab, status: str
-) -> None:
+def test_only_a_device_that_stayed_on_tells_that_a_stimulus_was_felt(lab: Lab, status: str) -> None:
     lab.crash(2)
     if status == "indeterminate":
         lab.device = mock_device(lab.study, lab.clock)
@@ -148,10 +149,8 @@ def test_only_a_device_that_stayed_on_can_tell_that_the_stimulus_was_felt(
     assert lab.rows[1].onset_s is None
 
 
-def test_a_device_that_stayed_on_tells_that_the_stimulus_never_went_out(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
+def test_a_device_that_stayed_on_tells_that_the_stimulus_never_went_out(lab: Lab) -> None:
+    with lab.patch.context() as patch:
         patch.setattr(lab.device, "fire", failing(Crash()))
         with pytest.raises(Crash):
             lab.begin()
@@ -160,9 +159,7 @@ def test_a_device_that_stayed_on_tells_that_the_stimulus_never_went_out(
     assert len(lab.device.emitted) == 5
 
 
-def test_an_indeterminate_delivery_is_recorded_and_repeated(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_indeterminate_delivery_is_recorded_and_repeated(lab: Lab) -> None:
     fire = lab.device.fire
     fired: list[int] = []
 
@@ -171,7 +168,7 @@ def test_an_indeterminate_delivery_is_recorded_and_repeated(
         fired.append(token)
         return replace(delivery, outcome=Outcome.INDETERMINATE) if len(fired) == 1 else delivery
 
-    monkeypatch.setattr(lab.device, "fire", lose_the_first_answer)
+    lab.patch.setattr(lab.device, "fire", lose_the_first_answer)
     assert lab.begin().finished
     first = lab.rows[0]
     assert (first.status, first.response, first.level_left_vpp) == ("indeterminate", None, None)
@@ -186,9 +183,9 @@ def test_an_indeterminate_delivery_is_recorded_and_repeated(
     ],
 )
 def test_a_device_that_fails_stops_the_session_which_can_be_resumed(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch, call: str, error: Exception, status: str
+    lab: Lab, call: str, error: Exception, status: str
 ) -> None:
-    with monkeypatch.context() as patch:
+    with lab.patch.context() as patch:
         patch.setattr(lab.device, call, failing(error))
         ending = lab.begin()
     assert (ending.finished, ending.failure) == (False, error)
@@ -206,7 +203,7 @@ def test_practice_is_answered_with_feedback_and_recorded_as_practice(lab_of: Lab
 
 
 @pytest.mark.usefixtures("person")
-def test_a_person_gets_two_warm_up_trials_after_a_resume_which_are_none_of_those_left(
+def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(
     lab: Lab,
 ) -> None:
     lab.crash(2)
@@ -230,17 +227,15 @@ def test_every_condition_gets_its_own_burst(lab_of: LabOf) -> None:
     assert found == set(SAMPLES.items())
 
 
-def test_a_session_goes_on_only_where_and_when_it_was_begun(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_session_goes_on_only_where_and_when_it_was_begun(lab: Lab) -> None:
     lab.crash(2)
     lines = lab.folder.journal_path.read_bytes()
-    with monkeypatch.context() as patch:
+    with lab.patch.context() as patch:
         patch.setattr(platform, "node", lambda: "elsewhere")
         with pytest.raises(ArchiveError, match=r"host .* got 'elsewhere'.*--resume-anyway"):
             lab.resume()
     late_s = lab.entries()[-1].wall_s + 31 * 60
-    with monkeypatch.context() as patch:
+    with lab.patch.context() as patch:
         patch.setattr("time.time", lambda: late_s)
         with pytest.raises(ArchiveError, match="interrupted 31 minutes ago, the most is 30"):
             lab.resume()
@@ -267,7 +262,7 @@ def test_onsets_of_a_resumed_session_come_after_the_earlier_ones(lab: Lab) -> No
         ),
     ],
 )
-def test_what_the_device_would_refuse_is_refused_before_a_session_exists(
+def test_what_the_device_would_refuse_leaves_no_session(
     lab_of: LabOf, text: str, told: str
 ) -> None:
     lab = lab_of(text)
@@ -276,9 +271,7 @@ def test_what_the_device_would_refuse_is_refused_before_a_session_exists(
     assert not lab.folder.plan_path.exists()
 
 
-def test_a_refused_fire_is_a_device_error_and_the_trial_comes_again(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_fire_is_a_device_error_and_the_trial_comes_again(lab: Lab) -> None:
     arm = lab.device.arm
     armed: list[int] = []
 
@@ -288,18 +281,16 @@ def test_a_refused_fire_is_a_device_error_and_the_trial_comes_again(
         if len(armed) == 1:
             lab.clock.wait(2 * time_to_live_s)
 
-    monkeypatch.setattr(lab.device, "arm", arm_and_dawdle)
+    lab.patch.setattr(lab.device, "arm", arm_and_dawdle)
     assert lab.begin().finished
     assert lab.statuses()[0] == (1, 1, "device_error")
     assert len(lab.device.emitted) == 5
 
 
-def test_a_second_interruption_on_a_restarted_device_leaves_the_trial_indeterminate(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_second_interruption_on_a_restarted_device_is_indeterminate(lab: Lab) -> None:
     lab.crash(1)
     lab.device.reset()
-    with monkeypatch.context() as patch:
+    with lab.patch.context() as patch:
         patch.setattr(lab.device, "disarm", failing(Crash()))
         with pytest.raises(Crash):
             lab.resume()
@@ -317,10 +308,8 @@ def test_warm_up_trials_are_never_taken_for_one_another(lab: Lab) -> None:
     assert len(set(keys)) == len(keys) == len(lab.device.emitted)
 
 
-def test_a_session_begun_with_a_person_does_not_go_on_with_a_simulation(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
+def test_a_session_begun_with_a_person_does_not_go_on_with_a_simulation(lab: Lab) -> None:
+    with lab.patch.context() as patch:
         patch.setattr(Scripted, "simulated", False)
         lab.crash(2)
     lines = lab.folder.journal_path.read_bytes()
@@ -363,9 +352,6 @@ def test_practice_after_a_resume_is_felt_in_its_own_condition(lab_of: LabOf) -> 
     assert first == {"one", "two"}
 
 
-# --- masking noise --------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("ok", "on_record"), [(True, [True]), (None, [])])
 def test_noise_is_on_record_in_every_row_where_some_is_to_play_and_stopped_at_the_end(
     lab: Lab, *, ok: bool | None, on_record: list[bool]
@@ -387,9 +373,7 @@ def test_noise_lost_before_the_stimulus_aborts_the_trial_unfelt(noisy: Lab) -> N
     assert noisy.noise.calls.count("start") == 2
 
 
-def test_noise_lost_at_the_onset_voids_the_trial(
-    noisy: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_noise_lost_at_the_onset_voids_the_trial(noisy: Lab) -> None:
     fire = noisy.device.fire
 
     def fire_and_fall_silent(token: int) -> Delivery:
@@ -397,7 +381,7 @@ def test_noise_lost_at_the_onset_voids_the_trial(
             noisy.noise.lose()
         return fire(token)
 
-    monkeypatch.setattr(noisy.device, "fire", fire_and_fall_silent)
+    noisy.patch.setattr(noisy.device, "fire", fire_and_fall_silent)
     # it comes back by itself before the answer: what was felt at the onset may have been heard
     assert noisy.begin(ask={2: noisy.noise.start}).finished
     lost = noisy.rows[1]
@@ -424,9 +408,7 @@ def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
     assert noisy.monitor.seen[-1].message == ""
 
 
-def test_a_gap_that_is_over_voids_its_trial_and_stays_on_record(
-    noisy: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_gap_that_is_over_voids_its_trial_and_stays_on_record(noisy: Lab) -> None:
     health, gaps = noisy.noise.health, 0
 
     def health_since_last_asked() -> NoiseHealth:
@@ -438,7 +420,7 @@ def test_a_gap_that_is_over_voids_its_trial_and_stays_on_record(
         nonlocal gaps
         noisy.noise.ok, gaps = False, gaps + 1
 
-    monkeypatch.setattr(noisy.noise, "health", health_since_last_asked)
+    noisy.patch.setattr(noisy.noise, "health", health_since_last_asked)
     assert noisy.begin(ask={2: gap}, cue={4: gap}).finished
     # one in an answer window, one in a foreperiod
     assert [s for _, _, s in noisy.statuses()] == ["ok", "voided", "ok", "aborted", *["ok"] * 3]
@@ -487,9 +469,6 @@ def test_an_answer_on_record_keeps_what_was_known_of_its_noise(noisy: Lab) -> No
     assert (noisy.rows[0].status, noisy.rows[0].noise_ok) == ("ok", True)
 
 
-# --- the operator ---------------------------------------------------------------------------------
-
-
 def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab: Lab) -> None:
     assert lab.begin(ask={2: lab.requests.pause}).finished
     events = [e.event for e in lab.entries()]
@@ -517,15 +496,13 @@ def test_a_pause_that_was_taken_back_is_none(lab: Lab) -> None:
     assert asked == [False]  # the break: what was asked for before it does not end it
 
 
-def test_going_on_asked_for_in_a_pause_reaches_the_participants_screen(
-    lab: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_going_on_asked_for_in_a_pause_reaches_the_participants_screen(lab: Lab) -> None:
     def show(status: Status) -> None:
         if status.phase == "paused":
             lab.requests.go_on()
 
     asked = []
-    monkeypatch.setattr(lab.monitor, "show", show)
+    lab.patch.setattr(lab.monitor, "show", show)
     script = {1: lambda: asked.append(lab.requests.take_go_on())}
     assert lab.begin(ask={2: lab.requests.pause}, pause=script).finished
     assert asked == [True]
@@ -584,9 +561,7 @@ def test_a_resumed_session_shows_the_answers_of_before(lab: Lab) -> None:
     assert first.done == 3
 
 
-def test_whatever_happens_nothing_is_written_or_shown_between_the_onset_and_the_key(
-    noisy: Lab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_whatever_happens_nothing_is_written_or_shown_between_onset_and_key(noisy: Lab) -> None:
     log: list[str] = []
     ask = Scripted.ask
 
@@ -606,18 +581,15 @@ def test_whatever_happens_nothing_is_written_or_shown_between_the_onset_and_the_
         log.append("key")
         return press
 
-    monkeypatch.setattr(Journal, "append", logged("written", Journal.append))
-    monkeypatch.setattr(noisy.device, "fire", logged("onset", noisy.device.fire))
-    monkeypatch.setattr(Watching, "show", logged("shown", Watching.show))
-    monkeypatch.setattr(Scripted, "ask", ask_and_log)
+    noisy.patch.setattr(Journal, "append", logged("written", Journal.append))
+    noisy.patch.setattr(noisy.device, "fire", logged("onset", noisy.device.fire))
+    noisy.patch.setattr(Watching, "show", logged("shown", Watching.show))
+    noisy.patch.setattr(Scripted, "ask", ask_and_log)
     assert noisy.begin().finished
     onsets = [place for place, what in enumerate(log) if what == "onset"]
     assert len(onsets) == 10
     assert all(log[place + 1] == "key" for place in onsets)
     assert {"written", "shown"} < set(log)
-
-
-# --- the parts of a session -----------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -655,7 +627,7 @@ def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
     assert (off_plate.responder.calls["begin"], off_plate.responder.calls["end"]) == (1, 1)
 
 
-def test_none_is_an_answer_with_the_fingers_off_the_plate_and_no_displacement_is_told(
+def test_none_is_an_answer_with_the_fingers_off_without_a_displacement(
     off_plate: Lab,
 ) -> None:
     assert off_plate.begin(ask=dict.fromkeys(range(1, 10), ("none", 0.5))).finished
@@ -677,12 +649,9 @@ def test_a_participant_may_stop_at_the_welcome_and_before_a_part(lab: Lab, call:
     assert lab.resume().finished
 
 
-# --- killed at every line -------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("person")
-def test_killed_after_any_line_of_a_lively_session_it_is_resumed_and_loses_nothing(
+def test_killed_after_any_line_a_lively_session_loses_nothing(
     lab_of: LabOf, off_plate: Lab
 ) -> None:
     kills = 0

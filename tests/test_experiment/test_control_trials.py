@@ -72,9 +72,6 @@ def others(plan: Plan) -> list[Trial]:
     return [replace(t, number=0) for t in plan.trials if t.kind != "control"]
 
 
-# --- the plan -------------------------------------------------------------------------------------
-
-
 def test_plans_of_studies_without_such_trials_are_those_of_before() -> None:
     # as drawn by the version that knew no control trials
     assert digest(draw(paper_study(), 7)) == "d358cfaf7d463dc0"
@@ -159,9 +156,7 @@ def test_none_is_accepted_with_the_fingers_off_even_where_it_is_not_offered() ->
         (1, "control", "both", "side must be left or right; got 'both'"),
     ],
 )
-def test_a_trial_in_an_impossible_block_is_refused(
-    block: int, kind: str, side: str, said: str
-) -> None:
+def test_an_impossible_block_is_refused(block: int, kind: str, side: str, said: str) -> None:
     trial = draw(SIXTEEN).trials[0]
     with pytest.raises(PlanError, match=said):
         replace(trial, block=block, kind=kind, side=side)
@@ -172,9 +167,6 @@ def test_whoever_resumes_begins_with_the_audibility_check() -> None:
     pending = [task.trial for task in replay(plan, ()).pending]
     assert pending == list(plan.trials)
     assert [t.kind for t in pending[:8]] == ["control"] * 6 + ["practice"] * 2
-
-
-# --- the check ------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -200,9 +192,6 @@ def test_the_check_counts_them_apart_and_their_time(
         "6 trials before everything else, is the plate heard; 10 at the end; all at 200 Vpp"
     )
     assert "about 9 min in 5 blocks" in told
-
-
-# --- a simulated participant ----------------------------------------------------------------------
 
 
 def test_a_simulated_participant_feels_nothing_with_the_fingers_off(

@@ -103,10 +103,7 @@ def disk() -> LossyDisk:
     return LossyDisk()
 
 
-# --- files ----------------------------------------------------------------------------------------
-
-
-def test_a_synced_line_of_a_journal_and_all_before_it_outlive_a_power_cut(
+def test_a_synced_line_and_all_before_it_outlive_a_power_cut(
     tmp_path: Path, disk: LossyDisk
 ) -> None:
     path = tmp_path / "journal.jsonl"
@@ -138,9 +135,7 @@ def test_a_torn_line_is_safe_elsewhere_before_it_is_cut_off(
     assert path.read_bytes() == whole
 
 
-def test_a_file_is_on_the_disk_as_a_whole_when_it_is_written(
-    tmp_path: Path, disk: LossyDisk
-) -> None:
+def test_a_file_that_is_written_is_on_the_disk_as_a_whole(tmp_path: Path, disk: LossyDisk) -> None:
     for text in ("first", "second"):
         write_atomically(tmp_path / "table.csv", text, disk=disk)
         assert disk.holds(tmp_path) == {"table.csv": text.encode()}
@@ -152,9 +147,7 @@ def test_a_new_folder_is_on_the_disk_with_those_above_it(tmp_path: Path, disk: L
     assert disk.holds(tmp_path) == {"study/sub-01/ses-01/plan.json": b"{}"}
 
 
-def test_a_folder_below_a_file_is_refused_by_the_files_name(
-    tmp_path: Path, disk: LossyDisk
-) -> None:
+def test_a_folder_below_a_file_is_refused_by_its_name(tmp_path: Path, disk: LossyDisk) -> None:
     file = tmp_path / "study.toml"
     file.touch()
     with pytest.raises(NotADirectoryError) as refused:
@@ -210,15 +203,12 @@ def test_the_system_is_asked_to_sync_files_and_folders_and_no_descriptor_stays(
     assert after == before
 
 
-# --- a session ------------------------------------------------------------------------------------
-
-
 class LossyLab(Lab):
     """A session on a disk that loses what was not synced."""
 
-    def __init__(self, study: Study, root: Path) -> None:
+    def __init__(self, study: Study, root: Path, patch: pytest.MonkeyPatch) -> None:
         self.disk = LossyDisk()
-        super().__init__(study, root / "study", self.disk)
+        super().__init__(study, root / "study", patch, self.disk)
         self.root = root
 
     def safe_lines(self) -> list[dict[str, Any]]:
@@ -239,12 +229,12 @@ def study(make_study: Callable[[str], Study], short_study_text: str) -> Study:
 
 
 @pytest.fixture
-def lab(tmp_path: Path, study: Study) -> LossyLab:
-    return LossyLab(study, tmp_path)
+def lab(tmp_path: Path, study: Study, monkeypatch: pytest.MonkeyPatch) -> LossyLab:
+    return LossyLab(study, tmp_path, monkeypatch)
 
 
-def test_at_every_fire_the_token_and_at_every_cue_the_end_before_are_on_the_disk(
-    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
+def test_at_every_fire_the_token_and_at_every_cue_the_last_end_are_on_the_disk(
+    lab: LossyLab,
 ) -> None:
     fire = lab.device.fire
     seen: list[tuple[str, int]] = []
@@ -259,7 +249,7 @@ def test_at_every_fire_the_token_and_at_every_cue_the_end_before_are_on_the_disk
     def observed_cue() -> None:
         seen.append(("cue", lab.safe("trial_end")))
 
-    monkeypatch.setattr(lab.device, "fire", observed_fire)
+    lab.patch.setattr(lab.device, "fire", observed_fire)
     number = len(lab.plan.trials)
     assert lab.begin(cue=dict.fromkeys(range(1, number + 1), observed_cue)).finished
     assert seen == [
@@ -271,9 +261,7 @@ def test_at_every_fire_the_token_and_at_every_cue_the_end_before_are_on_the_disk
     assert lab.safe_lines()[-1]["event"] == "session_close"
 
 
-def test_who_waits_for_a_person_or_the_operator_has_written_what_led_there(
-    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_who_waits_for_a_person_or_the_operator_has_written_what_led_there(lab: LossyLab) -> None:
     noted: list[int] = []
 
     def greeted() -> None:
@@ -287,15 +275,13 @@ def test_who_waits_for_a_person_or_the_operator_has_written_what_led_there(
     def waits_in_a_pause() -> None:
         assert (lab.safe("pause"), len(lab.entries("pause"))) == (1, 1)
 
-    monkeypatch.setattr(lab.monitor, "show", lambda status: noted.append(lab.safe("note")))
+    lab.patch.setattr(lab.monitor, "show", lambda status: noted.append(lab.safe("note")))
     assert lab.begin(begin={1: greeted}, pause={1: waits_in_a_break, 2: waits_in_a_pause}).finished
     assert lab.responder.calls["pause"] == 2
     assert noted[:3] == [0, 0, 1]  # shown before the greeting, at it, and when the note was taken
 
 
-def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(
-    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(lab: LossyLab) -> None:
     stop, seen = lab.device.stop, []
 
     def lost(token: int) -> Delivery:
@@ -305,15 +291,13 @@ def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(
         seen.append(lab.safe("fault"))
         stop()
 
-    monkeypatch.setattr(lab.device, "fire", lost)
-    monkeypatch.setattr(lab.device, "stop", observed_stop)
+    lab.patch.setattr(lab.device, "fire", lost)
+    lab.patch.setattr(lab.device, "stop", observed_stop)
     assert not lab.begin().finished
     assert set(seen) == {1}
 
 
-def test_a_resume_and_the_end_of_the_open_trial_are_on_the_disk_before_it_goes_on(
-    lab: LossyLab, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_resume_and_the_open_trials_end_are_on_the_disk_before_it_goes_on(lab: LossyLab) -> None:
     def begun() -> None:
         assert (lab.safe("session_resume"), lab.safe("trial_end")) == (1, 1)
 
@@ -325,7 +309,7 @@ def test_a_resume_and_the_end_of_the_open_trial_are_on_the_disk_before_it_goes_o
         disarm(token)
 
     lab.crash(1)
-    monkeypatch.setattr(lab.device, "disarm", observed_disarm)
+    lab.patch.setattr(lab.device, "disarm", observed_disarm)
     assert lab.resume(begin={1: begun}).finished
     assert lab.responder.calls["begin"] == 1
     assert asked == [1]
@@ -341,9 +325,6 @@ def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(
     there = lab.disk.holds(lab.root)
     assert {"study/participants.tsv", "study/sub-01/ses-01/plan.json"} <= set(there)
     assert json.loads(there["study/sub-01/ses-01/plan.json"])["sha256"] == lab.plan.sha256
-
-
-# --- a withdrawal ---------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -394,9 +375,6 @@ def test_at_no_moment_of_a_withdrawal_is_data_missing_without_a_tombstone(
     assert moments[-1] == (True, 0)
 
 
-# --- whose files they are -------------------------------------------------------------------------
-
-
 @pytest.fixture(params=[0o000, 0o022, 0o077], ids=oct)
 def umask(request: pytest.FixtureRequest) -> Iterator[int]:
     before = os.umask(request.param)
@@ -405,9 +383,7 @@ def umask(request: pytest.FixtureRequest) -> Iterator[int]:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
-def test_what_is_written_of_a_person_gives_others_no_right(
-    tmp_path: Path, study: Study, umask: int
-) -> None:
+def test_records_of_a_person_give_others_no_right(tmp_path: Path, study: Study, umask: int) -> None:
     (study_folder,) = simulate_study(
         study, tmp_path / "new" / "study", participants=1, seed=1, gains=()
     )

@@ -75,7 +75,7 @@ def test_displacements_are_of_the_levels_that_the_device_reported(
     assert (row.level_left_vpp, row.level_right_vpp) == levels_vpp
 
 
-def test_no_displacement_is_told_of_a_level_that_nobody_knows_or_a_finger_that_is_off(
+def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(
     plan: Plan,
 ) -> None:
     control = next(trial for trial in plan.trials if trial.kind == "control")

@@ -192,7 +192,7 @@ def answers_of(sessions: Sessions) -> dict[str, list[str]]:
 
 
 @pytest.mark.slow
-def test_a_whole_paper_session_gives_the_same_answers_over_every_link(
+def test_a_whole_session_gives_the_same_answers_over_every_link(
     tmp_path: Path, start: Start
 ) -> None:
     mock = Sessions(tmp_path / "mock", PAPER)
@@ -253,7 +253,7 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
 
 
 @pytest.mark.process
-def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
+def test_a_device_that_resets_on_a_bad_line_costs_nothing(
     short: Sessions, truth: Path, start: Start
 ) -> None:
     faults = "reset=0.01,drop=0.002,corrupt=0.002"
@@ -273,7 +273,7 @@ def test_a_device_that_resets_on_a_bad_line_costs_no_trial_and_no_truth(
 
 
 @pytest.mark.process
-def test_a_generator_on_a_line_that_breaks_costs_no_trial_and_no_truth(
+def test_a_generator_on_a_line_that_breaks_costs_nothing(
     short: Sessions, truth: Path, start: Start
 ) -> None:
     faults = ("--fault", "disconnect_at=6000,reset=0.003,delay=0.02", "--seed", "3")
@@ -284,7 +284,7 @@ def test_a_generator_on_a_line_that_breaks_costs_no_trial_and_no_truth(
 
 @pytest.mark.process
 @pytest.mark.parametrize("kind", LINES)
-def test_a_host_that_is_killed_doubles_nothing(
+def test_a_killed_host_doubles_nothing(
     kind: str, short: Sessions, truth: Path, start: Start
 ) -> None:
     _, port = start(*LINES[kind], truth=truth)
@@ -299,18 +299,13 @@ def test_a_host_that_is_killed_doubles_nothing(
 
 
 @pytest.mark.process
-def test_an_answer_on_the_machines_clock_comes_after_its_reaction_time(
-    tiny: Sessions, start: Start
-) -> None:
+def test_an_answer_in_real_time_takes_its_reaction_time(tiny: Sessions, start: Start) -> None:
     _, port = start("--pty")
     began_s = time.monotonic()
     assert tiny.run(*over("serial", port)).exit_code == 0
     assert time.monotonic() - began_s > 3 * 0.151
     onsets_s = [float(row["onset_s"]) for row in tiny.rows()]
     assert all(later - earlier > 0.151 for earlier, later in pairwise(onsets_s))
-
-
-# --- a real device, and what it asks for
 
 
 class RealGenerator:
@@ -373,7 +368,7 @@ def test_without_a_word_for_its_safety_a_real_device_is_sent_nothing(
 
 
 @pytest.mark.process
-def test_a_word_for_its_safety_is_kept_with_what_the_device_cannot_promise(
+def test_a_word_for_its_safety_is_kept_with_what_it_cannot_promise(
     tiny: Sessions, real: RealGenerator
 ) -> None:
     result = tiny.run(*over("generator", real.port, "--confirm-hardware"))
@@ -438,9 +433,7 @@ def test_what_a_driver_lacks_is_said_before_anything_is_opened(
 
 
 @pytest.mark.process
-def test_the_study_names_driver_and_port_and_options_name_others(
-    tiny: Sessions, start: Start
-) -> None:
+def test_the_study_names_driver_and_port_and_options_others(tiny: Sessions, start: Start) -> None:
     _, port = start("--pty")
     named = TINY.replace("[device]", f'[device]\ndriver = "serial"\nport = "{port}"')
     tiny.write(named)
@@ -469,9 +462,6 @@ def test_the_mocks_ceiling_is_none_of_another_devices(
     assert 250_000 in {level for burst in bursts_of(truth) for level in burst["levels_mv"]}
 
 
-# --- the check of a device
-
-
 @pytest.fixture
 def check(tmp_path: Path, run: Run) -> Run:
     """Check a study, and the device that is given."""
@@ -483,9 +473,7 @@ def check(tmp_path: Path, run: Run) -> Run:
 
 
 @pytest.mark.process
-def test_the_check_of_a_device_plays_a_tenth_on_each_channel(
-    check: Run, truth: Path, start: Start
-) -> None:
+def test_the_check_plays_a_tenth_on_each_channel(check: Run, truth: Path, start: Start) -> None:
     _, port = start("--pty", truth=truth)
     reached = ("--device", "--driver", "serial", "--port", port)
     result = check(*reached)

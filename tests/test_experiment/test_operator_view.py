@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import pytest
 
-from experiment.operator.terminal import LONGEST_NOTE, OperatorKeys
 from tactstrip import __file__ as front_door
 
 if TYPE_CHECKING:
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
 termios = pytest.importorskip("termios", reason="pseudo-terminals are a POSIX feature")
 
+pytestmark = pytest.mark.process
 PATIENCE_S = 60
 CONTROL = re.compile(r"\x1b\[([0-9;?]*)([A-Za-z])|\r|\n|[^\x1b\r\n]+")
 
@@ -268,7 +268,6 @@ def idle(told_path: Path) -> Iterator[Terminal]:
         yield terminal
 
 
-@pytest.mark.process
 def test_the_view_says_where_the_session_stands(idle: Terminal) -> None:
     idle.expect("11 of 155 trials done   block 2 of 5   ready   10 min left")
     shown = ("device  ready", "noise   plays", "left    5 of 6 correct", "left both",
@@ -278,7 +277,6 @@ def test_the_view_says_where_the_session_stands(idle: Terminal) -> None:
     assert "vpp" not in idle.seen.lower()
 
 
-@pytest.mark.process
 def test_each_picture_takes_the_place_of_the_last(told_path: Path) -> None:
     with beside("progress", told_path) as terminal:
         terminal.expect("put the cup away")
@@ -287,8 +285,7 @@ def test_each_picture_takes_the_place_of_the_last(told_path: Path) -> None:
         assert "12 of 155" in terminal.seen
 
 
-@pytest.mark.process
-def test_nothing_is_drawn_while_an_answer_is_awaited_unless_the_operator_types(
+def test_nothing_is_drawn_while_an_answer_is_awaited_unless_a_key_is_typed(
     told_path: Path,
 ) -> None:
     with beside("answer", told_path) as terminal:
@@ -299,7 +296,6 @@ def test_nothing_is_drawn_while_an_answer_is_awaited_unless_the_operator_types(
         terminal.expect("77 of 155")
 
 
-@pytest.mark.process
 def test_a_pause_is_asked_for_by_p_and_ended_by_r(idle: Terminal, told_path: Path) -> None:
     idle.type("p")
     idle.expect("a pause follows this trial")
@@ -309,17 +305,13 @@ def test_a_pause_is_asked_for_by_p_and_ended_by_r(idle: Terminal, told_path: Pat
     assert told(told_path) | {"paused": False, "go_on": True} == told(told_path)
 
 
-@pytest.mark.process
-def test_a_resume_where_nothing_is_paused_is_not_kept_for_the_next_pause(
-    idle: Terminal, told_path: Path
-) -> None:
+def test_a_resume_is_not_kept_for_the_next_pause(idle: Terminal, told_path: Path) -> None:
     idle.type("r")
     idle.expect("nothing is paused")
     idle.stop()
     assert told(told_path)["go_on"] is False
 
 
-@pytest.mark.process
 def test_a_pause_that_another_asked_for_is_ended_by_r(told_path: Path) -> None:
     with beside("paused", told_path) as terminal:
         terminal.expect("paused")
@@ -327,7 +319,6 @@ def test_a_pause_that_another_asked_for_is_ended_by_r(told_path: Path) -> None:
     assert told(told_path)["go_on"] is True
 
 
-@pytest.mark.process
 def test_a_note_is_written_corrected_and_kept(idle: Terminal, told_path: Path) -> None:
     idle.type("nchair mow")
     idle.expect("note: chair mow_")
@@ -339,10 +330,7 @@ def test_a_note_is_written_corrected_and_kept(idle: Terminal, told_path: Path) -
     assert told(told_path)["notes"] == ["chair moved, späť"]
 
 
-@pytest.mark.process
-def test_a_stop_has_to_be_confirmed_and_then_ends_a_wait_of_the_main_thread(
-    idle: Terminal, told_path: Path
-) -> None:
+def test_a_stop_has_to_be_confirmed_and_ends_a_wait(idle: Terminal, told_path: Path) -> None:
     for key in "ny":
         idle.expect("p pause")
         idle.type("s")
@@ -353,7 +341,6 @@ def test_a_stop_has_to_be_confirmed_and_then_ends_a_wait_of_the_main_thread(
     assert told(told_path)["asked"] is True
 
 
-@pytest.mark.process
 def test_keys_typed_before_the_view_are_not_taken_for_it(told_path: Path) -> None:
     with beside("idle", told_path) as terminal:
         terminal.type("sy\n")
@@ -363,11 +350,8 @@ def test_keys_typed_before_the_view_are_not_taken_for_it(told_path: Path) -> Non
         assert not terminal.screen.has("stop the session")
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_the_terminal_is_given_back_at_the_end_and_by_a_signal(
-    idle: Terminal, number: signal.Signals
-) -> None:
+def test_the_terminal_is_given_back_by_a_signal(idle: Terminal, number: signal.Signals) -> None:
     assert not idle.by_line
     idle.process.send_signal(number)
     assert idle.ended() == 0
@@ -375,7 +359,6 @@ def test_the_terminal_is_given_back_at_the_end_and_by_a_signal(
     assert not idle.screen.has("p pause")
 
 
-@pytest.mark.process
 def test_the_terminal_is_given_back_when_the_session_fails(told_path: Path) -> None:
     with beside("fail", told_path) as terminal:
         assert terminal.ended() == 1
@@ -383,10 +366,7 @@ def test_the_terminal_is_given_back_when_the_session_fails(told_path: Path) -> N
         assert "a fault of the session" in terminal.seen
 
 
-@pytest.mark.process
-def test_a_suspended_program_gives_the_terminal_back_and_takes_it_again(
-    idle: Terminal, told_path: Path
-) -> None:
+def test_a_suspended_program_gives_the_terminal_back(idle: Terminal, told_path: Path) -> None:
     for _ in range(3):
         idle.process.send_signal(signal.SIGTSTP)
         _, how = os.waitpid(idle.process.pid, os.WUNTRACED)
@@ -401,7 +381,6 @@ def test_a_suspended_program_gives_the_terminal_back_and_takes_it_again(
     assert told(told_path)["notes"] == ["still here"]
 
 
-@pytest.mark.process
 def test_where_no_shell_could_continue_it_the_program_is_not_halted(told_path: Path) -> None:
     with beside("idle", told_path, "own") as terminal:
         terminal.expect("p pause")
@@ -411,7 +390,6 @@ def test_where_no_shell_could_continue_it_the_program_is_not_halted(told_path: P
     assert told(told_path)["notes"] == ["still here"]
 
 
-@pytest.mark.process
 def test_settings_changed_while_it_was_halted_are_those_given_back(idle: Terminal) -> None:
     idle.process.send_signal(signal.SIGSTOP)
     os.waitpid(idle.process.pid, os.WUNTRACED)
@@ -422,7 +400,6 @@ def test_settings_changed_while_it_was_halted_are_those_given_back(idle: Termina
     assert idle.given_back()
 
 
-@pytest.mark.process
 def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Path) -> None:
     with beside("idle", told_path, "own") as terminal:
         terminal.expect("p pause")
@@ -431,7 +408,6 @@ def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Pa
     assert told(told_path)["asked"] is True
 
 
-@pytest.mark.process
 def test_where_that_signal_is_ignored_the_session_goes_on_without_a_view(told_path: Path) -> None:
     with beside("deaf", told_path, "own") as terminal:
         terminal.until(Path(f"{told_path}.deaf").exists)
@@ -440,7 +416,6 @@ def test_where_that_signal_is_ignored_the_session_goes_on_without_a_view(told_pa
     assert told(told_path)["shown"] == 19
 
 
-@pytest.mark.process
 def test_a_terminal_whose_output_is_held_holds_nothing_up(told_path: Path) -> None:
     with beside("many", told_path) as terminal:
         termios.tcflow(terminal.near, termios.TCOOFF)
@@ -450,7 +425,6 @@ def test_a_terminal_whose_output_is_held_holds_nothing_up(told_path: Path) -> No
         assert not terminal.read()
 
 
-@pytest.mark.process
 def test_in_the_background_of_a_shell_there_is_neither_view_nor_halt(told_path: Path) -> None:
     with beside("many", told_path, "own", "behind") as terminal:
         assert told(told_path)["shown"] == 1499
@@ -458,7 +432,6 @@ def test_in_the_background_of_a_shell_there_is_neither_view_nor_halt(told_path: 
         assert not terminal.seen
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("piped", ["stdin", "stdout"])
 def test_in_a_pipe_it_is_silent_and_has_no_thread(told_path: Path, piped: str) -> None:
     far, near = pty.openpty()
@@ -475,7 +448,6 @@ def test_in_a_pipe_it_is_silent_and_has_no_thread(told_path: Path, piped: str) -
     assert told(told_path) | {"threads": 1, "rich": False} == told(told_path)
 
 
-@pytest.mark.process
 def test_a_whole_session_heeds_the_operators_keys(tmp_path: Path, quick_study_text: str) -> None:
     study_path = tmp_path / "study.toml"
     text = '[masking]\nnoise = "none"\n' + quick_study_text + "minimum_break_s = 0\n"
@@ -497,21 +469,3 @@ def test_a_whole_session_heeds_the_operators_keys(tmp_path: Path, quick_study_te
     journal = (folder / "journal.jsonl").read_text("utf-8")
     assert '"event":"note"' in journal
     assert "cup moved" in journal
-
-
-def test_a_note_has_an_end_and_an_empty_one_is_none() -> None:
-    notes: list[str] = []
-    keys = OperatorKeys(pause=print, go_on=bool, stop=print, note=notes.append)
-    keys.type("n" + "x" * (LONGEST_NOTE + 5) + "\n" + "n  \n" + "n\x1b[Dy\x1bOC\n")
-    assert notes == ["x" * LONGEST_NOTE, "y"]
-
-
-def test_any_key_but_y_leaves_the_session_running() -> None:
-    stops: list[None] = []
-    keys = OperatorKeys(pause=print, go_on=bool, stop=lambda: stops.append(None), note=print)
-    for key in ("n", "\n", "\x1b", "\x1b[D", " ", "s"):
-        keys.type("s" + key)
-        keys.type("y")
-    assert stops == []
-    keys.type("sY")
-    assert stops == [None]

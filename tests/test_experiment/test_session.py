@@ -130,7 +130,7 @@ def test_a_session_is_run_from_study_to_trials(sessions: Sessions) -> None:
 
 
 @pytest.mark.slow
-def test_killed_after_any_journal_line_a_session_is_resumed_and_loses_nothing(
+def test_killed_after_any_journal_line_a_session_loses_nothing(
     sessions: Sessions,
 ) -> None:
     lines = 1
@@ -224,9 +224,7 @@ def test_nothing_to_resume_is_said(sessions: Sessions) -> None:
 
 
 @pytest.mark.process
-def test_resume_refuses_options_that_contradict_the_session(
-    killed: Sessions, tmp_path: Path
-) -> None:
+def test_resume_refuses_options_that_contradict_it(killed: Sessions, tmp_path: Path) -> None:
     assert "--seed must be that of the session, 1" in refused(killed, "--resume", "--seed", "2")
     levels = tmp_path / "levels.toml"
     levels.write_text("levels_vpp = [70, 150]", encoding="utf-8")
@@ -241,9 +239,7 @@ def test_resume_refuses_options_that_contradict_the_session(
 
 
 @pytest.mark.process
-def test_placed_levels_are_sealed_into_the_plan_and_kept_on_resume(
-    sessions: Sessions, tmp_path: Path
-) -> None:
+def test_placed_levels_are_sealed_and_kept_on_resume(sessions: Sessions, tmp_path: Path) -> None:
     levels = tmp_path / "levels.toml"
     levels.write_text('participant = "01"\nlevels_vpp = [70, 150]', encoding="utf-8")
     assert kill_after(sessions, 9, *SEED, "--levels", str(levels))
@@ -252,9 +248,7 @@ def test_placed_levels_are_sealed_into_the_plan_and_kept_on_resume(
 
 
 @pytest.mark.slow
-def test_resume_and_export_build_the_table_anew_from_the_journal(
-    sessions: Sessions, run: Run
-) -> None:
+def test_resume_and_export_build_the_table_from_the_journal(sessions: Sessions, run: Run) -> None:
     sessions.run(*SEED)
     table = sessions.folder().trials_path
     whole, entries = table.read_bytes(), sessions.entries()
@@ -267,8 +261,6 @@ def test_resume_and_export_build_the_table_anew_from_the_journal(
     assert table.read_bytes() == whole
     assert run("export", sessions.out / "nowhere").exit_code == 2
 
-
-# --- a full disk ----------------------------------------------------------------------------------
 
 FULL = """
 import resource, sys
@@ -311,9 +303,7 @@ def fill(sessions: Sessions, when: str, *more: str) -> tuple[int, str]:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="file size limits are a POSIX feature")
 @pytest.mark.parametrize("lines", [1, 3, 4, 5, 7])
-def test_on_a_full_disk_the_session_stops_and_nothing_recorded_is_lost(
-    sessions: Sessions, lines: int
-) -> None:
+def test_on_a_full_disk_nothing_recorded_is_lost(sessions: Sessions, lines: int) -> None:
     code, told = fill(sessions, FULL_AT_LINE.format(lines))
     assert code == 4
     assert "journal.jsonl: cannot be written" in told
@@ -343,9 +333,6 @@ def test_a_full_disk_at_the_end_says_that_the_record_is_whole(sessions: Sessions
     assert_complete_and_true(sessions, [])
 
 
-# --- what lies about ------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_what_a_killed_process_left_half_written_is_swept_up(sessions: Sessions) -> None:
     folder = sessions.folder()
@@ -372,9 +359,7 @@ def test_a_table_of_participants_that_is_none_is_refused_by_name(sessions: Sessi
 
 
 @pytest.mark.slow
-def test_one_session_that_cannot_be_exported_does_not_stop_the_others(
-    sessions: Sessions, run: Run
-) -> None:
+def test_a_session_that_cannot_be_exported_stops_no_other(sessions: Sessions, run: Run) -> None:
     for session in ("01", "02", "03"):
         assert sessions.run(*SIMULATED, "--session", session).exit_code == 0
     journal = sessions.folder().journal_path
@@ -390,8 +375,6 @@ def test_one_session_that_cannot_be_exported_does_not_stop_the_others(
     assert len(result.stdout.splitlines()) == 2
     assert third.trials_path.read_text("utf-8").count("\n") == 1
 
-
-# --- displacements and stimuli --------------------------------------------------------------------
 
 EVERY_KIND = """
 [burst]
@@ -485,7 +468,7 @@ def test_a_changed_click_ends_the_resume(sessions: Sessions, short_study_text: s
 
 
 @pytest.mark.slow
-def test_an_unfit_place_of_the_actuators_stops_a_run_before_anything_is_written(
+def test_an_unfit_place_of_the_actuators_leaves_no_session(
     sessions: Sessions,
 ) -> None:
     sessions.write(sessions.text + UNKNOWN.replace("-35", "-8").replace("= 35", "= 8"))

@@ -95,13 +95,8 @@ def noise(monkeypatch: pytest.MonkeyPatch) -> FakeNoise:
     return card
 
 
-# --- the header -----------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
-def test_a_simulated_session_says_that_nobody_was_there(
-    sessions: Sessions, noise: FakeNoise
-) -> None:
+def test_a_simulated_session_says_nobody_was_there(sessions: Sessions, noise: FakeNoise) -> None:
     assert sessions.run("--responder", "simulated").exit_code == 0
     header = sessions.header()
     assert header["responder"] == "simulated"
@@ -111,9 +106,7 @@ def test_a_simulated_session_says_that_nobody_was_there(
 
 
 @pytest.mark.slow
-def test_header_and_window_get_what_operator_and_study_say(
-    sessions: Sessions, screen: type[FakeScreen]
-) -> None:
+def test_header_and_window_get_what_is_given(sessions: Sessions, screen: type[FakeScreen]) -> None:
     result = sessions.run("--responder", "screen", "--operator", "B. Müller")
     assert result.exit_code == 0, result.stderr
     header = sessions.header()
@@ -166,9 +159,7 @@ def test_whoever_resumes_is_noted_anew(sessions: Sessions) -> None:
 
 
 @pytest.mark.parametrize("name", ["", " ", "a\nb", "a" * (LONGEST_NAME + 1)])
-def test_an_operator_without_a_name_is_refused_so_nothing_is_begun(
-    sessions: Sessions, name: str
-) -> None:
+def test_an_operator_without_a_name_begins_nothing(sessions: Sessions, name: str) -> None:
     result = sessions.run("--responder", "simulated", "--operator", name)
     assert result.exit_code == 2
     assert "operator must be a name in one line" in result.stderr
@@ -180,9 +171,6 @@ def test_an_unknown_responder_is_refused() -> None:
     robot: Any = "robot"
     with pytest.raises(ValueError, match="responder must be one of screen, terminal, simulated"):
         Sitting(responder=robot)
-
-
-# --- refusals and noise ---------------------------------------------------------------------------
 
 
 def test_a_machine_without_a_window_is_told_before_anything_else(
@@ -209,9 +197,7 @@ def test_no_window_ends_it_in_one_line_and_nothing_is_begun(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("screen")
-def test_the_noise_is_played_from_before_the_session_to_its_end(
-    sessions: Sessions, noise: FakeNoise
-) -> None:
+def test_the_noise_is_played_to_the_sessions_end(sessions: Sessions, noise: FakeNoise) -> None:
     assert sessions.run("--responder", "screen").exit_code == 0
     assert noise.calls[:2] == ["none, simulated False", "start"]
     assert noise.calls[-1] == "stop"

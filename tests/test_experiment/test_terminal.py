@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
 
+pytestmark = pytest.mark.process
 LEFT, RIGHT, DOWN, ESCAPE, ENTER = b"\x1b[D", b"\x1b[C", b"\x1b[B", b"\x1b", b"\n"
 PATIENCE_S = 60
 LATER_S = 0.2
@@ -99,7 +100,6 @@ class Terminal:
         return self.process.wait(PATIENCE_S)
 
 
-@pytest.mark.process
 def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
         terminal.answer(LEFT, RIGHT, DOWN)
@@ -113,7 +113,6 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
     assert b"160" not in terminal.shown.replace(str(sessions.study.parent).encode(), b"")
 
 
-@pytest.mark.process
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Sessions) -> None:
     sessions.write(sessions.text + "control_trials = 2\n" + OFF_PLATE)
     with Terminal(sessions, "--seed", "1") as terminal:
@@ -137,8 +136,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Session
     assert all(row["status"] == "ok" for row in recorded)
 
 
-@pytest.mark.process
-def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
+def test_escape_pauses_and_escape_again_stops_until_a_resume(
     sessions: Sessions,
 ) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
@@ -160,7 +158,6 @@ def test_escape_pauses_and_escape_again_stops_and_the_session_is_resumed(
     assert (statuses.count("ok"), statuses.count("voided")) == (5, 2)
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, None])
 def test_a_signal_or_a_closed_terminal_stops_the_session_safely_while_an_answer_is_awaited(
     sessions: Sessions, number: signal.Signals | None
@@ -177,7 +174,6 @@ def test_a_signal_or_a_closed_terminal_stops_the_session_safely_while_an_answer_
     assert [row["status"] for row in sessions.rows()] == ["ok", "voided"]
 
 
-@pytest.mark.process
 def test_a_function_key_is_one_invalid_answer(sessions: Sessions) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
         terminal.answer(b"\x1b[15~", b"\x1b[1;5D", LEFT)
@@ -186,7 +182,6 @@ def test_a_function_key_is_one_invalid_answer(sessions: Sessions) -> None:
     assert [row["response"] for row in sessions.rows()] == ["invalid", "invalid", "left"]
 
 
-@pytest.mark.process
 def test_without_a_terminal_it_says_what_to_use_instead(sessions: Sessions) -> None:
     done = subprocess.run(
         [*COMMAND, *sessions.words()],
@@ -198,10 +193,6 @@ def test_without_a_terminal_it_says_what_to_use_instead(sessions: Sessions) -> N
     assert not sessions.out.exists()
 
 
-# --- texts and encodings --------------------------------------------------------------------------
-
-
-@pytest.mark.process
 @pytest.mark.parametrize("env", [{"PYTHONIOENCODING": "ascii"}, NO_UTF_8])
 def test_texts_that_the_terminal_cannot_show_are_refused_before_anything_begins(
     sessions: Sessions, env: dict[str, str]
@@ -217,7 +208,6 @@ def test_texts_that_the_terminal_cannot_show_are_refused_before_anything_begins(
     assert not sessions.out.exists()
 
 
-@pytest.mark.process
 @pytest.mark.parametrize(
     ("env", "encoding"), [({"PYTHONIOENCODING": "latin-1"}, "latin-1"), ({"LC_ALL": "C"}, "utf-8")]
 )
@@ -230,7 +220,6 @@ def test_texts_are_shown_in_the_encoding_of_the_terminal(
         assert terminal.ended() == 4, terminal.shown
 
 
-@pytest.mark.process
 def test_texts_that_the_terminal_never_shows_are_no_reason_to_refuse(sessions: Sessions) -> None:
     sessions.write(sessions.text + OFF_PLATE.replace("audibility_trials = 2\n", ""))
     with Terminal(sessions, "--seed", "1", env=NO_UTF_8) as terminal:

@@ -113,16 +113,12 @@ def test_a_session_of_an_interrupted_withdrawal_is_neither_resumed_nor_exported(
 
 
 @pytest.mark.parametrize("typed", ["", "\x04", "1\n", "sub-01\n", "02\n", "yes\n"])
-def test_without_the_typed_id_nothing_is_changed(
-    results: Path, typed: str, refused: Refused
-) -> None:
+def test_without_the_typed_id_nothing_changes(results: Path, typed: str, refused: Refused) -> None:
     told = refused(*withdrawing(results), typed=typed)
     assert "nothing was changed" in told.splitlines()[-1]
 
 
-def test_nothing_is_removed_while_a_session_of_the_person_runs(
-    results: Path, refused: Refused
-) -> None:
+def test_nothing_is_removed_while_a_session_is_running(results: Path, refused: Refused) -> None:
     with FileLock(results / "sub-01" / "ses-01" / ".lock"):
         told = refused(*withdrawing(results), typed="01\n")
     assert "another process is running this session; nothing was changed" in told
@@ -159,7 +155,7 @@ def test_a_symbolic_link_in_the_way_is_refused(
     assert link.is_symlink()
 
 
-def test_what_comes_back_from_a_backup_is_removed_again_under_the_first_day(
+def test_what_comes_back_from_a_backup_is_removed_under_the_first_day(
     results: Path,
 ) -> None:
     write_tombstone(results, Tombstone(participant="01", withdrawn="2001-02-03", removed=True))
@@ -193,9 +189,6 @@ def test_a_withdrawal_has_no_more_steps_than_it_was_killed_at(
 ) -> None:
     assert kill_at(STEPS + 1, *map(str, withdrawing(results)), typed="01\n") == STEPS
     assert_gone(results)
-
-
-# --- what still holds a person --------------------------------------------------------------------
 
 
 def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_path: Path) -> None:
