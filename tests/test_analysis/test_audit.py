@@ -98,12 +98,12 @@ def test_each_reading_has_its_verdict(value: PrintedRow, readings: tuple[str, ..
 @pytest.mark.slow
 @few
 @given(st.data(), st.sampled_from(CONVENTIONS), st.integers(1, 3))
-def test_what_was_really_measured_is_never_impossible(
-    data: st.DataObject, convention: str, decimals: int
+def test_what_was_measured_is_never_impossible(
+    data: st.DataObject, convention: str, places: int
 ) -> None:
     n, people = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 6))
     counts = data.draw(st.lists(st.integers(0, n), min_size=people, max_size=people))
-    printed = [shortened(value, convention, decimals) for value in summed_up(counts, n)]
+    printed = [shortened(value, convention, places) for value in summed_up(counts, n)]
     [found] = audit([row(*printed, n=n, people=people)]).rows
     reading = next(name for name, ways in READINGS.items() if convention in ways)
     assert next(one for one in found.verdicts if one.reading == reading).possible

@@ -39,7 +39,7 @@ def test_sessions_together_are_the_sessions_alone(sessions: Path) -> None:
     assert read_inputs([people[1]]).progress[0] == read_inputs([sessions]).progress[1]
 
 
-def test_a_planned_session_beside_a_bare_table_keeps_its_declared_answers(
+def test_a_plan_beside_a_bare_table_keeps_its_declared_answers(
     sessions: Path, tmp_path: Path
 ) -> None:
     trials = read_trials([sessions, write(tmp_path / "bare.csv", row(participant="bare"))])
@@ -47,16 +47,14 @@ def test_a_planned_session_beside_a_bare_table_keeps_its_declared_answers(
 
 
 @pytest.mark.parametrize(
-    ("text", "changed"),
+    ("old", "new"),
     [(",left,", ",top,"), ("\n02,", "\n03,"), (",single,", ",both,"), ("\n02,", "\n02,,")],
 )
-def test_a_fault_in_one_of_many_tables_is_told_as_it_is_alone(
-    sessions: Path, text: str, changed: str
-) -> None:
+def test_a_fault_in_one_of_many_is_told_as_it_is_alone(sessions: Path, old: str, new: str) -> None:
     for name in ("sub-02", "sub-03"):
         table = sessions / name / "ses-01" / "trials.csv"
         told = table.read_text("utf-8").replace("\n1,", "\n1@")  # the schema stands in front
-        told = told.replace(text.replace("\n", "\n1@"), changed.replace("\n", "\n1@"))
+        told = told.replace(old.replace("\n", "\n1@"), new.replace("\n", "\n1@"))
         table.write_text(told.replace("\n1@", "\n1,"), encoding="utf-8")
     together = refused(sessions)
     assert str(together) == str(refused(sessions / "sub-02"))

@@ -136,8 +136,7 @@ def test_runs_of_misses_are_found_and_random_ones_are_not() -> None:
     assert found.correct.p == found.felt.p == 0.002
     shuffled = [in_runs[n] for n in rng.permutation(120)]
     found = of(choices(sequence(*shuffled))).serial
-    assert found.correct.p is not None
-    assert found.correct.p > 0.05
+    assert (found.correct.p or 0) > 0.05
     assert found.correct.expected == pytest.approx(found.correct.again.p, abs=0.1)
 
 
@@ -145,12 +144,9 @@ def test_a_drift_between_blocks_is_no_serial_effect() -> None:
     felt = np.random.default_rng(4).random(180) < np.repeat([0.95, 0.5, 0.05], 60)
     trials = sequence(*(("left", "left" if yes else "none") for yes in felt))
     found = of(choices(trials.assign(block=np.repeat([1, 2, 3], 60)))).serial.correct
-    assert found.again.p is not None
     assert found.otherwise is not None
-    assert found.otherwise.p is not None
-    assert found.again.p - found.otherwise.p > 0.3
-    assert found.p is not None
-    assert found.p > 0.05
+    assert (found.again.p or 0) - (found.otherwise.p or 0) > 0.3
+    assert (found.p or 0) > 0.05
 
 
 @pytest.mark.slow

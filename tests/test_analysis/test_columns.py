@@ -80,7 +80,7 @@ def test_columns_words_constants_and_units_are_translated(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("column", "unit", "written", "read_as"),
+    ("column", "unit", "text", "value"),
     [
         ("rt_s", "s", "0.612", 0.612),
         ("rt_s", "ms", "612", 0.612),
@@ -92,12 +92,12 @@ def test_columns_words_constants_and_units_are_translated(tmp_path: Path) -> Non
     ],
 )
 def test_units_come_out_exact(
-    tmp_path: Path, column: str, unit: str, written: str, read_as: float
+    tmp_path: Path, column: str, unit: str, text: str, value: float
 ) -> None:
     cells = {"participant": "1", "side": "left", "level_vpp": "60", "response": "left", "rt_s": "1"}
-    cells[column] = written
+    cells[column] = text
     table = ",".join(cells) + "\n" + ",".join(cells.values()) + "\n"
-    assert read(tmp_path, table, ColumnMap(units={column: unit}))[column].tolist() == [read_as]
+    assert read(tmp_path, table, ColumnMap(units={column: unit}))[column].tolist() == [value]
 
 
 def test_one_column_of_theirs_may_serve_two_of_ours(tmp_path: Path) -> None:
@@ -131,9 +131,7 @@ ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
         ({"detected": ""}, "right"),
     ],
 )
-def test_of_two_answers_the_map_names_the_source(
-    tmp_path: Path, columns: dict[str, str], response: str
-) -> None:
+def test_of_two_answers_the_map_names_one(tmp_path: Path, columns: Any, response: str) -> None:
     assert read(tmp_path, ANSWERS, ColumnMap(columns=columns))["response"].tolist() == [response]
 
 
@@ -163,9 +161,7 @@ def offered(trials: pd.DataFrame) -> list[bool | None]:
     return [None if value is pd.NA else bool(value) for value in trials["none_offered"]]
 
 
-def test_one_answer_none_shows_that_it_was_offered_in_its_file_and_condition(
-    tmp_path: Path,
-) -> None:
+def test_one_answer_none_shows_that_its_file_and_condition_offered_it(tmp_path: Path) -> None:
     header = "participant,side,level_vpp,response,condition\n"
     rows = ("1,left,60,none,a\n1,left,60,left,a\n1,left,60,left,b\n", "2,left,60,left,a\n")
     paths = [put(tmp_path / f"{n}.csv", header + text) for n, text in enumerate(rows)]

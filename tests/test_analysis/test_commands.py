@@ -234,7 +234,7 @@ def test_tables_of_older_data_do_not_stay(earlier: Path, tmp_path: Path, analyze
 
 
 @pytest.mark.slow
-def test_a_refusal_is_one_line_with_exit_code_2_and_changes_nothing(
+def test_a_refusal_is_one_line_with_exit_2_and_changes_nothing(
     earlier: Path, tmp_path: Path
 ) -> None:
     before = files(earlier)
@@ -260,9 +260,7 @@ def test_what_is_analysed_is_never_overwritten(tmp_path: Path, analyze: Analyze,
 
 
 @pytest.mark.parametrize("name", ["blank.csv", "detection.svg", "summary.json"])
-def test_files_of_the_user_are_never_replaced_or_removed(
-    tmp_path: Path, analyze: Analyze, name: str
-) -> None:
+def test_files_of_the_user_are_never_touched(tmp_path: Path, analyze: Analyze, name: str) -> None:
     mine = put(tmp_path / "out" / name, "mine")
     result = analyze(table(tmp_path / "a.csv", REAL))
     assert result.exit_code == 2
@@ -291,9 +289,7 @@ def test_a_folder_in_the_place_of_a_file_changes_nothing(earlier: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_failure_while_drawing_leaves_the_old_results(
-    earlier: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failing_to_draw_leaves_old_results(earlier: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = files(earlier)
     monkeypatch.setattr("analysis.results.figures.figures.written", no_room)
     assert run("analyze", *EXAMPLE, "--out", earlier, "--ci", "jeffreys").exit_code == 2
@@ -328,9 +324,7 @@ def test_a_folder_that_was_made_for_nothing_is_removed(
     assert {one.name for one in tmp_path.iterdir()} == {"t.csv", "maps"}
 
 
-def test_what_a_killed_analysis_left_is_removed_and_nothing_else(
-    tmp_path: Path, analyze: Analyze
-) -> None:
+def test_only_what_a_killed_analysis_left_is_removed(tmp_path: Path, analyze: Analyze) -> None:
     out = tmp_path / "out"
     left, writing, mine = (out / f".analysis-{name}" for name in ("dead", "alive", "notes"))
     for folder, name in ((left, "both.csv"), (writing, "both.csv"), (mine, "notes.txt")):
@@ -393,9 +387,7 @@ def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, analyze: Anal
     assert summary(tmp_path / "out")["warnings"] == told
 
 
-def test_every_table_of_a_mixture_says_whose_trials_a_row_is_of(
-    tmp_path: Path, analyze: Analyze
-) -> None:
+def test_tables_of_a_mixture_say_whose_a_row_is(tmp_path: Path, analyze: Analyze) -> None:
     path, out = table(tmp_path / "t.csv", REAL, OTHER_SIMULATED), tmp_path / "out"
     assert analyze(path).stderr.startswith(f"error: {path}:3: a simulated trial")
     assert analyze(path, "--allow-simulated").exit_code == 0
@@ -425,7 +417,7 @@ def test_simulated_sessions_alone_are_marked_and_accepted(tmp_path: Path, analyz
         ),
     ],
 )
-def test_strict_turns_a_warning_into_exit_code_1(
+def test_strict_makes_a_warning_exit_1(
     tmp_path: Path, analyze: Analyze, text: str, words: str
 ) -> None:
     path = put(tmp_path / "t.csv", text)

@@ -120,9 +120,7 @@ def test_counts_are_no_trials() -> None:
         ("A,0,55,1,10", "level_vpp 55.0: told already at"),
     ],
 )
-def test_counts_that_cannot_be_are_refused_with_their_line(
-    tmp_path: Path, row: str, words: str
-) -> None:
+def test_counts_that_cannot_be_are_refused(tmp_path: Path, row: str, words: str) -> None:
     error = refused(put(tmp_path / "t.csv", f"{HEADER}A,0,55,1,10\n{row}\n"), columns=MAP)
     assert error.line == 3
     assert words in str(error)
@@ -159,9 +157,7 @@ def test_a_table_in_which_nothing_was_presented_is_refused(tmp_path: Path) -> No
         ({"table": TABLE, "constant": {"condition": "x"}}, "it is the condition already"),
     ],
 )
-def test_a_map_of_counts_that_cannot_be_meant_is_refused(
-    sections: dict[str, Any], words: str
-) -> None:
+def test_a_map_of_counts_that_cannot_be_is_refused(sections: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         ColumnMap(**sections)
 
@@ -175,9 +171,7 @@ def test_a_map_of_counts_that_cannot_be_meant_is_refused(
         ("participant,vibration,k,n\nA,0,1,2\n", "no column 'level', named by the map"),
     ],
 )
-def test_a_table_without_what_the_map_names_is_refused(
-    tmp_path: Path, text: str, words: str
-) -> None:
+def test_a_table_without_what_a_map_names_is_refused(tmp_path: Path, text: str, words: str) -> None:
     path = put(tmp_path / "t.csv", text)
     assert f"{path}:1: {words}" in str(refused(path, columns=MAP))
 

@@ -7,12 +7,11 @@ import io
 import math
 import random
 from collections import Counter
-from pathlib import Path
 
 from analysis import load_column_map, read_trials
 from analysis.answers.detection import blank_table, both_table, detected_any, level_table
+from tests.test_analysis.shared import EXAMPLES
 
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 TABLE = EXAMPLES / "synthetic-trials.csv"
 MAP = EXAMPLES / "synthetic-columns.toml"
 SEED = 20240607

@@ -5,27 +5,30 @@ The rows are a few of each table, named in its map; the data sets themselves sta
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
-from analysis import ColumnMap, load_column_map, read_trials
+from analysis import load_column_map
 from analysis.answers.detection import blank_table, level_table
-from analysis.reading.load import read_inputs
+from tests.test_analysis.shared import EXAMPLES, loaded
 
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from analysis.reading.load import LoadedTrials
+
 GRUND = "ID,block,trial,stim_type,stim_step,intensity,resp1,resp1_t,resp1_btn\n"
 
 
-def load(name: str) -> ColumnMap:
-    return load_column_map(EXAMPLES / f"{name}-columns.toml")
+def read(folder: Path, name: str, text: str) -> LoadedTrials:
+    return loaded(folder, text, load_column_map(EXAMPLES / f"{name}-columns.toml"))
 
 
 def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
     rows = ("1,1,1,1,1.0,2.6,0,0.6899,2", "1,1,2,1,1.0,2.6,1,0.37,1", "1,2,1,1,1.0,2.6,0,1.5,0",
             "1,2,2,0,0.0,2.6,1,0.5,1", "1,2,3,0,0.0,2.6,0,1.5,-1")  # fmt: skip
-    (tmp_path / "t.csv").write_text(GRUND + "\n".join(rows) + "\n")
-    trials = read_trials([tmp_path / "t.csv"], load("grund2022"))
+    trials = read(tmp_path, "grund2022", GRUND + "\n".join(rows) + "\n").trials
     assert trials["response"].tolist() == ["none", "left", "timeout", "left", "timeout"]
     assert trials["rt_s"].isna().tolist() == [False, False, True, False, True]
     level = level_table(trials).iloc[0]
@@ -36,10 +39,9 @@ def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
 
 def test_quickpsy_has_levels_below_0(tmp_path: Path) -> None:
     text = "participant,cond,trial,phase,resp\nParticipant1,cond1,1.0,-150.0,0\n"
-    (tmp_path / "t.csv").write_text(f"{text}Participant1,cond2,2.0,-50.0,1\n")
-    loaded = read_inputs([tmp_path / "t.csv"], load("quickpsy"))
-    assert loaded.axis.x_scale == "linear"
-    levels = level_table(loaded.trials)[["condition", "level_vpp", "detected", "presented"]]
+    found = read(tmp_path, "quickpsy", f"{text}Participant1,cond2,2.0,-50.0,1\n")
+    assert found.axis.x_scale == "linear"
+    levels = level_table(found.trials)[["condition", "level_vpp", "detected", "presented"]]
     assert levels.to_numpy().tolist() == [["cond1", -150.0, 0, 1], ["cond2", -50.0, 1, 1]]
 
 
@@ -66,8 +68,7 @@ def test_quickpsy_has_levels_below_0(tmp_path: Path) -> None:
 def test_tables_of_counts_give_their_cells(
     tmp_path: Path, name: str, text: str, cells: list[list[object]]
 ) -> None:
-    (tmp_path / "t.csv").write_text(text)
-    read = read_inputs([tmp_path / "t.csv"], load(name)).cells
-    assert read is not None
-    told = read[["condition", "level_vpp", "participant", "detected", "presented"]]
+    found = read(tmp_path, name, text).cells
+    assert found is not None
+    told = found[["condition", "level_vpp", "participant", "detected", "presented"]]
     assert told.to_numpy().tolist() == cells

@@ -40,11 +40,11 @@ counts = st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.j
 fast = settings(deadline=None, max_examples=60)
 
 
-@pytest.mark.parametrize(("method", "k", "n", "low", "high", "within"), PUBLISHED)
-def test_the_limits_are_those_published(
-    method: str, k: int, n: int, low: float, high: float, within: float
+@pytest.mark.parametrize(("method", "k", "n", "low", "high", "to"), PUBLISHED)
+def test_the_limits_are_published(
+    method: str, k: int, n: int, low: float, high: float, to: float
 ) -> None:
-    assert proportion_ci(k, n, method) == pytest.approx((low, high), abs=within)
+    assert proportion_ci(k, n, method) == pytest.approx((low, high), abs=to)
 
 
 def test_59_blanks_without_a_false_alarm_bound_the_rate_at_5_percent_one_sided() -> None:
@@ -73,9 +73,7 @@ def test_wilson_solves_the_score_equation(kn: tuple[int, int]) -> None:
 
 @fast
 @given(counts, st.sampled_from(METHODS))
-def test_more_detections_of_as_many_stimuli_move_both_limits_up(
-    kn: tuple[int, int], m: str
-) -> None:
+def test_more_detections_of_as_many_stimuli_raise_both_limits(kn: tuple[int, int], m: str) -> None:
     k, n = kn
     if k < n:
         below, above = proportion_ci(k, n, m), proportion_ci(k + 1, n, m)
@@ -178,9 +176,7 @@ def test_the_group_interval_reaches_0_or_1_where_everybody_does(k: int, exact: i
 @pytest.mark.slow
 @fast
 @given(st.lists(counts, min_size=2, max_size=8))
-def test_the_group_interval_ignores_the_order_and_is_wider_than_the_pooled_one(
-    cells: list[tuple[int, int]],
-) -> None:
+def test_the_group_interval_has_no_order_and_holds_the_pooled_one(cells: list[Any]) -> None:
     k, n = (list(column) for column in zip(*cells, strict=True))
     group = group_interval(k, n)
     assert group == group_interval(k[::-1], n[::-1])

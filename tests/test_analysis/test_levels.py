@@ -86,7 +86,7 @@ def test_each_level_is_felt_as_often_as_it_should_be(
 
 @settings(max_examples=50)
 @given(st.floats(1, 250), st.floats(0.02, 0.3))
-def test_levels_are_increasing_and_within_what_can_be_set_or_refused(
+def test_levels_rise_within_what_can_be_set_or_are_refused(
     threshold_vpp: float, sigma: float
 ) -> None:
     one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=0.0)
@@ -189,9 +189,7 @@ def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None
         ("nowhere", "Missing option '--participant'"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(
-    folder: Path, tmp_path: Path, arguments: str, said: str
-) -> None:
+def test_a_refusal_is_one_line(folder: Path, tmp_path: Path, arguments: str, said: str) -> None:
     study = "[design]\nlevels_vpp = [60, 90]\n[device]\nceiling_vpp = 90\n"
     mine = put(tmp_path / "levels.toml", "mine")
     study_file = put(tmp_path / "study.toml", study)

@@ -104,7 +104,7 @@ def test_a_folder_means_its_sessions_and_nothing_else(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("column", "text", "allowed"),
+    ("column", "text", "words"),
     [
         ("side", "top", "left, right, both or none"),
         ("kind", "null", "single, both, blank, practice or control"),
@@ -140,14 +140,12 @@ def test_a_folder_means_its_sessions_and_nothing_else(tmp_path: Path) -> None:
         ("correct", "yes", "true, false or n/a"),
     ],
 )
-def test_a_cell_that_is_not_allowed_is_named(
-    tmp_path: Path, column: str, text: str, allowed: str
-) -> None:
+def test_a_cell_that_cannot_be_is_named(tmp_path: Path, column: str, text: str, words: str) -> None:
     path = write_cell(tmp_path / "trials.csv", column, text)
     error = refused(path)
     assert (error.file, error.line) == (str(path), 3)
     assert str(error).startswith(f"{path}:3: column '{column}' ")
-    assert allowed in str(error)
+    assert words in str(error)
 
 
 @pytest.mark.parametrize(
@@ -178,9 +176,7 @@ def test_a_cell_that_is_not_allowed_is_named(
         ),
     ],
 )
-def test_a_row_that_contradicts_itself_is_refused(
-    tmp_path: Path, changes: dict[str, Any], column: str, must: str
-) -> None:
+def test_contradictions_are_refused(tmp_path: Path, changes: Any, column: str, must: str) -> None:
     error = refusal(tmp_path, row(), row(2, **changes), row(3))
     assert error.line == 3
     assert f"column '{column}' is " in str(error)
@@ -309,11 +305,11 @@ def test_a_table_that_is_a_dead_link_is_never_passed_over(tmp_path: Path) -> Non
     deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.integers(0, 500), st.binary(min_size=1, max_size=3), st.booleans())
-def test_a_damaged_file_is_read_or_refused_with_its_line(
-    tmp_path: Path, position: int, damage: bytes, insert: Any
+def test_damage_is_read_or_refused_with_its_line(
+    tmp_path: Path, at: int, damage: bytes, insert: Any
 ) -> None:
     raw = (HEADER + LINE + LINE.replace("main,1,1,", "main,1,2,")).encode()
-    place = len(HEADER) + position % (2 * len(LINE))
+    place = len(HEADER) + at % (2 * len(LINE))
     path = tmp_path / "trials.csv"
     path.write_bytes(raw[:place] + damage + raw[place if insert else place + len(damage) :])
     try:
@@ -354,7 +350,7 @@ def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fault", [False, True])
 @pytest.mark.parametrize("name", ["trials.csv", "plan.json"])
-def test_a_file_that_changes_while_others_are_read_is_refused(
+def test_a_file_that_changes_meanwhile_is_refused(
     tmp_path: Path, name: str, *, fault: bool
 ) -> None:
     changing, other = session(tmp_path, "1").with_name(name), session(tmp_path, "2")

@@ -74,9 +74,7 @@ def test_people_who_are_alike_are_no_failure_to_converge() -> None:
     assert found.threshold_limits_vpp[0] < 100 < found.threshold_limits_vpp[1]
 
 
-def test_no_warning_of_the_fit_is_hidden_but_that_of_its_own_goal(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_no_warning_is_hidden_but_that_of_its_own_goal(monkeypatch: pytest.MonkeyPatch) -> None:
     from statsmodels.genmod.bayes_mixed_glm import BinomialBayesMixedGLM
     from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
@@ -111,9 +109,7 @@ def test_more_trials_than_the_model_can_hold_are_told() -> None:
         (study(response="none"), "nothing is missed above a level"),
     ],
 )
-def test_where_the_model_does_not_hold_it_says_why_and_gives_no_number(
-    trials: pd.DataFrame, said: str
-) -> None:
+def test_where_the_model_does_not_hold_it_only_says_why(trials: pd.DataFrame, said: str) -> None:
     found = only(trials)
     assert said in found.reason
     assert math.isnan(found.threshold_vpp)

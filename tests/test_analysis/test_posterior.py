@@ -201,9 +201,7 @@ def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
 
 @pytest.mark.slow
 @given(tables_of_counts, st.sampled_from([0.0, 0.5]))
-def test_no_corner_or_neighbour_is_likelier_than_the_fit(
-    detected: list[int], guess_rate: float
-) -> None:
+def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: float) -> None:
     table = counts_at(U, detected, 30, guess_rate)
     best = posterior(table, [GuessRate(mean=guess_rate)]).best
     reached = log_likelihood(table, best)[0]

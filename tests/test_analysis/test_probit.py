@@ -65,15 +65,13 @@ def test_the_score_is_zero_at_the_fit(detected: list[int]) -> None:
 
 @pytest.mark.slow
 @given(tables, st.floats(-1e3, 1e3), st.floats(1e-3, 1e3))
-def test_the_fit_shifts_and_scales_with_the_axis(
-    detected: list[int], shift: float, factor: float
-) -> None:
+def test_fits_shift_and_scale_with_the_axis(detected: list[int], shift: float, by: float) -> None:
     assume(rises(detected))
     here = probit_mle(PAPER, detected, [30] * 5)
-    there = probit_mle(np.array(PAPER) * factor + shift, detected, [30] * 5)
-    size = factor * (abs(here.mu) + here.sigma) + abs(shift)
-    assert there.mu == pytest.approx(here.mu * factor + shift, abs=1e-8 * size)
-    assert there.sigma == pytest.approx(here.sigma * factor, rel=1e-7)
+    there = probit_mle(np.array(PAPER) * by + shift, detected, [30] * 5)
+    size = by * (abs(here.mu) + here.sigma) + abs(shift)
+    assert there.mu == pytest.approx(here.mu * by + shift, abs=1e-8 * size)
+    assert there.sigma == pytest.approx(here.sigma * by, rel=1e-7)
     assert there.deviance == pytest.approx(here.deviance, abs=1e-8)
 
 
@@ -88,9 +86,7 @@ def test_a_mirrored_table_has_the_mirrored_fit(detected: list[int]) -> None:
 
 @pytest.mark.slow
 @given(tables, st.permutations(range(5)))
-def test_order_empty_levels_and_split_levels_make_no_difference(
-    detected: list[int], order: list[int]
-) -> None:
+def test_order_empty_and_split_levels_change_nothing(detected: list[int], order: list[int]) -> None:
     assume(rises(detected))
     here = probit_mle(PAPER, detected, [30] * 5)
     mixed = [(PAPER[i], detected[i], 30) for i in order]

@@ -110,14 +110,12 @@ def test_only_tables_with_a_threshold_have_numbers(detected: list[int], guess: f
 @pytest.mark.slow
 @settings(max_examples=30)
 @given(tables, guess_rates, st.floats(0.01, 100))
-def test_a_change_of_the_unit_scales_the_threshold(
-    detected: list[int], guess: float, factor: float
-) -> None:
-    here, there = (fit(detected, [x * f for x in PAPER], guess=guess) for f in (1, factor))
+def test_another_unit_scales_the_threshold(detected: list[int], guess: float, by: float) -> None:
+    here, there = (fit(detected, [x * f for x in PAPER], guess=guess) for f in (1, by))
     assert there.status == here.status
     assume(here.status in WITH_THRESHOLD)
-    assert there.threshold == pytest.approx(here.threshold * factor, rel=1e-6)
-    assert there.threshold_limits[0] == pytest.approx(here.threshold_limits[0] * factor, rel=1e-6)
+    assert there.threshold == pytest.approx(here.threshold * by, rel=1e-6)
+    assert there.threshold_limits[0] == pytest.approx(here.threshold_limits[0] * by, rel=1e-6)
     assert there.sigma == pytest.approx(here.sigma, rel=1e-6)
 
 
@@ -148,9 +146,7 @@ def test_volts_in_place_of_their_logarithm_are_another_function_and_no_crash() -
 
 @pytest.mark.slow
 @given(st.permutations(range(5)), guess_rates)
-def test_order_empty_levels_and_split_levels_make_no_difference(
-    order: list[int], guess: float
-) -> None:
+def test_order_empty_and_split_levels_make_no_difference(order: list[int], guess: float) -> None:
     split = [(PAPER[i], part, 15) for i in order for part in (GOOD[i] // 2, GOOD[i] - GOOD[i] // 2)]
     columns = zip(*[*split, (10.0, 0, 0), (1e6, 0, 0)], strict=True)
     assert fit_psychometric(*columns, guess_rate=guess) == fit(GOOD, guess=guess)
@@ -189,9 +185,7 @@ def test_counts_that_no_guess_rate_explains_are_fitted_without_a_warning() -> No
 @pytest.mark.parametrize(
     ("guess", "presented", "within_db"), [(0.0, 30, 0.06), (0.5, 120, 0.08)], ids=["none", "forced"]
 )
-def test_limits_cover_the_threshold_they_are_for(
-    guess: float, presented: int, within_db: float
-) -> None:
+def test_limits_cover_their_threshold(guess: float, presented: int, within_db: float) -> None:
     """With 600 tables the covered share has a standard error of 0.9 %, the mean error 1/24 sd."""
     truth_vpp, studies = 98.0, 600
     p = psychometric(CENTRED, threshold_vpp=truth_vpp, sigma=0.1, guess_rate=guess, lapse_rate=0.02)
@@ -250,9 +244,7 @@ def test_a_guess_rate_that_is_known_less_well_widens_the_limits() -> None:
         ([60, 95], [1, 2, 3], [3] * 3, "of one length"),
     ],
 )
-def test_impossible_tables_are_refused(
-    levels: Any, detected: Any, presented: Any, said: str
-) -> None:
+def test_other_tables_are_refused(levels: Any, detected: Any, presented: Any, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         fit_psychometric(levels, detected, presented, guess_rate=0.0)
 

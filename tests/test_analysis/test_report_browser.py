@@ -213,9 +213,7 @@ def keep_screenshot(browser: Browser, name: str) -> None:
         (Path(folder) / f"{name}.png").write_bytes(base64.b64decode(taken["data"]))
 
 
-def test_these_tests_notice_a_message_a_request_and_a_page_that_is_too_wide(
-    browser: Browser, tmp_path: Path
-) -> None:
+def test_messages_requests_and_pages_too_wide_are_noticed(browser: Browser, tmp_path: Path) -> None:
     page = put(
         tmp_path / "bad.html",
         "<meta name=viewport content='width=device-width'><img src='http://127.0.0.1:9/x.png'>"

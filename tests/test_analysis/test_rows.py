@@ -11,17 +11,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 from analysis import print_analysis
-from analysis.reading.columns import ColumnMap
-from analysis.reading.load import read_inputs
 from analysis.results.report import report_html
 from analysis.results.rows import PAGE, TERMINAL, blank_cells, both_cells, level_rows
 from analysis.results.summary import summary_text
 from analysis.results.tables import Analysis, analyse
+from tests.test_analysis.shared import LEAST, loaded
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-HEADER = "participant,side,level_vpp,response\n"
 ANSWERS = (
     *(("left", 60, answer) for answer in ("left", "both", "right", "timeout", "none")),
     *(("right", 95, answer) for answer in ("right", "right", "both")),
@@ -58,9 +56,7 @@ class Rows(HTMLParser):
 def found(tmp_path: Path) -> Analysis:
     """Two participants with single, both-finger and blank trials."""
     lines = [f"{p},{side},{v},{answer}" for p in "ab" for side, v, answer in ANSWERS]
-    table = tmp_path / "t.csv"
-    table.write_text(HEADER + "\n".join(lines) + "\n", encoding="utf-8")
-    return analyse(read_inputs([table], ColumnMap()))
+    return analyse(loaded(tmp_path, LEAST + "\n".join(lines) + "\n"))
 
 
 def test_terminal_and_page_have_the_same_numbers_of_a_level(found: Analysis) -> None:
@@ -87,9 +83,7 @@ def test_what_is_printed_shown_and_summed_up_are_these_rows(found: Analysis) -> 
     assert [row[-1] for row in level_rows(found, PAGE).of_condition["main"]] == ["6", "6"]
 
 
-def test_where_none_was_not_offered_there_is_no_column_of_what_was_felt_at_all(
-    found: Analysis,
-) -> None:
+def test_where_none_was_not_offered_no_column_tells_what_was_felt_at_all(found: Analysis) -> None:
     forced = replace(found, detected_any=None)
     assert level_rows(forced, PAGE).header == level_rows(found, PAGE).header[:-1]
     assert [one["detected_any"] for one in json.loads(summary_text(forced))["levels"]] == [None] * 2

@@ -28,7 +28,7 @@ shares = st.integers(1, 60).flatmap(lambda of: st.integers(0, of).map(lambda k: 
 
 
 @pytest.mark.parametrize(
-    ("hits", "false_alarms", "d_prime", "criterion"),
+    ("hits", "false", "d_prime", "criterion"),
     [
         # Participants 1, 2 and 25 of M. Grund et al., J. Neurosci. 42 (2022) 643-656.
         (share(91, 397), share(1, 200), 1.695006918098493, 1.5866813322403461),
@@ -36,10 +36,8 @@ shares = st.integers(1, 60).flatmap(lambda of: st.integers(0, of).map(lambda k: 
         (share(232, 399), share(67, 199), 0.6243880687566047, 0.10710171866309363),
     ],
 )
-def test_published_counts_give_their_sensitivity(
-    hits: Share, false_alarms: Share, d_prime: float, criterion: float
-) -> None:
-    found = detection_sensitivity(hits, false_alarms)
+def test_published_counts(hits: Share, false: Share, d_prime: float, criterion: float) -> None:
+    found = detection_sensitivity(hits, false)
     assert (found.d_prime, found.criterion) == pytest.approx((d_prime, criterion), abs=1e-12)
 
 

@@ -85,9 +85,7 @@ def test_taking_another_guess_rate_moves_the_threshold_up_with_it() -> None:
         ([11], WORDS["one_level"]),
     ],
 )
-def test_where_there_is_no_threshold_the_words_say_so_and_no_number(
-    detected: list[int], words: str
-) -> None:
+def test_without_a_threshold_words_say_so_and_no_number(detected: list[int], words: str) -> None:
     row = table_of(person("1", detected)).iloc[0]
     assert row["printed"] == words
     numbers = [name for name in THRESHOLD_COLUMNS if name.startswith(("threshold_", "mle_"))]
@@ -228,9 +226,7 @@ def test_who_has_none_for_another_reason_is_listed() -> None:
         ([1000060.37, 1000095.37], [0, 0], "> 1000095.37 V"),
     ],
 )
-def test_no_digit_that_tells_something_is_left_out(
-    levels: list[float], detected: list[int], words: str
-) -> None:
+def test_no_digit_that_tells_is_left_out(levels: list[float], detected: Any, words: str) -> None:
     fit = fit_psychometric(levels, detected, [30] * len(levels), guess_rate=0.0)
     if not math.isnan(fit.threshold):
         low, high = map(math.log10, fit.threshold_limits)
