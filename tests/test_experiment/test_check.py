@@ -27,7 +27,7 @@ from tactstrip import main
 if TYPE_CHECKING:
     from click.testing import Result
 
-    from tests.test_experiment.conftest import Run
+    from tests.test_experiment.conftest import Refused, Run
 
 UNFIT = "[burst]\nfrequency_hz = 2800\n"
 ACCEPTED = 'accept_unfit = "on purpose"\n'
@@ -79,12 +79,10 @@ def test_init_writes_the_recommended_preset_where_it_is_told_to(run: Run) -> Non
     assert read_study("ours.toml").design.order == "balanced"
 
 
-def test_init_leaves_an_existing_file_alone(run: Run) -> None:
+def test_init_leaves_an_existing_file_alone(refused: Refused) -> None:
     Path("study.toml").write_text("# mine\n")
-    result = run("init")
-    assert result.exit_code == 2
-    assert result.stderr == "error: study.toml exists and is left as it is; name another file\n"
-    assert Path("study.toml").read_text() == "# mine\n"
+    told = "error: study.toml exists and is left as it is; name another file\n"
+    assert refused("init") == told
 
 
 def test_init_follows_no_dangling_link(run: Run) -> None:
@@ -93,15 +91,13 @@ def test_init_follows_no_dangling_link(run: Run) -> None:
     assert not Path("elsewhere.toml").exists()
 
 
-def test_init_into_a_missing_folder_is_refused_in_one_line(run: Run) -> None:
-    result = run("init", "no/study.toml")
-    assert result.exit_code == 2
-    assert result.stderr == "error: no/study.toml: No such file or directory\n"
+def test_an_unknown_preset_is_a_usage_error(refused: Refused) -> None:
+    assert "best" in refused("init", "--preset", "best")
 
 
-def test_an_unknown_preset_is_a_usage_error(run: Run) -> None:
-    assert run("init", "--preset", "best").exit_code == 2
-    assert not Path("study.toml").exists()
+@pytest.mark.parametrize("arguments", [("init", "no/study.toml"), ("check", "no/study.toml")])
+def test_a_file_that_is_not_there_is_one_line(arguments: tuple[str, str], refused: Refused) -> None:
+    assert refused(*arguments) == "error: no/study.toml: No such file or directory\n"
 
 
 # --- check ----------------------------------------------------------------------------------------
@@ -231,20 +227,13 @@ def test_json_says_the_same_to_other_programs() -> None:
 )
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_a_study_that_cannot_be_used_exits_2_with_one_line_on_stderr(
-    text: str, said: str, options: tuple[str, ...], run: Run
+    text: str, said: str, options: tuple[str, ...]
 ) -> None:
-    Path("study.toml").write_text(text)
-    result = run("check", "study.toml", *options)
+    result = checked(text, *options)
     assert (result.exit_code, result.stdout) == (2, "")
     assert result.stderr.startswith("error: ")
     assert said in result.stderr
     assert result.stderr.count("\n") == 1
-
-
-def test_a_missing_study_exits_2(run: Run) -> None:
-    result = run("check", "none.toml")
-    assert result.exit_code == 2
-    assert result.stderr == "error: none.toml: No such file or directory\n"
 
 
 @pytest.mark.process
@@ -344,12 +333,11 @@ def test_a_click_is_checked_like_a_burst() -> None:
     assert own_um == pytest.approx(displacements("")["left"]["own_um"], rel=1e-3)
 
 
-def test_a_click_that_the_device_cannot_play_is_refused(run: Run) -> None:
+def test_a_click_that_the_device_cannot_play_is_refused(refused: Refused) -> None:
     Path("click.csv").write_text("0\n1\n1\n0\n")
     Path("study.toml").write_text('[burst]\nfile = "click.csv"\n')
-    result = run("check", "study.toml")
-    assert result.exit_code == 2
-    assert "cannot be played at device.sample_rate_hz = 48000" in result.stderr
+    told = "cannot be played at device.sample_rate_hz = 48000"
+    assert told in refused("check", "study.toml")
 
 
 # --- exits ----------------------------------------------------------------------------------------
