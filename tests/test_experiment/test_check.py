@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from tests.test_experiment.conftest import Refused, Run
 
+RECOMMENDED = write_study_text("recommended")
 UNFIT = "[burst]\nfrequency_hz = 2800\n"
 ACCEPTED = 'accept_unfit = "on purpose"\n'
 SUPPORTED = '[strip]\nedge = "simply-supported"\n'
@@ -142,7 +143,9 @@ QUIET = "[burst]\nmasking_limit_db = {}\n"
         ),
         (TWO_CONDITIONS, 1, ("low: fit", "high: unfit", "310: 2 conditions with 75 left")),
         (SUPPORTED, 0, ("computed from simply-supported edges",)),
-        (write_study_text("recommended"), 0, ("15 of each side and level", "in 5 blocks")),
+        pytest.param(
+            RECOMMENDED, 0, ("15 of each side and level", "in 5 blocks"), id="recommended"
+        ),
         (NEAR, 1, ("UNFIT", " dB re its own finger; the limit is -20 dB")),
         (NEAR + "[burst]\n" + ACCEPTED, 0, ("main: accepted",)),
         (QUIET.format(25), 0, ("main: fit",)),

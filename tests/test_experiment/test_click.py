@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import wave
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -55,17 +56,13 @@ def test_every_format_is_scaled_to_a_peak_of_1(
 
 
 def test_24_bits_are_read(tmp_path: Path) -> None:
-    path = wav(tmp_path, np.round(SINE * 2**30).astype(np.int32))
-    data = bytearray(path.read_bytes())
-    whole = np.frombuffer(bytes(data[-4 * SINE.size :]), dtype="<i4")
-    three = b"".join(int(value >> 8).to_bytes(3, "little", signed=True) for value in whole)
-    head = bytearray(data[: -4 * SINE.size])
-    head[28:32] = (3 * RATE_HZ).to_bytes(4, "little")  # bytes per second
-    head[32:36] = (3).to_bytes(2, "little") + (24).to_bytes(2, "little")  # frame, bits
-    head[-4:] = len(three).to_bytes(4, "little")
-    three += b"\0" * (len(three) % 2)
-    head[4:8] = (len(head) + len(three) - 8).to_bytes(4, "little")
-    path.write_bytes(bytes(head) + three)
+    path = tmp_path / "click.wav"
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(3)
+        file.setframerate(RATE_HZ)
+        for value in np.round(SINE * (2**23 - 1)):
+            file.writeframes(int(value).to_bytes(3, "little", signed=True))
     assert read_click(path, RATE_HZ) == pytest.approx(SINE, abs=1e-6)
 
 

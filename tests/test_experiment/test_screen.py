@@ -26,19 +26,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.process
 REQUIRED = os.environ.get("TACTSTRIP_SCREEN") == "required"
 LONGEST_S = 40.0
-SHORT = """
-[design]
-levels_vpp = [80, 160]
-trials_per_side = 1
-both_trials = 1
-foreperiod_s = [0.3, 0.4]
-
-[masking]
-noise = "none"
-
-[burst]
-window = "hann"
-"""
 STUDY = """
 [design]
 levels_vpp = [80, 160]
@@ -50,18 +37,18 @@ responses = ["left", "right", "both", "none"]
 foreperiod_s = [0.6, 0.7]
 response_window_s = 1.0
 minimum_break_s = 1
-
 [masking]
 noise = "none"
-
 [burst]
 window = "hann"
-"""
-TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()")
-WINDOW = """
 [screen]
 full_screen = false
+index = 0
 """
+SHORT = STUDY.replace("_side = 3", "_side = 1").replace("practice_trials = 2", "")
+SHORT = SHORT.replace("[0.6, 0.7]", "[0.3, 0.4]").replace("response_window_s = 1.0", "")
+TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()", "run")
+AT_A_SCREEN = ("--participant", "01", "--responder", "screen", "--driver", "mock", "--out")
 
 
 def missing() -> str | None:
@@ -108,7 +95,7 @@ class Sitting:
         self.seen: list[dict[str, object]] = []
         self._process: subprocess.Popen[str] | None = None
         self.study = root / "study.toml"
-        self.study.write_text(STUDY + WINDOW, encoding="utf-8")
+        self.study.write_text(STUDY, encoding="utf-8")
 
     @property
     def folder(self) -> SessionFolder:
@@ -119,16 +106,18 @@ class Sitting:
         assert self._process is not None
         return self._process
 
-    def start(self, *more: str) -> None:
+    def start(self, *more: str, study: str = "") -> None:
+        """Start or resume a session, of another study if there is one."""
+        if study:
+            self.study.write_text(study, encoding="utf-8")
         self.seen = self.journal()
         self._process = subprocess.Popen(
-            [*TACTSTRIP, "run", str(self.study), "--participant", "01", "--responder", "screen",
-             "--driver", "mock", "--out", str(self.root / "results"), *more],
+            [*TACTSTRIP, self.study, *AT_A_SCREEN, self.root / "results", *more],
             env=self.environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-        )  # fmt: skip
+        )
 
     def press(self, *words: str) -> float:
         """Press keys; return when, on the wall clock."""
@@ -147,6 +136,22 @@ class Sitting:
         server.sync()
         server.close()
         time.sleep(0.05)
+
+    def wait_until(self, when: str) -> None:
+        """Wait for a place in a session where it might be stopped."""
+        if when == "welcome":
+            self.wait_for("session_open")
+            time.sleep(1.0)
+        if when == "foreperiod":
+            self.answer("key", "Left")
+            time.sleep(1.2)  # after the feedback
+        if when in {"answer", "pause"}:
+            self.wait_for("stimulus_commanded", going_on=True)
+            time.sleep(0.1)
+        if when == "pause":
+            self.press("key", "Escape")
+            self.wait_for("pause")
+            time.sleep(0.1)
 
     def journal(self) -> list[dict[str, object]]:
         path = self.folder.journal_path
@@ -292,12 +297,9 @@ def timing(sitting: Sitting) -> str:
 
 
 def test_escape_twice_stops_and_resume_completes(sitting: Sitting) -> None:
-    sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
-    sitting.start()
+    sitting.start(study=SHORT)
     sitting.answer("key", "Left")
-    sitting.wait_for("stimulus_commanded", going_on=True)
-    sitting.press("key", "Escape")
-    sitting.wait_for("pause")
+    sitting.wait_until("pause")
     sitting.press("key", "Escape")
     assert_stopped_at_zero(sitting, sitting.end())
     complete_after_resume(sitting)
@@ -345,20 +347,7 @@ def test_a_stop_from_outside_is_heeded_in_every_wait(
     sitting: Sitting, stop: Callable[[Sitting], None], when: str
 ) -> None:
     sitting.start()
-    if when == "welcome":
-        sitting.wait_for("session_open")
-        time.sleep(1.0)
-    else:
-        sitting.answer("key", "Left")
-    if when == "foreperiod":
-        time.sleep(1.2)  # after the feedback
-    if when in {"answer", "pause"}:
-        sitting.wait_for("stimulus_commanded")
-        time.sleep(0.1)
-    if when == "pause":
-        sitting.press("key", "Escape")
-        sitting.wait_for("pause")
-        time.sleep(0.1)
+    sitting.wait_until(when)
     stop(sitting)
     assert_stopped_at_zero(sitting, sitting.end(pressing=False))
 
@@ -368,23 +357,9 @@ def test_a_stop_from_outside_is_heeded_in_every_wait(
 def test_a_window_that_is_taken_away_stops_the_session(
     sitting: Sitting, how: str, when: str
 ) -> None:
-    sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
-    sitting.start()
-    if when == "welcome":
-        sitting.wait_for("session_open")
-        time.sleep(1.0)
-    else:
-        sitting.wait_for("stimulus_commanded", going_on=True)
-        time.sleep(0.1)
-    found = subprocess.run(
-        ["xdotool", "search", "--name", "tactstrip"],
-        env=sitting.environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    (window,) = found.stdout.split()
-    sitting.press(how, window)
+    sitting.start(study=SHORT)
+    sitting.wait_until(when)
+    sitting.press("search", "--name", "tactstrip", how)
     assert_stopped_at_zero(sitting, sitting.end(pressing=False))
     if when == "answer":
         complete_after_resume(sitting)
@@ -395,8 +370,7 @@ def test_a_session_whose_x_server_dies_can_be_resumed(
 ) -> None:
     with x_server(tmp_path) as (dying, environment):
         sitting = Sitting(tmp_path, environment)
-        sitting.study.write_text(SHORT + WINDOW, encoding="utf-8")
-        sitting.start()
+        sitting.start(study=SHORT)
         sitting.wait_for("stimulus_commanded", going_on=True)
         dying.terminate()
     code, out, err = sitting.end(pressing=False)
@@ -410,10 +384,9 @@ def test_a_session_killed_ten_times_is_complete_in_the_end(sitting: Sitting) -> 
     places = ["session_open", "block_start", "trial_armed", "stimulus_commanded",
               "stimulus_confirmed", "response", "trial_end", "block_end", "break",
               "stimulus_commanded"]  # fmt: skip
-    quick = (STUDY + WINDOW).replace("[0.6, 0.7]", "[0.1, 0.15]")
-    sitting.study.write_text(quick, encoding="utf-8")
+    quick = STUDY.replace("[0.6, 0.7]", "[0.1, 0.15]")
     for place in places:
-        sitting.start(*(["--resume"] if sitting.seen else []))
+        sitting.start(*(["--resume"] if sitting.seen else []), study=quick)
         while True:
             entry = sitting.wait_for(
                 place, "stimulus_commanded", "session_close", "session_resume", going_on=True
@@ -437,13 +410,10 @@ def test_a_session_killed_ten_times_is_complete_in_the_end(sitting: Sitting) -> 
 
 def refusal(study: str, root: Path, environment: dict[str, str]) -> str:
     """Ask for a session that is refused; return the line that says why."""
-    path = root / "study.toml"
-    path.write_text(study, encoding="utf-8")
-    ended = subprocess.run(
-        [*TACTSTRIP, "run", str(path), "--participant", "01", "--responder", "screen",
-         "--driver", "mock", "--out", str(root / "results")],
-        env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    sitting = Sitting(root, environment)
+    sitting.study.write_text(study, encoding="utf-8")
+    command = [*TACTSTRIP, str(sitting.study), *AT_A_SCREEN, str(root / "results")]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 2, ended
     assert not (root / "results" / "sub-01").exists()
     (line,) = ended.stderr.splitlines()
@@ -463,7 +433,7 @@ def test_a_display_that_does_not_answer_is_named(display: dict[str, str], tmp_pa
 
 
 def test_a_screen_that_is_not_there_is_refused(display: dict[str, str], tmp_path: Path) -> None:
-    line = refusal(SHORT + "[screen]\nindex = 3\n", tmp_path, display)
+    line = refusal(SHORT.replace("index = 0", "index = 3"), tmp_path, display)
     assert "screen.index must be below 1, the number of screens; got 3" in line
 
 
