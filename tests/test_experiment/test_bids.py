@@ -315,7 +315,7 @@ def test_sourcedata_without_a_data_set_is_refused(results: Path, refused: Refuse
     assert refused("export", results, "--with-sourcedata").count("\n") == 1
 
 
-def test_unfinished_sessions_are_exported_and_named(results: Path) -> None:
+def test_unfinished_and_simulated_sessions_are_exported_and_named(results: Path) -> None:
     cut_journal(results, "02", 12)
     done = export(results)
     assert done.exit_code == 0
@@ -325,17 +325,13 @@ def test_unfinished_sessions_are_exported_and_named(results: Path) -> None:
     answered = session["trials_answered"]
     named = f"sub-02/ses-01 ({answered} of {session['trials_planned']} trials answered)"
     assert f"not finished: {named}" in done.stdout
-    assert f"Not finished: {named}" in (bids / "README").read_text("utf-8")
+    assert "simulated: 2 of 2 sessions" in done.stdout
+    readme = (bids / "README").read_text("utf-8")
+    assert f"Not finished: {named}" in readme
+    assert "SIMULATED, without a person: sub-01/ses-01, sub-02/ses-01" in readme
     assert 0 < len(table_of(events_of(bids, "02"))) < len(table_of(events_of(bids, "01")))
     (other,) = table_of(bids / "sub-01" / "sub-01_sessions.tsv")
     assert (other["finished"], other["simulated"]) == ("true", "true")
-
-
-def test_simulated_sessions_are_marked(results: Path) -> None:
-    done = export(results)
-    assert "simulated: 2 of 2 sessions" in done.stdout
-    readme = (results.parent / "bids" / "README").read_text("utf-8")
-    assert "SIMULATED, without a person: sub-01/ses-01, sub-02/ses-01" in readme
 
 
 def test_a_damaged_journal_stops_the_export(results: Path, no_export: Refused) -> None:

@@ -167,15 +167,19 @@ def test_an_interrupted_simulation_gives_the_answers_of_an_unbroken_one(killed: 
 
 
 @pytest.mark.process
-def test_a_torn_last_line_is_set_aside_and_told(killed: Sessions) -> None:
+def test_a_torn_last_line_is_set_aside_and_told_and_half_files_are_swept_up(
+    killed: Sessions,
+) -> None:
     journal = killed.folder().journal_path
     journal.write_bytes(journal.read_bytes()[:-20])
+    journal.with_name(".plan.json.x1y2.tmp").write_text("half", encoding="utf-8")
     before = killed.entries()
     assert len(before) == 8
     result = killed.run(*RESUME)
     assert result.exit_code == 0
     assert "journal.torn-1" in result.stderr
     assert journal.with_name("journal.torn-1").stat().st_size > 0
+    assert not list(journal.parent.glob(".*.tmp"))
     assert_complete_and_true(killed, before)
 
 
@@ -331,15 +335,6 @@ def test_a_full_disk_at_the_end_says_that_the_record_is_whole(sessions: Sessions
     assert "trials.csv: cannot be written" in told
     assert sessions.run(*RESUME).exit_code == 0
     assert_complete_and_true(sessions, [])
-
-
-@pytest.mark.slow
-def test_what_a_killed_process_left_half_written_is_swept_up(sessions: Sessions) -> None:
-    folder = sessions.folder()
-    folder.path.mkdir(parents=True)
-    (folder.path / ".plan.json.x1y2.tmp").write_text("half", encoding="utf-8")
-    assert sessions.run(*SEED).exit_code == 0
-    assert not list(folder.path.glob(".*.tmp"))
 
 
 @pytest.mark.slow
