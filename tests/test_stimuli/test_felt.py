@@ -13,7 +13,6 @@ from stimuli import (
     ALUMINIUM,
     Burst,
     Drive,
-    ElasticEdge,
     Fingertip,
     ForceRectangle,
     PressureDisc,
@@ -130,24 +129,6 @@ def test_window_and_step_hold_the_peak_to_a_twentieth_of_a_decibel(
     scene = scene_of(causal(strip, drive), DISCS[0], *PLACES)
     watched_m = transient(scene, drive, np.arange(0.0, 0.016, 4e-6), 1e-3)[:, 0]
     assert off_db(peaks_m, np.max(np.abs(watched_m), axis=0)) < 0.05
-
-
-# Known levels 70 mm away in dB, peak-to-peak, for a moment rectangle of 6 x 18 mm (18 across) on
-# the paper's plate, with a viscous loss of 0.01 at the supported strip's cut-off in plate and
-# spring: one cycle of 500 Hz, and two under Hann's window.
-KNOWN_DB = {"supported": (-27.8, -57.0), "2900 Hz": (-31.9, -73.5), "clamped": (-37.5, -86.7)}
-
-
-@pytest.mark.parametrize("name", STRIPS)
-@pytest.mark.parametrize("number", [0, 1])
-def test_levels_seventy_millimetres_away_are_the_known_ones(name: str, number: int) -> None:
-    strip = lossy(STRIPS[name], 0.0, 0.01 / (2 * math.pi * SUPPORTED.cutoff_hz()))
-    if isinstance(strip.edge, ElasticEdge):
-        strip = change(strip, edge=change(strip.edge, lossless=False))
-    scene = scene_of(strip, patch(), (0.0, W / 2), (0.07, W / 2))
-    moved_m = transient(scene, (CYCLE, HANN)[number], np.arange(0.0, 0.012, 1e-5), 1e-3)[:, 0]
-    source_m, far_m = np.ptp(moved_m, axis=0)
-    assert 20 * math.log10(far_m / source_m) == pytest.approx(KNOWN_DB[name][number], abs=0.5)
 
 
 @pytest.mark.slow
