@@ -258,7 +258,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add where real hardware is."""
     parser.addoption(
         "--device-url",
-        help="port or URL of a real device: tests/test_device_contract.py drives it too. "
+        help="port or URL of a real device: tests/test_device/test_contract.py drives it. "
         "Its outputs go up to 200 Vpp: nobody may touch the plate.",
     )
 

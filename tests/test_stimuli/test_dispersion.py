@@ -12,33 +12,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, Strip
+from stimuli import CLAMPED, ElasticEdge, Strip
 from stimuli.strip.dispersion import dispersion
 from stimuli.strip.roots import decays_squared
 from stimuli.strip.waves import Section, cross_waves, outgoing_root
+from tests.test_stimuli.plates import FIRM, PLATE, SOFT, SUPPORTED, on
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex
 
-
-PLATE = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-"""The paper's plate (section II-B) between ideal clamps."""
-
-FIRST_HZ = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED).cutoff_hz()
+FIRST_HZ = SUPPORTED.cutoff_hz()
 SYMMETRIES: tuple[Any, Any] = ("symmetric", "antisymmetric")
 
 laws = settings(deadline=None, max_examples=60)
 
 
-def held(stiffness_n: float, *, loss_factor: float = 0.0, lossless: bool = True) -> Strip:
-    material = dataclasses.replace(ALUMINIUM, loss_factor=loss_factor)
-    strip = dataclasses.replace(PLATE, material=material)
+each_symmetry = pytest.mark.parametrize("symmetry", SYMMETRIES)
+
+
+def held(stiffness_n: float, *, loss: float = 0.0, lossless: bool = True) -> Strip:
     if math.isinf(stiffness_n):
-        return strip
-    edge = ElasticEdge(stiffness_n=stiffness_n, lossless=lossless)
-    return dataclasses.replace(strip, edge=edge)
+        return on(CLAMPED, loss=loss)
+    return on(ElasticEdge(stiffness_n=stiffness_n, lossless=lossless), loss=loss)
 
 
 @st.composite
@@ -94,33 +91,33 @@ def roots_to_the_left(section: Section, decay: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("stiffness_n", "frequency_hz", "symmetry", "place", "wavenumber"),
+    ("strip", "frequency_hz", "symmetry", "place", "wavenumber"),
     [
         # roots at 24 digits, 17 of them certain
-        (63.9264884979218, 500, 0, 0, 45.7149521232433317 + 134.250193213292062j),
-        (63.9264884979218, 500, 1, 0, 50.5806688485074964 + 256.996340829423783j),
-        (141.72083994908, 500, 0, 0, 60.2669932638340808 + 141.043590216544196j),
-        (141.72083994908, 500, 1, 0, 68.3086264635341736 + 262.599365435832642j),
-        (math.inf, 500, 0, 0, 89.3538771994679373 + 168.144709736643209j),
-        (math.inf, 500, 1, 0, 110.542057631022669 + 299.838842091982101j),
-        (63.9264884979218, 2500, 0, 1, 178.572622947938904j),
-        (63.9264884979218, 2500, 1, 0, 32.3600790704886772 + 254.059796022895989j),
-        (141.72083994908, 2500, 0, 0, 73.4287422415495487j),
-        (141.72083994908, 2500, 0, 1, 164.887899624663458j),
-        (141.72083994908, 2500, 1, 0, 56.9626566930052906 + 259.937234800173560j),
-        (math.inf, 2500, 0, 0, 69.1947400289195210 + 158.589040813789420j),
-        (math.inf, 2500, 1, 0, 105.440470806924121 + 298.179022697244452j),
+        (on(SOFT), 500, 0, 0, 45.7149521232433317 + 134.250193213292062j),
+        (on(SOFT), 500, 1, 0, 50.5806688485074964 + 256.996340829423783j),
+        (on(FIRM), 500, 0, 0, 60.2669932638340808 + 141.043590216544196j),
+        (on(FIRM), 500, 1, 0, 68.3086264635341736 + 262.599365435832642j),
+        (PLATE, 500, 0, 0, 89.3538771994679373 + 168.144709736643209j),
+        (PLATE, 500, 1, 0, 110.542057631022669 + 299.838842091982101j),
+        (on(SOFT), 2500, 0, 1, 178.572622947938904j),
+        (on(SOFT), 2500, 1, 0, 32.3600790704886772 + 254.059796022895989j),
+        (on(FIRM), 2500, 0, 0, 73.4287422415495487j),
+        (on(FIRM), 2500, 0, 1, 164.887899624663458j),
+        (on(FIRM), 2500, 1, 0, 56.9626566930052906 + 259.937234800173560j),
+        (PLATE, 2500, 0, 0, 69.1947400289195210 + 158.589040813789420j),
+        (PLATE, 2500, 1, 0, 105.440470806924121 + 298.179022697244452j),
     ],
 )
 def test_the_papers_plate_has_its_known_wavenumbers(
-    stiffness_n: float, frequency_hz: float, symmetry: int, place: int, wavenumber: complex
+    strip: Strip, frequency_hz: float, symmetry: int, place: int, wavenumber: complex
 ) -> None:
-    p = held(stiffness_n).wavenumbers_rad_m(frequency_hz, symmetry=SYMMETRIES[symmetry])[place]
+    p = strip.wavenumbers_rad_m(frequency_hz, symmetry=SYMMETRIES[symmetry])[place]
     assert abs(p - wavenumber) < 2e-14 * abs(wavenumber)
 
 
 def test_at_its_measured_cutoff_a_strip_begins_to_propagate() -> None:
-    strip = held(63.9264884979218)
+    strip = on(SOFT)
     assert abs(strip.wavenumbers_rad_m(2500.0)[0]) < 1e-4
     below, above = (strip.wavenumbers_rad_m(f)[0] for f in (2499.0, 2501.0))
     assert below.real == above.imag == 0
@@ -214,7 +211,7 @@ def test_the_slope_is_the_derivative_of_the_function(section: Section, count: in
 def test_wavenumbers_are_outgoing_and_ordered(
     exponent: float, cutoffs: float, loss: float, symmetry: Any, n_modes: int
 ) -> None:
-    strip = held(100 * 10**exponent, loss_factor=loss)
+    strip = held(100 * 10**exponent, loss=loss)
     p = strip.wavenumbers_rad_m(cutoffs * FIRST_HZ, n_modes=n_modes, symmetry=symmetry)
     assert p.shape == (n_modes,)
     assert np.all((p.imag > 0) | ((p.imag == 0) & (p.real > 0)))
@@ -225,7 +222,7 @@ def test_wavenumbers_are_outgoing_and_ordered(
         assert not alone
 
 
-@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@each_symmetry
 @pytest.mark.parametrize("mode", [1, 2, 3, 4])
 @pytest.mark.parametrize("stiffness_n", [0.01, 141.72083994908, math.inf])
 def test_each_mode_propagates_from_its_cutoff_on(
@@ -242,27 +239,23 @@ def test_each_mode_propagates_from_its_cutoff_on(
     assert above == (mode + (symmetry == "symmetric")) // 2
 
 
-@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@each_symmetry
 @pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 3000.0, 60_000.0])
 def test_springs_reach_both_ideal_edges(frequency_hz: float, symmetry: Any) -> None:
-    ends: list[tuple[float, Strip]] = [
-        (1e-30, dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)),
-        (1e30, PLATE),
-    ]
-    for stiffness_n, ideal in ends:
+    for stiffness_n, ideal in ((1e-30, SUPPORTED), (1e30, PLATE)):
         p = held(stiffness_n).wavenumbers_rad_m(frequency_hz, 12, symmetry)
         exact = ideal.wavenumbers_rad_m(frequency_hz, 12, symmetry)
         np.testing.assert_allclose(p, exact, rtol=1e-12, atol=1e-10)
 
 
-@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@each_symmetry
 @pytest.mark.parametrize("stiffness_n", [64.0, math.inf])
 def test_vanishing_loss_leaves_the_branch_of_the_lossless_strip(
     stiffness_n: float, symmetry: Any
 ) -> None:
     for frequency_hz in (500.0, 5000.0, 40_000.0):
         exact = held(stiffness_n).wavenumbers_rad_m(frequency_hz, 12, symmetry)
-        lossy = held(stiffness_n, loss_factor=1e-13).wavenumbers_rad_m(frequency_hz, 12, symmetry)
+        lossy = held(stiffness_n, loss=1e-13).wavenumbers_rad_m(frequency_hz, 12, symmetry)
         assert np.all(lossy.imag > 0)
         distance = np.min(abs(lossy - exact[:, np.newaxis]), axis=1)
         assert np.all(distance < 1e-11 * abs(exact))
@@ -270,7 +263,7 @@ def test_vanishing_loss_leaves_the_branch_of_the_lossless_strip(
 
 def test_a_spring_with_the_plates_loss_is_a_lossless_one_scaled_with_it() -> None:
     # both have the real kappa = K / D: only the bending of the plate is complex
-    lossy = held(64.0, loss_factor=0.2, lossless=False)
+    lossy = held(64.0, loss=0.2, lossless=False)
     section = Section(
         bending=math.pi**2 / 4 * (500 / FIRST_HZ) / (1 - 0.2j) ** 0.5,
         compliance=2 * lossy.bending_stiffness_n_m / (64.0 * lossy.width_m),
@@ -278,7 +271,7 @@ def test_a_spring_with_the_plates_loss_is_a_lossless_one_scaled_with_it() -> Non
     )
     expected = outgoing_root(-decays_squared(section, 4)) * 2 / lossy.width_m
     np.testing.assert_allclose(lossy.wavenumbers_rad_m(500.0), expected, rtol=1e-14)
-    other = held(64.0, loss_factor=0.2).wavenumbers_rad_m(500.0)
+    other = held(64.0, loss=0.2).wavenumbers_rad_m(500.0)
     assert np.all(abs(other / expected - 1) > 1e-4)
 
 
@@ -287,11 +280,7 @@ def test_a_spring_with_the_plates_loss_is_a_lossless_one_scaled_with_it() -> Non
 
 @pytest.mark.parametrize(
     ("strip", "frequency_hz", "rel"),
-    [
-        (PLATE, 3618.11524962338517, 1e-14),
-        (held(141.72083994908), 2122.130, 4e-7),
-        (held(63.9264884979218), 1575.804, 4e-7),
-    ],
+    [(PLATE, 3618.11524962338517, 1e-14), (on(FIRM), 2122.130, 4e-7), (on(SOFT), 1575.804, 4e-7)],
 )
 def test_exceptional_points_of_the_papers_plate(
     strip: Strip, frequency_hz: float, rel: float
@@ -319,16 +308,12 @@ def test_two_lowest_waves_are_a_pair_below_the_exceptional_point_only(exponent: 
 
 
 def test_soft_springs_lead_to_the_simple_support_without_exceptional_point() -> None:
-    assert dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED).exceptional_point_hz() == 0.0
+    assert SUPPORTED.exceptional_point_hz() == 0.0
     soft, softer = (held(k).exceptional_point_hz() for k in (1e-8, 1e-12))
     assert soft / softer == pytest.approx(100.0, rel=1e-6)
     assert softer < 1e-3
     assert held(1e300).exceptional_point_hz() == PLATE.exceptional_point_hz()
-
-
-def test_the_exceptional_point_is_that_of_the_strip_without_loss() -> None:
-    damped = held(64.0, loss_factor=0.1)
-    assert damped.exceptional_point_hz() == held(64.0).exceptional_point_hz()
+    assert held(64.0, loss=0.1).exceptional_point_hz() == held(64.0).exceptional_point_hz()
 
 
 # --- shapes --------------------------------------------------------------------------------------
@@ -339,11 +324,11 @@ def gauss(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return PLATE.width_m * (nodes + 1) / 2, weights / 2
 
 
-@pytest.mark.parametrize("stiffness_n", [1e-3, 141.72083994908, math.inf])
-def test_cutoff_shapes_are_orthogonal_with_a_mean_square_of_one_half(stiffness_n: float) -> None:
+@pytest.mark.parametrize("strip", [SUPPORTED, held(1e-3), on(FIRM), PLATE])
+def test_cutoff_shapes_are_orthogonal_with_a_mean_square_of_one_half(strip: Strip) -> None:
     y, weights = gauss(60)
-    shapes = np.array([held(stiffness_n).mode_shape(mode, y) for mode in range(1, 9)])
-    np.testing.assert_allclose((shapes * weights) @ shapes.T, np.eye(8) / 2, atol=1e-12)
+    shapes = np.array([strip.mode_shape(mode, y) for mode in range(1, 9)])
+    np.testing.assert_allclose((shapes * weights) @ shapes.T, np.eye(8) / 2, atol=1e-13)
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3, 40, 10_000])
@@ -364,14 +349,14 @@ def test_cutoff_shapes_of_clamped_edges_are_those_of_the_clamped_beam(mode: int)
     assert PLATE.mode_shape(mode, 1e-3 / k) > 0
 
 
-@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@each_symmetry
 @pytest.mark.parametrize("stiffness_n", [1e-4, 64.0, math.inf])
 @pytest.mark.parametrize("loss_factor", [0.0, 0.3])
 @pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 20_000.0])
 def test_wave_shapes_satisfy_plate_and_edge(
     stiffness_n: float, loss_factor: float, frequency_hz: float, symmetry: Any
 ) -> None:
-    strip = held(stiffness_n, loss_factor=loss_factor)
+    strip = held(stiffness_n, loss=loss_factor)
     factor = strip.material.stiffness_factor(frequency_hz)
     k2 = (math.pi / strip.width_m) ** 2 * (frequency_hz / FIRST_HZ) / factor**0.5
     v = np.cos(np.pi * (np.arange(60) + 0.5) / 60)
@@ -392,9 +377,9 @@ def test_wave_shapes_satisfy_plate_and_edge(
             assert abs(second(-1) - kappa * slope) < 1e-6 * (size**0.5 + abs(kappa * slope))
 
 
-@pytest.mark.parametrize("symmetry", SYMMETRIES)
+@each_symmetry
 def test_wave_shapes_have_their_norm_phase_and_symmetry(symmetry: Any) -> None:
-    strip = held(64.0, loss_factor=0.1)
+    strip = held(64.0, loss=0.1)
     y, weights = gauss(40)
     for p in strip.wavenumbers_rad_m(700.0, 6, symmetry):
         shape = strip.wave_shape(p, 700.0, y, symmetry)
@@ -427,13 +412,11 @@ def test_at_cutoff_the_shape_of_the_wave_is_that_of_the_mode() -> None:
 
 
 def test_on_simple_supports_every_wave_has_the_shape_of_its_mode() -> None:
-    strip = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)
-    y = np.linspace(0, strip.width_m, 21)
+    y = np.linspace(0, PLATE.width_m, 21)
     for frequency_hz, place, mode in [(500.0, 1, 1), (500.0, 2, 3), (2500.0, 0, 1), (0.0, 0, 1)]:
-        p = strip.wavenumbers_rad_m(frequency_hz)[place]
-        np.testing.assert_allclose(
-            strip.wave_shape(p, frequency_hz, y), strip.mode_shape(mode, y), atol=1e-13
-        )
+        p = SUPPORTED.wavenumbers_rad_m(frequency_hz)[place]
+        shape = SUPPORTED.wave_shape(p, frequency_hz, y)
+        np.testing.assert_allclose(shape, SUPPORTED.mode_shape(mode, y), atol=1e-13)
 
 
 def test_an_antisymmetric_shape_keeps_its_digits_where_one_wave_across_is_flat() -> None:
