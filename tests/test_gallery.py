@@ -22,6 +22,11 @@ pytestmark = pytest.mark.gallery
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
 SCRIPTS = sorted(path.stem for path in GALLERY.glob("*_*_*.py"))
+SHAPES, SUPPORTED = "figure_01_mode_shapes", "figure_02_simply_supported_response"
+DISC, PATCH = "figure_04_disc_response", "figure_08_patch_response"
+ONE_DISC, TWO_DISCS = "figure_05_one_disc_map", "figure_06_two_discs_map"
+UPRIGHT, FLAT = "figure_09_upright_patch_map", "figure_10_flat_patch_map"
+MOTOR = "figure_11_motor_map"
 
 
 @pytest.fixture(autouse=True)
@@ -50,15 +55,13 @@ def mean_db(name: str) -> float:
 
 
 def centre_um(name: str) -> float:
-    return float(numbers(name).centre_m) * 1e6
-
-
-def two_discs_um() -> float:
-    return float(numbers("figure_06_two_discs_map").centres_m[0]) * 1e6
+    """The displacement above the first load."""
+    found = numbers(name)
+    return float(found.centres_m[0] if name == TWO_DISCS else found.centre_m) * 1e6
 
 
 def force_n(*, clamped: bool) -> float:
-    found = numbers("figure_11_motor_map")
+    found = numbers(MOTOR)
     return float(found.clamped_force_n if clamped else found.force_n)
 
 
@@ -83,113 +86,95 @@ def test_script_draws_to_the_file_it_is_given(
 
 
 def test_figure_1_has_the_cut_offs_of_the_reference() -> None:
-    found = numbers("figure_01_mode_shapes")
+    found = numbers(SHAPES)
     supported_hz = [1926.03136910769444, 7704.12547643077777, 17334.2823219692500]
     assert found.supported_hz[:3] == pytest.approx(supported_hz, rel=1e-12)
     assert found.built_hz[:2] == pytest.approx([2900.0, 8942.64392619945605], rel=1e-12)
 
 
 def test_figure_1_shows_mode_n_with_n_lobes() -> None:
-    found = numbers("figure_01_mode_shapes")
-    for shapes in (found.supported, found.built):
+    for shapes in (numbers(SHAPES).supported, numbers(SHAPES).built):
         signs = [np.sign(shape[np.abs(shape) > 1e-9]) for shape in shapes]
         assert [1 + np.count_nonzero(np.diff(sign)) for sign in signs] == [1, 2, 3, 4, 5]
 
 
-def test_figure_2_has_the_reference_at_the_disc_s_centre() -> None:
-    found = numbers("figure_02_simply_supported_response")
-    assert found.centre_at_300_hz_m == pytest.approx(-0.0000368781929448345153, rel=1e-6)
+def test_figure_2_has_the_reference_and_confines_below_the_cut_off_only() -> None:
+    known_m = -0.0000368781929448345153
+    assert numbers(SUPPORTED).centre_at_300_hz_m == pytest.approx(known_m, rel=1e-6)
+    assert 15 < level_db(SUPPORTED, 1000.0) < level_db(SUPPORTED, 300.0) < 25
+    assert abs(level_db(SUPPORTED, 3000.0)) < 3
 
 
-def test_figure_2_confines_below_the_cut_off_only() -> None:
-    name = "figure_02_simply_supported_response"
-    assert 15 < level_db(name, 1000.0) < level_db(name, 300.0) < 25
-    assert abs(level_db(name, 3000.0)) < 3
-
-
-@pytest.mark.parametrize(
-    ("name", "cutoff_hz"), [("figure_04_disc_response", 2900.0), ("figure_08_patch_response", 2500)]
-)
-def test_figures_4_and_8_peak_at_the_measured_cut_off(name: str, cutoff_hz: float) -> None:
+@pytest.mark.parametrize(("name", "cutoff_hz"), [(DISC, 2900.0), (PATCH, 2500.0)])
+def test_figures_4_and_8_peak_at_the_measured_cut_off_and_have_the_papers_30_db_up_to_1_khz(
+    name: str, cutoff_hz: float
+) -> None:
     response = numbers(name).response
     peak = int(np.argmax(np.abs(response.centre_m)))
     assert response.frequencies_hz[peak] == cutoff_hz
     assert abs(response.centre_m[peak]) == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("name", ["figure_04_disc_response", "figure_08_patch_response"])
-def test_figures_4_and_8_have_the_paper_s_30_db_up_to_1_khz(name: str) -> None:
-    response = numbers(name).response
     assert response.mean_level_db(1000.0) == pytest.approx(30.0, abs=3.5)
     for frequency_hz in (100.0, 300.0, 1000.0):
         assert response.level_at(frequency_hz) == pytest.approx(30.0, abs=5.5)
-
-
-@pytest.mark.parametrize("name", ["figure_04_disc_response", "figure_08_patch_response"])
-def test_figures_4_and_8_miss_the_30_db_in_the_mean_up_to_the_cut_off(name: str) -> None:
-    """The model's level falls to 0 at the cut-off; the paper's "about 30 dB" is for all below."""
+    # the level falls to 0 at the cut-off; the paper's "about 30 dB" is for all below
     assert -10 < mean_db(name) - 30.0 < -5
 
 
-def test_figure_5_has_the_paper_s_1_um_within_a_factor_of_one_and_a_half() -> None:
-    """Layer data are good to a factor of 1.5 to 2 at best."""
-    assert 1 / 1.5 < centre_um("figure_05_one_disc_map") / 1.0 < 1.5
-
-
-def test_figure_6_has_the_paper_s_2_6_um_within_a_factor_of_one_and_a_half() -> None:
-    assert 1 / 1.5 < two_discs_um() / 2.6 < 1.5
+@pytest.mark.parametrize(
+    ("name", "paper_um", "least", "most"),
+    [
+        # layer data are good to a factor of 1.5 to 2 at best
+        (ONE_DISC, 1.0, 1 / 1.5, 1.5),
+        (TWO_DISCS, 2.6, 1 / 1.5, 1.5),
+        # the moment of a patch with a free rim is the least it can have
+        (UPRIGHT, 2.8, 1.5, 2),
+        (FLAT, 1.0, 1.2, 1.5),
+    ],
+)
+def test_the_papers_amplitudes_are_met_within_a_factor(
+    name: str, paper_um: float, least: float, most: float
+) -> None:
+    assert least < paper_um / centre_um(name) < most
 
 
 def test_figure_6_leaves_the_rest_of_the_plate_at_rest() -> None:
     """The paper: 2.6 um above the discs, "the rest of the plate stays at rest"."""
-    found = numbers("figure_06_two_discs_map")
+    found = numbers(TWO_DISCS)
     assert found.plate.at(0.035) < 0.02 * found.centres_m[0]
     assert found.across_m < 1e-3 * found.centres_m[1]
 
 
 def test_figures_5_and_6_of_the_paper_are_not_one_linear_plate() -> None:
-    assert two_discs_um() / centre_um("figure_05_one_disc_map") == pytest.approx(2.0, rel=1e-4)
+    assert centre_um(TWO_DISCS) / centre_um(ONE_DISC) == pytest.approx(2.0, rel=1e-4)
     assert 2.6 / 1.0 > 1.25 * 2.0
 
 
-def test_figure_9_is_too_low_by_less_than_a_factor_of_two() -> None:
-    """The paper's 2.8 um; the moment of a patch with a free rim is the least it can have."""
-    assert 1.5 < 2.8 / centre_um("figure_09_upright_patch_map") < 2
-
-
-def test_figure_10_is_too_low_by_less_than_a_factor_of_one_and_a_half() -> None:
-    assert 1.2 < 1.0 / centre_um("figure_10_flat_patch_map") < 1.5
-
-
 def test_figure_10_has_the_reference_20_mm_from_the_centre() -> None:
-    found = numbers("figure_10_flat_patch_map")
-    per_moment_m = found.plate.at(0.02) / found.moment_n
+    per_moment_m = numbers(FLAT).plate.at(0.02) / numbers(FLAT).moment_n
     assert per_moment_m == pytest.approx(4.96422864218509787e-7, rel=1e-5)
 
 
-@pytest.mark.parametrize("name", ["figure_09_upright_patch_map", "figure_10_flat_patch_map"])
+@pytest.mark.parametrize("name", [UPRIGHT, FLAT])
 def test_figures_9_and_10_peak_at_the_patch_s_centre(name: str) -> None:
     assert numbers(name).plate.peak_place_m == pytest.approx((0.0, 0.0125), abs=1e-9)
 
 
 def test_figure_10_moves_the_whole_width_over_a_patch_of_3_mm() -> None:
     """Section III-C: "the entire width of the plate is activated"."""
-    plate = numbers("figure_10_flat_patch_map").plate
+    plate = numbers(FLAT).plate
     across = np.abs(plate.displacement_m[plate.x_m.size // 2])
-    beyond_the_patch = across[np.isclose(plate.y_m, 0.006)]
-    assert beyond_the_patch > across.max() / 4
+    assert across[np.isclose(plate.y_m, 0.006)] > across.max() / 4
 
 
 def test_ratio_of_figures_9_and_10_misses_the_paper_s_by_less_than_a_factor_of_1_3() -> None:
     """Both patches are of one ceramic, so that its data drop out of the ratio."""
-    ratio = centre_um("figure_09_upright_patch_map") / centre_um("figure_10_flat_patch_map")
-    assert 1 < 2.8 / ratio < 1.3
+    assert 1 < 2.8 / (centre_um(UPRIGHT) / centre_um(FLAT)) < 1.3
 
 
 def test_figure_11_takes_the_reference_s_force_between_clamps() -> None:
     per_force_m = 4.32387582593649594e-10 / (0.010 * 0.010)
     assert force_n(clamped=True) == pytest.approx(0.5e-6 / per_force_m, rel=1e-5)
-    assert numbers("figure_11_motor_map").plate.at(0.0) == pytest.approx(0.5e-6, rel=1e-5)
+    assert numbers(MOTOR).plate.at(0.0) == pytest.approx(0.5e-6, rel=1e-5)
 
 
 def stiffening(strip: Strip, layers: PiezoLayers) -> float:
@@ -213,13 +198,13 @@ def test_measured_amplitudes_lie_between_those_of_a_free_and_of_a_held_patch() -
     plate = script("paper_plate")
     disc, patch = stiffening(plate.FIRST, plate.BUZZER), stiffening(plate.SECOND, plate.PIC255)
     assert f"by a factor of {patch:.1f} (PIC255) or {disc:.1f} (disc)" in section_10()
-    assert two_discs_um() < 2.6 < disc * two_discs_um()
-    for measured_um, name in (
-        (2.8, "figure_09_upright_patch_map"),
-        (1.0, "figure_10_flat_patch_map"),
+    for measured_um, name, factor in (
+        (2.6, TWO_DISCS, disc),
+        (2.8, UPRIGHT, patch),
+        (1, FLAT, patch),
     ):
-        assert centre_um(name) < measured_um < patch * centre_um(name)
-    assert centre_um("figure_05_one_disc_map") > 1.0
+        assert centre_um(name) < measured_um < factor * centre_um(name)
+    assert centre_um(ONE_DISC) > 1.0
 
 
 def test_the_motor_s_mass_does_not_matter_at_90_hz() -> None:
@@ -273,46 +258,26 @@ def levels(name: str) -> str:
 
 def rows() -> list[tuple[str, str, str]]:
     """What, the paper's value, ours: the first three columns of the first table."""
-    fig_2 = "figure_02_simply_supported_response"
-    one, upright, flat = (
-        centre_um(name)
-        for name in (
-            "figure_05_one_disc_map",
-            "figure_09_upright_patch_map",
-            "figure_10_flat_patch_map",
-        )
+    one, two, upright, flat = (centre_um(name) for name in (ONE_DISC, TWO_DISCS, UPRIGHT, FLAT))
+    beside = (
+        f"{level_db(SUPPORTED, 300):.0f} dB at 300 Hz, {level_db(SUPPORTED, 1000):.0f} dB at 1 kHz"
     )
-    beside = f"{level_db(fig_2, 300):.0f} dB at 300 Hz, {level_db(fig_2, 1000):.0f} dB at 1 kHz"
+    first_hz = f"{numbers(SUPPORTED).cutoff_hz:.0f} Hz"
+    motor = f"put in; takes {force_n(clamped=False):.3f} N"
     return [
-        (
-            "cut-off on simple supports (fig. 1, 2)",
-            "1.9 kHz",
-            f"{numbers(fig_2).cutoff_hz:.0f} Hz",
-        ),
+        ("cut-off on simple supports (fig. 1, 2)", "1.9 kHz", first_hz),
         ("cut-off of the first plate (fig. 4)", "2.9 kHz", limits()),
         ("cut-off of the second plate (fig. 8)", "2.5 kHz", limits()),
         ("level 20 mm along, W/6 off, simple supports (fig. 2)", "-", beside),
-        (
-            "level 20 mm from the disc's centre (fig. 4)",
-            "about 30 dB",
-            levels("figure_04_disc_response"),
-        ),
-        (
-            "level 20 mm from a patch's centre (fig. 8)",
-            "about 30 dB",
-            levels("figure_08_patch_response"),
-        ),
+        ("level 20 mm from the disc's centre (fig. 4)", "about 30 dB", levels(DISC)),
+        ("level 20 mm from a patch's centre (fig. 8)", "about 30 dB", levels(PATCH)),
         ("one disc, 300 Hz, 50 Vpp (fig. 5)", "1 um", f"{one:.2f} um"),
-        ("two discs, 300 Hz, 100 Vpp (fig. 6)", "2.6 um", f"{two_discs_um():.2f} um"),
-        ("ratio of fig. 6 to fig. 5", "2.6", f"{two_discs_um() / one:.2f}"),
+        ("two discs, 300 Hz, 100 Vpp (fig. 6)", "2.6 um", f"{two:.2f} um"),
+        ("ratio of fig. 6 to fig. 5", "2.6", f"{two / one:.2f}"),
         ("patch 18 x 6 mm, 700 Hz, 100 Vpp (fig. 9)", "2.8 um", f"{upright:.2f} um"),
         ("patch 10 x 3 mm, 700 Hz, 100 Vpp (fig. 10)", "1.0 um", f"{flat:.2f} um"),
         ("ratio of fig. 9 to fig. 10", "2.8", f"{upright / flat:.2f}"),
-        (
-            "motor on 10 x 10 mm, 90 Hz (fig. 11)",
-            "0.5 um",
-            f"put in; takes {force_n(clamped=False):.3f} N",
-        ),
+        ("motor on 10 x 10 mm, 90 Hz (fig. 11)", "0.5 um", motor),
     ]
 
 
@@ -335,10 +300,8 @@ def test_table_of_20_db_says_what_the_script_returns() -> None:
 def test_reasons_in_the_table_hold_the_right_numbers() -> None:
     plate = script("paper_plate")
     edges = [strip.edge.stiffness_n for strip in (plate.FIRST, plate.SECOND)]
-    upright, flat = (
-        centre_um(name) for name in ("figure_09_upright_patch_map", "figure_10_flat_patch_map")
-    )
-    plate_map = numbers("figure_05_one_disc_map").plate
+    upright, flat = centre_um(UPRIGHT), centre_um(FLAT)
+    plate_map = numbers(ONE_DISC).plate
     nearer, further = (20 * np.log10(plate_map.at(0) / plate_map.at(x)) for x in (0.018, 0.022))
     for told in (
         f"at 300 Hz it is {nearer:.0f} dB 2 mm nearer and {further:.0f} dB 2 mm further",
@@ -354,24 +317,19 @@ def test_reasons_in_the_table_hold_the_right_numbers() -> None:
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_docstring_tells_the_number(name: str) -> None:
-    found = numbers(name)
+    found, db = numbers(name), r"\d+ dB"
     told: dict[str, Callable[[], list[str]]] = {
-        "figure_01": lambda: [f"{found.supported_hz[0]:.0f} Hz"],
-        "figure_02": lambda: [f"{found.cutoff_hz:.0f} Hz", f"{level_db(name, 300):.0f} dB less"],
-        "figure_04": lambda: re.findall(r"\d+ dB", levels(name)),
-        "figure_05": lambda: [f"{centre_um(name):.2f} um"],
-        "figure_06": lambda: [f"{two_discs_um():.2f} um"],
-        "figure_08": lambda: re.findall(r"\d+ dB", levels(name)),
-        "figure_09": lambda: [f"{centre_um(name):.2f} um"],
-        "figure_10": lambda: [f"{centre_um(name):.2f} um"],
-        "figure_11": lambda: [
-            f"{found.force_n:.3f} N",
-            f"{found.unbalance_kg_m * 1e6:.2f} g mm",
-        ],
-        "section_5": lambda: [
+        SHAPES: lambda: [f"{found.supported_hz[0]:.0f} Hz"],
+        SUPPORTED: lambda: [f"{found.cutoff_hz:.0f} Hz", f"{level_db(name, 300):.0f} dB less"],
+        MOTOR: lambda: [f"{found.force_n:.3f} N", f"{found.unbalance_kg_m * 1e6:.2f} g mm"],
+        "section_5_twenty_decibels": lambda: [
             f"{found[1].from_centre_m * 1e3:.0f} mm from the centre of the disc",
             f"{found[1].from_rim_m * 1e3:.0f} mm beyond its rim",
         ],
     }
+    told |= dict.fromkeys((DISC, PATCH), lambda: re.findall(db, levels(name)))
+    told |= dict.fromkeys(
+        (ONE_DISC, TWO_DISCS, UPRIGHT, FLAT), lambda: [f"{centre_um(name):.2f} um"]
+    )
     number = " ".join(script(name).__doc__.split()).split("The number: ")[1]
-    assert [text for text in told[name[:9]]() if text not in number] == []
+    assert [text for text in told[name]() if text not in number] == []
