@@ -13,10 +13,10 @@ import stat
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
-from filelock import FileLock
-
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from filelock import FileLock
 
 
 FILE_MODE: Final = 0o660
@@ -116,6 +116,8 @@ def lock_on(path: Path, timeout: float = -1) -> FileLock:
 
     The mode is told nevertheless, for earlier releases of FileLock set theirs on every file.
     """
+    from filelock import FileLock  # the help of commands that write must not wait for it
+
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, FILE_MODE))
     return FileLock(path, timeout=timeout, mode=stat.S_IMODE(path.stat().st_mode))
