@@ -11,17 +11,34 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 import tactstrip
 from device.driver import LinkError
-from device.emulate.mock import MockDevice
 from experiment.terms import exits
 from tactstrip import COMMANDS, PACKAGES, main
 
 ROOT = Path(__file__).parent.parent
 HEAVY = {"numpy", "scipy", "pandas", "pydantic", "rich", "matplotlib", "statsmodels", "psychopy",
          "serial", "filelock"}  # fmt: skip
+
+
+def run(*arguments: object) -> Result:
+    """Run the command line in this process."""
+    return CliRunner().invoke(main, [str(argument) for argument in arguments])
+
+
+def python(*arguments: str, folder: Path, path: Path | None = None) -> tuple[int, str, str]:
+    """Run Python in a folder: its exit code, output and error."""
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=os.environ | ({} if path is None else {"PYTHONPATH": str(path)}),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
 
 
 def imported_by(*arguments: str) -> set[str]:
@@ -31,21 +48,15 @@ def imported_by(*arguments: str) -> set[str]:
         "try:\n    main(sys.argv[1:])\nexcept SystemExit as end:\n    assert not end.code, end\n"
         "print('\\n'.join(sys.modules), file=sys.stderr)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, check=True
-    )
-    return {line.split(".")[0] for line in done.stderr.splitlines()}
+    ended, _, told = python("-c", program, *arguments, folder=ROOT)
+    assert ended == 0
+    return {line.split(".")[0] for line in told.splitlines()}
 
 
 @pytest.mark.process
-def test_help_imports_nothing_heavy() -> None:
-    assert not imported_by("--help") & HEAVY
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("command", list(COMMANDS))
-def test_the_help_of_a_command_imports_nothing_heavy(command: str) -> None:
-    assert not imported_by(command, "--help") & HEAVY
+@pytest.mark.parametrize("command", [(), *((command,) for command in COMMANDS)])
+def test_help_imports_nothing_heavy(command: tuple[str, ...]) -> None:
+    assert not imported_by(*command, "--help") & HEAVY
 
 
 @pytest.mark.process
@@ -55,7 +66,7 @@ def test_a_dry_run_imports_no_psychopy_no_statsmodels_and_no_serial(tmp_path: Pa
 
 
 def test_every_command_is_listed_with_its_help() -> None:
-    told = CliRunner().invoke(main, ["--help"]).output
+    told = run("--help").output
     for name, (_, text) in COMMANDS.items():
         assert re.search(rf"^  {name} +{re.escape(text)}$", told, re.MULTILINE)
 
@@ -63,31 +74,31 @@ def test_every_command_is_listed_with_its_help() -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["nonsense"],
-        ["--nonsense"],
-        ["run"],
-        ["run", "study.toml", "--participant", "01", "--driver", "none"],
-        ["analyze"],
-        ["run", "nowhere.toml", "--participant", "01", "--responder", "simulated"],
-        ["run", "nowhere.toml", "--participant", "no/slash"],
-        ["run", "nowhere.toml", "--participant", "all"],
-        ["check", "nowhere.toml"],
-        ["check", "."],
-        ["dry-run", "nowhere.toml"],
-        ["dry-run", "--participants", "0"],
-        ["analyze", "nowhere"],
-        ["audit"],
-        ["audit", "nowhere.csv"],
-        ["audit", "."],
-        ["export", "nowhere"],
-        ["withdraw", "nowhere", "--participant", "01"],
+        "nonsense",
+        "--nonsense",
+        "run",
+        "run study.toml --participant 01 --driver none",
+        "analyze",
+        "run nowhere.toml --participant 01 --responder simulated",
+        "run nowhere.toml --participant no/slash",
+        "run nowhere.toml --participant all",
+        "check nowhere.toml",
+        "check .",
+        "dry-run nowhere.toml",
+        "dry-run --participants 0",
+        "analyze nowhere",
+        "audit",
+        "audit nowhere.csv",
+        "audit .",
+        "export nowhere",
+        "withdraw nowhere --participant 01",
     ],
 )
 def test_bad_input_is_one_line_on_stderr_and_exit_2(
-    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(main, arguments)
+    result = run(*arguments.split())
     assert result.exit_code == 2
     assert isinstance(result.exception, SystemExit)
     assert result.stdout == ""
@@ -102,7 +113,7 @@ def test_two_dry_runs_with_one_seed_give_the_same_sessions_and_the_same_analysis
 ) -> None:
     outputs = []
     for name in ("a", "b"):
-        result = CliRunner().invoke(main, ["dry-run", "--seed", "7", "--out", str(tmp_path / name)])
+        result = run("dry-run", "--seed", 7, "--out", tmp_path / name)
         assert result.exit_code == 0, result.stderr
         outputs.append(result.stdout.replace(str(tmp_path / name), "OUT"))
     assert outputs[0] == outputs[1]
@@ -128,44 +139,41 @@ def test_two_dry_runs_with_one_seed_give_the_same_sessions_and_the_same_analysis
 
 
 def test_the_command_alone_shows_its_help() -> None:
-    result = CliRunner().invoke(main, [])
+    result = run()
     assert result.exit_code == 0
     assert "Commands:" in result.stdout
 
 
 @pytest.mark.slow
-def test_an_interrupted_dry_run_ends_with_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("stopped", "error", "ended", "told"),
+    [
+        ("experiment.session.simulate.simulate_study", KeyboardInterrupt(), 130, "interrupted"),
+        ("device.emulate.mock.MockDevice.arm", LinkError("no answer"), 3,
+         "participant 01: device: no answer"),
+    ],
+)  # fmt: skip
+def test_a_dry_run_that_is_stopped_ends_with_one_line(
+    stopped: str,
+    error: BaseException,
+    ended: int,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def interrupt(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
+    def stop(*_: object, **__: object) -> None:
+        raise error
 
-    monkeypatch.setattr("experiment.session.simulate.simulate_study", interrupt)
-    result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path / "out")])
-    assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
-
-
-@pytest.mark.slow
-def test_a_dry_run_whose_device_fails_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise LinkError("no answer")
-
-    monkeypatch.setattr(MockDevice, "arm", fail)
-    result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path / "out")])
-    assert (result.exit_code, result.stderr) == (3, "error: participant 01: device: no answer\n")
+    monkeypatch.setattr(stopped, stop)
+    result = run("dry-run", "--out", tmp_path / "out")
+    assert (result.exit_code, result.stderr) == (ended, f"error: {told}\n")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        pytest.param(
-            "[device]\nceiling_vpp = 300\n[design]\nlevels_vpp = [60, 250]",
-            "own ceiling, 200 Vpp",
-            marks=pytest.mark.slow,
-        ),
+        ("[device]\nceiling_vpp = 300\n[design]\nlevels_vpp = [60, 250]", "own ceiling, 200 Vpp"),
         ("[burst]\ncycles = 1000", "too long"),
         ('[burst]\nfrequency_hz = 5000\naccept_unfit = "a control"', "DC part"),
         ("[device]\nsample_rate_hz = 1000", "device.sample_rate_hz"),
@@ -177,7 +185,7 @@ def test_what_no_device_could_run_is_refused_by_the_check(
 ) -> None:
     study = tmp_path / "study.toml"
     study.write_text(text, encoding="utf-8")
-    result = CliRunner().invoke(main, ["check", str(study)])
+    result = run("check", study)
     assert result.exit_code == 2
     assert told in result.stderr
 
@@ -186,14 +194,14 @@ def test_what_no_device_could_run_is_refused_by_the_check(
 def test_a_thick_plate_is_warned_of(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text('[strip]\nedge = "clamped"\nthickness_mm = 5', encoding="utf-8")
-    assert "not a thin plate" in CliRunner().invoke(main, ["check", str(study)]).output
+    assert "not a thin plate" in run("check", study).output
 
 
 @pytest.mark.slow
 def test_dry_runs_without_out_are_numbered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "dry-run-1").mkdir()
-    result = CliRunner().invoke(main, ["dry-run", "--participants", "1"])
+    result = run("dry-run", "--participants", 1)
     assert result.exit_code == 0
     assert (tmp_path / "dry-run-2" / "analysis" / "levels.csv").exists()
 
@@ -201,7 +209,7 @@ def test_dry_runs_without_out_are_numbered(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.slow
 def test_a_dry_run_never_writes_into_a_folder_with_files(tmp_path: Path) -> None:
     (tmp_path / "precious.txt").write_text("kept", encoding="utf-8")
-    result = CliRunner().invoke(main, ["dry-run", "--out", str(tmp_path)])
+    result = run("dry-run", "--out", tmp_path)
     assert result.exit_code == 2
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
@@ -213,16 +221,16 @@ def test_an_unfit_stimulus_is_not_run_unless_the_study_says_why(tmp_path: Path) 
     study.write_text(unfit, encoding="utf-8")
     out = tmp_path / "out"
     commands = (
-        ["dry-run", str(study), "--participants", "1", "--out", str(out)],
-        ["run", str(study), "--participant", "01", "--responder", "simulated", "--out", str(out)],
+        ("dry-run", study, "--participants", 1, "--out", out),
+        ("run", study, "--participant", "01", "--responder", "simulated", "--out", out),
     )
     for command in commands:
-        result = CliRunner().invoke(main, command)
+        result = run(*command)
         assert result.exit_code == 1
         assert "unfit" in result.stderr
         assert not out.exists()
     study.write_text(unfit + 'accept_unfit = "control condition"\n', encoding="utf-8")
-    result = CliRunner().invoke(main, commands[1])
+    result = run(*commands[1])
     assert result.exit_code == 0, result.stderr
     header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
     assert header["unfit_stimuli_accepted"] == {"main": "control condition"}
@@ -248,34 +256,20 @@ def test_the_commands_of_the_readme_exist() -> None:
     for line in block[1].splitlines():
         _, command, *rest = line.split("#")[0].split()
         options = {word for word in rest if word.startswith("--")}
-        told = CliRunner().invoke(main, [command, "--help"]).output
+        told = run(command, "--help").output
         assert all(option in told for option in options), line
 
 
 @pytest.mark.process
 def test_the_front_door_opens_as_a_module_too() -> None:
-    command = [sys.executable, "-m", "tactstrip", "no-such-command"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "See tactstrip --help" in done.stderr
+    ended, _, told = python("-m", "tactstrip", "no-such-command", folder=ROOT)
+    assert ended == 2
+    assert "See tactstrip --help" in told
 
 
 # --- a lab's own files of the same names ----------------------------------------------------------
 
 OWN_FILE = 'print("not ours")\n'
-
-
-def python(*arguments: str, folder: Path, path: Path | None = None) -> tuple[int, str, str]:
-    """Run Python in a folder: its exit code, output and error."""
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=os.environ | ({} if path is None else {"PYTHONPATH": str(path)}),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return done.returncode, done.stdout, done.stderr
 
 
 @pytest.mark.process
