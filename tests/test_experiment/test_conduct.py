@@ -217,6 +217,7 @@ def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(
     assert sorted(planned) == [trial.number for trial in lab.plan.trials]
     shown = [what for what in lab.responder.told if isinstance(what, Progress)]
     assert [progress.done for progress in shown] == [1, 1, 1, 2, 3, 4]
+    assert [progress.practice for progress in shown] == [True, True, *[False] * 4]
 
 
 def test_every_condition_gets_its_own_burst(lab_of: LabOf) -> None:

@@ -9,6 +9,7 @@ import subprocess
 import threading
 import time
 from collections import Counter
+from contextlib import ExitStack
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -33,10 +34,8 @@ if TYPE_CHECKING:
     Start: TypeAlias = Callable[..., tuple[subprocess.Popen[str], str]]
 
 HANN = '[burst]\nwindow = "hann"\n'
-QUICK = (
-    HANN
-    + """
-[device]
+QUICK = f"""
+{HANN}[device]
 least_interval_s = 0.01
 amplifier_gain = 27.5
 volts_full_scale = 110
@@ -44,7 +43,6 @@ volts_full_scale = 110
 reaction_time_s = 0.151
 reaction_time_spread = 0
 """
-)
 PAPER = QUICK + "[design]\nforeperiod_s = [0.01, 0.02]\nminimum_break_s = 0\n"
 SHORT = PAPER + "trials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
 TINY = PAPER + "trials_per_side = 1\nboth_trials = 1\nbreak_every = 3\n"
@@ -70,24 +68,20 @@ def truth(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Start]:
+def start() -> Iterator[Start]:
     """Start `tactstrip emulate`; returns the process and its port. All are killed at the end."""
-    processes: list[subprocess.Popen[str]] = []
+    with ExitStack() as processes:
 
-    def started(*options: str, truth: Path | None = None) -> tuple[subprocess.Popen[str], str]:
-        told = [] if truth is None else ["--truth", str(truth)]
-        command = [*COMMAND, "emulate", *options, *told]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        processes.append(process)
-        assert process.stdout is not None
-        return process, process.stdout.readline().strip()
+        def started(*options: str, truth: Path | None = None) -> tuple[subprocess.Popen[str], str]:
+            told = [] if truth is None else ["--truth", str(truth)]
+            command = [*COMMAND, "emulate", *options, *told]
+            process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            processes.enter_context(process)
+            processes.callback(process.kill)
+            assert process.stdout is not None
+            return process, process.stdout.readline().strip()
 
-    yield started
-    for process in processes:
-        process.kill()
-        process.wait()
-        assert process.stdout is not None
-        process.stdout.close()
+        yield started
 
 
 def over(driver: str, port: str, *more: str) -> list[str]:
@@ -199,14 +193,10 @@ def test_a_whole_session_gives_the_same_answers_over_every_link(
     assert mock.run("--responder", "simulated", "--seed", "7").exit_code == 0
     expected = answers_of(mock)
     assert len(expected) == 155
-    links = {
-        "pty": ("serial", LINES["pty"]),
-        "tcp": ("serial", LINES["tcp"]),
-        "generator": ("generator", GENERATOR),
-    }
+    links = (("serial", LINES["pty"]), ("serial", LINES["tcp"]), ("generator", GENERATOR))
     hosts = []
-    for name, (driver, line) in links.items():
-        sessions, truth = Sessions(tmp_path / name, PAPER), tmp_path / f"{name}.jsonl"
+    for number, (driver, line) in enumerate(links):
+        sessions, truth = Sessions(tmp_path / f"{number}", PAPER), tmp_path / f"{number}.jsonl"
         options = over(driver, start(*line, truth=truth)[1])
         host = subprocess.Popen([*COMMAND, *sessions.words(*options, "--seed", "7")])
         hosts.append((sessions, truth, options, host))
