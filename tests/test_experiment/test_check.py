@@ -64,9 +64,6 @@ def report(text: str) -> dict[str, Any]:
     return found
 
 
-# --- init -----------------------------------------------------------------------------------------
-
-
 def test_init_writes_the_papers_protocol_to_study_toml(run: Run) -> None:
     result = run("init")
     assert result.exit_code == 0
@@ -100,8 +97,6 @@ def test_an_unknown_preset_is_a_usage_error(refused: Refused) -> None:
 def test_a_file_that_is_not_there_is_one_line(arguments: tuple[str, str], refused: Refused) -> None:
     assert refused(*arguments) == "error: no/study.toml: No such file or directory\n"
 
-
-# --- check ----------------------------------------------------------------------------------------
 
 PAPER_TOLD = (
     "2900.0 Hz, measured",
@@ -256,9 +251,6 @@ def test_the_drivers_to_choose_from_are_those_that_can_be_made() -> None:
     assert tuple(option.type.choices) == tuple(NEEDS) == get_args(DriverName)
 
 
-# --- what the fingers get -------------------------------------------------------------------------
-
-
 def displacements(text: str) -> dict[str, dict[str, Any]]:
     found = report(text)["conditions"][0]["displacements"]
     return {one["name"]: one for one in found["actuators"]}
@@ -341,9 +333,6 @@ def test_a_click_that_the_device_cannot_play_is_refused(refused: Refused) -> Non
     Path("study.toml").write_text('[burst]\nfile = "click.csv"\n')
     told = "cannot be played at device.sample_rate_hz = 48000"
     assert told in refused("check", "study.toml")
-
-
-# --- exits ----------------------------------------------------------------------------------------
 
 
 def test_a_refusal_is_one_line_whatever_it_says() -> None:

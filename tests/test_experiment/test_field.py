@@ -62,9 +62,6 @@ def files() -> list[str]:
     return sorted(path.name for path in Path().iterdir())
 
 
-# --- what is computed -----------------------------------------------------------------------------
-
-
 def test_the_paper_plate_confines_a_tone_of_its_burst() -> None:
     found = plate_map(plate(), 500.0)
     for driven, x_m in enumerate((-0.035, 0.035)):
@@ -149,9 +146,6 @@ def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
     assert "motor actuator driven" in render(found, "svg").decode()
 
 
-# --- the files ------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Run) -> None:
     result = run("field", "study.toml")
@@ -220,9 +214,6 @@ def test_a_band_says_where_the_other_finger_comes_near_and_what_is_left_out(run:
 def test_the_ending_may_be_in_capitals(run: Run) -> None:
     assert run("field", "study.toml", "--band", "100", "200", "--out", "BAND.CSV").exit_code == 0
     assert len(table("BAND.CSV")) == 500
-
-
-# --- the figures ----------------------------------------------------------------------------------
 
 
 MAP_TOLD = (
@@ -294,9 +285,6 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
 )
 def test_a_displacement_has_a_prefix_that_suits_it(size_m: float, told: str) -> None:
     assert metres(size_m) == told
-
-
-# --- what is refused ------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -59,9 +59,6 @@ def paper() -> ConditionGains:
     return gains
 
 
-# --- what a matrix tells --------------------------------------------------------------------------
-
-
 def test_amplitudes_of_two_actuators_add() -> None:
     gains = FingerGains(left=(0.03, 0.001), right=(0.002, 0.02), basis="measured")
     left_um, right_um = gains.amplitudes(100.0, 50.0)
@@ -131,9 +128,6 @@ def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> No
 def test_an_impossible_matrix_is_refused_by_name(changed: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         gains_from_json(MATRIX | changed)
-
-
-# --- how it is computed ---------------------------------------------------------------------------
 
 
 def test_the_paper_plate_is_even_and_masks_the_other_finger(paper: ConditionGains) -> None:
@@ -261,9 +255,6 @@ def test_the_field_that_the_measured_value_is_tied_to_is_that_of_the_disc() -> N
     (gains,) = study_gains(study)
     # the spectrum of the burst peaks between the two
     assert gains.per_vpp[0][0] / 0.026 == pytest.approx(sine_400 / sine_300, rel=0.05)
-
-
-# --- sealed into the plan -------------------------------------------------------------------------
 
 
 @pytest.fixture

@@ -355,9 +355,6 @@ def test_a_level_that_would_be_clipped_is_refused_before_anything_is_opened() ->
         noise_player(masking, VirtualClock(), simulated=False)
 
 
-# --- real sound: PortAudio into PulseAudio's null sink, recorded from its monitor
-
-
 def machine_noise() -> SoundCardNoise:
     noise = noise_player(PINK, MonotonicClock(), simulated=False)
     assert isinstance(noise, SoundCardNoise)

@@ -58,9 +58,6 @@ def assert_binomial(share: float, probability: float, trials: int = 4000) -> Non
     assert abs(share - probability) <= 5 * math.sqrt(probability * (1 - probability) / trials)
 
 
-# --- the psychometric function --------------------------------------------------------------------
-
-
 def psychometric(level_vpp: float, guess_rate: float = 0.0, lapse_rate: float = 0.0) -> float:
     """Return gamma + (1 - gamma - lambda) Phi(log10(V / 60 V) / 0.1), docs/model.md."""
     felt = NormalDist().cdf(math.log10(level_vpp / 60.0) / 0.1)
@@ -79,9 +76,6 @@ def test_it_feels_by_the_normal_distribution_of_the_logarithm() -> None:
     felt = [IDEAL.felt_probability(float(v) / 60.0) for v in levels_vpp]
     assert felt == pytest.approx([psychometric(float(v)) for v in levels_vpp], abs=1e-14)
     assert np.all(np.diff(felt) > 0)
-
-
-# --- answers --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("level_vpp", [40.0, 55.0, 60.0, 70.0, 95.0, 200.0])
@@ -112,18 +106,15 @@ def test_the_threshold_is_recovered_from_simulated_answers() -> None:
     assert thresholds_vpp[int(np.argmin(misfit))] == pytest.approx(60.0, abs=1.0)
 
 
-def test_nothing_felt_in_a_forced_choice_is_a_fair_guess() -> None:
-    found = shares(IDEAL, (0.0, 0.0), FORCED)
-    assert_binomial(found["left"], 0.5)
-    assert found["both"] == 0.0
-    assert found[None] == 0.0
-
-
-def test_side_bias_and_guesses_of_both_are_as_stated() -> None:
-    observer = replace(IDEAL, side_bias=0.8, guess_both=0.25)
+@pytest.mark.parametrize(("side_bias", "guess_both"), [(0.5, 0.0), (0.8, 0.25)])
+def test_nothing_felt_in_a_forced_choice_is_a_guess_as_stated(
+    side_bias: float, guess_both: float
+) -> None:
+    observer = replace(IDEAL, side_bias=side_bias, guess_both=guess_both)
     found = shares(observer, (0.0, 0.0), FORCED)
-    assert_binomial(found["both"], 0.25)
-    assert_binomial(found["left"], 0.75 * 0.8)
+    assert_binomial(found["both"], guess_both)
+    assert_binomial(found["left"], (1 - guess_both) * side_bias)
+    assert found[None] == 0.0
 
 
 def test_of_two_equal_stimuli_one_is_chosen_where_both_is_not_offered() -> None:
@@ -176,8 +167,6 @@ def test_crosstalk_of_exactly_20_db_is_masked_at_every_level(level_vpp: float) -
     observer = replace(IDEAL, crosstalk_db=-20.0)
     assert shares(observer, (0.0, level_vpp), FORCED, trials=5)["right"] == 1.0
 
-
-# --- displacements at the fingers -----------------------------------------------------------------
 
 PLATE = FingerGains(left=(0.02, 0.001), right=(0.001, 0.02), basis="measured")
 TWICE = FingerGains(left=(0.04, 0.0), right=(0.0, 0.02), basis="predicted")
@@ -290,9 +279,6 @@ def test_an_impossible_trial_is_refused(
 def test_a_drawn_threshold_is_a_number_above_0(threshold_vpp: float) -> None:
     with pytest.raises(ValueError, match="threshold_vpp must be a finite number > 0"):
         replace(IDEAL, threshold_vpp=threshold_vpp)
-
-
-# --- the population -------------------------------------------------------------------------------
 
 
 def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:

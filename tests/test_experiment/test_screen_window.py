@@ -23,26 +23,25 @@ sys.exit(main(sys.argv[1:], standalone_mode=False))
 """
 
 
-def test_a_linux_without_a_display_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("python", "display", "said"),
+    [
+        ((3, 11, 0), "", "DISPLAY is not set"),
+        ((3, 12, 0), ":0", r'pip install "tactstrip\[screen\]"'),
+        ((3, 13, 1), "", r"got Python 3\.13; --responder terminal"),
+    ],
+    ids=["no display", "no psychopy", "a Python too new for psychopy, told first"],
+)
+def test_a_machine_without_a_window_says_what_to_do(
+    monkeypatch: pytest.MonkeyPatch, python: tuple[int, int, int], display: str, said: str
+) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
-    monkeypatch.setattr(sys, "version_info", (3, 11, 0))
+    monkeypatch.setattr(sys, "version_info", python)
     monkeypatch.delenv("DISPLAY", raising=False)
-    with pytest.raises(NoScreenError, match="DISPLAY is not set"):
-        open_window(Screen())
-
-
-def test_a_python_without_psychopy_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "version_info", (3, 12, 0))
-    monkeypatch.setenv("DISPLAY", ":0")
+    if display:
+        monkeypatch.setenv("DISPLAY", display)
     monkeypatch.setitem(sys.modules, "psychtoolbox", None)
-    with pytest.raises(NoScreenError, match=r'pip install "tactstrip\[screen\]"'):
-        open_window(Screen())
-
-
-def test_a_python_too_new_for_psychopy_is_refused_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "version_info", (3, 13, 1))
-    monkeypatch.delenv("DISPLAY", raising=False)
-    with pytest.raises(NoScreenError, match=r"got Python 3\.13; --responder terminal"):
+    with pytest.raises(NoScreenError, match=said):
         open_window(Screen())
     require_python((3, 12))
 

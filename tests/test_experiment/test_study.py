@@ -114,9 +114,6 @@ def discs(left: str = "", right: str = "") -> str:
     )
 
 
-# --- what a study file means ---------------------------------------------------------------------
-
-
 def test_an_empty_file_is_the_papers_protocol_as_published() -> None:
     # paper, sections III-A, III-B and IV-A; y, rate and limits are this program's
     study = paper_study()
@@ -246,9 +243,6 @@ def test_other_text_than_the_canonical_one_is_refused(text: str) -> None:
         study_from_canonical(text)
 
 
-# --- the plate and what drives it -----------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("text", "edge"),
     [
@@ -316,8 +310,6 @@ def test_the_threshold_is_in_micrometres_where_every_displacement_is_known() -> 
     unknown = study.simulation.median
     assert (unknown.threshold_um, unknown.threshold_vpp) == (None, 58.0)
 
-
-# --- the stimuli ----------------------------------------------------------------------------------
 
 CLICK = '[burst]\nfile = "click.csv"\n'
 
@@ -410,9 +402,6 @@ def test_a_reason_for_an_unfit_burst_is_none_for_another_burst() -> None:
     )
     assert [condition.accept_unfit for condition in study.conditions] == ["control", None]
     assert study_from_canonical(study.canonical) == study
-
-
-# --- levels placed for one participant ------------------------------------------------------------
 
 
 def test_other_levels_make_another_study_and_the_same_ones_the_same() -> None:
