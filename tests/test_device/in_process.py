@@ -37,7 +37,9 @@ if TYPE_CHECKING:
 
 _LEAST_STEP_S: Final = 1e-7
 
-DEVICE_LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+FULL_SCALE_V = 125.0
+"""What a sound card puts out at full scale."""
 
 
 class Buffers:
@@ -190,7 +192,7 @@ class LocalChannel:
 
 
 def generator_on(
-    channel: Channel, clock: Clock, *, gain: float, limits: Limits = DEVICE_LIMITS
+    channel: Channel, clock: Clock, *, gain: float, limits: Limits = LIMITS
 ) -> GeneratorDevice:
     """Return a device that is a generator at the end of a channel."""
     return GeneratorDevice(
@@ -235,6 +237,18 @@ class SoundCard(VirtualClock):
         return out
 
 
+def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
+    """Return a device that is a sound card."""
+    return AudioDevice(
+        card.connect,
+        limits=limits,
+        clock=card,
+        volts_full_scale=FULL_SCALE_V,
+        sample_rate_hz=48_000.0,
+        name="card",
+    )
+
+
 def endpoint(
     who: Identity,
     *,
@@ -249,18 +263,3 @@ def endpoint(
         sink=sink,
     )
     return Endpoint(core, who)
-
-
-FULL_SCALE_V = 125.0
-
-
-def audio_on(card: SoundCard, limits: Limits = DEVICE_LIMITS) -> AudioDevice:
-    """Return a device that is a sound card."""
-    return AudioDevice(
-        card.connect,
-        limits=limits,
-        clock=card,
-        volts_full_scale=FULL_SCALE_V,
-        sample_rate_hz=48_000.0,
-        name="card",
-    )

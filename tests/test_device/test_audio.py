@@ -23,7 +23,7 @@ from device.sound.audio import AudioDevice, audio_device
 from device.sound.stream import in_a_thread, open_stream, sound_cards, stderr_kept
 from tactstrip import main
 from tests.test_device.bursts import BURST, play, ready, refusal
-from tests.test_device.in_process import DEVICE_LIMITS, FULL_SCALE_V, SoundCard, audio_on
+from tests.test_device.in_process import FULL_SCALE_V, LIMITS, SoundCard, audio_on
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -223,7 +223,7 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int)
     null_sink.listen()
     device = audio_device(
         "pulse",
-        limits=DEVICE_LIMITS,
+        limits=LIMITS,
         clock=MonotonicClock(),
         volts_full_scale=FULL_SCALE_V,
         sample_rate_hz=RATE_HZ,

@@ -52,16 +52,21 @@ from device.driver import (
 )
 from device.emulate.generator import EmulatedGenerator
 from device.emulate.mock import MockDevice
-from device.limits import Limits
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
 from tests.test_device import bursts
 from tests.test_device.bursts import BURST, SILENCE, changed, refusal
-from tests.test_device.in_process import LocalChannel, SoundCard, audio_on, generator_on
+from tests.test_device.in_process import (
+    LIMITS,
+    LocalChannel,
+    SoundCard,
+    audio_on,
+    generator_on,
+)
 
 Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
+Emitted: TypeAlias = Callable[[], tuple[Emission, ...]]
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01, max_duty=0.5)
 CHANNELS = ("left_v", "right_v")
 
 
@@ -72,7 +77,7 @@ class Rig:
     device: BurstDevice
     clock: Clock
     silence: Callable[[], None]
-    emitted: Callable[[], tuple[Emission, ...]] | None
+    emitted: Emitted | None
     rate_hz: float = 48_000.0
     longest: int = 65_536
     in_real_time: bool = False
@@ -92,9 +97,6 @@ class Rig:
         emissions = self.emitted()
         assert [emission.token for emission in emissions] == list(tokens)
         return emissions
-
-
-REAL: dict[str, Any] = {"in_real_time": True, "long_s": 1.2, "idle_s": 1.2, "time_to_live_s": 5.0}
 
 
 class BareCore(LocalCore):
@@ -164,10 +166,23 @@ def link_to(port: str) -> FrameLink:
     return FrameLink(lambda: open_channel(port, clock), clock)
 
 
-def silence(link: FrameLink) -> None:
-    """End the heartbeat of a link."""
-    assert link._heart is not None
-    link._heart.end()
+def real_rig(device: BurstDevice, link: FrameLink, emitted: Emitted | None) -> Rig:
+    """Return a rig around a device whose time is real."""
+
+    def silence() -> None:
+        assert link._heart is not None
+        link._heart.end()
+
+    return Rig(
+        device=device,
+        clock=MonotonicClock(),
+        silence=silence,
+        emitted=emitted,
+        in_real_time=True,
+        long_s=1.2,
+        idle_s=1.2,
+        time_to_live_s=5.0,
+    )
 
 
 def read_truth(truth: Path) -> tuple[Emission, ...]:
@@ -199,20 +214,14 @@ def emulator_rig(kind: str) -> Callable[[pytest.FixtureRequest], Rig]:
         port, truth, _ = emulate(
             kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, least_interval_s=0.01
         )
-        link, clock = link_to(port), MonotonicClock()
+        link = link_to(port)
 
         def emitted() -> tuple[Emission, ...]:
             if link.state is not State.CLOSED:
                 link.exchange(Ping())
             return read_truth(truth)
 
-        return Rig(
-            device=HostDriver(link, limits=LIMITS, clock=clock),
-            clock=clock,
-            silence=lambda: silence(link),
-            emitted=emitted,
-            **REAL,
-        )
+        return real_rig(HostDriver(link, limits=LIMITS, clock=MonotonicClock()), link, emitted)
 
     return make
 
@@ -220,9 +229,9 @@ def emulator_rig(kind: str) -> Callable[[pytest.FixtureRequest], Rig]:
 class FreshTokens(HostDriver):
     """A driver whose tokens 1, 2, ... are ones that its device never saw."""
 
-    def __init__(self, link: FrameLink, clock: MonotonicClock) -> None:
-        super().__init__(link, limits=LIMITS, clock=clock)
-        self._base = round(clock.now_s() * 1e6) * 1000
+    def __init__(self, link: FrameLink) -> None:
+        super().__init__(link, limits=LIMITS, clock=MonotonicClock())
+        self._base = round(MonotonicClock().now_s() * 1e6) * 1000
         self.longest_load = 0
 
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
@@ -249,14 +258,8 @@ class FreshTokens(HostDriver):
 
 
 def hardware_rig(request: pytest.FixtureRequest) -> Rig:
-    link, clock = link_to(request.config.getoption("--device-url")), MonotonicClock()
-    return Rig(
-        device=FreshTokens(link, clock),
-        clock=clock,
-        silence=lambda: silence(link),
-        emitted=None,
-        **REAL,
-    )
+    link = link_to(request.config.getoption("--device-url"))
+    return real_rig(FreshTokens(link), link, None)
 
 
 def generator_rig(_: pytest.FixtureRequest) -> Rig:

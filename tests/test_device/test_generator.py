@@ -38,7 +38,7 @@ from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
 from tests.test_device.bursts import play, ready, refusal
-from tests.test_device.in_process import DEVICE_LIMITS, LocalChannel, generator_on
+from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
 
 GAIN = 27.5
 NO_ERROR = b'+0,"No error"\n'
@@ -76,7 +76,7 @@ class Recorder(LocalChannel):
 class Bench:
     """A generator device with an emulated generator behind it."""
 
-    limits: Limits = DEVICE_LIMITS
+    limits: Limits = LIMITS
     gain: float = GAIN
     clock: VirtualClock = field(default_factory=VirtualClock)
     out: list[Emission] = field(default_factory=list)
@@ -416,7 +416,7 @@ def test_a_stop_inside_an_upload_is_sent_again_and_holds(live: Bench) -> None:
 def test_what_a_generator_cannot_promise_is_told(bench: Bench) -> None:
     bench.device.open()
     assert any("dies" in sentence for sentence in bench.device.cannot)
-    assert MockDevice(VirtualClock(), limits=DEVICE_LIMITS).cannot == ()
+    assert MockDevice(VirtualClock(), limits=LIMITS).cannot == ()
 
 
 @pytest.mark.parametrize(
@@ -484,7 +484,7 @@ def test_the_truth_file_says_what_the_driver_was_told(
     server.start()
     device: BurstDevice = generator_device(
         line.name,
-        limits=DEVICE_LIMITS,
+        limits=LIMITS,
         clock=MonotonicClock(),
         amplifier_gain=GAIN,
         sample_rate_hz=48_000.0,
