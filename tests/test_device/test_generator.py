@@ -1,13 +1,11 @@
 """Generators: bytes as they go over the line, and what happens when the line or they fail."""
 
-import csv
 import io
 import json
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from hypothesis import strategies as st
 
 from device.clock import MonotonicClock, VirtualClock
 from device.core.output import Emission
-from device.driver import BurstDevice, LinkError, Outcome, Refusal, RefusedError, SettingError
+from device.driver import LinkError, Outcome, Refusal, RefusedError, SettingError
 from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator
 from device.emulate.instrument import Reader
 from device.emulate.lines import PtyLine, TcpLine
@@ -25,18 +23,6 @@ from device.limits import Limits
 from device.scpi.dialects import DIALECTS, KEYSIGHT, RIGOL, dialect_of
 from device.scpi.generator import GeneratorDevice, generator_device, identify_generator
 from device.scpi.line import PATIENCE_S
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import mock_device
-from experiment.apparatus.slots import host_limits
-from experiment.archive.disk import UNWAITED
-from experiment.archive.folders import SessionFolder
-from experiment.operator.requests import StopSignal
-from experiment.session.conduct import begin
-from experiment.session.setting import Setting
-from experiment.session.simulate import simulated_responder
-from experiment.study.physics import study_gains
-from experiment.study.read import paper_study
-from experiment.trial.draw import draw_plan
 from tests.test_device.bursts import play, ready, refusal
 from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
 
@@ -482,7 +468,7 @@ def test_the_truth_file_says_what_the_driver_was_told(
 
     server = threading.Thread(target=serve)
     server.start()
-    device: BurstDevice = generator_device(
+    device = generator_device(
         line.name,
         limits=LIMITS,
         clock=MonotonicClock(),
@@ -520,30 +506,3 @@ def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_und
     live.generator.hang_up()
     assert live.generator.outputs_on == (True, True)
     assert live.generator.receive(now_us, b"*IDN?\n").decode().strip() == IDENTITY
-
-
-COLUMNS = ("trial", "side", "response", "correct", "level_left_vpp", "level_right_vpp", "status")
-
-
-@pytest.mark.slow
-def test_a_paper_session_gives_the_same_answers_as_the_mock(tmp_path: Path) -> None:
-    study = paper_study()
-    plan = draw_plan(study, participant="01", session="01", seed=5, gains=study_gains(study))
-    tables = []
-    for name in ("mock", "generator"):
-        clock = VirtualClock()
-        bench = Bench(limits=host_limits(study.device), clock=clock)
-        device: BurstDevice = mock_device(study, clock) if name == "mock" else bench.device
-        folder = SessionFolder(tmp_path / name, "01", "01", disk=UNWAITED)
-        setting = Setting(
-            device=device,
-            responder=simulated_responder(study, plan, clock),
-            noise=SilentNoise(study.masking),
-            clock=clock,
-            stop=StopSignal(),
-        )
-        assert begin(folder, plan, setting).finished
-        with folder.trials_path.open(newline="") as file:
-            tables.append([[row[key] for key in COLUMNS] for row in csv.DictReader(file)])
-    assert tables[0] == tables[1]
-    assert len(tables[1]) == 155 == len(bench.out)
