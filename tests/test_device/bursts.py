@@ -63,13 +63,11 @@ def ready(device: BurstDevice, level_vpp: float = 0.0, *, burst: FloatArray = BU
 
 
 def play(device: BurstDevice, token: int, slot: int = 0, *, within_s: float = 1.0) -> Delivery:
-    """Arm and fire."""
     device.arm(token, slot, time_to_live_s=within_s)
     return device.fire(token)
 
 
 def refusal(call: Callable[[], object], kind: type[RefusedError] = RefusedError) -> Refusal:
-    """Return why a call is refused."""
     with pytest.raises(kind) as refused:
         call()
     return refused.value.code

@@ -72,7 +72,6 @@ class Buffers:
             self.to_host += data
 
     def drop(self) -> None:
-        """Lose the host."""
         self.connect(connected=False)
 
     def close(self) -> None:
@@ -173,7 +172,6 @@ class LocalChannel:
         self._answers = b""
 
     def write(self, data: bytes) -> None:
-        """Give bytes to the generator."""
         self._answers += self._generator.receive(self._now_us(), data)
 
     def read(self, timeout_s: float) -> bytes:
@@ -184,7 +182,6 @@ class LocalChannel:
         return answers
 
     def close(self) -> None:
-        """Forget what was answered."""
         self._answers = b""
 
     def _now_us(self) -> int:
@@ -194,7 +191,6 @@ class LocalChannel:
 def generator_on(
     channel: Channel, clock: Clock, *, gain: float, limits: Limits = LIMITS
 ) -> GeneratorDevice:
-    """Return a device that is a generator at the end of a channel."""
     return GeneratorDevice(
         lambda: channel,
         limits=limits,
@@ -213,12 +209,10 @@ class SoundCard(VirtualClock):
     callback: Callback | None = None
 
     def connect(self, callback: Callback) -> SoundCard:
-        """Begin to take what a callback gives."""
         self.callback, self.active = callback, True
         return self
 
     def close(self) -> None:
-        """Take nothing more."""
         self.callback, self.active = None, False
 
     def wait(self, duration_s: float) -> None:
@@ -230,7 +224,6 @@ class SoundCard(VirtualClock):
                 self.take(self.callback)
 
     def take(self, callback: Callback, *, underflow: bool = False) -> Frames:
-        """Take one buffer."""
         out = np.full((self.buffer, 2), 99, dtype=np.int16)
         timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
         callback(out, self.buffer, timing, SimpleNamespace(output_underflow=underflow))
@@ -238,7 +231,6 @@ class SoundCard(VirtualClock):
 
 
 def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
-    """Return a device that is a sound card."""
     return AudioDevice(
         card.connect,
         limits=limits,

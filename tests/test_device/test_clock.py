@@ -1,12 +1,21 @@
-"""Clocks: they never go back, and a virtual one moves only when it is waited on."""
+"""Clocks: a virtual one moves only by waits; what is said of the device's stays true."""
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device.clock import Clock, MonotonicClock, VirtualClock, resolution_s
+from device.clock import (
+    WINDOW_S,
+    Clock,
+    ClockSync,
+    MonotonicClock,
+    Sample,
+    VirtualClock,
+    resolution_s,
+)
 
 
 @settings(deadline=None, max_examples=50)
@@ -45,3 +54,73 @@ def test_a_start_that_is_no_time_is_refused(start_s: float) -> None:
 def test_only_a_real_clock_has_a_least_step() -> None:
     assert resolution_s(VirtualClock()) == 0.0
     assert resolution_s(MonotonicClock()) > 0.0
+
+
+def exchanges(
+    rng: np.random.Generator, n_samples: int, *, drift: float, offset_s: float
+) -> list[tuple[float, Sample]]:
+    """Draw exchanges with the host time at which the device read its clock."""
+    host_s, drawn = offset_s + 1.0, []
+    for _ in range(n_samples):
+        host_s += float(rng.exponential(0.3))
+        there_s, back_s = rng.exponential(0.001, size=2) + (rng.random(2) < 0.1) * 0.3
+        at_s = host_s + float(there_s)
+        after_s = at_s + float(back_s)
+        device_s = math.floor((at_s - offset_s) * (1 - drift) * 1e6) / 1e6
+        drawn.append((at_s, Sample(before_s=host_s, after_s=after_s, device_s=device_s)))
+        host_s = after_s
+    return drawn
+
+
+@settings(max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1), drift_ppm=st.floats(-99.0, 99.0), offset_s=st.floats(0.0, 1e5)
+)
+def test_narrowed_times_always_hold_the_true_one(
+    seed: int, drift_ppm: float, offset_s: float
+) -> None:
+    sync, narrower = ClockSync(), 0
+    rng = np.random.default_rng(seed)
+    for at_s, sample in exchanges(rng, 200, drift=drift_ppm * 1e-6, offset_s=offset_s):
+        before_s, after_s = sync.narrowed(sample)
+        assert before_s - 1e-9 <= at_s <= after_s + 1e-9
+        assert sample.before_s <= before_s <= after_s <= sample.after_s
+        narrower += after_s - before_s < sample.round_trip_s
+        sync.hear(sample)
+    assert narrower > 50
+
+
+@pytest.mark.parametrize("drift_ppm", [-90.0, -3.0, 0.0, 40.0])
+def test_drift_and_offset_are_found_within_their_uncertainty(drift_ppm: float) -> None:
+    sync = ClockSync()
+    rng = np.random.default_rng(3)
+    for _, sample in exchanges(rng, 2000, drift=drift_ppm * 1e-6, offset_s=500.0):
+        sync.hear(sample)
+    told = sync.estimate
+    assert told is not None
+    assert abs(told.drift - drift_ppm * 1e-6) <= told.drift_uncertainty + 1e-6 / WINDOW_S
+    assert told.drift_uncertainty < 2e-6
+    assert told.offset_uncertainty_s < 1e-3
+
+
+def test_before_a_sample_nothing_is_known_and_after_one_the_drift_is_a_crystals() -> None:
+    sync, sample = ClockSync(tolerance=5e-5), Sample(before_s=5.0, after_s=6.0, device_s=1.0)
+    assert (sync.estimate, sync.narrowed(sample)) == (None, (5.0, 6.0))
+    sync.hear(sample)
+    told = sync.estimate
+    assert told is not None
+    assert (told.offset_s, told.offset_uncertainty_s) == (4.5, 0.5)
+    assert (told.drift, told.drift_uncertainty) == (0.0, 5e-5)
+
+
+def test_a_clock_that_jumped_is_learned_anew() -> None:
+    sync = ClockSync()
+    for host_s in np.arange(100.0, 110.0):
+        sync.hear(Sample(before_s=host_s, after_s=host_s + 1e-4, device_s=host_s - 100.0))
+    jumped = Sample(before_s=111.0, after_s=111.5, device_s=50.25)
+    assert sync.narrowed(jumped) == (111.0, 111.5)
+    sync.hear(jumped)
+    later = Sample(before_s=112.0, after_s=114.0, device_s=52.25)
+    before_s, after_s = sync.narrowed(later)
+    assert after_s - before_s < 0.6
+    assert before_s <= 113.25 <= after_s

@@ -52,21 +52,20 @@ def test_an_emulator_that_is_told_to_end_ends_well(
 
 
 @pytest.mark.process
-def test_ceiling_and_sample_rate_are_those_of_the_options(start: Start) -> None:
-    _, port = start("--ceiling-vpp", "120", "--sample-rate-hz", "96000", "--baud", "1000000")
-    identity = identify(port)
-    assert identity is not None
-    assert identity.emulated
-    assert (identity.ceiling_vpp, identity.sample_rate_hz) == (120.0, 96_000.0)
-
-
-@pytest.mark.process
-def test_an_emulator_that_is_started_again_is_the_same_device(start: Start) -> None:
-    seen = [identify(start(*options)[1]) for options in ([], [], ["--serial-number", "B 7"])]
+def test_an_emulator_is_what_its_options_say_and_started_again_the_same(start: Start) -> None:
+    changed = (
+        "--serial-number=B 7",
+        "--ceiling-vpp=120",
+        "--sample-rate-hz=96000",
+        "--baud=1000000",
+    )
+    seen = [identify(start(*options)[1]) for options in ((), (), changed)]
     first, again, other = (identity for identity in seen if identity is not None)
     assert first.serial_number == again.serial_number
     assert first.boot_id != again.boot_id
-    assert other.serial_number == "B 7"
+    assert other.emulated
+    told = other.serial_number, other.ceiling_vpp, other.sample_rate_hz
+    assert told == ("B 7", 120.0, 96_000.0)
 
 
 @pytest.mark.process

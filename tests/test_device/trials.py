@@ -73,7 +73,6 @@ class Trials:
         pytest.fail("the device cannot be reached any more")
 
     def trial(self) -> None:
-        """Run one trial."""
         token, slot = next(self.tokens), int(self.rng.integers(self._n_slots))
         level_vpp = float(self.rng.integers(1, 200_001)) / 1000
         begin_s, boot_id = self.clock.now_s(), self.boot_id
@@ -94,7 +93,6 @@ class Trials:
             self.settle(token, boot_id)
 
     def claim(self, said: Delivery, **excuses: Any) -> None:
-        """Keep what was said of a token."""
         self.claims[said.token] = Claim(
             outcome=said.outcome,
             levels_mv=(round(said.level_left_vpp * 1000), round(said.level_right_vpp * 1000)),
