@@ -203,9 +203,7 @@ def test_practice_is_answered_with_feedback_and_recorded_as_practice(lab_of: Lab
 
 
 @pytest.mark.usefixtures("person")
-def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(
-    lab: Lab,
-) -> None:
+def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(lab: Lab) -> None:
     lab.crash(2)
     assert lab.resume().finished
     warm_up = [row for row in lab.rows if row.trial > len(lab.plan.trials)]
@@ -628,9 +626,7 @@ def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
     assert (off_plate.responder.calls["begin"], off_plate.responder.calls["end"]) == (1, 1)
 
 
-def test_none_is_an_answer_with_the_fingers_off_without_a_displacement(
-    off_plate: Lab,
-) -> None:
+def test_none_is_an_answer_with_the_fingers_off_without_a_displacement(off_plate: Lab) -> None:
     assert off_plate.begin(ask=dict.fromkeys(range(1, 10), ("none", 0.5))).finished
     rows = [row for row in off_plate.rows if row.kind == "control"]
     assert {row.response for row in off_plate.rows if row not in rows} == {"invalid"}

@@ -315,9 +315,7 @@ def test_a_resume_and_the_open_trials_end_are_on_the_disk_before_it_goes_on(lab:
     assert asked == [1]
 
 
-def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(
-    lab: LossyLab,
-) -> None:
+def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(lab: LossyLab) -> None:
     make_folder(lab.folder.root, lab.disk)
     enter_person(lab.folder.root, "01", [], (), disk=lab.disk)
     with lab.folder.locked():

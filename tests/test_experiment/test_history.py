@@ -75,9 +75,7 @@ def test_displacements_are_of_the_levels_that_the_device_reported(
     assert (row.level_left_vpp, row.level_right_vpp) == levels_vpp
 
 
-def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(
-    plan: Plan,
-) -> None:
+def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(plan: Plan) -> None:
     control = next(trial for trial in plan.trials if trial.kind == "control")
     known = {"level_left_vpp": 100.0, "level_right_vpp": 40.0}
     assert told(row_of(plan, control.number, **known)) == (None, None, None)
@@ -88,10 +86,8 @@ def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(
 def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
     row = row_of(plan, 1, level_left_vpp=100.0, level_right_vpp=0.0)
     trial = plan.trials[0]
-    assert (row.trial, row.kind, row.side, row.level_vpp) == (
-        *(1, trial.kind, trial.side),
-        trial.level_vpp,
-    )
+    planned = (1, trial.kind, trial.side, trial.level_vpp)
+    assert (row.trial, row.kind, row.side, row.level_vpp) == planned
     assert (row.response, row.rt_s, row.onset_s, row.status) == ("left", 0.5, 3.5, "ok")
     assert (row.anticipated, row.noise_ok, row.simulated) == (False, True, False)
     assert row.correct is (trial.side == "left")

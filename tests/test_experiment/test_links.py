@@ -529,9 +529,7 @@ def test_a_check_without_a_device_says_so_in_one_line(
     assert told in result.stderr
 
 
-def test_noise_on_the_actuators_sound_card_is_refused(
-    make_study: Callable[[str], Study],
-) -> None:
+def test_noise_on_the_actuators_sound_card_is_refused(make_study: Callable[[str], Study]) -> None:
     text = 'masking = { noise = "pink", sound_card = "pulse" }\n'
     device = '[device]\ndriver = "audio"\nport = "pulse"\nvolts_full_scale = 125\n'
     study = make_study(text + device)

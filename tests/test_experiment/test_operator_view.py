@@ -285,9 +285,7 @@ def test_each_picture_takes_the_place_of_the_last(told_path: Path) -> None:
         assert "12 of 155" in terminal.seen
 
 
-def test_nothing_is_drawn_while_an_answer_is_awaited_unless_a_key_is_typed(
-    told_path: Path,
-) -> None:
+def test_nothing_is_drawn_while_an_answer_is_awaited_unless_a_key_is_typed(told_path: Path) -> None:
     with beside("answer", told_path) as terminal:
         terminal.expect("the session begins")
         terminal.read(0.5)

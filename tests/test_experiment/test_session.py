@@ -130,9 +130,7 @@ def test_a_session_is_run_from_study_to_trials(sessions: Sessions) -> None:
 
 
 @pytest.mark.slow
-def test_killed_after_any_journal_line_a_session_loses_nothing(
-    sessions: Sessions,
-) -> None:
+def test_killed_after_any_journal_line_a_session_loses_nothing(sessions: Sessions) -> None:
     lines = 1
     while kill_after(sessions, lines, *SEED):
         before = sessions.entries()
@@ -463,9 +461,7 @@ def test_a_changed_click_ends_the_resume(sessions: Sessions, short_study_text: s
 
 
 @pytest.mark.slow
-def test_an_unfit_place_of_the_actuators_leaves_no_session(
-    sessions: Sessions,
-) -> None:
+def test_an_unfit_place_of_the_actuators_leaves_no_session(sessions: Sessions) -> None:
     sessions.write(sessions.text + UNKNOWN.replace("-35", "-8").replace("= 35", "= 8"))
     result = sessions.run(*SIMULATED)
     assert result.exit_code == 1

@@ -26,7 +26,7 @@ STUDY = """
 [study]
 consent_version = "2.1"
 [masking]
-noise = "{noise}"
+noise = "none"
 [screen]
 full_screen = false
 [keys]
@@ -38,8 +38,8 @@ welcome = "\u200fأهلاً"
 
 @pytest.fixture
 def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
-    text = STUDY.format(noise="none") + quick_study_text
-    return Sessions(tmp_path, text + "audibility_trials = 2\ncontrol_trials = 2\n")
+    off_plate = "audibility_trials = 2\ncontrol_trials = 2\n"
+    return Sessions(tmp_path, STUDY + quick_study_text + off_plate)
 
 
 class FakeScreen(Scripted):

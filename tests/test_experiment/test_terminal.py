@@ -136,9 +136,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Session
     assert all(row["status"] == "ok" for row in recorded)
 
 
-def test_escape_pauses_and_escape_again_stops_until_a_resume(
-    sessions: Sessions,
-) -> None:
+def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
         terminal.answer(LEFT, ESCAPE)
         terminal.go_on(b"Paused: 1 of 5")

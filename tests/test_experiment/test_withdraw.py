@@ -151,9 +151,7 @@ def test_a_symbolic_link_in_the_way_is_refused(
     assert link.is_symlink()
 
 
-def test_what_comes_back_from_a_backup_is_removed_under_the_first_day(
-    results: Path,
-) -> None:
+def test_what_comes_back_from_a_backup_is_removed_under_the_first_day(results: Path) -> None:
     write_tombstone(results, Tombstone(participant="01", withdrawn="2001-02-03", removed=True))
     assert withdraw(results).exit_code == 0
     assert_gone(results)
