@@ -25,35 +25,32 @@ from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, disp
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from stimuli import Load, Strip
+
 pytestmark = pytest.mark.gallery
 
 
 W = 0.025
 
 
-def test_the_evaluator_gives_values_known_from_other_methods() -> None:
-    # contour integrals and modal sums, 16 digits
-    force = PointForce(x_m=0.0, y_m=W / 2)
-    known = {
-        (SIMPLY_SUPPORTED, 0.0): 1.35672670270450974e-05,
-        (CLAMPED, 0.07): 3.70695978412616636e-11,
-    }
-    for (edge, x_m), value_m in known.items():
-        strip = hard_cases.strip_on(edge)
-        assert float(abs(exact(strip, force, x_m, W / 2, 300.0) / value_m - 1)) < 1e-15
-
-
-def test_the_evaluator_knows_the_free_ends_of_a_supported_strip() -> None:
-    # polynomial and finite-element models, 12 digits
-    load = MomentRectangle(x_m=0.0, y_m=W / 2, length_x_m=0.005, length_y_m=0.015)
-    known_m = -1.9807964221232675e-06 - 2.2596465628158454e-08j
-    assert (
-        abs(
-            complex(exact(field.scene(SIMPLY_SUPPORTED).strip, load, 0.02, 0.0075, 500.0)) / known_m
-            - 1
-        )
-        < 1e-12
-    )
+@pytest.mark.parametrize(
+    ("strip", "load", "place", "known_m", "rel"),
+    [
+        # contour integrals and modal sums, 16 digits
+        (hard_cases.strip_on(SIMPLY_SUPPORTED), PointForce(x_m=0.0, y_m=W / 2), (0.0, W / 2, 300.0),
+         1.35672670270450974e-05, 1e-15),
+        (hard_cases.strip_on(CLAMPED), PointForce(x_m=0.0, y_m=W / 2), (0.07, W / 2, 300.0),
+         3.70695978412616636e-11, 1e-15),
+        # with free ends: polynomial and finite-element models, 12 digits
+        (field.scene(SIMPLY_SUPPORTED).strip,
+         MomentRectangle(x_m=0.0, y_m=W / 2, length_x_m=0.005, length_y_m=0.015),
+         (0.02, 0.0075, 500.0), -1.9807964221232675e-06 - 2.2596465628158454e-08j, 1e-12),
+    ],
+)  # fmt: skip
+def test_the_evaluator_gives_values_known_from_other_methods(
+    strip: Strip, load: Load, place: tuple[float, float, float], known_m: complex, rel: float
+) -> None:
+    assert float(abs(exact(strip, load, *place) / known_m - 1)) < rel
 
 
 def test_a_stability_section_tells_error_and_estimate(

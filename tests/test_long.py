@@ -43,16 +43,7 @@ SHARE = float(os.environ.get("TACTSTRIP_LONG", "1"))
 GOLDEN = json.loads((Path(__file__).parent / "golden_frames.json").read_text(encoding="utf-8"))
 CHANGES = ((os, ("write", "fsync", "unlink", "rmdir", "mkdir")), (Path, ("replace", "rename")))
 NASTY = (
-    b"",
-    b"\0",
-    b"\xff\xfe",
-    b"\r\n",
-    b'"',
-    b"n/a",
-    b"-1",
-    b"1e999",
-    b"nan",
-    b"[",
+    *(b"", b"\0", b"\xff\xfe", b"\r\n", b'"', b"n/a", b"-1", b"1e999", b"nan", b"["),
     "\u202e".encode(),
 )
 

@@ -252,20 +252,6 @@ def test_the_edges_neither_move_nor_turn_beyond_their_spring(
 # --- second methods ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("frequency_hz", [200.0, 1000.0, 1900.0, 2500.0, 30_000.0])
-@pytest.mark.parametrize("loss", [0.0, 0.1])
-def test_the_series_of_supported_strips_gives_the_same(frequency_hz: float, loss: float) -> None:
-    strip, y0, y, x = on(FREE, loss=loss), 0.008, 0.014, 0.004
-    k = wavenumber(strip, frequency_hz)
-    q = np.pi / W * np.arange(1, 81)
-    a, b = np.sqrt(q**2 - k**2 + 0j), np.sqrt(q**2 + k**2 + 0j)
-    a = np.where(a.imag > 0, -a, a)  # outgoing
-    terms = np.sin(q * y) * np.sin(q * y0) * (np.exp(-a * x) / a - np.exp(-b * x) / b)
-    stiffness = strip.bending_stiffness_n_m * strip.material.stiffness_factor(frequency_hz)
-    series = terms.sum() / (2 * k**2 * W * stiffness)
-    assert abs(at(strip, force(0.0, y0), [(x, y)], frequency_hz)[0] - series) < 1e-10 * abs(series)
-
-
 def polynomial_field(
     strip: Strip, spring_per_m: float | None, frequency_hz: float, x: float, y0: float, y: float
 ) -> complex:
@@ -301,10 +287,10 @@ def polynomial_field(
     return complex((1j * here * there * np.exp(1j * p * x) / norms).sum() / stiffness)
 
 
-@pytest.mark.parametrize("edge", [SOFT, FIRM, HELD], ids=str)
+@pytest.mark.parametrize("edge", [*EDGES, SOFT], ids=str)
 @pytest.mark.parametrize("frequency_hz", [300.0, 1500.0, 2700.0, 4000.0, 10_000.0, 25_000.0])
 def test_a_polynomial_model_gives_the_same(edge: Edge, frequency_hz: float) -> None:
-    strip, spring = on(edge, loss=0.01), None
+    strip, spring = on(edge, loss=0.01), None if edge is HELD else 0.0
     if isinstance(edge, ElasticEdge):
         strip = dataclasses.replace(strip, edge=dataclasses.replace(edge, lossless=False))
         spring = edge.stiffness_n / strip.bending_stiffness_n_m

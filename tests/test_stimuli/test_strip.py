@@ -256,18 +256,6 @@ def test_at_rest_both_branches_decay_with_the_mode_number() -> None:
     np.testing.assert_allclose(p, 1j * q, rtol=1e-15)
 
 
-@pytest.mark.parametrize("frequency_hz", [500.0, 2500.0, 40_000.0])
-@pytest.mark.parametrize("symmetry", ["symmetric", "antisymmetric"])
-def test_vanishing_loss_leaves_the_branch_of_the_lossless_strip(
-    frequency_hz: float, symmetry: Any
-) -> None:
-    exact = PLATE.wavenumbers_rad_m(frequency_hz, n_modes=12, symmetry=symmetry)
-    for strip in (lossy(1e-13), lossy(0.0, 1e-18)):
-        p = strip.wavenumbers_rad_m(frequency_hz, n_modes=12, symmetry=symmetry)
-        np.testing.assert_allclose(p, exact, rtol=1e-11)
-        assert np.all(p.imag > 0)
-
-
 def test_viscous_loss_is_hysteretic_loss_at_one_frequency() -> None:
     viscous, hysteretic = lossy(0.0, 0.01 / (2 * math.pi * 800.0)), lossy(0.01)
     p = viscous.wavenumbers_rad_m(800.0)
