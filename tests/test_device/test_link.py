@@ -241,10 +241,11 @@ def test_a_question_for_another_power_cycle_does_nothing_and_leaves_the_count() 
 
 
 @pytest.mark.parametrize("payload", [b"", codec.payload(Stop(), 5), codec.payload(Stop(), 6)])
-def test_a_late_stop_is_obeyed_from_anyone(payload: bytes) -> None:
+def test_a_late_stop_is_obeyed_from_anyone_and_lets_no_old_question_through(payload: bytes) -> None:
     line, link, _ = live_link()
     late = (next(link._numbers) - 500) & 0xFFFF
     line.answer(encode(Frame(kind=Kind.STOP, sequence=late, payload=payload)))
+    assert line.refusals(question(Enable(), (late + 100) & 0xFFFF)) == [Refusal.STALE]
     assert line.core.state is State.SAFE
 
 
