@@ -106,7 +106,7 @@ RATIOS = st.floats(-0.3, 0.49)
 
 
 @settings(max_examples=100)
-@given(SIZES_M, SIZES_M, MODULI_PA, MODULI_PA, RATIOS, RATIOS)
+@given(SIZES_M, SIZES_M | st.floats(1e-8, 1e-5), MODULI_PA, MODULI_PA, RATIOS, RATIOS)
 def test_one_layer_bends_the_plate_as_a_bimetal(
     plate_m: float, patch_m: float, plate_pa: float, patch_pa: float, nu: float, patch_nu: float
 ) -> None:
@@ -116,24 +116,6 @@ def test_one_layer_bends_the_plate_as_a_bimetal(
         thickness_m=patch_m, youngs_modulus_pa=patch_pa, poisson_ratio=patch_nu, d31_m_v=1e-10
     )
     assert moment(strip, layers) == pytest.approx(two_layers(strip, layers), rel=1e-11)
-
-
-def test_a_patch_of_the_plates_own_material_and_thickness_gives_an_eighth() -> None:
-    # neutral plane at the joint, bending stiffness 8 D: m0 = B h^2 strain / 2 / 8
-    own = PiezoLayers(
-        thickness_m=0.0005, youngs_modulus_pa=67e9, poisson_ratio=0.346, d31_m_v=-180e-12
-    )
-    biaxial_pa = 67e9 / (1 - 0.346)
-    assert moment(PLATE, own) == pytest.approx(biaxial_pa * 0.0005 * 180e-12 / 16, rel=1e-12)
-
-
-@pytest.mark.parametrize("patch_m", [1e-6, 1e-7, 1e-8])
-def test_a_thin_patch_bends_the_plate_by_stoneys_formula(patch_m: float) -> None:
-    thin = change(PIC255, thickness_m=patch_m)
-    stress_pa = thin.youngs_modulus_pa / (1 - 0.34) * 180e-12 / patch_m
-    stoney = 6 * stress_pa * patch_m / (67e9 / (1 - 0.346) * 0.0005**2)
-    limit = PLATE.bending_stiffness_n_m * (1 + 0.346) * stoney
-    assert moment(PLATE, thin) == pytest.approx(limit, rel=10 * patch_m / 0.0005)
 
 
 @settings(max_examples=50)
