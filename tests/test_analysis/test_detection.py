@@ -43,12 +43,13 @@ def answered(*responses: str | None, **same: Any) -> pd.DataFrame:
 
 
 def test_only_the_own_side_is_detected() -> None:
-    answers = ("left", "left", "right", "both", "none", "timeout", "invalid")
+    numbers = {"left": 2, "right": 1, "both": 2, "timeout": 3, "invalid": 4, "none": 1}
+    answers = [word for word, number in numbers.items() for _ in range(number)]
     levels = level_table(answered(*answers)).iloc[0]
-    assert (levels["detected"], levels["presented"]) == (2, 7)
-    assert (levels["mislocalised"], levels["over_report"], levels["timeouts"]) == (1, 1, 1)
-    assert levels["p_pooled"] == 2 / 7
-    assert levels["p_answered"] == 2 / 5
+    assert (levels["detected"], levels["presented"]) == (2, 13)
+    assert (levels["mislocalised"], levels["over_report"], levels["timeouts"]) == (1, 2, 3)
+    assert levels["p_pooled"] == 2 / 13
+    assert levels["p_answered"] == 2 / 6
 
 
 def test_answered_only_is_nothing_where_nobody_answered() -> None:
