@@ -155,22 +155,32 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
 # --- fuzzing
 
 
+def refused(
+    raw: bytes, most: int, read: Callable[[bytes], object], error: type[Exception]
+) -> list[str]:
+    """Read damaged bytes and return what is said of those that are refused."""
+    told = []
+    for number in range(rounds(most)):
+        try:
+            read(damaged(raw, np.random.default_rng(number)))
+        except error as refusal:
+            told.append(str(refusal))
+    print(f"{len(told)} of {rounds(most)} refused")
+    assert told
+    return told
+
+
 def test_a_study_file_of_any_text_is_read_or_refused(
     tmp_path: Path, make_study: Callable[[str], Study]
 ) -> None:
     path = tmp_path / "study.toml"
     assert CliRunner().invoke(main, ["init", str(path)]).exit_code == 0
-    raw = path.read_bytes()
-    refused = []
-    for number in range(rounds(20_000)):
-        text = damaged(raw, np.random.default_rng(number)).decode(errors="replace")
-        try:
-            make_study(text)
-        except StudyError as error:
-            refused.append(str(error))
-    print(f"{len(refused)} of {number + 1} refused")
-    assert refused
-    assert not [line for line in refused if "study.toml" not in line]
+
+    def read(raw: bytes) -> None:
+        make_study(raw.decode(errors="replace"))
+
+    told = refused(path.read_bytes(), 20_000, read, StudyError)
+    assert all("study.toml" in line for line in told)
 
 
 @pytest.fixture
@@ -183,36 +193,26 @@ def simulated(
 
 
 def test_a_journal_of_any_bytes_is_a_beginning_or_refused(simulated: SessionFolder) -> None:
-    raw = simulated.journal_path.read_bytes()
-    whole = read_journal(simulated.journal_path).entries
-    refused = 0
-    for number in range(rounds(20_000)):
-        simulated.journal_path.write_bytes(damaged(raw, np.random.default_rng(number)))
-        try:
-            entries = read_journal(simulated.journal_path).entries
-        except JournalError:
-            refused += 1
-        else:
-            assert entries == whole[: len(entries)], number
-    print(f"{refused} of {number + 1} refused")
-    assert refused
+    path = simulated.journal_path
+    whole = read_journal(path).entries
+
+    def read(raw: bytes) -> None:
+        path.write_bytes(raw)
+        entries = read_journal(path).entries
+        assert entries == whole[: len(entries)]
+
+    refused(path.read_bytes(), 20_000, read, JournalError)
 
 
 def test_a_table_of_any_bytes_is_read_or_refused(simulated: SessionFolder, tmp_path: Path) -> None:
-    raw = (simulated.path / "trials.csv").read_bytes()
-    table = tmp_path / "alone.csv"
-    table.write_bytes(raw)
-    assert len(read_trials([table])) == 5
-    refused = []
-    for number in range(rounds(10_000)):
-        table.write_bytes(damaged(raw, np.random.default_rng(number)))
-        try:
-            read_trials([table])
-        except ResultFileError as error:
-            refused.append(str(error))
-    print(f"{len(refused)} of {number + 1} refused")
-    assert refused
-    assert not [line for line in refused if "alone.csv" not in line]
+    raw, table = (simulated.path / "trials.csv").read_bytes(), tmp_path / "alone.csv"
+
+    def read(raw: bytes) -> int:
+        table.write_bytes(raw)
+        return len(read_trials([table]))
+
+    assert read(raw) == 5
+    assert all("alone.csv" in line for line in refused(raw, 10_000, read, ResultFileError))
 
 
 def test_an_endpoint_of_any_bytes_emits_nothing_above_its_ceiling() -> None:
