@@ -194,6 +194,23 @@ def test_a_device_that_fails_stops_the_session_which_can_be_resumed(
     assert lab.resume().finished
 
 
+def test_a_device_that_fails_before_a_trial_leaves_its_fault_and_no_row(lab: Lab) -> None:
+    with lab.patch.context() as patch:
+        patch.setattr(lab.device, "load", failing(LinkError("no answer")))
+        assert not lab.begin().finished
+    assert [entry.facts["message"] for entry in lab.entries("fault")] == ["no answer"]
+    assert (lab.rows, lab.monitor.seen[-1].device) == ((), "failed")
+    assert lab.resume().finished
+
+
+def test_whatever_ends_the_session_the_outputs_are_brought_to_zero(lab: Lab) -> None:
+    calls: list[str] = []
+    for name in ("stop", "close"):
+        lab.patch.setattr(lab.device, name, partial(calls.append, name))
+    lab.crash(1)
+    assert calls == ["stop", "close"]
+
+
 def test_practice_is_answered_with_feedback_and_recorded_as_practice(lab_of: LabOf) -> None:
     lab = lab_of("practice_trials = 2\n")
     assert lab.begin().finished
