@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import contextmanager
 from importlib import import_module
@@ -13,6 +14,10 @@ import click
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+# Our matrices are small: on more than one thread BLAS spends most of the time waiting for itself,
+# ten times the work where other programs run beside it. Who sets the variable is left alone.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
     "init": ("experiment", "Write a commented study file."),

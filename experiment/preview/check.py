@@ -33,6 +33,8 @@ class ConditionCheck:
     condition: Condition
     burst: BurstCheck
     gains: ConditionGains | None  # none where nobody computed it
+    # with the least and the greatest loss assumed, where the study states none
+    bracket: tuple[ConditionGains, ...]
     # by how much the level at the other finger must lie below that at the own
     masking_limit_db: float
 
@@ -43,7 +45,7 @@ class ConditionCheck:
         if self.gains is None:
             return tuple(reasons)
         for own, other in ((0, 1), (1, 0)):
-            level_db = self.gains.level_db(other, own)
+            level_db = self.level_db(other, own)
             if level_db > -self.masking_limit_db:
                 reasons.append(
                     f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
@@ -51,6 +53,17 @@ class ConditionCheck:
                     f"{-self.masking_limit_db:g} dB"
                 )
         return tuple(reasons)
+
+    def level_db(self, place: int, actuator: int) -> float:
+        """Return the level above another actuator: the worst, where the loss is assumed.
+
+        Parameters
+        ----------
+        place, actuator : int
+            Row and column of the gain matrix, which must have been computed.
+        """
+        found = self.bracket or ((self.gains,) if self.gains is not None else ())
+        return max(gains.level_db(place, actuator) for gains in found)
 
     @property
     def verdict(self) -> Verdict:
@@ -151,16 +164,22 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         require_playable(study)
     except ValueError as error:
         raise StudyError(f"study {study.name}: {error}") from error
+    bracket: tuple[tuple[ConditionGains, ...], ...] = ()
     if gains is None:
-        from experiment.study.physics import study_gains
+        from experiment.study.physics import LEAST_LOSS, MOST_LOSS, study_gains
 
         gains = study_gains(study)
+        if not study.plate.is_loss_stated:
+            bracket = tuple(study_gains(study, loss) for loss in (LEAST_LOSS, MOST_LOSS))
     gains_of = {one.condition: one for one in gains}
     conditions = tuple(
         ConditionCheck(
             condition=condition,
             burst=burst,
             gains=gains_of.get(condition.name),
+            bracket=tuple(
+                one for found in bracket for one in found if one.condition == condition.name
+            ),
             masking_limit_db=study.burst.masking_limit_db,
         )
         for condition, burst in zip(study.conditions, bursts, strict=True)

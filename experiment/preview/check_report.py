@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from experiment.preview.findings import Findings
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.terms.gains import OWN_FINGERS, significant
-from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst
+from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst, ElasticEdge
 
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
@@ -206,7 +206,7 @@ def _displacements(check: StudyCheck, one: ConditionCheck, gains: ConditionGains
     from experiment.study.physics import field_strip
 
     strip, level_vpp = field_strip(check.study), check.study.design.highest_vpp
-    of_strip = "an endless strip" if strip.length_m is None else "the finite strip"
+    of_strip = "an endless strip" if strip.length_m is None else "the plate with its free ends"
     found = Findings()
     found.tell(
         "displacement",
@@ -215,18 +215,13 @@ def _displacements(check: StudyCheck, one: ConditionCheck, gains: ConditionGains
         strip_length_m=strip.length_m,
     )
     columns = range(len(gains.actuators))
-    found.parts("actuators", [_moved(gains, column, level_vpp) for column in columns])
+    found.parts("actuators", [_moved(one, gains, column, level_vpp) for column in columns])
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
-    if check.study.strip.length_m is not None:
-        found.tell(
-            "", "the free ends are left out: they send back what lies above the cut-off, which"
-        )
-        found.tell("", "raises the level at the other finger (docs/model.md, 9)")
     _tell_loss(found, check, one)
     return found
 
 
-def _moved(gains: ConditionGains, column: int, level_vpp: float) -> Findings:
+def _moved(one: ConditionCheck, gains: ConditionGains, column: int, level_vpp: float) -> Findings:
     """Tell what one actuator gives its own finger and the others."""
 
     def peak_um(finger: int) -> float | None:
@@ -235,7 +230,7 @@ def _moved(gains: ConditionGains, column: int, level_vpp: float) -> Findings:
 
     name, basis, own_um = gains.actuators[column], gains.bases[column], peak_um(column)
     others: list[dict[str, Any]] = [
-        {"finger": side, "peak_um": peak_um(row), "level_db": gains.level_db(row, column)}
+        {"finger": side, "peak_um": peak_um(row), "level_db": one.level_db(row, column)}
         for row, side in enumerate(OWN_FINGERS)
         if row != column
     ]
@@ -261,20 +256,38 @@ def _micrometres(peak_um: float | None) -> str:
 
 
 def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
-    """Tell the Kelvin-Voigt time of the displacements: a burst has no single loss factor."""
-    from experiment.study.physics import field_strip
+    """Tell what loss the displacements have, whose it is, and its Kelvin-Voigt time."""
+    from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, field_strip
     from stimuli import causal
 
-    material = check.study.strip.material
-    time_s = causal(field_strip(check.study), one.condition.drive).material.viscous_time_s
-    found.note(viscous_time_s=time_s)
+    plate, strip = check.study.plate, field_strip(check.study)
+    material = strip.material
+    viscous_s = causal(strip, one.condition.drive).material.viscous_time_s
+    if not plate.is_loss_stated:
+        found.tell(
+            "",
+            f"no loss is stated: the levels are the worse of loss factors {LEAST_LOSS:g} and "
+            f"{MOST_LOSS:g}",
+        )
+        found.tell(
+            "", f"(assumed); micrometres, plan and simulated people have {ASSUMED_LOSS:g} (assumed)"
+        )
+    found.note(
+        loss_basis="stated" if plate.is_loss_stated else "assumed",
+        loss_factors=[LEAST_LOSS, MOST_LOSS] if not plate.is_loss_stated else [plate.loss_factor],
+        edge_loss=plate.edge_loss if isinstance(strip.edge, ElasticEdge) else None,
+        viscous_time_s=viscous_s,
+    )
     if material.loss_factor:
-        same_hz = material.loss_factor / (2 * math.pi * (time_s - material.viscous_time_s))
+        same_hz = material.loss_factor / (2 * math.pi * (viscous_s - material.viscous_time_s))
         found.tell(
             "",
             f"loss factor {material.loss_factor:g} computed as the viscous time of the same loss",
         )
-        found.tell("", f"at {same_hz:.0f} Hz: {time_s * 1e6:.3g} us in all")
+        found.tell("", f"at {same_hz:.0f} Hz: {viscous_s * 1e6:.3g} us in all")
+    if isinstance(strip.edge, ElasticEdge) and strip.length_m is not None:
+        springs = "have the plate's loss" if plate.edge_loss == "plate" else "have no loss"
+        found.tell("", f"the springs of the edges {springs} (edge_loss = {plate.edge_loss})")
 
 
 def _tell_plan(found: Findings, check: StudyCheck) -> None:

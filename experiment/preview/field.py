@@ -166,7 +166,7 @@ def _grid(plate: PlatePreview) -> tuple[Real, Real]:
 def plate_band(
     plate: PlatePreview, band_hz: tuple[float, float], *, n_frequencies: int = BAND_FREQUENCIES
 ) -> PlateBand:
-    """Compute the displacement at the fingers over a band, each actuator driven alone.
+    r"""Compute the displacement at the fingers over a band, each actuator driven alone.
 
     Parameters
     ----------
@@ -185,11 +185,12 @@ def plate_band(
 
     Examples
     --------
-    The plate's own cut-off is left out, where the field has no finite value:
+    Without ends and loss the plate's own cut-off is left out, where the field is infinite:
 
     >>> from experiment.preview.plate import plate_of
-    >>> from experiment.study.read import paper_study
-    >>> found = plate_band(plate_of(paper_study()), (400.0, 2900.0), n_frequencies=6)
+    >>> from experiment.study.read import study_from_text
+    >>> study = study_from_text('[strip]\nlength_mm = "endless"', "study.toml")
+    >>> found = plate_band(plate_of(study), (400.0, 2900.0), n_frequencies=6)
     >>> found.frequencies_hz.tolist(), len(found.left_out_hz)
     ([400.0, 900.0, 1400.0, 1900.0, 2400.0], 1)
     """

@@ -43,13 +43,14 @@ def field_csv(field: PlateMap | PlateBand) -> str:
     Examples
     --------
     >>> from experiment.preview.plate import plate_of
-    >>> from experiment.preview.field import plate_map
+    >>> from experiment.preview.field import plate_band
     >>> from experiment.study.read import paper_study
-    >>> head, first, *_ = field_csv(plate_map(plate_of(paper_study()), 500.0)).splitlines()
-    >>> head.split(",")[:4]
-    ['frequency_hz', 'x_mm', 'y_mm', 'left_driven_re_um']
-    >>> first.split(",")[:3], "measured, at 200 Vpp; endless strip" in first
-    (['500.0', '-100.0', '0.0'], True)
+    >>> found = plate_band(plate_of(paper_study()), (100.0, 500.0), n_frequencies=9)
+    >>> head, first, *_ = field_csv(found).splitlines()
+    >>> head.split(",")[:2]
+    ['frequency_hz', 'left_driven_at_left_re_um']
+    >>> first.split(",")[0], "measured, at 200 Vpp; loss factor 0.01 assumed" in first
+    ('100.0', True)
     """
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")

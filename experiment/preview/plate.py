@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from experiment.study.physics import field_strip, fingertips_of, loads_of, loads_per_volt
+from experiment.study.physics import (
+    ASSUMED_LOSS,
+    field_strip,
+    fingertips_of,
+    loads_of,
+    loads_per_volt,
+)
 from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement
 
 if TYPE_CHECKING:
@@ -104,20 +110,16 @@ class PlatePreview:
         return Scene(strip=self.strip, loads=self.loads, points_m=points_m)
 
     @property
-    def is_shortened(self) -> bool:
-        """Whether the plate has short ends that the strip has not."""
-        return self.strip.length_m is None and self.study.strip.length_m is not None
-
-    @property
     def basis(self) -> str:
         """What the displacements rest on."""
-        return f"{self.drive.basis}{'; endless strip' if self.is_shortened else ''}"
+        if self.study.plate.is_loss_stated:
+            return self.drive.basis
+        return f"{self.drive.basis}; loss factor {ASSUMED_LOSS:g} assumed"
 
     @property
     def remark(self) -> str:
         """The same, said to a reader."""
-        ends = "; the plate's short ends are left out" if self.is_shortened else ""
-        return f"{self.drive.basis}; amplitudes, each actuator driven alone{ends}"
+        return f"{self.basis}; amplitudes, each actuator driven alone"
 
     @property
     def masking_limit_db(self) -> float:

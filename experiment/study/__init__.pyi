@@ -1,4 +1,13 @@
-from .physics import field_strip, fingertips_of, loads_of, loads_per_volt, study_gains
+from .physics import (
+    ASSUMED_LOSS,
+    LEAST_LOSS,
+    MOST_LOSS,
+    field_strip,
+    fingertips_of,
+    loads_of,
+    loads_per_volt,
+    study_gains,
+)
 from .read import (
     is_recorded,
     paper_study,
@@ -10,6 +19,9 @@ from .read import (
 from .study import Study, StudyError
 
 __all__ = [
+    "ASSUMED_LOSS",
+    "LEAST_LOSS",
+    "MOST_LOSS",
     "Study",
     "StudyError",
     "field_strip",

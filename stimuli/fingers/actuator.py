@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 from stimuli.checks import finite, instance
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 Basis = Literal["measured", "predicted"]
 
-_RTOL: Final = 1e-9
+_RTOL: Final = 1e-6
 _LEAST_INSET: Final = 1e-6
 """Part of the width; nearer to an edge the strip does not move in any digit."""
 
@@ -155,6 +156,7 @@ class LoadPerVolt:
             raise ValueError(f'basis must be "measured" or "predicted", got {self.basis!r}')
 
 
+@lru_cache(maxsize=16)  # asked for with every stimulus and every assumed loss
 def load_per_volt(
     strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers
 ) -> LoadPerVolt:

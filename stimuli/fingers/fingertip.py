@@ -14,6 +14,9 @@ from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
 from stimuli.field.synthesis import MOST_TIME_S, transient
 from stimuli.load import LOADS, Load
+from stimuli.motion.modes import n_functions
+from stimuli.motion.motion import motion_of
+from stimuli.motion.peaks import peaks_of
 from stimuli.strip.strip import Strip
 
 if TYPE_CHECKING:
@@ -145,6 +148,12 @@ _SAMPLES_PER_PERIOD: Final = 32
 """Samples in a period of the first cut-off (of the drive's upper edge, if that is higher): with a
 parabola about the largest they hold the peak to 0.05 dB, ripples of the next wave included."""
 
+_MULTIPLES: Final = (8.0, 14.0)
+"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, of the next."""
+
+_MOST_FUNCTIONS: Final = 1500
+"""Functions of one symmetry in which modes are sought: with more, spectra are faster."""
+
 _LATE: Final = 0.75
 """A largest value beyond this part of the time after the drive asks for twice that time."""
 
@@ -218,7 +227,9 @@ def felt(
     scene = Scene(strip=causal(strip, drive), loads=tuple(loads), points_m=points_m)
     row = {point: index for index, point in enumerate(points_m)}
     places = [np.array([row[point] for point in area]) for area in areas]
-    return _peaks(scene, places, drive, rtol, _wait_s(strip, loads, tips))
+    wait_s = _wait_s(strip, loads, tips)
+    found = _by_modes(scene, places, drive, rtol, wait_s)
+    return _by_spectra(scene, places, drive, rtol, wait_s) if found is None else found
 
 
 def causal(strip: Strip, drive: Drive) -> Strip:
@@ -301,23 +312,35 @@ def _wait_s(strip: Strip, loads: Sequence[Load], tips: Sequence[Fingertip]) -> f
     """Return how long after the drive the slow waves just above a cut-off may bring the peak.
 
     They spread like heat: the longest waves have come when 2 sqrt(D / (rho h)) t is the square
-    of the distance. Far away the faster ones count.
+    of the distance. Far away the faster ones count. On a plate with ends the way over an end is
+    the longer one.
     """
     material = strip.material
     spread = math.sqrt(strip.bending_stiffness_n_m / (material.density_kg_m3 * strip.thickness_m))
     far_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in tips for load in loads)
+    far_m += strip.length_m or 0.0
     slowest_m_s = _SLOWEST * 4 * math.pi * spread / strip.width_m
     return min(far_m**2 / (2 * spread), far_m / slowest_m_s) + 1 / strip.cutoff_hz()
 
 
-def _peaks(
-    scene: Scene,
-    places: Sequence[NDArray[np.intp]],
-    drive: Drive,
-    rtol: float,
-    wait_s: float,
+def _by_modes(
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, wait_s: float
+) -> Real | None:
+    """Return the greatest absolute values by the plate's modes; none if they are not enough."""
+    reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
+    for multiple in _MULTIPLES:
+        if n_functions(scene.strip, multiple * reference_hz) > _MOST_FUNCTIONS:
+            return None
+        found = peaks_of(motion_of(scene, reference_hz, multiple), places, drive, wait_s=wait_s)
+        if np.all(found.error_m <= rtol * found.peak_m):
+            return found.peak_m
+    return None
+
+
+def _by_spectra(
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, wait_s: float
 ) -> Real:
-    """Return the greatest absolute value over time at the places of each fingertip."""
+    """Return the greatest absolute values over time at the places of each fingertip."""
     highest_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
     step_s = 1 / (_SAMPLES_PER_PERIOD * highest_hz)
     for doubling in range(_MOST_DOUBLINGS + 1):

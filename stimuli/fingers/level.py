@@ -31,10 +31,6 @@ MOST_CYCLES: Final = 20
 _ORDER: Final[tuple[Window, ...]] = ("none", "tukey", "gaussian", "hann")
 """Windows of equally long bursts, in the order in which they are tried."""
 
-_ROUGH_RTOL: Final = 0.03
-_ROUGH_DB: Final = 1.0
-"""A burst is looked at again only if roughly computed it is at most so much above the wanted."""
-
 _MATRIX: Final = 2
 
 
@@ -158,9 +154,7 @@ def shortest_window(
     for cycles in range(burst.cycles, MOST_CYCLES + 1):
         for window in _ORDER:
             tried = dataclasses.replace(burst, cycles=cycles, window=window)
-            worst_db = _worst_db(felt(strip, loads, fingertips, tried, _ROUGH_RTOL))
-            if worst_db <= wanted_db + _ROUGH_DB:
-                worst_db = _worst_db(felt(strip, loads, fingertips, tried))
+            worst_db = _worst_db(felt(strip, loads, fingertips, tried))
             if worst_db <= wanted_db:
                 extra_s = tried.duration_s - burst.duration_s
                 return WindowChoice(burst=tried, level_db=worst_db, extra_s=extra_s)

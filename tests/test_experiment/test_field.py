@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from experiment.preview.plate import PlatePreview
     from tests.test_experiment.conftest import Refused, Run
 
+ENDLESS = '[strip]\nlength_mm = "endless"\n'
 OFF_CENTRE = """
 strip = {edge = "simply-supported", width_mm = 40, length_mm = "endless"}
 actuator = [
@@ -80,10 +81,10 @@ def test_a_map_ends_with_the_plate_and_has_its_edges_at_rest() -> None:
 
 
 def test_a_band_leaves_out_only_what_is_infinite() -> None:
-    whole = band("", 100.0, 2900.0)
+    whole = band(ENDLESS, 100.0, 2900.0)
     assert whole.frequencies_hz.tolist() == [100.0 * n for n in range(1, 29)]
     assert whole.left_out_hz == (2900.0,)
-    below = band("", 100.0, 2850.0)
+    below = band(ENDLESS, 100.0, 2850.0)
     assert (below.left_out_hz, below.frequencies_hz.size) == ((), 29)
 
 
@@ -156,7 +157,7 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Ru
         result.stdout,
         "map            500 Hz",
         "measured, at 200 Vpp",
-        "short ends are left out",
+        "loss factor 0.01 assumed",
         "5.25 um at x = -35, y = 12.5 mm; right finger -90.8 dB",
         "field.png written",
     )
@@ -180,13 +181,14 @@ def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
             assert complex(re_um, im_um) == pytest.approx(u_um, rel=1e-4)
             assert abs_um == pytest.approx(abs(u_um), rel=1e-4)
     assert {row["frequency_hz"] for row in rows} == {"3300.0"}
-    assert {row["basis"] for row in rows} == {"measured, at 200 Vpp; endless strip"}
+    assert {row["basis"] for row in rows} == {"measured, at 200 Vpp; loss factor 0.01 assumed"}
 
 
 def test_the_table_of_a_band_has_the_librarys_values_in_full_precision(run: Run) -> None:
+    Path("study.toml").write_text(ENDLESS, encoding="utf-8")
     assert run("field", "study.toml", "--band", "100", "3000", "--out", "band.csv").exit_code == 0
     rows = table("band.csv")
-    found = band("", 100.0, 3000.0, 500)
+    found = band(ENDLESS, 100.0, 3000.0, 500)
     assert [float(row["frequency_hz"]) for row in rows] == found.frequencies_hz.tolist()
     for i, driven in enumerate(("left", "right")):
         for j, finger in enumerate(("left", "right")):
@@ -199,6 +201,7 @@ def test_the_table_of_a_band_has_the_librarys_values_in_full_precision(run: Run)
 
 @pytest.mark.slow
 def test_a_band_says_where_the_other_finger_comes_near_and_what_is_left_out(run: Run) -> None:
+    Path("study.toml").write_text(ENDLESS, encoding="utf-8")
     result = run("field", "study.toml", "--band", "500", "2900", "--out", "band.svg")
     assert result.exit_code == 0, result.stderr
     assert not missing(
@@ -309,6 +312,7 @@ def test_a_displacement_has_a_prefix_that_suits_it(size_m: float, told: str) -> 
 def test_bad_input_is_one_line_and_changes_nothing(
     arguments: list[str], told: str, run: Run
 ) -> None:
+    Path("study.toml").write_text(ENDLESS, encoding="utf-8")
     result = run("field", "study.toml", *arguments)
     assert (result.exit_code, result.stdout, files()) == (2, "", ["study.toml"])
     assert told in result.stderr

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from experiment.study.physics import field_strip, fingertips_of, loads_of
 from experiment.study.read import paper_study, study_from_text
-from stimuli import MomentDisc, MomentRectangle, Scene
+from stimuli import ALUMINIUM, MomentDisc, MomentRectangle, Scene
 
 BOTH_SHAPES = study_from_text(
     """actuator = [
@@ -25,10 +27,13 @@ def test_discs_and_rectangles_become_bonded_patches() -> None:
     Scene(strip=field_strip(BOTH_SHAPES), loads=loads, points_m=((0.0, 0.0),))
 
 
-def test_only_the_length_of_the_strip_is_left_out() -> None:
-    strip = field_strip(paper_study())
-    assert strip.cutoff_hz() == paper_study().strip.cutoff_hz()
-    assert strip.length_m is None
+def test_a_plate_keeps_its_length_and_gets_a_loss_where_none_is_stated() -> None:
+    strip = field_strip(paper_study(), 0.02)
+    assert replace(strip, material=ALUMINIUM) == paper_study().strip
+    assert (strip.length_m, strip.material.loss_factor) == (0.2, 0.02)
+    for stated in ("loss_factor = 0.003", "viscous_time_us = 2.0", 'length_mm = "endless"'):
+        study = study_from_text(f"[strip]\n{stated}\n", "s.toml")
+        assert field_strip(study, 0.02) == study.strip
 
 
 def test_a_fingertip_rests_above_each_actuator() -> None:

@@ -54,9 +54,14 @@ class Plate:
     youngs_modulus_gpa: _Modulus = Field(default=67.0, description="aluminium")
     poisson_ratio: float = Field(default=0.346, ge=-0.999, lt=0.5)
     density_kg_m3: float = Field(default=2700.0, ge=1e-3, le=1e6)
-    loss_factor: float = Field(default=0.0, ge=0, le=1e3, description="constant (hysteretic) loss")
+    loss_factor: float = Field(
+        default=0.0, ge=0, le=1e3, description="constant (hysteretic) loss; 0: not known"
+    )
     viscous_time_us: float = Field(
         default=0.0, ge=0, le=1e9, description="Kelvin-Voigt loss; both add"
+    )
+    edge_loss: Literal["none", "plate"] = Field(
+        default="none", description="of an elastic edge: none, or the plate's"
     )
     edge: EdgeBasis = "measured-cutoff"
     measured_cutoff_hz: float | None = Field(
@@ -90,6 +95,11 @@ class Plate:
                 raise ValueError(f"{key} is for edge = {edge} only; got edge = {self.edge}")
         self.strip  # noqa: B018 - not every plate can have every cut-off
 
+    @property
+    def is_loss_stated(self) -> bool:
+        """Whether the study says what loss the plate has; without ends it may have none."""
+        return self.length_mm == "endless" or self.loss_factor > 0 or self.viscous_time_us > 0
+
     @cached_property
     def strip(self) -> Strip:
         """The strip as the physics has it."""
@@ -109,15 +119,18 @@ class Plate:
         if self.measured_cutoff_hz is None:
             return strip
         try:
-            return strip.with_cutoff(self.measured_cutoff_hz)
+            strip = strip.with_cutoff(self.measured_cutoff_hz)
         except ValueError as error:
             # the physics calls it frequency_hz, its first word; the file's key is another
             told = str(error).split(" ", maxsplit=1)[-1]
             raise ValueError(f"measured_cutoff_hz {told}") from error
+        if isinstance(strip.edge, ElasticEdge):
+            strip = replace(strip, edge=replace(strip.edge, lossless=self.edge_loss == "none"))
+        return strip
 
     def _edge(self) -> IdealEdge | ElasticEdge:
         if self.edge_stiffness_n is not None:
-            return ElasticEdge(stiffness_n=self.edge_stiffness_n)
+            return ElasticEdge(stiffness_n=self.edge_stiffness_n, lossless=self.edge_loss == "none")
         return SIMPLY_SUPPORTED if self.edge == "simply-supported" else CLAMPED
 
 

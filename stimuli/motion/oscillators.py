@@ -1,0 +1,138 @@
+"""A plate as oscillators: each follows its drive exactly, and what is left out follows at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from stimuli.arrays import Complex, Real
+
+_UNCOUPLED: Final = 1e-9
+"""Loss that modes exchange, as a part of what they have, below which each is alone."""
+
+
+def poles(squared: Real, bent: Real, viscous_s: float) -> tuple[Complex, Complex, Complex]:
+    """Return the poles of modes with loss, and how they move the modes and are driven by them.
+
+    Parameters
+    ----------
+    squared : ndarray of float64, shape (n_modes,)
+        Squares of the modes' angular frequencies.
+    bent : ndarray of float64, shape (n_modes,) or (n_modes, n_modes)
+        The stiffness that has loss: q'' + tau bent q' + squared q = f.
+    viscous_s : float
+        Relaxation time tau.
+
+    Returns
+    -------
+    poles : ndarray of complex128, shape (n_poles,)
+        One of each pair, Im >= 0.
+    modes, drives : ndarray of complex128, shapes (n_modes, n_poles) and (n_poles, n_modes)
+        The modes are Re(modes @ z), where z' = poles z + drives @ f.
+
+    Examples
+    --------
+    An oscillator that is pushed once swings as sin(omega t) / omega:
+
+    >>> found, modes, drives = poles(np.array([4.0]), np.array([4.0]), 0.0)
+    >>> time_s = 0.3
+    >>> bool(np.isclose((modes * np.exp(found * time_s) * drives).real, np.sin(2 * 0.3) / 2))
+    True
+    """
+    alone = bent if bent.ndim == 1 else np.diag(bent)
+    half = viscous_s * alone / 2
+    coupled = 0.0 if bent.ndim == 1 else float(np.max(np.abs(bent - np.diag(alone)), initial=0.0))
+    swings = bool(np.all(half**2 < squared))
+    if swings and viscous_s * coupled <= _UNCOUPLED * float(np.max(half, initial=0.0)):
+        swing = 1j * np.sqrt(squared - half**2)
+        return swing - half, np.eye(squared.size, dtype=np.complex128), np.diag(1 / swing)
+    n = squared.size
+    matrix = np.zeros((2 * n, 2 * n))
+    matrix[:n, n:] = np.eye(n)
+    matrix[n:, :n] = -np.diag(squared)
+    matrix[n:, n:] = -viscous_s * (np.diag(bent) if bent.ndim == 1 else bent)
+    values, vectors = np.linalg.eig(matrix)
+    inverse = np.linalg.inv(vectors)
+    upper = values.imag >= 0
+    pairs = np.where(values[upper].imag > 0, 2.0, 1.0)
+    return values[upper], vectors[:n, upper], pairs[:, np.newaxis] * inverse[upper, n:]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Oscillators:
+    """What points of a plate do under loads.
+
+    Attributes
+    ----------
+    poles : ndarray of complex128, shape (n_poles,)
+        Angular frequencies with their decay, 1/s.
+    at_points : ndarray of complex128, shape (n_copies, n_points, n_poles)
+        How each oscillator moves each point.
+    of_loads : ndarray of complex128, shape (n_copies, n_loads, n_poles)
+        How each unit load drives each oscillator.
+    rest_m : ndarray of float64, shape (n_loads, n_points)
+        What follows a load at once: all that has its modes above those kept.
+    """
+
+    poles: Complex
+    at_points: Complex
+    of_loads: Complex
+    rest_m: Real
+
+    def weights(self, load: int) -> Complex:
+        """Return what a load makes of every oscillator at every point: (n_points, n_poles)."""
+        return np.asarray(np.einsum("cpj,cj->pj", self.at_points, self.of_loads[:, load]))
+
+    def driven(self, samples: Real, step_s: float, start: Complex, *, held: bool) -> Complex:
+        """Return every oscillator's answer at the samples of a drive: (n_poles, n_samples).
+
+        At the first sample the answers are those of `start`. Between samples the drive is a
+        straight line or, if held, what the last sample was.
+        """
+        whole, part = step_weights(self.poles * step_s)
+        now, before = (np.zeros_like(whole), whole) if held else (part, whole - part)
+        # A sample after the other would take a turn of Python each. All blocks of samples are run
+        # through at the same time instead, and then each gets what the one before it left.
+        length = math.isqrt(samples.size) + 1
+        n_blocks = -(-samples.size // length)
+        found = np.zeros((self.poles.size, n_blocks * length), dtype=np.complex128)
+        found[:, 1 : samples.size] = step_s * (
+            np.multiply.outer(now, samples[1:]) + np.multiply.outer(before, samples[:-1])
+        )
+        found[:, 0] = start
+        blocks = found.reshape(-1, n_blocks, length)
+        turns = np.exp(np.multiply.outer(self.poles * step_s, np.arange(1, length + 1)))
+        for place in range(1, length):
+            blocks[:, :, place] += turns[:, :1] * blocks[:, :, place - 1]
+        for block in range(1, n_blocks):
+            blocks[:, block] += turns * blocks[:, block - 1, -1:]
+        return found[:, : samples.size]
+
+
+def step_weights(turn: Complex) -> tuple[Complex, Complex]:
+    """Return the integrals over a step of exp(turn (1 - t)) and of exp(turn (1 - t)) t.
+
+    >>> whole, late = step_weights(np.array([1e-3j]))
+    >>> bool(np.isclose(whole[0], 1.0, atol=1e-3)), bool(np.isclose(late[0], 0.5, atol=1e-3))
+    (True, True)
+    """
+    whole = np.expm1(turn) / turn
+    return whole, (whole - 1) / turn
+
+
+def moved(weights: Complex, rest_m: Real, answers: Complex, drive: Real) -> Real:
+    """Return the displacement of points: (n_points, n_samples).
+
+    Parameters
+    ----------
+    weights : ndarray of complex128, shape (n_points, n_poles)
+    rest_m : ndarray of float64, shape (n_points,)
+    answers : ndarray of complex128, shape (n_poles, n_samples)
+    drive : ndarray of float64, shape (n_samples,)
+    """
+    both = np.concatenate([weights.real, -weights.imag, rest_m[:, np.newaxis]], axis=1)
+    return np.asarray(both @ np.concatenate([answers.real, answers.imag, drive[np.newaxis]]))

@@ -1,0 +1,190 @@
+"""How far points of a scene move: the largest displacement over time, and its error."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import count
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.drive.sampled import SampledDrive
+from stimuli.field.synthesis import MOST_TIME_S
+from stimuli.motion.oscillators import moved
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Complex, Real
+    from stimuli.drive.sampled import Drive
+    from stimuli.motion.motion import Motion
+
+
+_STEPS: Final = 128
+"""Steps of the drive in a period of the reference frequency: between them it is a straight line."""
+
+_LOOKS: Final = 32
+"""Looks at the displacement in such a period: with a parabola about the largest they hold the peak
+to 0.05 dB, ripples of the next wave included."""
+
+_CHUNK: Final = 1 << 12
+"""Looks that are computed at once."""
+
+_PARTS: Final = 2
+_LATE: Final = 0.75
+_MOST_WAITS: Final = 8.0
+_CHECKED: Final = 7
+"""The error is estimated at every so many points."""
+
+_INTERPOLATED: Final = 2e-4
+"""Part of a displacement that straight lines between the steps of a drive may cost."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Peaks:
+    """The largest displacements.
+
+    Attributes
+    ----------
+    peak_m : ndarray of float64, shape (n_groups, n_loads)
+        Largest absolute value over a group of points and over time.
+    error_m : ndarray of float64, same shape
+        Estimate of its error.
+    """
+
+    peak_m: Real
+    error_m: Real
+
+
+def peaks_of(
+    motion: Motion, groups: Sequence[NDArray[np.intp]], drive: Drive, *, wait_s: float
+) -> Peaks:
+    """Return the largest displacements of groups of points under a drive.
+
+    Parameters
+    ----------
+    motion : Motion
+        The scene as oscillators.
+    groups : sequence of ndarray of int
+        Numbers of the points of each group.
+    drive : Drive
+        What each load is driven with, by itself.
+    wait_s : float
+        How long after the drive is looked at least. Where there is loss, it goes on as long as all
+        oscillators together could give a larger value than was found; without loss, where that
+        is forever, up to eight times as long if the largest value comes late.
+    """
+    oscillators = motion.oscillators
+    checked = [group[::_CHECKED] for group in groups]
+    rows = [_Row(motion, load, checked) for load in range(oscillators.rest_m.shape[0])]
+    decays = bool(np.all(oscillators.poles.real < 0))
+    found = np.zeros((len(groups), len(rows)))
+    # the checked points' alone; with each of two doubts added; with each taken off
+    doubted = np.zeros((5, *found.shape))
+    latest = 0.0
+    for waited, answers, samples in _course(motion, drive, wait_s):
+        before = found.copy()
+        for column, row in enumerate(rows):
+            moved_m = moved(row.weights, row.rest_m, answers, samples)
+            crests_m = _crests(np.abs(moved_m))
+            for line, (group, some) in enumerate(zip(groups, checked, strict=True)):
+                found[line, column] = max(found[line, column], np.max(crests_m[group]))
+                sums = [moved_m[some] + doubt for doubt in row.doubts(line, answers, samples)]
+                largest = [np.max(np.abs(one)) for one in (moved_m[some], *sums)]
+                doubted[:, line, column] = np.maximum(doubted[:, line, column], largest)
+        latest = waited if np.any(found > before) else latest
+        last = np.abs(answers[:, -1])
+        left_m = [[np.max(np.abs(row.weights[group]) @ last) for row in rows] for group in groups]
+        if waited > 0 and decays and (np.all(left_m <= found) or waited * wait_s > MOST_TIME_S):
+            break
+        if not decays and waited >= 1 and (latest <= _LATE * waited or waited >= _MOST_WAITS):
+            break
+    apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
+    error_m = apart.max(axis=0).sum(axis=0) + _INTERPOLATED * found
+    return Peaks(peak_m=found, error_m=error_m)
+
+
+class _Row:
+    """What the oscillators do for one load, and what is uncertain of it."""
+
+    def __init__(self, motion: Motion, load: int, checked: Sequence[NDArray[np.intp]]) -> None:
+        self._late, self._turned = motion.late, motion.turned
+        self.weights = motion.oscillators.weights(load)
+        self.rest_m = motion.oscillators.rest_m[load]
+        self._some = [self.weights[group] for group in checked]
+        late = motion.oscillators.poles[self._late]
+        self._at_once = [(some[:, self._late] / late).sum(axis=1).real for some in self._some]
+
+    def doubts(self, line: int, answers: Complex, samples: Real) -> tuple[Real, Real, Real, Real]:
+        """Return what may have to be added at the checked points of a group.
+
+        First the inertia of the upper modes, more than that of all which are left out, then what
+        comes round after half the length of an endless strip; then both with the other sign.
+        """
+        some, late = self._some[line], self._late
+        inertia = moved(some[:, late], self._at_once[line], answers[late], samples)
+        around = np.zeros_like(inertia)
+        if self._turned is not None:
+            around = moved(some * self._turned, np.zeros(len(some)), answers, samples)
+        return inertia, around, -inertia, -around
+
+
+def _course(motion: Motion, drive: Drive, wait_s: float) -> Iterator[tuple[float, Complex, Real]]:
+    """Yield the answers of all oscillators and the drive, one stretch of time after the other.
+
+    With them comes how long after the drive the stretch ends, in units of `wait_s`. The looks at
+    them are equally far apart, and a stretch begins with the last two of the one before, so that
+    a largest value between them is not missed.
+    """
+    oscillators = motion.oscillators
+    samples, step_s, held = _played(drive, _STEPS * motion.reference_hz)
+    every = max(1, round(1 / (_LOOKS * motion.reference_hz * step_s)))
+    samples = np.append(samples, np.zeros(-(samples.size - 1) % every))
+    start = np.zeros(oscillators.poles.size, dtype=np.complex128)
+    seen, driven = np.zeros((start.size, 0), dtype=np.complex128), np.zeros(0)
+    for first in range(0, samples.size - 1, every * _CHUNK):
+        some = samples[first : first + every * _CHUNK + 1]
+        answers = oscillators.driven(some, step_s, start, held=held)
+        start = answers[:, -1]
+        shared = 0 if first == 0 else 1
+        seen = np.append(seen[:, -2:], answers[:, ::every][:, shared:], axis=1)
+        driven = np.append(driven[-2:], some[::every][shared:])
+        yield 0.0, seen, driven
+    look_s = every * step_s
+    n_looks = max(2, math.ceil(wait_s / (_PARTS * look_s)))
+    turns = np.exp(np.multiply.outer(oscillators.poles, look_s * np.arange(1, n_looks + 1)))
+    for part in count(1):
+        seen = np.append(seen[:, -2:], seen[:, -1:] * turns, axis=1)
+        driven = np.append(driven[-2:], np.zeros(n_looks))
+        yield part * n_looks * look_s / wait_s, seen, driven
+
+
+def _played(drive: Drive, least_rate_hz: float) -> tuple[Real, float, bool]:
+    """Return a drive in fine steps up to its end, the step, and whether each is held."""
+    if not isinstance(drive, SampledDrive):
+        return np.append(drive.samples(least_rate_hz), 0.0), 1 / least_rate_hz, False
+    fine = math.ceil(least_rate_hz / drive.sample_rate_hz)
+    values = np.array(drive.values)
+    if drive.held:
+        samples = np.append(np.repeat(values, fine), 0.0)
+    else:
+        places = np.arange((values.size - 1) * fine + 1) / fine
+        samples = np.interp(places, np.arange(values.size), values)
+    return samples, 1 / (fine * drive.sample_rate_hz), drive.held
+
+
+def _crests(size: Real) -> Real:
+    """Return the largest values along the last axis, each by a parabola about it."""
+    top = np.clip(np.argmax(size, axis=-1), 1, size.shape[-1] - 2)
+    before, at, after = (
+        np.take_along_axis(size, (top + shift)[..., np.newaxis], axis=-1)[..., 0]
+        for shift in (-1, 0, 1)
+    )
+    bend = np.maximum(2 * at - before - after, np.finfo(np.float64).tiny)
+    inside = (at >= before) & (at >= after)
+    return np.asarray(
+        np.where(inside, at + (after - before) ** 2 / (8 * bend), np.max(size, axis=-1))
+    )

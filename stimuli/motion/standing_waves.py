@@ -1,0 +1,107 @@
+"""Modes of an endless strip: of a section of it that repeats, too long for a wave to come round."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stimuli.motion.basis import Basis, half_waves, held_basis
+from stimuli.motion.modes import wavenumber_rad_m
+from stimuli.strip.edge import CLAMPED, ElasticEdge
+
+if TYPE_CHECKING:
+    from stimuli.arrays import Real
+    from stimuli.strip.strip import Strip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Waves:
+    """Standing waves of one symmetry across the strip, with the mass 1 each.
+
+    Attributes
+    ----------
+    squared : ndarray of float64, shape (n_waves,)
+        Squares of their angular frequencies without loss.
+    bent : ndarray of float64, shape (n_waves,)
+        What of them the plate's own stiffness gives. Waves of equal length exchange a little of
+        it where the springs have no loss: a second order of the loss, left out.
+    wavenumbers_rad_m : ndarray of float64, shape (n_waves,)
+    turned : ndarray of float64, shape (n_waves,)
+        1 for an even number of waves in the period, -1 for an odd one.
+    across : Basis
+        Functions across the strip.
+    series : ndarray of float64, shape (n_across, n_waves)
+    """
+
+    squared: Real
+    bent: Real
+    wavenumbers_rad_m: Real
+    turned: Real
+    across: Basis
+    series: Real
+
+    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
+        """Return cosines and sines at points (n_points, 2): (2, n_points, n_waves)."""
+        across = self.across.values(points_m[:, 1] / self.across.half_m - 1) @ self.series
+        if laplacian:
+            bent = self.across.values(points_m[:, 1] / self.across.half_m - 1, 2) @ self.series
+            across = bent - self.wavenumbers_rad_m**2 * across
+        angle = points_m[:, :1] * self.wavenumbers_rad_m
+        return np.stack([np.cos(angle), np.sin(angle)]) * across
+
+
+def strip_waves(strip: Strip, highest_hz: float, period_m: float, *, centred: bool) -> list[Waves]:
+    """Return the standing waves of a strip that repeats itself, up to a frequency.
+
+    Parameters
+    ----------
+    strip : Strip
+        The strip; its loss does not count here, nor its length.
+    highest_hz : float
+        How far.
+    period_m : float
+        After which length it repeats.
+    centred : bool
+        Whether only waves that are even across the strip are asked for.
+    """
+    material, stiffness = strip.material, strip.bending_stiffness_n_m
+    mass = material.density_kg_m3 * strip.thickness_m
+    highest = 2 * math.pi * highest_hz
+    most = wavenumber_rad_m(strip, highest_hz)
+    turns = np.arange(math.ceil(most * period_m / (2 * math.pi)) + 1)
+    s = 2 * math.pi / period_m * turns
+    held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
+    n_across = half_waves(most, strip.width_m / 2)
+    found = []
+    for odd in (False,) if centred else (False, True):
+        across = held_basis(n_across, strip.width_m, clamped=strip.edge is CLAMPED, odd=odd)
+        poisson, one = material.poisson_ratio, np.eye(n_across)
+        coupled = across.products(0, 2)
+        square = (s**2)[:, np.newaxis, np.newaxis]
+        plate = stiffness * (
+            square**2 * one
+            + across.products(2, 2)
+            - poisson * square * (coupled + coupled.T)
+            + 2 * (1 - poisson) * square * across.products(1, 1)
+        )
+        slopes = across.values(np.array([-1.0, 1.0]), 1)
+        squared, vectors = np.linalg.eigh((plate + held * slopes.T @ slopes) / mass)
+        bent = np.einsum("sim,sij,sjm->sm", vectors, plate / mass, vectors, optimize=True)
+        kept = squared <= highest**2
+        share = np.where(s == 0, 1.0, 2.0) / (period_m * mass)
+        found.append(
+            Waves(
+                squared=squared[kept],
+                bent=bent[kept],
+                wavenumbers_rad_m=np.repeat(s, kept.sum(axis=1)),
+                turned=np.repeat((-1.0) ** turns, kept.sum(axis=1)),
+                across=across,
+                series=(vectors * np.sqrt(share)[:, np.newaxis, np.newaxis]).transpose(1, 0, 2)[
+                    :, kept
+                ],
+            )
+        )
+    return found

@@ -1,0 +1,298 @@
+"""The plate over time by its modes, against closed forms, the other solver and finer modes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    ElasticEdge,
+    Fingertip,
+    ForceRectangle,
+    Material,
+    MomentDisc,
+    MomentRectangle,
+    PointForce,
+    SampledDrive,
+    Scene,
+    Strip,
+    felt,
+    level_db,
+)
+from stimuli.fingers import fingertip
+from stimuli.fingers.fingertip import causal
+from stimuli.motion.modes import plate_modes
+from stimuli.motion.motion import motion_of
+from stimuli.motion.oscillators import Oscillators, poles
+from stimuli.motion.peaks import peaks_of
+from stimuli.motion.standing_waves import strip_waves
+
+if TYPE_CHECKING:
+    from stimuli.load import Load
+
+# the modules, whose names their functions have
+MOTION, PEAKS = (sys.modules[f"stimuli.motion.{name}"] for name in ("motion", "peaks"))
+
+K_2900, K_2500 = ElasticEdge(stiffness_n=141.72083994908), ElasticEdge(stiffness_n=63.9264884979218)
+STEEL = Material(youngs_modulus_pa=200e9, poisson_ratio=0.29, density_kg_m3=7850.0)
+GLASS = Material(youngs_modulus_pa=70e9, poisson_ratio=0.22, density_kg_m3=2500.0)
+
+
+def plate(
+    edge: Any = K_2900, loss: float = 0.01, length_m: float | None = 0.2, **more: Any
+) -> Strip:
+    """The paper's plate, or another."""
+    material = dataclasses.replace(more.pop("material", ALUMINIUM), loss_factor=loss)
+    sizes = {"width_m": 0.025, "thickness_m": 0.0005} | more
+    return Strip(material=material, edge=edge, length_m=length_m, **sizes)
+
+
+def pair(x_m: float = 0.035, y_m: float = 0.0125) -> tuple[list[Load], list[Fingertip]]:
+    """Two of the paper's discs with a finger on each."""
+    places = (-x_m, x_m)
+    discs: list[Load] = [MomentDisc(x_m=x, y_m=y_m, radius_m=0.0064) for x in places]
+    return discs, [Fingertip(x_m=x, y_m=y_m) for x in places]
+
+
+def burst(window: Any = "none", frequency_hz: float = 500.0) -> Burst:
+    return Burst(frequency_hz=frequency_hz, cycles=1, window=window)
+
+
+def scene_of(strip: Strip, drive: Any, loads: list[Load], n: int = 1) -> Scene:
+    """A scene of some points about each load."""
+    points = [(load.x_m + 1e-3 * k, load.y_m + 1e-3 * k) for load in loads for k in range(n)]
+    return Scene(strip=causal(strip, drive), loads=tuple(loads), points_m=tuple(points))
+
+
+# --- modes
+
+
+@pytest.mark.parametrize(
+    ("poisson_ratio", "roots"),
+    [(0.3, [9.6314, 16.1348, 36.7256, 38.9450, 46.7381, 70.7401])],
+)
+def test_modes_of_a_square_on_two_supports_are_leissas(
+    poisson_ratio: float, roots: list[float]
+) -> None:
+    # A. W. Leissa, J. Sound Vib. 31 (1973) 257, table for two opposite edges supported, two free
+    material = dataclasses.replace(ALUMINIUM, poisson_ratio=poisson_ratio)
+    square = plate(SIMPLY_SUPPORTED, 0.0, 0.1, material=material, width_m=0.1)
+    scale = math.sqrt(2700 * square.thickness_m / square.bending_stiffness_n_m) * 0.1**2
+    found = np.concatenate([m.squared for m in plate_modes(square, 2000.0, centred=False)])
+    assert np.sort(np.sqrt(found))[:6] * scale == pytest.approx(roots, rel=1e-5)
+
+
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, K_2500, CLAMPED])
+def test_the_longest_wave_of_an_endless_strip_is_its_cutoff(edge: Any) -> None:
+    strip = plate(edge, 0.0, None)
+    (waves,) = strip_waves(strip, 20e3, 5.0, centred=True)
+    first = np.sqrt(waves.squared[waves.wavenumbers_rad_m == 0]) / (2 * math.pi)
+    assert first == pytest.approx(
+        [strip.cutoff_hz(mode) for mode in (1, 3)][: first.size], rel=1e-9
+    )
+
+
+def test_points_move_as_hard_by_loads_as_loads_by_points() -> None:
+    forces: list[Load] = [PointForce(x_m=-0.03, y_m=0.005), PointForce(x_m=0.06, y_m=0.02)]
+    scene = scene_of(plate(), burst(), forces)
+    found = motion_of(scene, 2900.0, 8.0).oscillators
+    np.testing.assert_allclose(found.rest_m, found.rest_m.T, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(
+        found.weights(0)[1],
+        found.weights(1)[0],
+        rtol=1e-9,
+        atol=1e-9 * np.abs(found.weights(0)).max(),
+    )
+
+
+# --- oscillators
+
+
+@pytest.mark.parametrize("viscous_s", [0.0, 1e-4, 0.3])
+def test_poles_with_coupled_loss_are_those_of_the_equations(viscous_s: float) -> None:
+    rng = np.random.default_rng(1)
+    squared, bent = np.array([1.0, 5.0, 9.0]), rng.standard_normal((3, 3))
+    bent = bent @ bent.T
+    found, modes, drives = poles(squared, bent, viscous_s)
+    system = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(squared), -viscous_s * bent]])
+    for time_s in (0.0, 0.4, 3.0):
+        ours = (modes * np.exp(found * time_s) @ drives).real
+        np.testing.assert_allclose(ours, expm(system * time_s)[:3, 3:], atol=1e-12)
+
+
+def test_an_overdamped_oscillator_creeps_back() -> None:
+    found, modes, drives = poles(np.array([1.0]), np.array([1.0]), 3.0)
+    assert np.all(found.imag == 0)
+    slow, fast = (-3 + math.sqrt(5)) / 2, (-3 - math.sqrt(5)) / 2
+    for time_s in (0.1, 2.0):
+        exact = (math.exp(slow * time_s) - math.exp(fast * time_s)) / (slow - fast)
+        assert (modes * np.exp(found * time_s) @ drives).real.item() == pytest.approx(exact)
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("n_samples", [2, 3, 50, 401])
+def test_an_oscillator_follows_lines_and_steps_exactly(n_samples: int, *, held: bool) -> None:
+    rng = np.random.default_rng(n_samples)
+    samples, step_s = rng.standard_normal(n_samples), 1e-3
+    pole, begin = np.array([-20 + 900j]), np.array([0.3 - 0.1j])
+    one = np.ones((1, 1, 1), dtype=np.complex128)
+    some = Oscillators(poles=pole, at_points=one, of_loads=one, rest_m=np.zeros((1, 1)))
+    found = some.driven(samples, step_s, begin, held=held)
+    assert found[0, 0] == begin[0]
+    slope = 0.0 if held else 1.0
+    for n in range(n_samples - 1):
+        # s, or s + slope t, as a system that makes its own drive
+        whole = np.array([[pole[0], 1, 0], [0, 0, slope], [0, 0, 0]])
+        rise = (samples[n + 1] - samples[n]) / step_s
+        after = expm(whole * step_s) @ np.array([found[0, n], samples[n], rise])
+        assert found[0, n + 1] == pytest.approx(after[0], rel=1e-10)
+
+
+# --- against the contour solver, and what the issue of finite plates tells
+
+
+@pytest.mark.parametrize(
+    ("strip", "window", "expected_db"),
+    [
+        (plate(K_2900, 0.01), "none", -24.73),
+        (plate(SIMPLY_SUPPORTED, 0.01), "tukey", -18.00),
+        (plate(K_2500, 0.005), "none", -19.7),
+    ],
+    ids=["2900 Hz", "supported", "2500 Hz"],
+)
+def test_levels_on_plates_with_free_ends(strip: Strip, window: str, expected_db: float) -> None:
+    peaks_m = felt(strip, *pair(), burst(window))
+    assert level_db(peaks_m, own=0, other=1) == pytest.approx(expected_db, abs=0.05)
+    assert level_db(peaks_m, own=1, other=0) == pytest.approx(expected_db, abs=0.05)
+
+
+PLATES = [
+    (plate(SIMPLY_SUPPORTED, 0.03, 0.15, material=GLASS), 0.04, 0.0125, "hann", 600.0),
+    (plate(SIMPLY_SUPPORTED, 0.005, 0.12, material=STEEL), 0.03, 0.01, "none", 400.0),
+    (plate(K_2900, 0.0, None), 0.035, 0.0125, "none", 500.0),
+    (plate(CLAMPED, 0.02, None), 0.035, 0.0125, "tukey", 500.0),
+    (plate(CLAMPED, 0.02, 0.13, material=STEEL, width_m=0.02), 0.03, 0.01, "hann", 900.0),
+    (plate(ElasticEdge(stiffness_n=60.0, lossless=False), 0.05, 0.12), 0.04, 0.011, "none", 400.0),
+]
+"""A plate, where its discs lie, and what drives them; the last two keep spectra busy longest."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("strip", "x_m", "y_m", "window", "frequency_hz"), PLATES[:4])
+def test_modes_agree_with_the_spectra(
+    strip: Strip,
+    x_m: float,
+    y_m: float,
+    window: str,
+    frequency_hz: float,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loads, tips = pair(x_m, y_m)
+    drive = burst(window, frequency_hz)
+    by_modes = felt(strip, loads, tips, drive)
+    monkeypatch.setattr(fingertip, "_by_modes", lambda *_: None)
+    by_spectra = felt(strip, loads, tips, drive, rtol=1e-4)
+    np.testing.assert_allclose(by_modes, by_spectra, rtol=5e-3)
+
+
+@pytest.mark.parametrize("place", [0, 4, 5])
+def test_the_estimate_holds_against_twice_as_many_modes(place: int) -> None:
+    strip, x_m, y_m, window, frequency_hz = PLATES[place]
+    loads, _ = pair(x_m, y_m)
+    drive = burst(window, frequency_hz)
+    scene = scene_of(strip, drive, loads, 5)
+    groups = [np.arange(0, 5), np.arange(5, 10)]
+    reference_hz = max(strip.cutoff_hz(), drive.band_hz()[1])
+    few, many = (
+        peaks_of(motion_of(scene, reference_hz, n), groups, drive, wait_s=5e-3) for n in (4.0, 9.0)
+    )
+    assert np.all(np.abs(few.peak_m - many.peak_m) <= 2 * few.error_m)
+    assert np.all(many.error_m < 0.02 * many.peak_m)
+
+
+def test_what_comes_round_a_short_period_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    strip = plate(SIMPLY_SUPPORTED, 0.0, None)
+    scene, groups = scene_of(strip, burst(), pair()[0]), [np.array([0]), np.array([1])]
+    errors = []
+    for number, periods in enumerate((8.0, 200.0)):
+        monkeypatch.setattr(MOTION, "_PERIODS", periods)
+        monkeypatch.setattr(MOTION, "_SPANS", 1.0)
+        # another highest frequency, for what was computed is kept
+        found = peaks_of(motion_of(scene, 1926.0, 6.0 + number / 10), groups, burst(), wait_s=5e-3)
+        errors.append(found.error_m[1, 0] / found.peak_m[1, 0])
+    assert errors[0] > 0.05 > 5 * errors[1]
+
+
+# --- drives
+
+
+def test_samples_of_a_burst_do_what_the_burst_does() -> None:
+    loads, tips = pair()
+    fine = SampledDrive(samples=np.append(burst("hann").samples(200e3), 0.0), sample_rate_hz=200e3)
+    held = SampledDrive(samples=fine.values, sample_rate_hz=200e3, held=True)
+    expected = felt(plate(), loads, tips, burst("hann"))
+    for drive in (fine, held):
+        np.testing.assert_allclose(felt(plate(), loads, tips, drive), expected, rtol=2e-3)
+
+
+def test_a_slow_load_moves_the_plate_as_a_static_one() -> None:
+    motor: list[Load] = [ForceRectangle(x_m=0.01, y_m=0.0125, length_x_m=0.008, length_y_m=0.004)]
+    slow = Burst(frequency_hz=5.0, cycles=2, window="hann")
+    scene = scene_of(plate(), slow, motor)
+    found = peaks_of(motion_of(scene, 2900.0, 8.0), [np.array([0])], slow, wait_s=1e-3)
+    still = motion_of(scene, 2900.0, 8.0).oscillators
+    static_m = still.rest_m[0, 0] + (still.weights(0)[0] / -still.poles).sum().real
+    # two cycles in a Hann window have their largest value, 0.9, beside the middle
+    assert found.peak_m[0, 0] == pytest.approx(static_m * np.abs(slow.samples(1e4)).max(), rel=1e-3)
+
+
+def test_a_plate_without_loss_is_not_waited_for_forever() -> None:
+    loads, _ = pair()
+    scene, groups = scene_of(plate(loss=0.0), burst(), loads), [np.array([0]), np.array([1])]
+    waits = _waits(lambda: peaks_of(motion_of(scene, 2900.0, 6.0), groups, burst(), wait_s=2e-3))
+    assert 1 <= max(waits) <= 8
+
+
+def _waits(call: Any) -> list[float]:
+    """Return how far the stretches went that a call looked at."""
+    seen: list[float] = []
+    course = PEAKS._course
+
+    def watched(*args: Any) -> Any:
+        for found in course(*args):
+            seen.append(found[0])
+            yield found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(PEAKS, "_course", watched)
+        call()
+    return seen
+
+
+def test_a_plate_too_long_for_its_modes_is_left_to_the_spectra(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
+    assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
+    monkeypatch.setattr(fingertip, "_MULTIPLES", (1.2,))
+    assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
+
+
+def test_a_rectangle_off_the_centre_line_needs_odd_waves_too() -> None:
+    centred: list[Load] = [MomentRectangle(x_m=0.0, y_m=0.0125, length_x_m=0.01, length_y_m=0.01)]
+    aside = [dataclasses.replace(centred[0], y_m=0.0123)]
+    even, both = (
+        motion_of(scene_of(plate(), burst(), loads), 2900.0, 6.0).oscillators.poles.size
+        for loads in (centred, aside)
+    )
+    assert both > 1.5 * even
