@@ -167,6 +167,26 @@ def without_diameter(left: str) -> str:
         ("design.responses = ['left', 'both']", "missing right"),
         ("design.blank_trials = 10", "missing none"),
         ("design = {order = 'balanced', trials_per_side = 76}", "multiple of the number of level"),
+        (
+            "design = {trials_per_side = 75, repeats_per_level = 15}",
+            ": design.trials_per_side and repeats_per_level exclude each other; got both",
+        ),
+        (
+            "design = {both_trials = 5, both_fraction = 0.1}",
+            ": design.both_trials and both_fraction exclude each other; got both",
+        ),
+        (
+            "design.both_fraction = 0.1",
+            "got 0.1, which gives 16.67; the nearest are 0.0964 (16 trials) and 0.1018 (17)",
+        ),
+        (
+            "design = {trials_per_side = 1000, both_fraction = 0.9}",
+            "both_fraction must be at most 0.8333, 10000 trials beside",
+        ),
+        (
+            "design.repeats_per_level = 2001",
+            "repeats_per_level times the number of levels, 5, must be at most 10000; got 10005",
+        ),
         # the strip
         ("strip.width_mm = 30", "strip.measured_cutoff_hz is missing"),
         ("strip = {edge = 'clamped', measured_cutoff_hz = 9}", "only; got edge = clamped"),

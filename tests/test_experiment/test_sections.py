@@ -54,7 +54,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
     others: dict[str, dict[str, Any]] = {
         "strip": {"edge": "elastic", "edge_stiffness_n": 100.0},
         "condition": {"name": "a"},
-        "design": {"responses": ALL_ANSWERS},
+        "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
         "masking": {"max_level_dba": 0.0},
     }
     return others.get(section, {})

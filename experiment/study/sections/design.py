@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+import math
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
+from pydantic_core import ArgsKwargs
 
 from experiment.study.sections.table import section
 from experiment.terms.checks import require_word
@@ -23,6 +25,10 @@ EARLIEST_ANSWER_S = 0.1
 """A key within this time of the onset cannot be an answer to it."""
 ASSUMED_ANSWER_S: Final = 1.0
 """How long a person is taken to need for an answer, when a session's length is estimated."""
+_EXCLUSIVE: Final = (("trials_per_side", "repeats_per_level"), ("both_trials", "both_fraction"))
+_FRACTION_DIGITS: Final = 4
+_FRACTION_ROUNDING: Final = 0.500001 * 10**-_FRACTION_DIGITS
+"""Half a unit of the last digit, and the rounding of the sums."""
 
 _Level = Annotated[float, Field(ge=LEAST_LEVEL_VPP)]
 _Wait = Annotated[float, Field(gt=0, le=60)]
@@ -35,13 +41,22 @@ class Design:
     The trials with the fingers off the plate come once: as many of each side, at the highest level.
     """
 
+    # Two keys may be said in another way. What a plan holds is the number of trials that comes of
+    # it, so that two files that ask for the same trials are the same study.
+
     levels_vpp: tuple[_Level, ...] = Field(
         default=(60.0, 95.0, 130.0, 165.0, 200.0), strict=False, description="increasing"
     )
     trials_per_side: int = Field(
         default=75, ge=1, le=MAX_TRIALS, description="one finger at a time"
     )
+    repeats_per_level: int | None = Field(
+        default=None, ge=1, le=MAX_TRIALS, description="or: trials of each side and level"
+    )
     both_trials: int = Field(default=5, ge=0, le=MAX_TRIALS, description="both fingers at once")
+    both_fraction: float | None = Field(
+        default=None, ge=0, le=0.9, description="or: their part of all trials with a stimulus"
+    )
     both_level: _Level | Literal["random"] = Field(
         default="random", description="their level in Vpp; random: drawn from levels_vpp"
     )
@@ -80,11 +95,23 @@ class Design:
         default="requeue", description="what becomes of a trial answered too early"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _say_it_once(cls, given: Any) -> Any:
+        """Refuse a number of trials that is given in both ways."""
+        if isinstance(given, ArgsKwargs):
+            keys = given.kwargs or {}
+            for pair in _EXCLUSIVE:
+                if all(keys.get(key) is not None for key in pair):
+                    raise ValueError(f"{' and '.join(pair)} exclude each other; got both")
+        return given
+
     def __post_init__(self) -> None:
         if not self.levels_vpp:
             raise ValueError("levels_vpp must hold at least one level; got none")
         for place, below_vpp in enumerate(self.levels_vpp[:-1], start=1):
             finite(f"levels_vpp[{place}]", self.levels_vpp[place], above=below_vpp)
+        self._work_out_trials()
         for name in ("audibility_trials", "control_trials"):
             if (trials := getattr(self, name)) % 2:
                 raise ValueError(f"{name} must be even, half of them for each side; got {trials}")
@@ -95,6 +122,20 @@ class Design:
             )
         self._check_responses()
         finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0])
+
+    def _work_out_trials(self) -> None:
+        """Put the numbers of trials in the place of the other ways to say them."""
+        if self.repeats_per_level is not None:
+            trials = self.repeats_per_level * len(self.levels_vpp)
+            if trials > MAX_TRIALS:
+                raise ValueError(
+                    f"repeats_per_level times the number of levels, {len(self.levels_vpp)}, must "
+                    f"be at most {MAX_TRIALS}; got {trials}"
+                )
+            _put(self, trials_per_side=trials, repeats_per_level=None)
+        if self.both_fraction is not None:
+            trials = _both_trials(self.both_fraction, 2 * self.trials_per_side)
+            _put(self, both_trials=trials, both_fraction=None)
 
     @property
     def both_level_vpp(self) -> float | None:
@@ -124,3 +165,40 @@ class Design:
                 f"where blank_trials is above 0; missing {', '.join(missing)}, "
                 f"got {list(self.responses)}"
             )
+
+
+def _put(design: Design, **keys: int | None) -> None:
+    """Put worked-out values into a section that is being made; from then on it is frozen."""
+    for key, value in keys.items():
+        object.__setattr__(design, key, value)
+
+
+def _both_trials(fraction: float, single_trials: int) -> int:
+    """Return how many trials with both fingers make a fraction of all with a stimulus.
+
+    With s of one finger, b of both: b = s f / (1 - f). A fraction is told, and taken, to
+    four decimals; more would refuse 0.0964 where 16 of 166 trials are meant.
+    """
+
+    def fraction_of(both_trials: int) -> float:
+        return both_trials / (single_trials + both_trials)
+
+    exact = single_trials * fraction / (1 - fraction)
+    nearest = round(exact)
+    if nearest > MAX_TRIALS:
+        raise ValueError(
+            f"both_fraction must be at most {_told(fraction_of(MAX_TRIALS))}, {MAX_TRIALS} trials "
+            f"beside {single_trials} of one finger; got {fraction:g}"
+        )
+    if abs(fraction_of(nearest) - fraction) <= _FRACTION_ROUNDING:
+        return nearest
+    fewer = math.floor(exact)
+    raise ValueError(
+        f"both_fraction must give a whole number of trials beside {single_trials} of one finger; "
+        f"got {fraction:g}, which gives {exact:.2f}; the nearest are {_told(fraction_of(fewer))} "
+        f"({fewer} trials) and {_told(fraction_of(fewer + 1))} ({fewer + 1})"
+    )
+
+
+def _told(fraction: float) -> str:
+    return f"{fraction:.{_FRACTION_DIGITS}f}"
