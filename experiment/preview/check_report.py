@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from experiment.preview.findings import Findings
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.terms.gains import OWN_FINGERS, significant
+from experiment.trial.draw import block_lengths, block_words
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst, ElasticEdge
 
 if TYPE_CHECKING:
@@ -306,6 +307,11 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
         f"{design.practice_trials} for practice before",
         trials=check.trials,
     )
+    per_condition = " (of each condition)" if len(study.conditions) > 1 else ""
+    first, *others = block_words(design)
+    found.tell("blocks", first + per_condition, block_trials=block_lengths(design))
+    for words in others:
+        found.tell("", words)
     found.note(audibility_trials=check.audibility_trials, control_trials=check.control_trials)
     if check.audibility_trials or check.control_trials:
         found.tell(

@@ -1,5 +1,5 @@
 from . import events as events
-from .draw import block_count, draw_plan
+from .draw import block_count, block_lengths, block_words, draw_plan
 from .engine import step, upcoming
 from .events import EndTrial, Event, Happening, Key, Phase, SessionState, Task
 from .plan import AUDIBILITY_BLOCK, CONTROL, PRACTICE_BLOCK, Plan, PlanError, Trial, plan_from_json
@@ -19,6 +19,8 @@ __all__ = [
     "Task",
     "Trial",
     "block_count",
+    "block_lengths",
+    "block_words",
     "draw_plan",
     "events",
     "plan_from_json",

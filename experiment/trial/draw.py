@@ -101,7 +101,7 @@ def block_count(design: Design) -> int:
     PlanError
         If no block of a balanced design is as short as ``break_every`` asks.
     """
-    total = 2 * design.trials_per_side + design.both_trials + design.blank_trials
+    total = design.trials
     if design.break_every == 0:
         return 1
     fewest = math.ceil(total / design.break_every)
@@ -116,6 +116,71 @@ def block_count(design: Design) -> int:
         f"design.break_every must be 0 or at least {shortest} (the shortest block with the same "
         f"number of every stimulus); got {design.break_every}"
     )
+
+
+def block_lengths(design: Design) -> tuple[int, ...]:
+    """Return how many trials each block of one condition has, in their order.
+
+    It raises PlanError as `block_count` does.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> block_lengths(paper_study().design)
+    (31, 31, 31, 31, 31)
+    """
+    count = block_count(design)
+    if design.order == "random":
+        length = design.break_every or design.trials
+        return tuple(min(length, design.trials - length * block) for block in range(count))
+    # dealt out one by one, as `_balanced_blocks` does: the first blocks get one more
+    each, left_over = divmod(design.both_trials + design.blank_trials, count)
+    single = 2 * design.trials_per_side // count
+    return tuple(single + each + (block < left_over) for block in range(count))
+
+
+def block_words(design: Design) -> list[str]:
+    r"""Say how long the blocks of one condition become, a line each.
+
+    The order ``balanced`` may make them much shorter than ``break_every``; then the next longer
+    ones are told, with the key that gives them.
+
+    Examples
+    --------
+    >>> from experiment.study.sections.design import Design
+    >>> words = ("left", "right", "both", "none")
+    >>> design = Design(order="balanced", blank_trials=60, responses=words, break_every=42)
+    >>> print(*block_words(design), sep="\n")
+    15 of 14 or 15 trials, each side and level once in each
+    shorter than break_every = 42, for all are alike; break_every = 43 gives 5 of 43
+    """
+    lengths = block_lengths(design)
+    told = f"{len(lengths)} of {_range(lengths)} trials"
+    if design.order == "random":
+        return [told]
+    repeats = design.trials_per_side // len(design.levels_vpp)
+    times = repeats // len(lengths)
+    lines = [f"{told}, each side and level {_times(times)} in each"]
+    fewer = [count for count in range(1, len(lengths)) if repeats % count == 0]
+    asked = math.ceil(design.trials / (design.break_every or design.trials))
+    if fewer and len(lengths) > asked:
+        longest = math.ceil(design.trials / fewer[-1])
+        longer = block_lengths(replace(design, break_every=longest))
+        lines.append(
+            f"shorter than break_every = {design.break_every}, for all are alike; "
+            f"break_every = {longest} gives {len(longer)} of {_range(longer)}"
+        )
+    return lines
+
+
+def _range(lengths: tuple[int, ...]) -> str:
+    ends = sorted({min(lengths), max(lengths)})
+    joined = " or " if ends[-1] - ends[0] == 1 else " to "
+    return joined.join(map(str, ends))
+
+
+def _times(times: int) -> str:
+    return {1: "once", 2: "twice"}.get(times, f"{times} times")
 
 
 def _number(trials: Iterator[Trial]) -> Iterator[Trial]:

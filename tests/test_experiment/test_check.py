@@ -199,6 +199,20 @@ def test_more_trials_take_longer() -> None:
 
 
 @pytest.mark.slow
+def test_the_check_tells_what_balanced_makes_of_the_blocks() -> None:
+    uneven = RECOMMENDED.replace("break_every = 43", "break_every = 42")
+    assert "\nblocks         5 of 43 trials, each side and level 3 times in each\n" in (
+        checked(RECOMMENDED).stdout
+    )
+    assert (
+        "\nblocks         15 of 14 or 15 trials, each side and level once in each\n"
+        "               shorter than break_every = 42, for all are alike; "
+        "break_every = 43 gives 5 of 43\n"
+    ) in checked(uneven).stdout
+    assert report(RECOMMENDED)["block_trials"] == [43] * 5
+
+
+@pytest.mark.slow
 def test_json_says_the_same_to_other_programs() -> None:
     found = report("")
     assert (checked("", "--json").exit_code, found["verdict"]) == (0, "fit")

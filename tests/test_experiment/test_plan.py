@@ -13,7 +13,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from experiment.study.read import study_from_text
-from experiment.trial.draw import block_count, draw_plan
+from experiment.trial.draw import block_count, block_lengths, draw_plan
 from experiment.trial.plan import PlanError, plan_from_json, verify
 
 if TYPE_CHECKING:
@@ -124,6 +124,7 @@ def test_every_plan_has_the_asked_counts_in_blocks_no_longer_than_asked(
     assert (kinds["both"], kinds["blank"]) == (both, blanks)
     lengths = Counter(trial.block for trial in plan.trials)
     assert len(lengths) == block_count(design)
+    assert tuple(lengths[block] for block in sorted(lengths)) == block_lengths(design)
     assert max(lengths.values()) <= (break_every or len(plan.trials))
     least_s, most_s = design.foreperiod_s
     assert all(least_s <= trial.foreperiod_s <= most_s for trial in plan.trials)
