@@ -21,6 +21,22 @@ LARGEST_TOKEN = 2**64 - 1
 """Tokens and boot ids are 64 bit on the wire; token 0 is no token."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lack:
+    """What a machine lacks, and what helps.
+
+    >>> print(Lack(what="sound card", remedy="plug one in"))
+    sound card is missing: plug one in
+    """
+
+    what: str
+    remedy: str
+
+    def __str__(self) -> str:
+        """Say it in a line."""
+        return f"{self.what} is missing: {self.remedy}"
+
+
 class Outcome(StrEnum):
     """What became of a burst: felt, surely not, or not known.
 

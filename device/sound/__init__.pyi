@@ -1,6 +1,6 @@
 from .audio import audio_device
 from .player import LoopPlayer
-from .stream import Callback, Stream, in_a_thread, open_stream, sound_cards, stderr_kept
+from .stream import Callback, Stream, in_a_thread, open_stream, sound_cards, sound_lack, stderr_kept
 
 __all__ = [
     "Callback",
@@ -10,5 +10,6 @@ __all__ = [
     "in_a_thread",
     "open_stream",
     "sound_cards",
+    "sound_lack",
     "stderr_kept",
 ]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal, Protocol, TypeAlias, TypeVar
 
-from device.driver import LinkError
+from device.driver import Lack, LinkError
 from device.sound.player import Frames
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from device.sound.player import StreamStatus, Timing
 
@@ -85,6 +89,34 @@ def sound_cards() -> tuple[str, ...]:
         return ()
     cards = sounddevice.query_devices()
     return tuple(card["name"] for card in cards if card["max_output_channels"] >= CHANNELS)
+
+
+def sound_lack() -> Lack | None:
+    """Tell what this machine lacks to play sound; PortAudio is not started and no card opened.
+
+    Cards are looked for on Linux only; a sound server may bring one that the kernel does not know.
+    """
+    if find_spec("sounddevice") is None:
+        return Lack(what="sounddevice", remedy='pip install "tactstrip[audio]"')
+    if not sys.platform.startswith("linux"):
+        return None  # the wheels of sounddevice bring PortAudio there
+    try:
+        ctypes.CDLL("libportaudio.so.2")
+    except OSError:
+        return Lack(what="PortAudio", remedy="on Debian it is the package libportaudio2")
+    if _has_card(Path("/proc/asound/pcm"), os.environ):
+        return None
+    return Lack(what="sound card", remedy="plug one in, or start the sound server")
+
+
+def _has_card(pcm: Path, environment: Mapping[str, str]) -> bool:
+    """Tell whether the kernel lists an output, or a sound server waits that may have one."""
+    with contextlib.suppress(OSError):
+        if "playback" in pcm.read_text(encoding="utf-8", errors="replace"):
+            return True
+    runtime = Path(environment.get("XDG_RUNTIME_DIR", "/nonexistent"))
+    servers = (runtime / "pulse/native", runtime / "pipewire-0")
+    return "PULSE_SERVER" in environment or any(map(os.path.exists, servers))
 
 
 def in_a_thread(act: Callable[[], _Result]) -> Future[_Result]:

@@ -1,4 +1,4 @@
-from .channels import Channel, open_channel
+from .channels import Channel, open_channel, port_lack
 from .endpoint import Endpoint
 from .frames import MINOR, VERSION
 from .link import FrameLink
@@ -12,5 +12,6 @@ __all__ = [
     "FrameLink",
     "identify",
     "open_channel",
+    "port_lack",
     "serial_device",
 ]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import select
 import socket
+from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
 
-from device.driver import LinkError
+from device.driver import Lack, LinkError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -194,3 +196,56 @@ def open_channel(port: str, clock: Clock) -> Channel:
     device.driver.LinkError: cannot open socket://127.0.0.1:1: ...
     """
     return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock)
+
+
+_RESOLVE_WITHIN_S: Final = 0.03
+"""So long may a name server take; what is not known by then is not said to be lacking."""
+
+
+def port_lack(port: str) -> Lack | None:
+    """Tell what this machine lacks to open a port; it is not opened, and no host is reached.
+
+    Examples
+    --------
+    >>> print(port_lack("/no/such/port"))
+    port is missing: /no/such/port is not there; tactstrip devices lists the ports
+    >>> port_lack("socket://127.0.0.1:5025")
+    """
+    if "://" in port:
+        remedy = f"no name server knows that of {port}; check the name"
+        return None if _resolves(port) else Lack(what="the host's address", remedy=remedy)
+    if os.name != "posix":
+        from serial.tools.list_ports import comports
+
+        there = port.upper() in {one.device.upper() for one in comports()}
+    else:
+        there = Path(port).exists()
+    if not there:
+        remedy = f"{port} is not there; tactstrip devices lists the ports"
+        return Lack(what="port", remedy=remedy)
+    if not os.access(port, os.R_OK | os.W_OK):
+        remedy = f"{port} is not yours to open; join its group, often dialout"
+        return Lack(what="the right to the port", remedy=remedy)
+    return None
+
+
+def _resolves(url: str) -> bool:
+    """Tell whether a URL's host has an address, as far as that is known at once."""
+    try:
+        host = urlsplit(url).hostname
+    except ValueError:
+        return False
+    if host is None:  # such as loop://
+        return True
+    failed: list[OSError] = []
+
+    def ask() -> None:
+        try:
+            socket.getaddrinfo(host, None)
+        except (OSError, UnicodeError) as error:
+            failed.append(OSError(error))
+
+    thread = Thread(target=ask, daemon=True)
+    thread.start()
+    thread.join(_RESOLVE_WITHIN_S)
+    return not failed

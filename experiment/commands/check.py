@@ -11,6 +11,7 @@ from experiment.commands.options import answer, confirmed, device_failures, hard
 from experiment.terms.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
+    from device.driver import Lack
     from experiment.apparatus.rig import Rig
     from experiment.preview.device import DeviceCheck
     from experiment.study.study import Study
@@ -40,19 +41,21 @@ def check(
 
     The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
     1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
-    suit the study or a burst was not seen, 3 if it fails. Nobody may touch the plate then.
+    suit the study or a burst was not seen, 3 if it fails. Nobody may touch the plate then. What
+    this machine lacks to run the study is a note, and changes neither verdict nor exit code.
     """
     from experiment.apparatus.rig import assemble
     from experiment.preview.check import check_study, require_mock_suitable
     from experiment.preview.check_report import check_findings
-    from experiment.preview.device import device_findings
+    from experiment.preview.device import device_findings, machine_findings
     from experiment.study.read import read_study
 
     if not with_device and (driver is not None or port is not None or confirm_hardware):
         raise CommandError("--driver, --port and --confirm-hardware need --device")
     checked = check_study(read_study(study_file))
     require_mock_suitable(checked.study, driver)
-    found = check_findings(checked, str(study_file))
+    machine = machine_findings(_machine_lacks(checked.study, driver, port))
+    found = check_findings(checked, str(study_file), machine)
     if not as_json:
         click.echo(found.text)
     device = None
@@ -69,6 +72,17 @@ def check(
         click.get_current_context().exit(ANSWER_IS_NO)
     if device is not None:
         _end(device)
+
+
+def _machine_lacks(study: Study, driver: str | None, port: str | None) -> list[tuple[str, Lack]]:
+    """List what this machine lacks for the study's device, its noise and a participant's window."""
+    from experiment.apparatus.rig import chosen_settings
+    from experiment.participant.window import window_lacks
+    from experiment.preview.device import machine_lacks
+
+    settings = chosen_settings(study.device, driver=driver, port=port)
+    windows = [("--responder screen", lack) for lack in window_lacks()]
+    return machine_lacks(settings, study.masking) + windows
 
 
 def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:

@@ -1,5 +1,11 @@
 from .screen import ScreenResponder
 from .terminal import TERMINAL_KEYS, TerminalResponder
-from .window import require_window
+from .window import require_window, window_lacks
 
-__all__ = ["TERMINAL_KEYS", "ScreenResponder", "TerminalResponder", "require_window"]
+__all__ = [
+    "TERMINAL_KEYS",
+    "ScreenResponder",
+    "TerminalResponder",
+    "require_window",
+    "window_lacks",
+]

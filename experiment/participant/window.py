@@ -11,8 +11,10 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
+from device.driver import Lack
 from experiment.participant.wrapping import as_drawn, wrapped
 from experiment.terms.exits import STOPPED_EARLY
 
@@ -113,6 +115,23 @@ def require_display(system: str, display: str | None) -> None:
             "--responder screen needs a display; DISPLAY is not set: start it from a graphical "
             "session, or use --responder terminal"
         )
+
+
+def window_lacks() -> tuple[Lack, ...]:
+    """Tell what this machine lacks for a window; PsychoPy is not imported, no display is asked."""
+    lacks = []
+    try:
+        require_python(sys.version_info[:2])
+        if find_spec("psychopy") is None:
+            lacks.append(Lack(what="PsychoPy", remedy='pip install "tactstrip[screen]"'))
+    except NoScreenError:
+        lacks.append(Lack(what="Python 3.11 or 3.12", remedy="PsychoPy has no newer one"))
+    try:
+        require_display(sys.platform, os.environ.get("DISPLAY"))
+    except NoScreenError:
+        remedy = "DISPLAY is not set"
+        lacks.append(Lack(what="display", remedy=remedy))
+    return tuple(lacks)
 
 
 def require_window() -> None:

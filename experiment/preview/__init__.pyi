@@ -1,6 +1,6 @@
 from .check import StudyCheck, check_study, require_fit, require_mock_suitable
 from .check_report import check_findings
-from .device import DeviceCheck, check_device, device_findings
+from .device import DeviceCheck, check_device, device_findings, machine_findings, machine_lacks
 from .field import PlateBand, PlateMap, plate_band, plate_map
 from .field_figure import render
 from .field_report import field_csv, field_text
@@ -17,6 +17,8 @@ __all__ = [
     "device_findings",
     "field_csv",
     "field_text",
+    "machine_findings",
+    "machine_lacks",
     "plate_band",
     "plate_map",
     "plate_of",

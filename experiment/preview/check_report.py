@@ -34,7 +34,7 @@ THICK: Final = 0.1
 """From this (k h)^2 on, the theory of thin plates misses by more than a few per cent."""
 
 
-def check_findings(check: StudyCheck, file_name: str) -> Findings:
+def check_findings(check: StudyCheck, file_name: str, machine: Findings | None = None) -> Findings:
     """Tell what the check of a study found.
 
     Parameters
@@ -43,6 +43,8 @@ def check_findings(check: StudyCheck, file_name: str) -> Findings:
         What it found.
     file_name : str
         Where the study was read from.
+    machine : Findings, optional
+        What this machine lacks to run it, which has no say in the verdict.
 
     Examples
     --------
@@ -69,6 +71,8 @@ def check_findings(check: StudyCheck, file_name: str) -> Findings:
     found.parts("conditions", [_condition(check, condition) for condition in check.conditions])
     found.space()
     _tell_plan(found, check)
+    if machine is not None:
+        found.take(machine)
     found.space()
     found.tell("verdict", _VERDICTS[check.verdict], verdict=check.verdict)
     return found

@@ -1,21 +1,27 @@
-"""The check of a device against a study: who it is, what it takes, one weak burst a channel."""
+"""The check of a device against a study: who it is, what it takes, one weak burst a channel.
+
+Without a device: what this machine lacks to run the study.
+"""
 
 from __future__ import annotations
 
+import os
 import time
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Final
 
-from device.driver import Outcome
+from device.driver import Lack, Outcome
+from device.drivers import MOCK
 from experiment.apparatus.rig import require_confirmed
 from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s, require_suitable
 from experiment.preview.findings import Findings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from device.driver import BurstDevice, Delivery, Identity
     from experiment.apparatus.rig import Confirmation, Rig
+    from experiment.study.sections.equipment import DeviceSettings, Masking
     from experiment.study.study import Study
 
 
@@ -223,4 +229,57 @@ def _channel_findings(channel: ChannelCheck) -> Findings:
         seen=channel.seen,
         good=channel.good,
     )
+    return found
+
+
+def machine_lacks(settings: DeviceSettings, masking: Masking) -> list[tuple[str, Lack]]:
+    """Tell what this machine lacks for a device and for masking noise; nothing is opened.
+
+    Parameters
+    ----------
+    settings : DeviceSettings
+        The study's, with the driver and the port that were chosen.
+    masking : Masking
+        The study's.
+
+    Returns
+    -------
+    list of (str, Lack)
+        What for, and what; empty where nothing is known to be lacking.
+    """
+    from device.sound.stream import sound_lack
+    from device.wire.channels import port_lack
+
+    found: list[tuple[str, Lack | None]] = []
+    if settings.driver == "audio":
+        found.append(("device", sound_lack()))
+    elif settings.driver != MOCK and settings.port is not None:
+        found.append(("device", port_lack(settings.port)))
+    if masking.noise != "none":
+        found.append(("masking noise", sound_lack()))
+    if os.name != "posix":
+        remedy = "--responder terminal needs Linux or macOS"
+        found.append(("answers at the terminal", Lack(what="a POSIX terminal", remedy=remedy)))
+    return [(need, lack) for need, lack in found if lack is not None]
+
+
+def machine_findings(lacks: Iterable[tuple[str, Lack]]) -> Findings:
+    """Tell what this machine lacks, a note for each.
+
+    Examples
+    --------
+    >>> found = machine_findings([("masking noise", Lack(what="sound card", remedy="plug one in"))])
+    >>> found.lines[-1]
+    'note           masking noise: sound card is missing: plug one in'
+    """
+    found = Findings()
+    notes = []
+    for need, lack in lacks:
+        note = Findings()
+        facts = {"need": need, "lacks": lack.what, "remedy": lack.remedy}
+        note.tell("note", f"{need}: {lack}", **facts)
+        notes.append(note)
+    if notes:
+        found.space()
+    found.parts("machine", notes)
     return found

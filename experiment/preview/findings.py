@@ -41,6 +41,11 @@ class Findings:
         """Leave a line free."""
         self.lines.append("")
 
+    def take(self, other: Findings) -> None:
+        """Go on with other findings on the same thing."""
+        self.lines += other.lines
+        self.facts |= other.facts
+
     def part(self, key: str, part: Findings) -> None:
         """Take in the findings on one thing, under a key of their own."""
         self.lines += part.lines

@@ -20,7 +20,14 @@ from device.clock import MonotonicClock
 from device.driver import LinkError, Outcome, Refusal, RefusedError
 from device.limits import Limits
 from device.sound.audio import AudioDevice, audio_device
-from device.sound.stream import in_a_thread, open_stream, sound_cards, stderr_kept
+from device.sound.stream import (
+    _has_card,
+    in_a_thread,
+    open_stream,
+    sound_cards,
+    sound_lack,
+    stderr_kept,
+)
 from tactstrip import main
 from tests.test_device.bursts import BURST, play, ready, refusal
 from tests.test_device.in_process import FULL_SCALE_V, LIMITS, SoundCard, audio_on
@@ -338,3 +345,33 @@ def test_what_is_turned_away_from_standard_error_is_given_back(
         os.write(2, b"unheard")
     os.write(2, b"heard")
     assert capfd.readouterr().err == "heard"
+
+
+@pytest.mark.parametrize(
+    ("pcm", "server", "has"),
+    [
+        ("00-00: ALC : ALC : playback 1 : capture 1\n", "", 1),
+        ("00-01: webcam : webcam : capture 1\n", "", 0),
+        ("", "pulse/native", 1),
+        ("", "pipewire-0", 1),
+        ("", "", 0),
+    ],
+)
+def test_a_card_is_an_output_of_the_kernel_or_of_a_sound_server(
+    pcm: str, server: str, has: int, tmp_path: Path
+) -> None:
+    (tmp_path / "pcm").write_text(pcm)
+    if server:
+        (tmp_path / server).parent.mkdir(exist_ok=True)
+        (tmp_path / server).touch()
+    assert _has_card(tmp_path / "pcm", {"XDG_RUNTIME_DIR": str(tmp_path)}) == has
+    assert _has_card(tmp_path / "none", {"PULSE_SERVER": "tcp:lab"})
+
+
+def test_sound_without_sounddevice_lacks_it_before_anything_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("device.sound.stream.find_spec", lambda name: None)
+    lack = sound_lack()
+    assert lack is not None
+    assert lack.what == "sounddevice"

@@ -15,10 +15,13 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from device.driver import Lack
 from device.drivers import NEEDS, DriverName
 from experiment.commands.check import check
 from experiment.commands.init import write_study_text
+from experiment.participant.window import window_lacks
 from experiment.preview.check import check_study
+from experiment.preview.device import machine_lacks
 from experiment.study.read import paper_study, read_study, study_from_text
 from experiment.terms.exits import CommandError, refusals
 from stimuli import SIMPLY_SUPPORTED
@@ -377,3 +380,64 @@ def test_a_broken_pipe_and_a_mistake_of_the_program_are_no_refusals(mistake: Exc
 
     with pytest.raises(type(mistake)):
         fail()
+
+
+AT_A_PORT = '[device]\ndriver = "serial"\nport = "/no/such/port"\nceiling_vpp = 200\n'
+
+
+def lacks(result: Result) -> list[tuple[str, str]]:
+    return [(note["need"], note["lacks"]) for note in json.loads(result.stdout)["machine"]]
+
+
+@pytest.mark.slow
+def test_what_the_machine_lacks_is_a_note_and_changes_no_verdict(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("study.toml").write_text(AT_A_PORT)
+    monkeypatch.setattr("device.sound.stream.sound_lack", lambda: None)
+    monkeypatch.setattr("experiment.participant.window.window_lacks", tuple)
+    assert lacks(run("check", "study.toml", "--json")) == [("device", "port")]
+    told = run("check", "study.toml")
+    assert told.exit_code == 0
+    *_, note, space, verdict = told.stdout.splitlines()
+    assert note.startswith("note           device: port is missing: /no/such/port is not there; ")
+    assert (space, verdict.split()[:2]) == ("", ["verdict", "fit:"])
+
+
+@pytest.mark.slow
+def test_a_machine_that_has_all_gets_no_note(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("study.toml").write_text("")
+    monkeypatch.setattr("device.sound.stream.sound_lack", lambda: None)
+    monkeypatch.setattr("experiment.participant.window.window_lacks", tuple)
+    assert lacks(run("check", "study.toml", "--json")) == []
+    assert "note  " not in run("check", "study.toml").stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "needs"),
+    [
+        ("", ["masking noise"]),
+        ('[masking]\nnoise = "none"\n', []),
+        ('[device]\ndriver = "audio"\nport = "card"\nvolts_full_scale = 100\n', ["device"]),
+    ],
+)
+def test_sound_is_missed_only_by_what_needs_it(
+    text: str, needs: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lack = Lack(what="sound card", remedy="plug one in")
+    monkeypatch.setattr("device.sound.stream.sound_lack", lambda: lack)
+    study = study_from_text(text, "s")
+    found = machine_lacks(study.device, study.masking)
+    assert [need for need, _ in found][: len(needs)] == needs
+    assert {one for _, one in found} <= {lack}
+
+
+def test_a_window_needs_psychopy_and_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(sys, "version_info", (3, 12))
+    monkeypatch.setattr("experiment.participant.window.find_spec", lambda name: None)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert [lack.what for lack in window_lacks()] == ["PsychoPy", "display"]
+    monkeypatch.setattr(sys, "version_info", (3, 13))
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert [lack.what for lack in window_lacks()] == ["Python 3.11 or 3.12"]
