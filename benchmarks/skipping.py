@@ -19,9 +19,8 @@ from stimuli import (
     PointForce,
     Scene,
     displacement,
-    transient,
 )
-from stimuli.field.synthesis import transient_work
+from stimuli.field.synthesis import synthesis_work, synthesized
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -160,12 +159,12 @@ def bins_row() -> str:
     burst, times_s = Burst(frequency_hz=500.0, cycles=2, window="hann"), np.linspace(0, 0.005, 50)
     scene = Scene(strip=strip, loads=(FORCE,), points_m=((0.0, 0.3 * _W), (0.02, 0.5 * _W)))
     whole_scene = dataclasses.replace(scene, skip=False)
-    work = transient_work(scene, burst, times_s, 1e-3)
-    less, whole = (transient(one, burst, times_s, 1e-3) for one in (scene, whole_scene))
+    work = synthesis_work(scene, burst, times_s, 1e-3)
+    less, whole = (synthesized(one, burst, times_s, 1e-3) for one in (scene, whole_scene))
     apart = np.max(np.abs(less - whole) / np.max(np.abs(whole), axis=0))
     times = [
         # mypy cannot infer a lambda with a default
-        median_s(lambda _, one=one: transient(one, burst, times_s, 1e-3), 3)  # type: ignore[misc]
+        median_s(lambda _, one=one: synthesized(one, burst, times_s, 1e-3), 3)  # type: ignore[misc]
         for one in (whole_scene, scene)
     ]
     counts = f"{work.frequencies_solved} of {work.bins_asked} bins"

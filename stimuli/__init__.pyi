@@ -5,7 +5,7 @@ from .drive.sampled import Drive, SampledDrive
 from .field.field import Response, displacement, response
 from .field.maps import DisplacementMap, displacement_map
 from .field.scene import Scene, Work
-from .field.synthesis import TransientWork, transient, transient_work
+from .field.synthesis import TransientWork
 from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from .fingers.fingertip import Fingertip, causal, felt
 from .fingers.level import WindowChoice, level_db, shortest_window
@@ -18,6 +18,7 @@ from .load import (
     PressureDisc,
     PressureRectangle,
 )
+from .motion.history import transient, transient_work
 from .strip.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from .strip.material import ALUMINIUM, Material
 from .strip.strip import Strip

@@ -1,7 +1,7 @@
 from .field import Response, displacement, response
 from .maps import DisplacementMap, displacement_map
 from .scene import Scene, Work
-from .synthesis import MOST_TIME_S, TransientWork, transient, transient_work
+from .synthesis import MOST_TIME_S, TransientWork, checked_times, synthesis_work, synthesized
 
 __all__ = [
     "MOST_TIME_S",
@@ -10,9 +10,10 @@ __all__ = [
     "Scene",
     "TransientWork",
     "Work",
+    "checked_times",
     "displacement",
     "displacement_map",
     "response",
-    "transient",
-    "transient_work",
+    "synthesis_work",
+    "synthesized",
 ]

@@ -55,6 +55,8 @@ class TransientWork:
         Period T and decay sigma of the sum.
     skipped : tuple of str
         What is left out and why.
+    modes : int
+        How many modes of the plate took the place of all bins; 0 where none did.
     """
 
     bins_asked: int
@@ -67,48 +69,15 @@ class TransientWork:
     period_s: float
     decay_per_s: float
     skipped: tuple[str, ...]
+    modes: int = 0
 
 
-def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6) -> Real:
-    """Return the displacement over time under a drive, equations (63) to (66).
+def synthesized(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float) -> Real:
+    """Return the displacement over time under a drive by its spectrum, equations (63) to (66).
 
-    Parameters
-    ----------
-    scene : Scene
-        Strip, loads and points. Its loss must be causal: viscous or none.
-    burst : Drive
-        What each load is driven with, from t = 0: a `Burst` or a `SampledDrive`.
-    times_s : array_like of float, shape (n_times,)
-        Times in any order, from -1 to 1 s; those before 0 are computed like the others.
-    rtol : float
-        Wanted error, from 1e-10 to 0.1, relative to the largest |u| of each pair of a load and a
-        point up to the last time, or to the end of the drive if that is later.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_times, n_loads, n_points)
-        Metres per unit amplitude of each load (1 N, 1 Pa, 1 N m/m), driven alone.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of its range, the loss is not causal, or the drive has corners so
-        sharp that `rtol` needs frequencies beyond those of the field.
-
-    Examples
-    --------
-    Nothing moves before the drive begins:
-
-    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
-    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
-    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
-    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
-    >>> u = transient(scene, burst, [-1e-3, -1e-4, 1.5e-3], rtol=1e-4)[:, 0, 0]
-    >>> bool(np.max(np.abs(u[:2])) < 1e-4 * np.abs(u[2]))
-    True
+    Arguments and value are those of `stimuli.transient`.
     """
-    times, rtol = _checked(scene, burst, times_s, rtol)
+    times, rtol = checked_times(scene, burst, times_s, rtol)
     found = _found(scene, burst, times, rtol)
     line, values = found.line, found.values.copy()
     values[:1] /= 2
@@ -118,39 +87,9 @@ def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
     return np.asarray((growth[:, np.newaxis] * sums).reshape(size))
 
 
-def transient_work(
-    scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
-) -> TransientWork:
-    """Return what `transient` computes and what it leaves out, with the reason.
-
-    The range and its panels follow from the field itself, so this takes as long as `transient`.
-
-    Parameters
-    ----------
-    scene, burst, times_s, rtol
-        As for `transient`.
-
-    Returns
-    -------
-    TransientWork
-
-    Raises
-    ------
-    ValueError
-        As for `transient`.
-
-    Examples
-    --------
-    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
-    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
-    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
-    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
-    >>> work = transient_work(scene, burst, [0.01], rtol=1e-3)
-    >>> work.frequencies_solved < work.bins_asked - work.bins_skipped < 0.1 * work.bins_asked
-    True
-    """
-    times, rtol = _checked(scene, burst, times_s, rtol)
+def synthesis_work(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float) -> TransientWork:
+    """Return what `synthesized` computes and what it leaves out, with the reason."""
+    times, rtol = checked_times(scene, burst, times_s, rtol)
     found = _found(scene, burst, times, rtol)
     n_bins = found.values.shape[0]
     asked = max(n_bins, math.ceil(float(np.max(limits_hz(scene))) * found.line.period_s))
@@ -198,8 +137,10 @@ def _found(scene: Scene, drive: Drive, times: Real, rtol: float) -> PanelSweep:
     return found
 
 
-def _checked(scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float) -> tuple[Real, float]:
-    """Return times and tolerance, or refuse the arguments."""
+def checked_times(
+    scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float
+) -> tuple[Real, float]:
+    """Return times and tolerance, or refuse the arguments of a field over time."""
     instance("scene", scene, Scene, "a Scene")
     instance("burst", drive, Drive, "a Burst or another Drive")
     times = finite_array("times_s", times_s)

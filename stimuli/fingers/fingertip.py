@@ -12,8 +12,9 @@ import numpy as np
 from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
-from stimuli.field.synthesis import MOST_TIME_S, transient
+from stimuli.field.synthesis import MOST_TIME_S, synthesized
 from stimuli.load import LOADS, Load
+from stimuli.motion.history import MOST_FUNCTIONS, MULTIPLES
 from stimuli.motion.modes import n_functions
 from stimuli.motion.motion import motion_of
 from stimuli.motion.peaks import peaks_of
@@ -147,12 +148,6 @@ RTOL: Final = 3e-3
 _SAMPLES_PER_PERIOD: Final = 32
 """Samples in a period of the first cut-off (of the drive's upper edge, if that is higher): with a
 parabola about the largest they hold the peak to 0.05 dB, ripples of the next wave included."""
-
-_MULTIPLES: Final = (8.0, 14.0)
-"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, of the next."""
-
-_MOST_FUNCTIONS: Final = 1500
-"""Functions of one symmetry in which modes are sought: with more, spectra are faster."""
 
 _LATE: Final = 0.75
 """A largest value beyond this part of the time after the drive asks for twice that time."""
@@ -328,8 +323,8 @@ def _by_modes(
 ) -> Real | None:
     """Return the greatest absolute values by the plate's modes; none if they are not enough."""
     reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
-    for multiple in _MULTIPLES:
-        if n_functions(scene.strip, multiple * reference_hz) > _MOST_FUNCTIONS:
+    for multiple in MULTIPLES:
+        if n_functions(scene.strip, multiple * reference_hz) > MOST_FUNCTIONS:
             return None
         found = peaks_of(motion_of(scene, reference_hz, multiple), places, drive, wait_s=wait_s)
         if np.all(found.error_m <= rtol * found.peak_m):
@@ -347,7 +342,7 @@ def _by_spectra(
         late_s = wait_s * 2**doubling
         end_s = min(drive.duration_s + late_s, MOST_TIME_S)
         times_s = np.append(np.arange(0.0, end_s, step_s), end_s)
-        size_m = np.abs(transient(scene, drive, times_s, rtol))
+        size_m = np.abs(synthesized(scene, drive, times_s, rtol))
         latest = max(np.max(np.argmax(_over(size_m, place), axis=0)) for place in places)
         if times_s[latest] <= drive.duration_s + _LATE * late_s or end_s == MOST_TIME_S:
             break

@@ -123,11 +123,12 @@ def _bare(scene: Scene, highest_hz: float) -> _Bare:
     points_m = np.array(scene.points_m)
     most_rad_m = wavenumber_rad_m(strip, highest_hz)
     nodes = [_nodes(load, most_rad_m) for load in scene.loads]
+    driven = scene.driven or (True,) * len(scene.loads)
     pushed = [
         np.stack(
             [
-                np.einsum("n,cnm->cm", weights, group.at(nodes_m, laplacian=load.is_moment))
-                for load, (nodes_m, weights) in zip(scene.loads, nodes, strict=True)
+                on * np.einsum("n,cnm->cm", weights, group.at(nodes_m, laplacian=load.is_moment))
+                for on, load, (nodes_m, weights) in zip(driven, scene.loads, nodes, strict=True)
             ],
             axis=1,
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import MOST_TIME_S
-from stimuli.motion.oscillators import moved
+from stimuli.motion.oscillators import moved, step_weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,7 +39,7 @@ _MOST_WAITS: Final = 8.0
 _CHECKED: Final = 7
 """The error is estimated at every so many points."""
 
-_INTERPOLATED: Final = 2e-4
+INTERPOLATED: Final = 2e-4
 """Part of a displacement that straight lines between the steps of a drive may cost."""
 
 
@@ -79,7 +79,7 @@ def peaks_of(
     """
     oscillators = motion.oscillators
     checked = [group[::_CHECKED] for group in groups]
-    rows = [_Row(motion, load, checked) for load in range(oscillators.rest_m.shape[0])]
+    rows = [LoadedRow(motion, load, checked) for load in range(oscillators.rest_m.shape[0])]
     decays = bool(np.all(oscillators.poles.real < 0))
     found = np.zeros((len(groups), len(rows)))
     # the checked points' alone; with each of two doubts added; with each taken off
@@ -103,11 +103,11 @@ def peaks_of(
         if not decays and waited >= 1 and (latest <= _LATE * waited or waited >= _MOST_WAITS):
             break
     apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
-    error_m = apart.max(axis=0).sum(axis=0) + _INTERPOLATED * found
+    error_m = apart.max(axis=0).sum(axis=0) + INTERPOLATED * found
     return Peaks(peak_m=found, error_m=error_m)
 
 
-class _Row:
+class LoadedRow:
     """What the oscillators do for one load, and what is uncertain of it."""
 
     def __init__(self, motion: Motion, load: int, checked: Sequence[NDArray[np.intp]]) -> None:
@@ -140,26 +140,72 @@ def _course(motion: Motion, drive: Drive, wait_s: float) -> Iterator[tuple[float
     a largest value between them is not missed.
     """
     oscillators = motion.oscillators
-    samples, step_s, held = _played(drive, _STEPS * motion.reference_hz)
-    every = max(1, round(1 / (_LOOKS * motion.reference_hz * step_s)))
-    samples = np.append(samples, np.zeros(-(samples.size - 1) % every))
-    start = np.zeros(oscillators.poles.size, dtype=np.complex128)
-    seen, driven = np.zeros((start.size, 0), dtype=np.complex128), np.zeros(0)
-    for first in range(0, samples.size - 1, every * _CHUNK):
-        some = samples[first : first + every * _CHUNK + 1]
-        answers = oscillators.driven(some, step_s, start, held=held)
-        start = answers[:, -1]
+    course = Course(motion, drive)
+    seen, driven = np.zeros((oscillators.poles.size, 0), dtype=np.complex128), np.zeros(0)
+    for first, answers, some in course.stretches():
         shared = 0 if first == 0 else 1
-        seen = np.append(seen[:, -2:], answers[:, ::every][:, shared:], axis=1)
-        driven = np.append(driven[-2:], some[::every][shared:])
+        seen = np.append(seen[:, -2:], answers[:, :: course.every][:, shared:], axis=1)
+        driven = np.append(driven[-2:], some[:: course.every][shared:])
         yield 0.0, seen, driven
-    look_s = every * step_s
+    look_s = course.look_s
     n_looks = max(2, math.ceil(wait_s / (_PARTS * look_s)))
     turns = np.exp(np.multiply.outer(oscillators.poles, look_s * np.arange(1, n_looks + 1)))
     for part in count(1):
         seen = np.append(seen[:, -2:], seen[:, -1:] * turns, axis=1)
         driven = np.append(driven[-2:], np.zeros(n_looks))
         yield part * n_looks * look_s / wait_s, seen, driven
+
+
+class Course:
+    """A drive in fine steps, and what the oscillators answer while it lasts."""
+
+    def __init__(self, motion: Motion, drive: Drive) -> None:
+        self._oscillators = motion.oscillators
+        samples, self.step_s, self.held = _played(drive, _STEPS * motion.reference_hz)
+        self.every = max(1, round(1 / (_LOOKS * motion.reference_hz * self.step_s)))
+        self.samples = np.append(samples, np.zeros(-(samples.size - 1) % self.every))
+
+    @property
+    def look_s(self) -> float:
+        """Time between two looks."""
+        return self.every * self.step_s
+
+    def at(self, times_s: Real) -> Iterator[tuple[Complex, Real, NDArray[np.intp]]]:
+        """Yield answers and the drive at times, and which of the times these are; 0 before it."""
+        order = np.argsort(times_s, kind="stable")
+        early = order[times_s[order] < 0]
+        n_poles = self._oscillators.poles.size
+        yield np.zeros((n_poles, early.size), np.complex128), np.zeros(early.size), early
+        place = times_s / self.step_s
+        last = self.samples.size - 1
+        for first, answers, samples in self.stretches():
+            top = first + samples.size - 1
+            which = order[(place[order] >= first) & (place[order] < top)]
+            step = np.minimum(np.floor(place[which]).astype(np.intp), top - 1) - first
+            part = place[which] - first - step
+            slope = 0.0 if self.held else samples[step + 1] - samples[step]
+            now = samples[step] + slope * part
+            turn = np.multiply.outer(self._oscillators.poles, part * self.step_s)
+            small = np.where(turn == 0, 1.0 + 0j, turn)
+            whole, late = step_weights(small)
+            whole, late = np.where(turn == 0, 1.0, whole), np.where(turn == 0, 0.5, late)
+            driven = part * self.step_s * (whole * samples[step] + late * (now - samples[step]))
+            yield np.exp(turn) * answers[:, step] + driven, now, which
+            end = answers[:, -1:]
+        after = order[place[order] >= last]
+        since_s = times_s[after] - last * self.step_s
+        free = end * np.exp(np.multiply.outer(self._oscillators.poles, since_s))
+        yield free, np.zeros(after.size), after
+
+    def stretches(self) -> Iterator[tuple[int, Complex, Real]]:
+        """Yield the number of the first step, the answers and the samples; the ends are shared."""
+        start = np.zeros(self._oscillators.poles.size, dtype=np.complex128)
+        length = self.every * _CHUNK
+        for first in range(0, self.samples.size - 1, length):
+            some = self.samples[first : first + length + 1]
+            answers = self._oscillators.driven(some, self.step_s, start, held=self.held)
+            start = answers[:, -1]
+            yield first, answers, some
 
 
 def _played(drive: Drive, least_rate_hz: float) -> tuple[Real, float, bool]:

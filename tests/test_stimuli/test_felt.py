@@ -22,9 +22,9 @@ from stimuli import (
     displacement,
     felt,
     level_db,
+    transient,
 )
 from stimuli.field.field import solve
-from stimuli.field.synthesis import transient
 from tests.test_stimuli.plates import (
     CYCLE,
     DISCS,

@@ -284,7 +284,7 @@ def test_a_plate_too_long_for_its_modes_is_left_to_the_spectra(
 ) -> None:
     monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
     assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
-    monkeypatch.setattr(fingertip, "_MULTIPLES", (1.2,))
+    monkeypatch.setattr(fingertip, "MULTIPLES", (1.2,))
     assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
 
 

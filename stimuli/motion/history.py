@@ -1,0 +1,177 @@
+"""The displacement over time at any times: by modes where they reach the wanted error."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.field.synthesis import TransientWork, checked_times, synthesis_work, synthesized
+from stimuli.motion.modes import n_functions
+from stimuli.motion.motion import motion_of
+from stimuli.motion.oscillators import moved
+from stimuli.motion.peaks import INTERPOLATED, Course, LoadedRow
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from stimuli.arrays import Real
+    from stimuli.drive.sampled import Drive
+    from stimuli.field.scene import Scene
+    from stimuli.motion.motion import Motion
+
+
+_FINEST: Final = 1e-3
+"""Wanted errors below are not tried: the steps of the drive alone cost a fifth of it."""
+
+_STILL: Final = 1e-9
+MULTIPLES: Final = (8.0, 14.0)
+"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, of the next."""
+
+MOST_FUNCTIONS: Final = 1500
+"""Functions of one symmetry in which modes are sought: with more, spectra are faster."""
+
+
+def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6) -> Real:
+    """Return the displacement over time under a drive, equations (63) to (66), (72) to (76).
+
+    Parameters
+    ----------
+    scene : Scene
+        Strip, loads and points. Its loss must be causal: viscous or none.
+    burst : Drive
+        What each load is driven with, from t = 0: a `Burst` or a `SampledDrive`.
+    times_s : array_like of float, shape (n_times,)
+        Times in any order, from -1 to 1 s; those before 0 are computed like the others.
+    rtol : float
+        Wanted error, from 1e-10 to 0.1, relative to the largest |u| of each pair of a load and a
+        point up to the last time, or to the end of the drive if that is later.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_times, n_loads, n_points)
+        Metres per unit amplitude of each load (1 N, 1 Pa, 1 N m/m), driven alone.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, the loss is not causal, or the drive has corners so
+        sharp that `rtol` needs frequencies beyond those of the field.
+
+    Examples
+    --------
+    Nothing moves before the drive begins:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    >>> u = transient(scene, burst, [-1e-3, -1e-4, 1.5e-3], rtol=1e-4)[:, 0, 0]
+    >>> bool(np.max(np.abs(u[:2])) < 1e-4 * np.abs(u[2]))
+    True
+    """
+    times, rtol = checked_times(scene, burst, times_s, rtol)
+    found = _by_modes(scene, burst, times, rtol)
+    return synthesized(scene, burst, times, rtol) if found is None else found[0]
+
+
+def transient_work(
+    scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
+) -> TransientWork:
+    """Return what `transient` computes and what it leaves out, with the reason.
+
+    The range and its panels follow from the field itself, so this takes as long as `transient`.
+
+    Parameters
+    ----------
+    scene, burst, times_s, rtol
+        As for `transient`.
+
+    Returns
+    -------
+    TransientWork
+
+    Raises
+    ------
+    ValueError
+        As for `transient`.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    >>> work = transient_work(scene, burst, [0.01], rtol=1e-5)
+    >>> work.frequencies_solved < work.bins_asked - work.bins_skipped < 0.1 * work.bins_asked
+    True
+    """
+    times, rtol = checked_times(scene, burst, times_s, rtol)
+    found = _by_modes(scene, burst, times, rtol)
+    if found is None:
+        return synthesis_work(scene, burst, times, rtol)
+    _, motion, highest_hz = found
+    of_scene = scene.work([scene.strip.cutoff_hz() / 2], rtol)
+    modes = motion.oscillators.poles.size
+    reason = f"all bins: {modes} modes up to {highest_hz:.6g} Hz are enough"
+    return TransientWork(
+        bins_asked=0,
+        bins_skipped=0,
+        frequencies_solved=1,  # 0 Hz
+        pairs_asked=of_scene.pairs_asked,
+        pairs_solved=of_scene.pairs_solved,
+        step_hz=0.0,
+        highest_hz=highest_hz,
+        period_s=0.0,
+        decay_per_s=0.0,
+        skipped=(reason, *of_scene.skipped),
+        modes=modes,
+    )
+
+
+def _by_modes(
+    scene: Scene, drive: Drive, times_s: Real, rtol: float
+) -> tuple[Real, Motion, float] | None:
+    """Return displacements, the motion, and up to where it has modes; none if not enough."""
+    if rtol < _FINEST or not times_s.size:
+        return None
+    reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
+    for multiple in MULTIPLES:
+        highest_hz = multiple * reference_hz
+        if n_functions(scene.strip, highest_hz) > MOST_FUNCTIONS:
+            return None
+        motion = motion_of(scene, reference_hz, multiple)
+        moved_m, error_m = history_of(motion, drive, times_s)
+        if np.all(error_m <= rtol):
+            return moved_m, motion, highest_hz
+    return None
+
+
+def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]:
+    """Return the displacement at times (n_times, n_loads, n_points) and its error.
+
+    The error, (n_loads, n_points), is a part of the largest displacement up to the last time or
+    to the end of the drive.
+    """
+    every = np.arange(motion.oscillators.rest_m.shape[1])
+    rows = [LoadedRow(motion, load, [every]) for load in range(motion.oscillators.rest_m.shape[0])]
+    shape = len(rows), every.size
+    course = Course(motion, drive)
+    looks_s = np.arange(0.0, max(float(np.max(times_s)), drive.duration_s), course.look_s)
+    largest, doubt = np.zeros(shape), np.zeros(shape)
+    for answers, samples, _ in course.at(looks_s):
+        for load, row in enumerate(rows):
+            size = np.abs(moved(row.weights, row.rest_m, answers, samples))
+            largest[load] = np.maximum(largest[load], np.max(size, axis=1, initial=0.0))
+            inertia, around, *_ = row.doubts(0, answers, samples)
+            most = np.max(np.abs(inertia) + np.abs(around), axis=1, initial=0.0)
+            doubt[load] = np.maximum(doubt[load], most)
+    found = np.empty((times_s.size, *shape))
+    for answers, samples, which in course.at(times_s):
+        for load, row in enumerate(rows):
+            found[which, load] = moved(row.weights, row.rest_m, answers, samples).T
+    # where nothing moves, as at an edge, an error counts beside what moves elsewhere
+    least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
+    return found, doubt / np.maximum(largest, least) + INTERPOLATED
