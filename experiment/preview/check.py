@@ -54,8 +54,10 @@ class ConditionCheck:
                 )
         return tuple(reasons)
 
-    def level_db(self, place: int, actuator: int) -> float:
-        """Return the level above another actuator: the worst, where the loss is assumed.
+    def worst(self, place: int, actuator: int) -> ConditionGains:
+        """Return the gains with the greatest level above another actuator.
+
+        Where the loss is assumed, these are not those that a plan takes.
 
         Parameters
         ----------
@@ -63,7 +65,11 @@ class ConditionCheck:
             Row and column of the gain matrix, which must have been computed.
         """
         found = self.bracket or ((self.gains,) if self.gains is not None else ())
-        return max(gains.level_db(place, actuator) for gains in found)
+        return max(found, key=lambda gains: gains.level_db(place, actuator))
+
+    def level_db(self, place: int, actuator: int) -> float:
+        """Return the level above another actuator: the worst, where the loss is assumed."""
+        return self.worst(place, actuator).level_db(place, actuator)
 
     @property
     def verdict(self) -> Verdict:

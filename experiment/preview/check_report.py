@@ -230,8 +230,10 @@ def _moved(one: ConditionCheck, gains: ConditionGains, column: int, level_vpp: f
     """Tell what one actuator gives its own finger and the others."""
 
     def peak_um(finger: int) -> float | None:
-        known = gains.bases[column] is not None
-        return significant(gains.per_vpp[finger][column] * level_vpp) if known else None
+        known = gains if finger == column else one.worst(finger, column)
+        if gains.bases[column] is None:
+            return None
+        return significant(known.per_vpp[finger][column] * level_vpp)
 
     name, basis, own_um = gains.actuators[column], gains.bases[column], peak_um(column)
     others: list[dict[str, Any]] = [

@@ -145,7 +145,8 @@ def _felt_m(study: Study, strip: Strip, condition: Condition) -> NDArray[np.floa
 def chosen_burst(study: Study, condition: Condition) -> Burst:
     """Return the shortest standard burst that does what ``window = "auto"`` asks for.
 
-    ValueError where none keeps the wanted level at the other finger.
+    Where no loss is stated it is looked for with the least that is assumed, with which the ends
+    send back most. ValueError where none keeps the wanted level at the other finger.
     """
     from stimuli import shortest_window
 
@@ -156,7 +157,7 @@ def chosen_burst(study: Study, condition: Condition) -> Burst:
         )
     try:
         choice = shortest_window(
-            field_strip(study),
+            field_strip(study, LEAST_LOSS),
             loads_of(study)[:2],
             fingertips_of(study)[:2],
             condition.stated,

@@ -14,7 +14,7 @@ from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
 from stimuli.field.synthesis import MOST_TIME_S, synthesized
 from stimuli.load import LOADS, Load
-from stimuli.motion.history import MOST_FUNCTIONS, MULTIPLES
+from stimuli.motion.history import MOST_FUNCTIONS, multiples
 from stimuli.motion.modes import n_functions
 from stimuli.motion.motion import motion_of
 from stimuli.motion.peaks import peaks_of
@@ -323,7 +323,7 @@ def _by_modes(
 ) -> Real | None:
     """Return the greatest absolute values by the plate's modes; none if they are not enough."""
     reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
-    for multiple in MULTIPLES:
+    for multiple in multiples(drive, reference_hz):
         if n_functions(scene.strip, multiple * reference_hz) > MOST_FUNCTIONS:
             return None
         found = peaks_of(motion_of(scene, reference_hz, multiple), places, drive, wait_s=wait_s)

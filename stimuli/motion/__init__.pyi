@@ -1,12 +1,12 @@
-from .history import MOST_FUNCTIONS, MULTIPLES, transient, transient_work
+from .history import MOST_FUNCTIONS, multiples, transient, transient_work
 from .modes import n_functions
 from .motion import motion_of
 from .peaks import peaks_of
 
 __all__ = [
     "MOST_FUNCTIONS",
-    "MULTIPLES",
     "motion_of",
+    "multiples",
     "n_functions",
     "peaks_of",
     "transient",

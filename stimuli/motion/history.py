@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import TransientWork, checked_times, synthesis_work, synthesized
 from stimuli.motion.modes import n_functions
 from stimuli.motion.motion import motion_of
@@ -25,8 +26,14 @@ _FINEST: Final = 1e-3
 """Wanted errors below are not tried: the steps of the drive alone cost a fifth of it."""
 
 _STILL: Final = 1e-9
-MULTIPLES: Final = (8.0, 14.0)
-"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, of the next."""
+_CAUTION: Final = 2.0
+"""What the inertia of the upper modes is multiplied with: at single times the others had more."""
+
+_FEWEST, _MORE = 8.0, 1.75
+"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, to more."""
+
+_IMAGES: Final = 3.0, 1.5
+"""A sample rate below so many times the highest mode, and up to where modes are kept then."""
 
 MOST_FUNCTIONS: Final = 1500
 """Functions of one symmetry in which modes are sought: with more, spectra are faster."""
@@ -62,7 +69,7 @@ def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
     --------
     Nothing moves before the drive begins:
 
-    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
     >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
@@ -99,7 +106,7 @@ def transient_work(
 
     Examples
     --------
-    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
     >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
@@ -138,7 +145,7 @@ def _by_modes(
     if rtol < _FINEST or not times_s.size:
         return None
     reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
-    for multiple in MULTIPLES:
+    for multiple in multiples(drive, reference_hz):
         highest_hz = multiple * reference_hz
         if n_functions(scene.strip, highest_hz) > MOST_FUNCTIONS:
             return None
@@ -147,6 +154,19 @@ def _by_modes(
         if np.all(error_m <= rtol):
             return moved_m, motion, highest_hz
     return None
+
+
+def multiples(drive: Drive, reference_hz: float) -> tuple[float, float]:
+    """Return up to which multiples of a frequency modes are kept, and if need be, after all.
+
+    The images of samples about their rate would make modes just above the highest one swing.
+    """
+    least = _FEWEST
+    if isinstance(drive, SampledDrive):
+        near, reach = _IMAGES
+        rate = drive.sample_rate_hz / reference_hz
+        least = max(least, reach * rate) if rate < near * least else least
+    return least, _MORE * least
 
 
 def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]:
@@ -174,4 +194,4 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]
             found[which, load] = moved(row.weights, row.rest_m, answers, samples).T
     # where nothing moves, as at an edge, an error counts beside what moves elsewhere
     least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
-    return found, doubt / np.maximum(largest, least) + INTERPOLATED
+    return found, _CAUTION * doubt / np.maximum(largest, least) + INTERPOLATED

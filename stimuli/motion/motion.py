@@ -51,12 +51,15 @@ class Motion:
         which gives what comes round after half of it; none for a plate with ends.
     reference_hz : float
         The first cut-off, or the upper edge of the drive's band if that is higher.
+    viscous_s : float
+        Relaxation time of the plate: what follows at once does so as late as this.
     """
 
     oscillators: Oscillators
     late: NDArray[np.bool_]
     turned: Real | None
     reference_hz: float
+    viscous_s: float
 
 
 @lru_cache(maxsize=4)
@@ -98,6 +101,7 @@ def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
         late=np.abs(oscillators.poles) > 2 * math.pi * highest_hz / math.sqrt(2),
         turned=np.concatenate(turned) if turned else None,
         reference_hz=reference_hz,
+        viscous_s=strip.material.viscous_time_s,
     )
 
 

@@ -87,30 +87,33 @@ class Oscillators:
         """Return what a load makes of every oscillator at every point: (n_points, n_poles)."""
         return np.asarray(np.einsum("cpj,cj->pj", self.at_points, self.of_loads[:, load]))
 
-    def driven(self, samples: Real, step_s: float, start: Complex, *, held: bool) -> Complex:
-        """Return every oscillator's answer at the samples of a drive: (n_poles, n_samples).
 
-        At the first sample the answers are those of `start`. Between samples the drive is a
-        straight line or, if held, what the last sample was.
-        """
-        whole, part = step_weights(self.poles * step_s)
-        now, before = (np.zeros_like(whole), whole) if held else (part, whole - part)
-        # A sample after the other would take a turn of Python each. All blocks of samples are run
-        # through at the same time instead, and then each gets what the one before it left.
-        length = math.isqrt(samples.size) + 1
-        n_blocks = -(-samples.size // length)
-        found = np.zeros((self.poles.size, n_blocks * length), dtype=np.complex128)
-        found[:, 1 : samples.size] = step_s * (
-            np.multiply.outer(now, samples[1:]) + np.multiply.outer(before, samples[:-1])
-        )
-        found[:, 0] = start
-        blocks = found.reshape(-1, n_blocks, length)
-        turns = np.exp(np.multiply.outer(self.poles * step_s, np.arange(1, length + 1)))
-        for place in range(1, length):
-            blocks[:, :, place] += turns[:, :1] * blocks[:, :, place - 1]
-        for block in range(1, n_blocks):
-            blocks[:, block] += turns * blocks[:, block - 1, -1:]
-        return found[:, : samples.size]
+def followed(
+    poles: Complex, samples: Real, step_s: float, start: Complex, *, held: bool
+) -> Complex:
+    """Return z of z' = poles z + s at the samples of a drive s: (n_poles, n_samples), (75).
+
+    At the first sample z is `start`. Between samples the drive is a straight line or, if held,
+    what the last sample was.
+    """
+    whole, part = step_weights(poles * step_s)
+    now, before = (np.zeros_like(whole), whole) if held else (part, whole - part)
+    # A sample after the other would take a turn of Python each. All blocks of samples are run
+    # through at the same time instead, and then each gets what the one before it left.
+    length = math.isqrt(samples.size) + 1
+    n_blocks = -(-samples.size // length)
+    found = np.zeros((poles.size, n_blocks * length), dtype=np.complex128)
+    found[:, 1 : samples.size] = step_s * (
+        np.multiply.outer(now, samples[1:]) + np.multiply.outer(before, samples[:-1])
+    )
+    found[:, 0] = start
+    blocks = found.reshape(-1, n_blocks, length)
+    turns = np.exp(np.multiply.outer(poles * step_s, np.arange(1, length + 1)))
+    for place in range(1, length):
+        blocks[:, :, place] += turns[:, :1] * blocks[:, :, place - 1]
+    for block in range(1, n_blocks):
+        blocks[:, block] += turns * blocks[:, block - 1, -1:]
+    return found[:, : samples.size]
 
 
 def step_weights(turn: Complex) -> tuple[Complex, Complex]:
@@ -120,8 +123,9 @@ def step_weights(turn: Complex) -> tuple[Complex, Complex]:
     >>> bool(np.isclose(whole[0], 1.0, atol=1e-3)), bool(np.isclose(late[0], 0.5, atol=1e-3))
     (True, True)
     """
-    whole = np.expm1(turn) / turn
-    return whole, (whole - 1) / turn
+    safe = np.where(turn == 0, 1.0, turn)
+    whole = np.where(turn == 0, 1.0, np.expm1(turn) / safe)
+    return whole, np.where(turn == 0, 0.5, (whole - 1) / safe)
 
 
 def moved(weights: Complex, rest_m: Real, answers: Complex, drive: Real) -> Real:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import MOST_TIME_S
-from stimuli.motion.oscillators import moved, step_weights
+from stimuli.motion.oscillators import followed, moved, step_weights
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -133,79 +133,91 @@ class LoadedRow:
 
 
 def _course(motion: Motion, drive: Drive, wait_s: float) -> Iterator[tuple[float, Complex, Real]]:
-    """Yield the answers of all oscillators and the drive, one stretch of time after the other.
+    """Yield the answers of all oscillators and what the rest follows, stretch of time by stretch.
 
     With them comes how long after the drive the stretch ends, in units of `wait_s`. The looks at
     them are equally far apart, and a stretch begins with the last two of the one before, so that
     a largest value between them is not missed.
     """
-    oscillators = motion.oscillators
     course = Course(motion, drive)
-    seen, driven = np.zeros((oscillators.poles.size, 0), dtype=np.complex128), np.zeros(0)
-    for first, answers, some in course.stretches():
-        shared = 0 if first == 0 else 1
-        seen = np.append(seen[:, -2:], answers[:, :: course.every][:, shared:], axis=1)
-        driven = np.append(driven[-2:], some[:: course.every][shared:])
-        yield 0.0, seen, driven
-    look_s = course.look_s
-    n_looks = max(2, math.ceil(wait_s / (_PARTS * look_s)))
-    turns = np.exp(np.multiply.outer(oscillators.poles, look_s * np.arange(1, n_looks + 1)))
+    poles = motion.oscillators.poles
+    seen, followed_by = np.zeros((poles.size, 0), dtype=np.complex128), np.zeros(0)
+    for answers, late in course.looks():
+        seen, followed_by = np.append(seen[:, -2:], answers, 1), np.append(followed_by[-2:], late)
+        yield 0.0, seen, followed_by
+    n_looks = max(2, math.ceil(wait_s / (_PARTS * course.look_s)))
+    turns = np.exp(np.multiply.outer(poles, course.look_s * np.arange(1, n_looks + 1)))
     for part in count(1):
         seen = np.append(seen[:, -2:], seen[:, -1:] * turns, axis=1)
-        driven = np.append(driven[-2:], np.zeros(n_looks))
-        yield part * n_looks * look_s / wait_s, seen, driven
+        followed_by = np.append(followed_by[-2:], np.zeros(n_looks))
+        yield part * n_looks * course.look_s / wait_s, seen, followed_by
 
 
 class Course:
-    """A drive in fine steps, and what the oscillators answer while it lasts."""
+    """A drive in fine steps, and what the oscillators answer while it lasts.
+
+    Beside them runs what the rest follows: the drive, late by the plate's relaxation time as all
+    that bends slowly is. Left out, that microsecond costs a quiet finger a per cent.
+    """
 
     def __init__(self, motion: Motion, drive: Drive) -> None:
-        self._oscillators = motion.oscillators
-        samples, self.step_s, self.held = _played(drive, _STEPS * motion.reference_hz)
-        self.every = max(1, round(1 / (_LOOKS * motion.reference_hz * self.step_s)))
-        self.samples = np.append(samples, np.zeros(-(samples.size - 1) % self.every))
+        self._viscous_s = motion.viscous_s
+        lag = [-1 / self._viscous_s] if self._viscous_s else []
+        self._poles = np.append(motion.oscillators.poles, lag)
+        self._samples, self._step_s, self._held = _played(drive, _STEPS * motion.reference_hz)
+        self._every = max(1, round(1 / (_LOOKS * motion.reference_hz * self._step_s)))
+        self._samples = np.append(self._samples, np.zeros(-(self._samples.size - 1) % self._every))
 
     @property
     def look_s(self) -> float:
         """Time between two looks."""
-        return self.every * self.step_s
+        return self._every * self._step_s
+
+    def looks(self) -> Iterator[tuple[Complex, Real]]:
+        """Yield answers and what the rest follows at all looks, some at a time."""
+        for first, found in self._stretches():
+            shared = 0 if first == 0 else self._every
+            some = slice(shared, None, self._every)
+            yield self._split(found[:, some], self._samples[first : first + found.shape[1]][some])
 
     def at(self, times_s: Real) -> Iterator[tuple[Complex, Real, NDArray[np.intp]]]:
-        """Yield answers and the drive at times, and which of the times these are; 0 before it."""
-        order = np.argsort(times_s, kind="stable")
-        early = order[times_s[order] < 0]
-        n_poles = self._oscillators.poles.size
-        yield np.zeros((n_poles, early.size), np.complex128), np.zeros(early.size), early
-        place = times_s / self.step_s
-        last = self.samples.size - 1
-        for first, answers, samples in self.stretches():
-            top = first + samples.size - 1
-            which = order[(place[order] >= first) & (place[order] < top)]
-            step = np.minimum(np.floor(place[which]).astype(np.intp), top - 1) - first
-            part = place[which] - first - step
-            slope = 0.0 if self.held else samples[step + 1] - samples[step]
-            now = samples[step] + slope * part
-            turn = np.multiply.outer(self._oscillators.poles, part * self.step_s)
-            small = np.where(turn == 0, 1.0 + 0j, turn)
-            whole, late = step_weights(small)
-            whole, late = np.where(turn == 0, 1.0, whole), np.where(turn == 0, 0.5, late)
-            driven = part * self.step_s * (whole * samples[step] + late * (now - samples[step]))
-            yield np.exp(turn) * answers[:, step] + driven, now, which
-            end = answers[:, -1:]
-        after = order[place[order] >= last]
-        since_s = times_s[after] - last * self.step_s
-        free = end * np.exp(np.multiply.outer(self._oscillators.poles, since_s))
-        yield free, np.zeros(after.size), after
+        """Yield answers, what the rest follows, and which of the times these are."""
+        place = times_s / self._step_s
+        early = np.flatnonzero(place < 0)
+        still = np.zeros((self._poles.size, early.size), dtype=np.complex128)
+        yield *self._split(still, np.zeros(early.size)), early
+        end = still[:, :0]
+        for first, found in self._stretches():
+            top = first + found.shape[1] - 1
+            which = np.flatnonzero((place >= first) & (place < top))
+            step = np.floor(place[which]).astype(np.intp)
+            part, before = place[which] - step, self._samples[step]
+            rise = 0.0 if self._held else (self._samples[step + 1] - before) * part
+            turn = np.multiply.outer(self._poles, part * self._step_s)
+            whole, late = step_weights(turn)
+            driven = part * self._step_s * (whole * before + late * rise)
+            answers = np.exp(turn) * found[:, step - first] + driven
+            yield *self._split(answers, before + rise), which
+            end = found[:, -1:]
+        after = np.flatnonzero(place >= self._samples.size - 1)
+        since_s = times_s[after] - (self._samples.size - 1) * self._step_s
+        free = end * np.exp(np.multiply.outer(self._poles, since_s))
+        yield *self._split(free, np.zeros(after.size)), after
 
-    def stretches(self) -> Iterator[tuple[int, Complex, Real]]:
-        """Yield the number of the first step, the answers and the samples; the ends are shared."""
-        start = np.zeros(self._oscillators.poles.size, dtype=np.complex128)
-        length = self.every * _CHUNK
-        for first in range(0, self.samples.size - 1, length):
-            some = self.samples[first : first + length + 1]
-            answers = self._oscillators.driven(some, self.step_s, start, held=self.held)
-            start = answers[:, -1]
-            yield first, answers, some
+    def _split(self, found: Complex, samples: Real) -> tuple[Complex, Real]:
+        if not self._viscous_s:
+            return found, samples
+        return found[:-1], found[-1].real / self._viscous_s
+
+    def _stretches(self) -> Iterator[tuple[int, Complex]]:
+        """Yield the number of the first step and all answers; the ends are shared."""
+        start = np.zeros(self._poles.size, dtype=np.complex128)
+        length = self._every * _CHUNK
+        for first in range(0, self._samples.size - 1, length):
+            some = self._samples[first : first + length + 1]
+            found = followed(self._poles, some, self._step_s, start, held=self._held)
+            start = found[:, -1]
+            yield first, found
 
 
 def _played(drive: Drive, least_rate_hz: float) -> tuple[Real, float, bool]:

@@ -108,12 +108,16 @@ PAPER_TOLD = (
     "205.6 to 654.4 Hz",
     "155: 75 left, 75 right, 5 both, 0 blank",
     "peak of the burst over the fingertip's contact area at 200 Vpp",
-    "of an endless strip",
+    "of the plate with its free ends",
+    "no loss is stated: the levels are the worse of loss factors 0.005 and 0.02",
     "-20 dB at the other finger is the limit",
     "\nverdict        fit",
 )
 TWO_CONDITIONS = '[[condition]]\nname = "low"\n[[condition]]\nname = "high"\nfrequency_hz = 2800\n'
 LOSSY = "[strip]\nloss_factor = 0.01\nviscous_time_us = 2\n"
+ENDLESS = 'length_mm = "endless"\n'
+SECOND = "[strip]\nmeasured_cutoff_hz = 2500\nloss_factor = 0.005\n"
+"""The paper's second plate."""
 LOSSY_TOLD = (
     # 0.01 at the cut-off of 2900 Hz is 0.549 us, and 2 us are there already
     "loss factor 0.01 computed as the viscous time of the same loss",
@@ -125,7 +129,7 @@ AUTO_TOLD = (
     "ms more than the 2 ms stated",
 )
 QUIET = "[burst]\nmasking_limit_db = {}\n"
-"""The level at the other finger of the paper's burst lies between -25 and -40 dB."""
+"""The level at the other finger of the paper's burst lies between -23 and -40 dB."""
 
 
 @pytest.mark.slow
@@ -140,13 +144,15 @@ QUIET = "[burst]\nmasking_limit_db = {}\n"
             ("main: accepted", "accepted       on purpose", "unfit, and accepted"),
         ),
         (TWO_CONDITIONS, 1, ("low: fit", "high: unfit", "310: 2 conditions with 75 left")),
-        (SUPPORTED, 0, ("computed from simply-supported edges",)),
+        (SUPPORTED, 1, ("computed from simply-supported edges", "at the right finger -19.6")),
+        (SUPPORTED + ENDLESS, 0, ("main: fit", "of an endless strip")),
+        (SECOND, 1, ("2500.0 Hz", "at the right finger -19.7")),
         pytest.param(
             RECOMMENDED, 0, ("15 of each side and level", "in 5 blocks"), id="recommended"
         ),
         (NEAR, 1, ("UNFIT", " dB re its own finger; the limit is -20 dB")),
         (NEAR + "[burst]\n" + ACCEPTED, 0, ("main: accepted",)),
-        (QUIET.format(25), 0, ("main: fit",)),
+        (QUIET.format(23), 0, ("main: fit",)),
         (QUIET.format(40), 1, ("main: unfit",)),
         (QUIET.format(40) + "window = 'hann'\n", 0, ("main: fit",)),
         (UNMEASURED, 0, ("n/a, its displacement is not stated; -",)),
@@ -162,7 +168,6 @@ def test_the_check_says_whether_a_study_is_fit_and_why(
     assert (result.exit_code, result.stderr) == (exit_code, "")
     assert [words for words in told if words not in result.stdout] == []
     assert result.stdout.splitlines()[-1].startswith("verdict  ")
-    assert ("loss factor" in result.stdout) == (text == LOSSY)
 
 
 @pytest.mark.slow
@@ -283,7 +288,7 @@ def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
     (right_finger,) = left["fingers"]
     assert right_finger["finger"] == "right"
     assert right_finger["level_db"] == pytest.approx(
-        20 * math.log10(right_finger["peak_um"] / left["own_um"]), abs=0.02
+        20 * math.log10(right_finger["peak_um"] / left["own_um"]), abs=0.05
     )
 
 

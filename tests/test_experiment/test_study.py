@@ -420,7 +420,7 @@ def test_a_chosen_window_is_recorded_and_never_chosen_again(
 @pytest.mark.slow
 def test_a_condition_may_ask_for_a_quieter_window_than_the_burst() -> None:
     text = (
-        '[burst]\nwindow = "auto"\nwanted_level_db = -25\n[[condition]]\nname = "loud"\n'
+        '[burst]\nwindow = "auto"\nwanted_level_db = -20\n[[condition]]\nname = "loud"\n'
         '[[condition]]\nname = "quiet"\nwanted_level_db = -45\n'
         '[[condition]]\nname = "hann"\nwindow = "hann"\n'
     )

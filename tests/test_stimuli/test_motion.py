@@ -28,12 +28,15 @@ from stimuli import (
     Strip,
     felt,
     level_db,
+    transient,
+    transient_work,
 )
+from stimuli.field.synthesis import synthesized
 from stimuli.fingers import fingertip
 from stimuli.fingers.fingertip import causal
 from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of
-from stimuli.motion.oscillators import Oscillators, poles
+from stimuli.motion.oscillators import followed, poles
 from stimuli.motion.peaks import peaks_of
 from stimuli.motion.standing_waves import strip_waves
 
@@ -145,9 +148,7 @@ def test_an_oscillator_follows_lines_and_steps_exactly(n_samples: int, *, held: 
     rng = np.random.default_rng(n_samples)
     samples, step_s = rng.standard_normal(n_samples), 1e-3
     pole, begin = np.array([-20 + 900j]), np.array([0.3 - 0.1j])
-    one = np.ones((1, 1, 1), dtype=np.complex128)
-    some = Oscillators(poles=pole, at_points=one, of_loads=one, rest_m=np.zeros((1, 1)))
-    found = some.driven(samples, step_s, begin, held=held)
+    found = followed(pole, samples, step_s, begin, held=held)
     assert found[0, 0] == begin[0]
     slope = 0.0 if held else 1.0
     for n in range(n_samples - 1):
@@ -284,7 +285,7 @@ def test_a_plate_too_long_for_its_modes_is_left_to_the_spectra(
 ) -> None:
     monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
     assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
-    monkeypatch.setattr(fingertip, "MULTIPLES", (1.2,))
+    monkeypatch.setattr(fingertip, "multiples", lambda *_: (1.2,))
     assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
 
 
@@ -296,3 +297,36 @@ def test_a_rectangle_off_the_centre_line_needs_odd_waves_too() -> None:
         for loads in (centred, aside)
     )
     assert both > 1.5 * even
+
+
+# --- at any times
+
+
+@pytest.mark.parametrize(("held", "rtol"), [(None, 1e-2), (False, 1e-2), (True, 0.1)])
+def test_a_field_over_time_by_modes_is_that_of_its_spectrum(
+    rtol: float, *, held: bool | None
+) -> None:
+    smooth = burst("hann")
+    drive: Any = smooth
+    if held is not None:
+        samples = np.append(smooth.samples(20e3), 0.0)
+        drive = SampledDrive(samples=samples, sample_rate_hz=20e3, held=held)
+    scene = dataclasses.replace(
+        scene_of(plate(SIMPLY_SUPPORTED, 0.02), drive, pair()[0]), driven=(True, False)
+    )
+    times_s = np.random.default_rng(2).uniform(-1e-4, 0.01, 60)
+    ours = transient(scene, drive, times_s, rtol=rtol)
+    theirs = synthesized(scene, drive, times_s, rtol=1e-4)
+    assert transient_work(scene, drive, times_s, rtol=rtol).modes > 10
+    assert np.all(np.abs(ours - theirs) <= rtol * np.max(np.abs(theirs), axis=0))
+    assert not ours[times_s < 0].any()
+    assert not ours[:, 1].any()
+
+
+def test_modes_are_not_taken_where_they_do_not_reach_what_is_wanted() -> None:
+    scene = scene_of(plate(SIMPLY_SUPPORTED, 0.02), burst("hann"), pair()[0])
+    assert transient_work(scene, burst("hann"), [2e-3], rtol=1e-5).modes == 0
+    work = transient_work(scene, burst("hann"), [2e-3], rtol=1e-2)
+    assert (
+        work.skipped[0] == f"all bins: {work.modes} modes up to {work.highest_hz:.6g} Hz are enough"
+    )
