@@ -10,7 +10,17 @@ from importlib.metadata import version
 from pathlib import Path
 
 NAMES = (
-    *("startup", "session", "screen", "journal", "stability", "field", "skipping", "link"),
+    *(
+        "startup",
+        "session",
+        "screen",
+        "journal",
+        "stability",
+        "field",
+        "motion",
+        "skipping",
+        "link",
+    ),
     *("analysis", "calibration"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"

@@ -1,0 +1,213 @@
+"""Plates over time by their modes: beside the spectra on random plates, and error against time."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks.timing import duration
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    Burst,
+    ElasticEdge,
+    Fingertip,
+    Load,
+    Material,
+    MomentDisc,
+    MomentRectangle,
+    Strip,
+    felt,
+    level_db,
+)
+from stimuli.fingers import fingertip
+from stimuli.motion.motion import motion_of
+
+if TYPE_CHECKING:
+    from stimuli.arrays import Real
+
+PLATES: Final = 200
+FIGURE: Final = Path(__file__).parent.parent / "docs" / "motion.png"
+MULTIPLES: Final = (2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0)
+MATERIALS: Final = tuple(
+    Material(youngs_modulus_pa=1e9 * modulus, poisson_ratio=ratio, density_kg_m3=density)
+    for modulus, ratio, density in (
+        (67, 0.346, 2700),
+        (200, 0.29, 7850),
+        (70, 0.22, 2500),
+        (105, 0.35, 8500),
+        (3.2, 0.37, 1180),
+    )
+)
+
+Scene = tuple[Strip, list[Load], list[Fingertip], Burst]
+
+
+def drawn(rng: np.random.Generator) -> Scene:
+    """Draw a plate with two patches, a finger on each, and a burst below its cut-off."""
+    width_m, thickness_m = rng.uniform(0.015, 0.03), rng.uniform(0.0003, 0.0008)
+    material = MATERIALS[rng.integers(len(MATERIALS))]
+    lossy = dataclasses.replace(material, loss_factor=float(rng.choice([0.005, 0.01, 0.02, 0.05])))
+    strip = Strip(
+        width_m=width_m, thickness_m=thickness_m, material=lossy, edge=SIMPLY_SUPPORTED,
+        length_m=rng.uniform(0.12, 0.2),
+    )  # fmt: skip
+    firm = ElasticEdge(
+        stiffness_n=strip.bending_stiffness_n_m / width_m * 10 ** rng.uniform(0, 2),
+        lossless=bool(rng.integers(2)),
+    )
+    # held edges keep the spectra busy for minutes: one plate in eight has them
+    edge: list[Any] = [SIMPLY_SUPPORTED] * 14 + [CLAMPED, firm]
+    strip = dataclasses.replace(strip, edge=edge[rng.integers(16)])
+    radius_m = rng.uniform(0.15, 0.4) * width_m
+    y_m = width_m / 2 if rng.random() < 0.5 else rng.uniform(radius_m, width_m - radius_m)
+    room_m = (strip.length_m or 0.0) / 2 - radius_m
+    places = (-rng.uniform(0.3, 0.8) * room_m, rng.uniform(0.3, 0.8) * room_m)
+    sizes: Any = {"radius_m": radius_m}
+    kind: Any = MomentDisc
+    if rng.random() < 0.5:
+        kind, sizes = MomentRectangle, {"length_x_m": radius_m, "length_y_m": 1.5 * radius_m}
+    return (
+        strip,
+        [kind(x_m=x_m, y_m=y_m, **sizes) for x_m in places],
+        [Fingertip(x_m=x_m, y_m=y_m, radius_m=0.004) for x_m in places],
+        Burst(
+            frequency_hz=float(rng.uniform(0.15, 0.6) * strip.cutoff_hz()),
+            cycles=int(rng.integers(1, 3)),
+            window=rng.choice(["none", "tukey", "hann"]),
+        ),
+    )
+
+
+def by_spectra(scene: Scene, rtol: float) -> tuple[Real, float]:
+    """Return what is felt by the other solver, and its processor time."""
+    began_s = time.process_time()
+    with patch.object(fingertip, "_by_modes", lambda *_: None):
+        return felt(*scene, rtol=rtol), time.process_time() - began_s
+
+
+def differences(count: int) -> tuple[Real, Real, Real]:
+    """Return differences of levels (dB), of own fingers, and times (modes, spectra) of plates."""
+    rng = np.random.default_rng(1)
+    levels, own, times = [], [], []
+    for _ in range(count):
+        scene = drawn(rng)
+        began_s = time.process_time()
+        modes = felt(*scene)
+        took_s = time.process_time() - began_s
+        spectra, slow_s = by_spectra(scene, 1e-3)
+        for here, there in ((0, 1), (1, 0)):
+            level = [level_db(one, own=here, other=there) for one in (modes, spectra)]
+            levels.append((abs(level[0] - level[1]), scene[3].window == "hann"))
+            own.append(abs(modes[here, here] / spectra[here, here] - 1))
+        times.append((took_s, slow_s))
+    return np.array(levels), np.array(own), np.array(times)
+
+
+def paper(edge: Any, loss: float, window: Any) -> Scene:
+    """Return the paper's plate with its discs and one cycle of 500 Hz."""
+    material = dataclasses.replace(ALUMINIUM, loss_factor=loss)
+    strip = Strip(width_m=0.025, thickness_m=0.0005, length_m=0.2, material=material, edge=edge)
+    places = (-0.035, 0.035)
+    return (
+        strip,
+        [MomentDisc(x_m=x_m, y_m=0.0125, radius_m=0.0064) for x_m in places],
+        [Fingertip(x_m=x_m, y_m=0.0125) for x_m in places],
+        Burst(frequency_hz=500.0, cycles=1, window=window),
+    )
+
+
+PAPERS: Final = {
+    "2900 Hz edge, loss 0.01": paper(ElasticEdge(stiffness_n=141.72083994908), 0.01, "none"),
+    "simply supported, loss 0.01, Tukey": paper(SIMPLY_SUPPORTED, 0.01, "tukey"),
+    "2500 Hz edge, loss 0.005": paper(ElasticEdge(stiffness_n=63.9264884979218), 0.005, "none"),
+}
+
+
+def against_time(scene: Scene) -> list[tuple[float, float]]:
+    """Return processor time and error of the level (dB) for some numbers of modes."""
+    found = []
+    for multiple in (40.0, *MULTIPLES):
+        motion_of.cache_clear()
+        began_s = time.process_time()
+        with patch.object(fingertip, "multiples", return_value=(multiple,)):
+            level = level_db(felt(*scene, rtol=0.5), own=0, other=1)
+        found.append((time.process_time() - began_s, level))
+    (_, true), *others = found
+    return [(took_s, abs(level - true)) for took_s, level in others]
+
+
+def draw(rows: dict[str, list[tuple[float, float]]], spectra_s: dict[str, float]) -> None:
+    """Draw error against time."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({"font.size": 9.0}):
+        figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot(
+            xscale="log", yscale="log", xlabel="processor time (s)",
+            ylabel="error of the level at the other finger (dB)",
+            title="Modes kept up to 2, 3, 4, 6, 8, 12, 16 and 24 times the cut-off",
+        )  # fmt: skip
+        for (name, points), marker, colour in zip(
+            rows.items(), "osv", ("#0072b2", "#d55e00", "#009e73"), strict=True
+        ):
+            x, y = np.array(points).T
+            axes.plot(x, np.maximum(y, 1e-4), marker=marker, color=colour, label=name)
+            axes.axvline(spectra_s[name], color=colour, linestyle=":")
+        axes.plot([], [], color="0.3", linestyle=":", label="by spectra, at 1e-3")
+        axes.axhline(0.1, color="0.6", linewidth=0.8)
+        axes.legend(fontsize=8, loc="center")
+        figure.savefig(FIGURE, dpi=110)
+
+
+def section(count: int = PLATES) -> str:
+    """Return the benchmark's section of the page, and draw its figure."""
+    levels, own, times = differences(count)
+    smooth = levels[:, 1] == 1
+    lines = [
+        "## Plates over time by their modes",
+        "",
+        f"{count} random plates with free ends (five materials, loss 0.005 to 0.05, discs and",
+        "rectangles, on the centre line or beside it; seven in eight simply supported), level at",
+        "the other finger beside that of the spectra at 1e-3:",
+        "",
+        "| | worst | 99 % | median |",
+        "|---|---|---|---|",
+    ]
+    for name, some in (
+        ("level, dB, no window or Tukey", levels[~smooth, 0]),
+        ("level, dB, Hann", levels[smooth, 0]),
+        ("own finger, part", own),
+    ):
+        most, high, middle = np.max(some), np.quantile(some, 0.99), np.median(some)
+        lines.append(f"| {name} | {most:.2g} | {high:.2g} | {middle:.2g} |")
+    modes_s, spectra_s = np.median(times, axis=0)
+    lines += [
+        "",
+        f"Median processor time of a plate: {duration(modes_s)} by modes, {duration(spectra_s)}",
+        "by spectra.",
+        "",
+    ]
+    rows = {name: against_time(scene) for name, scene in PAPERS.items()}
+    slow_s = {name: by_spectra(scene, 1e-3)[1] for name, scene in PAPERS.items()}
+    draw(rows, slow_s)
+    lines += [
+        "Error against time on the paper's plates, beside forty times the cut-off",
+        "([figure](motion.png)):",
+        "",
+        f"| | {' | '.join(f'{m:g} x' for m in MULTIPLES)} | spectra |",
+        f"|---|{'---|' * (len(MULTIPLES) + 1)}",
+    ]
+    for name, points in rows.items():
+        cells = " | ".join(f"{error:.2g} dB, {duration(took_s)}" for took_s, error in points)
+        lines.append(f"| {name} | {cells} | {duration(slow_s[name])} |")
+    return "\n".join([*lines, ""])
