@@ -20,12 +20,13 @@ from .load import (
 )
 from .motion.history import transient, transient_work
 from .strip.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
-from .strip.material import ALUMINIUM, Material
+from .strip.material import ALUMINIUM, MATERIALS, Material
 from .strip.strip import Strip
 
 __all__ = [
     "ALUMINIUM",
     "CLAMPED",
+    "MATERIALS",
     "SIMPLY_SUPPORTED",
     "Burst",
     "BurstCheck",

@@ -6,9 +6,11 @@ import hashlib
 import json
 from dataclasses import asdict
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, Final, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import ArgsKwargs, PydanticCustomError
 
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
@@ -17,16 +19,20 @@ from experiment.study.sections.plate import (
     SIDES,
     Actuator,
     Plate,
-    check_actuators,
+    is_papers_plate,
     paper_actuators,
 )
 from experiment.study.sections.presentation import Keys, Screen, Texts
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
-from experiment.study.sections.table import FromTable, file_keys, section
+from experiment.study.sections.table import ASKED_FOR, FromTable, file_keys, section
 
 if TYPE_CHECKING:
     from stimuli import Strip
+
+
+_ROUNDING_M: Final = 1e-12
+"""A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
 
 
 class StudyError(ValueError):
@@ -74,10 +80,29 @@ class Study:
     dataset: FromTable[Dataset] = Field(default_factory=Dataset)
     simulation: FromTable[Simulation] = Field(default_factory=dict, validate_default=True)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _ask_for_actuators(cls, given: Any) -> Any:
+        """Mark actuators that another plate than the paper's does not state."""
+        if not isinstance(given, ArgsKwargs):
+            return given
+        keys = dict(given.kwargs or {})
+        plate = keys.get("strip", {})
+        stated = plate if isinstance(plate, dict) else vars(plate)
+        if "actuator" not in keys and not is_papers_plate(stated):
+            keys["actuator"] = None
+        return ArgsKwargs((), keys)
+
     @field_validator("actuators", mode="before")
     @classmethod
     def _put_on_the_centre_line(cls, tables: Any, info: ValidationInfo) -> Any:
         """Put every actuator across the middle of the strip that is nowhere else."""
+        if tables is None:
+            raise PydanticCustomError(
+                ASKED_FOR,
+                "[[actuator]] is missing, one with side = left and one with side = right, as the "
+                "paper's belong to its plate",
+            )
         if not isinstance(tables, list):
             return tables
         plate = info.data.get("plate", Plate())
@@ -118,7 +143,7 @@ class Study:
         return table | {"threshold_vpp": THRESHOLD_VPP}
 
     def __post_init__(self) -> None:
-        check_actuators(self.actuators, self.strip)
+        _check_actuators(self.actuators, self.strip)
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
             raise ValueError(f"condition names must be distinct, at least one; got {names}")
@@ -198,3 +223,53 @@ class Study:
 def _displacements_are_known(actuators: tuple[Actuator, ...]) -> bool:
     """Tell whether the two actuators under the fingers have a basis each."""
     return all(one.basis is not None for one in actuators if one.side != "other")
+
+
+def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
+    """Refuse a missing side, patches over an edge of the strip, and patches over each other."""
+    sides = [actuator.side for actuator in actuators]
+    if sides[:2] != ["left", "right"] or set(sides[2:]) - {"other"}:
+        raise ValueError(
+            "actuator sides must be left and right, each once, and other for more; "
+            f"got {', '.join(sides)}"
+        )
+    names = [actuator.name for actuator in actuators[2:]]
+    if len(set(names)) != len(names):
+        raise ValueError(f"actuator names must be distinct; got {', '.join(map(str, names))}")
+    left, right, *_ = actuators
+    for actuator in actuators:
+        _check_span(actuator, "y_m", actuator.span_y_m, (0.0, strip.width_m))
+        if strip.length_m is not None:
+            limits_m = (-strip.length_m / 2, strip.length_m / 2)
+            _check_span(actuator, "x_m", actuator.span_x_m, limits_m)
+    if left.span_x_m[1] > right.span_x_m[0]:
+        raise ValueError(
+            "the left actuator must end, along the strip, before the right one begins at "
+            f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
+        )
+    for one, two in combinations(actuators, 2):
+        if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):
+            raise ValueError(
+                f"the actuators {one.label} and {two.label} must not overlap; got centres at "
+                f"x = {_mm(one.x_m)} and {_mm(two.x_m)}"
+            )
+
+
+def _overlap(one_m: tuple[float, float], two_m: tuple[float, float]) -> bool:
+    """Tell whether two spans have more than an end in common."""
+    return min(one_m[1], two_m[1]) - max(one_m[0], two_m[0]) > _ROUNDING_M
+
+
+def _check_span(
+    actuator: Actuator, axis: str, span_m: tuple[float, float], limits_m: tuple[float, float]
+) -> None:
+    if span_m[0] < limits_m[0] - _ROUNDING_M or span_m[1] > limits_m[1] + _ROUNDING_M:
+        raise ValueError(
+            f"the {actuator.label} actuator must lie on the strip, which goes from "
+            f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
+            f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}"
+        )
+
+
+def _mm(length_m: float) -> str:
+    return f"{length_m * 1e3:.6g} mm"

@@ -1,4 +1,4 @@
-from .checks import NAME, NAME_RULE, is_line, require_word, unknown_key
+from .checks import NAME, NAME_RULE, is_line, require_known, require_word, unknown_key
 from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
     OWN_FINGER_ONLY,
@@ -70,6 +70,7 @@ __all__ = [
     "is_correct",
     "is_line",
     "refusals",
+    "require_known",
     "require_word",
     "significant",
     "trials_csv",

@@ -39,6 +39,22 @@ def require_word(name: str, value: str, words: Iterable[str]) -> None:
         raise ValueError(f"{name} must be one of {', '.join(listed)}; got {value!r}")
 
 
+def require_known(name: str, value: str, words: Iterable[str]) -> None:
+    """Refuse a value that is none of the words, and say which is nearest to it.
+
+    >>> require_known("material", "steal", ("steel", "glass"))
+    Traceback (most recent call last):
+    ValueError: material must be one of steel, glass; got 'steal', did you mean steel?
+    """
+    import difflib
+
+    listed = tuple(words)
+    if value not in listed:
+        near = difflib.get_close_matches(value.lower(), listed, n=1)
+        told = f", did you mean {near[0]}?" if near else ""
+        raise ValueError(f"{name} must be one of {', '.join(listed)}; got {value!r}{told}")
+
+
 def is_line(text: object) -> bool:
     r"""Tell whether a value is one line of text with something to read, in any script.
 

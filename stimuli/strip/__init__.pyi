@@ -1,6 +1,6 @@
 from .dispersion import relation
 from .edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
-from .material import ALUMINIUM, Material
+from .material import ALUMINIUM, MATERIALS, Material
 from .roots import section_roots
 from .strip import Strip
 from .waves import supported_cutoff_hz
@@ -8,6 +8,7 @@ from .waves import supported_cutoff_hz
 __all__ = [
     "ALUMINIUM",
     "CLAMPED",
+    "MATERIALS",
     "SIMPLY_SUPPORTED",
     "ElasticEdge",
     "IdealEdge",

@@ -90,5 +90,41 @@ class Material:
         return complex(1.0, -loss) if loss else complex(1.0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handbook:
+    """A material by its name, without loss, and where its values are from."""
+
+    material: Material
+    source: str
+
+
+def _handbook(
+    modulus_gpa: float, poisson_ratio: float, density_kg_m3: float, source: str
+) -> Handbook:
+    material = Material(
+        youngs_modulus_pa=modulus_gpa * 1e9,
+        poisson_ratio=poisson_ratio,
+        density_kg_m3=density_kg_m3,
+    )
+    return Handbook(material=material, source=source)
+
+
+# Typical values: alloys differ by some per cent, plastics by more, so what was measured on a plate
+# is better than any of them. A sealed plan names its material by these words, so an entry never
+# changes; a better one gets another name. Loss depends on how a plate is held, and is in none.
+_ELASTIC: Final = "Dowling, Mechanical Behavior of Materials, table 5.2"
+MATERIALS: Final[dict[str, Handbook]] = {
+    "aluminium": _handbook(70.3, 0.345, 2700, f"{_ELASTIC}; density EN 1999-1-1"),
+    "steel": _handbook(210, 0.3, 7850, "EN 1993-1-1; density EN 1991-1-1"),
+    "stainless": _handbook(200, 0.3, 7900, "EN 1993-1-4, 1.4301; density EN 10088-1"),
+    "brass": _handbook(101, 0.35, 8530, f"{_ELASTIC}, 70Cu-30Zn; density CDA alloy C26000"),
+    "copper": _handbook(130, 0.343, 8940, f"{_ELASTIC}; density CDA alloy C10200"),
+    "titanium": _handbook(120, 0.361, 4510, f"{_ELASTIC}; density makers' data sheets"),
+    "glass": _handbook(70, 0.2, 2500, "EN 572-1, soda-lime glass"),
+    "pmma": _handbook(2.7, 0.35, 1190, f"{_ELASTIC}; density makers' data sheets"),
+    "polycarbonate": _handbook(2.4, 0.38, 1200, f"{_ELASTIC}; density makers' data sheets"),
+}
+"""Materials by their names, for a plate of which nothing else was measured."""
+
 ALUMINIUM: Final = Material(youngs_modulus_pa=67e9, poisson_ratio=0.346, density_kg_m3=2700.0)
 """The paper's aluminium (section II-B; its 67 MPa and kg/m2 are misprints, docs/model.md)."""

@@ -1,7 +1,7 @@
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import DeviceSettings, Masking
-from .plate import SIDES, Actuator, Plate, check_actuators, paper_actuators
+from .plate import SIDES, Actuator, Plate, is_papers_plate, paper_actuators
 from .presentation import Keys, Screen, Texts
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
@@ -12,9 +12,10 @@ from .stimulus import (
     stimulus_facts,
     unscaled_peak,
 )
-from .table import FromTable, file_keys, section
+from .table import ASKED_FOR, FromTable, file_keys, section
 
 __all__ = [
+    "ASKED_FOR",
     "ASSUMED_ANSWER_S",
     "EARLIEST_ANSWER_S",
     "LEAST_LEVEL_VPP",
@@ -37,10 +38,10 @@ __all__ = [
     "SharedStimulus",
     "Simulation",
     "Texts",
-    "check_actuators",
     "completed",
     "drive_samples",
     "file_keys",
+    "is_papers_plate",
     "paper_actuators",
     "section",
     "stimulus_facts",

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import date
 from functools import cached_property
-from itertools import combinations
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 
-from pydantic import Field, model_validator
-from pydantic_core import ArgsKwargs
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.table import file_keys, refuse_incomplete, section
-from experiment.terms.checks import NAME, NAME_RULE
+from experiment.study.sections.table import ASKED_FOR, refuse_incomplete, section
+from experiment.terms.checks import NAME, NAME_RULE, is_line, require_known
 from stimuli import (
+    ALUMINIUM,
     CLAMPED,
+    MATERIALS,
     SIMPLY_SUPPORTED,
     ElasticEdge,
     IdealEdge,
@@ -29,18 +31,64 @@ if TYPE_CHECKING:
 Side = Literal["left", "right", "other"]
 SIDES: Final[tuple[str, ...]] = get_args(Side)
 Shape = Literal["disc", "rectangle", "motor"]
+MaterialName = Literal[
+    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "pmma",
+    "polycarbonate",
+]  # fmt: skip
 EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 
+# What the paper states belongs to its plate: 25 x 0.5 mm of its aluminium. A study whose plate has
+# that width, that thickness and no other material has the paper's material and discs where it
+# states none, whatever its length, its loss and its edges; the first cut-off only with edges that
+# are not said to be others. Of any other plate nothing is known but what its study says.
 PAPER_CUTOFF_HZ: Final = 2900.0
 """First cut-off measured on the paper's plate (figure 4)."""
 
-_ROUNDING_M = 1e-12
-"""A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
+_PAPER_SIZES: Final = {"width_mm": 25.0, "thickness_mm": 0.5}
+_PAPER_MATERIAL: Final = {
+    "youngs_modulus_gpa": ALUMINIUM.youngs_modulus_pa / 1e9,
+    "poisson_ratio": ALUMINIUM.poisson_ratio,
+    "density_kg_m3": ALUMINIUM.density_kg_m3,
+}
 
-# The widest ranges that the physics computes with, in the units of the file; see `stimuli`.
-_Length = Annotated[float, Field(gt=1e-6, le=1e6)]
+
+def is_papers_plate(keys: dict[str, Any]) -> bool:
+    """Tell whether the keys of [strip] are those of the paper's plate; what is no number may be."""
+    papers = _PAPER_SIZES | _PAPER_MATERIAL
+    return keys.get("material") is None and all(
+        keys.get(key, papers[key]) == papers[key]
+        for key in papers
+        if isinstance(keys.get(key), int | float)
+    )
+
+
+def one_line(text: str) -> str:
+    """Return a text, or refuse it where it is more than a line or nothing to read."""
+    if not is_line(text):
+        raise ValueError(f"must be text in one line; got {text!r}")
+    return text
+
+
+def dated(keys: dict[str, Any] | None) -> dict[str, Any]:
+    """Return keys with a day as text: TOML has a type for it, JSON has none."""
+    found = dict(keys or {})
+    if isinstance(found.get("measured_on"), date):
+        found["measured_on"] = found["measured_on"].isoformat()
+    return found
+
+
+def refuse_orphans(values: object, measured: str) -> None:
+    """Refuse to be told by whom and when nothing was measured."""
+    for key in ("measured_by", "measured_on"):
+        if getattr(values, key) is not None and getattr(values, measured) is None:
+            raise ValueError(f"{measured} is missing; {key} needs it")
+
+
+# Wide ranges, but not so wide that metres pass for millimetres or pascals for gigapascals.
+_Length = Annotated[float, Field(ge=1, le=1e6)]
+_Line = Annotated[str, AfterValidator(one_line)]
 _Layer = Annotated[float, Field(gt=1e-6, le=100)]
-_Modulus = Annotated[float, Field(ge=1e-12, le=1e6)]
+_Modulus = Annotated[float, Field(ge=1e-6, le=2000)]
 _LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
 
 
@@ -50,10 +98,13 @@ class Plate:
 
     width_mm: _Length = Field(default=25.0, description="between the held edges")
     length_mm: _Length | Literal["endless"] = Field(default=200.0, description='or "endless"')
-    thickness_mm: _Length = 0.5
-    youngs_modulus_gpa: _Modulus = Field(default=67.0, description="aluminium")
-    poisson_ratio: float = Field(default=0.346, ge=-0.999, lt=0.5)
-    density_kg_m3: float = Field(default=2700.0, ge=1e-3, le=1e6)
+    thickness_mm: float = Field(default=0.5, gt=0.005, le=1e3)
+    material: MaterialName | None = Field(
+        default=None, description="or these three; the paper's plate has the paper's"
+    )
+    youngs_modulus_gpa: _Modulus | None = None
+    poisson_ratio: float | None = Field(default=None, ge=-0.999, lt=0.5)
+    density_kg_m3: float | None = Field(default=None, ge=10, le=1e5)
     loss_factor: float = Field(
         default=0.0, ge=0, le=1e3, description="constant (hysteretic) loss; 0: not known"
     )
@@ -65,8 +116,10 @@ class Plate:
     )
     edge: EdgeBasis = "measured-cutoff"
     measured_cutoff_hz: float | None = Field(
-        default=None, gt=0, description="first cut-off as measured; with edge = measured-cutoff"
+        default=None, gt=0, description="first cut-off; with another edge a record to compare"
     )
+    measured_by: _Line | None = Field(default=None, description="who measured the cut-off")
+    measured_on: _Line | None = Field(default=None, description="and when, such as 2026-05-04")
     edge_stiffness_n: float | None = Field(
         default=None, gt=0, description="N m per rad per m of edge; with edge = elastic"
     )
@@ -74,26 +127,52 @@ class Plate:
     @model_validator(mode="before")
     @classmethod
     def _know_the_papers_plate(cls, given: Any) -> Any:
-        """Fill in the measured cut-off of the one plate whose cut-off is known."""
+        """Fill in material and measured cut-off of the one plate whose are known."""
         if not isinstance(given, ArgsKwargs):
             return given
-        keys = dict(given.kwargs or {})
-        fields = file_keys(cls)
-        if keys.get("measured_cutoff_hz") is None and all(
-            keys.get(key, fields[key].default) == fields[key].default for key in _OF_THE_CUTOFF
-        ):
-            keys["measured_cutoff_hz"] = PAPER_CUTOFF_HZ
+        keys = dated(given.kwargs)
+        if isinstance(keys.get("material"), str):
+            require_known("material", keys["material"], MATERIALS)
+        if is_papers_plate(keys):
+            for key, value in _PAPER_MATERIAL.items():
+                keys[key] = value if keys.get(key) is None else keys[key]
+            edge = keys.get("edge", "measured-cutoff")
+            if edge == "measured-cutoff" and keys.get("measured_cutoff_hz") is None:
+                keys["measured_cutoff_hz"] = PAPER_CUTOFF_HZ
         return ArgsKwargs((), keys)
 
     def __post_init__(self) -> None:
-        keys = {"measured-cutoff": "measured_cutoff_hz", "elastic": "edge_stiffness_n"}
-        for edge, key in keys.items():
-            given = getattr(self, key)
-            if self.edge == edge and given is None:
-                raise ValueError(f"{key} is missing; edge = {edge} needs it")
-            if self.edge != edge and given is not None:
-                raise ValueError(f"{key} is for edge = {edge} only; got edge = {self.edge}")
+        self._check_material()
+        if self.edge == "elastic" and self.edge_stiffness_n is None:
+            raise ValueError("edge_stiffness_n is missing; edge = elastic needs it")
+        if self.edge != "elastic" and self.edge_stiffness_n is not None:
+            raise ValueError(f"edge_stiffness_n is for edge = elastic only; got edge = {self.edge}")
+        refuse_orphans(self, "measured_cutoff_hz")
         self.strip  # noqa: B018 - not every plate can have every cut-off
+
+    def _check_material(self) -> None:
+        """Refuse two statements of the material, and ask for what the plate is not known by."""
+        stated = [key for key in _PAPER_MATERIAL if getattr(self, key) is not None]
+        if self.material is not None and stated:
+            raise ValueError(f"material and {stated[0]} exclude each other; got both")
+        missing = []
+        if self.material is None and not stated:
+            *some, last = _PAPER_MATERIAL
+            missing = [f"material (or {', '.join(some)} and {last})"]
+        elif self.material is None:
+            missing = [key for key in _PAPER_MATERIAL if key not in stated]
+        if self.edge == "measured-cutoff" and self.measured_cutoff_hz is None:
+            missing.append("measured_cutoff_hz (or another edge)")
+        if missing:
+            told = ", ".join(missing)
+            raise PydanticCustomError(
+                ASKED_FOR, f"strip needs {told}, as it is not the paper's plate"
+            )
+
+    @property
+    def is_the_papers(self) -> bool:
+        """Whether width, thickness and material are those of the paper's plate."""
+        return is_papers_plate(vars(self))
 
     @property
     def is_loss_stated(self) -> bool:
@@ -107,43 +186,61 @@ class Plate:
             width_m=self.width_mm / 1e3,
             length_m=None if self.length_mm == "endless" else self.length_mm / 1e3,
             thickness_m=self.thickness_mm / 1e3,
-            material=Material(
-                youngs_modulus_pa=self.youngs_modulus_gpa * 1e9,
-                poisson_ratio=self.poisson_ratio,
-                density_kg_m3=self.density_kg_m3,
-                loss_factor=self.loss_factor,
-                viscous_time_s=self.viscous_time_us / 1e6,
-            ),
+            material=self._material(),
             edge=self._edge(),
         )
-        if self.measured_cutoff_hz is None:
+        if self.edge != "measured-cutoff" or self.measured_cutoff_hz is None:
             return strip
-        try:
-            strip = strip.with_cutoff(self.measured_cutoff_hz)
-        except ValueError as error:
-            # the physics calls it frequency_hz, its first word; the file's key is another
-            told = str(error).split(" ", maxsplit=1)[-1]
-            raise ValueError(f"measured_cutoff_hz {told}") from error
+        self._check_cutoff(strip, self.measured_cutoff_hz)
+        strip = strip.with_cutoff(self.measured_cutoff_hz)
         if isinstance(strip.edge, ElasticEdge):
             strip = replace(strip, edge=replace(strip.edge, lossless=self.edge_loss == "none"))
         return strip
+
+    def _material(self) -> Material:
+        losses = {"loss_factor": self.loss_factor, "viscous_time_s": self.viscous_time_us / 1e6}
+        if self.material is not None:
+            return replace(MATERIALS[self.material].material, **losses)
+        stated: list[float] = [getattr(self, key) for key in _PAPER_MATERIAL]
+        modulus_gpa, poisson_ratio, density_kg_m3 = stated
+        return Material(
+            youngs_modulus_pa=modulus_gpa * 1e9,
+            poisson_ratio=poisson_ratio,
+            density_kg_m3=density_kg_m3,
+            **losses,
+        )
 
     def _edge(self) -> IdealEdge | ElasticEdge:
         if self.edge_stiffness_n is not None:
             return ElasticEdge(stiffness_n=self.edge_stiffness_n, lossless=self.edge_loss == "none")
         return SIMPLY_SUPPORTED if self.edge == "simply-supported" else CLAMPED
 
+    def _check_cutoff(self, strip: Strip, cutoff_hz: float) -> None:
+        """Refuse a cut-off that no edge gives this plate, and say which plate has it."""
+        ends = (("simply supported", SIMPLY_SUPPORTED), ("clamped", CLAMPED))
+        found = [(name, replace(strip, edge=edge).cutoff_hz()) for name, edge in ends]
+        (_, least_hz), (_, most_hz) = found
+        if least_hz < cutoff_hz < most_hz:
+            return
+        name, end_hz = found[cutoff_hz >= most_hz]
+        raise ValueError(
+            f"measured_cutoff_hz must lie above {least_hz:.6g} Hz (simply supported) and below "
+            f"{most_hz:.6g} Hz (clamped); got {cutoff_hz:.10g}: {name}, {cutoff_hz:.6g} Hz "
+            f"{self.fitting(end_hz, cutoff_hz)}"
+        )
 
-_OF_THE_CUTOFF: Final = (
-    "width_mm",
-    "thickness_mm",
-    "youngs_modulus_gpa",
-    "poisson_ratio",
-    "density_kg_m3",
-    "edge",
-    "edge_stiffness_n",
-)
-"""What a plate must have from the paper's for its cut-off to be the one that the paper measured."""
+    def fitting(self, cutoff_hz: float, wanted_hz: float) -> str:
+        """Say which thickness or width turns one cut-off of these edges into another one.
+
+        Cut-offs go as thickness over width squared, whatever ideal edges the plate has.
+        """
+        ratio = wanted_hz / cutoff_hz
+        return (
+            f"fits {self.thickness_mm * ratio:.3g} mm of thickness or "
+            f"{self.width_mm / ratio**0.5:.3g} mm of width; you have {self.thickness_mm:g} mm and "
+            f"{self.width_mm:g} mm"
+        )
+
 
 MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
 PIEZO_KEYS: Final = (
@@ -195,6 +292,8 @@ class Actuator:
     measured_at_hz: float | None = Field(
         default=None, gt=0, le=1e6, description="... and of this frequency"
     )
+    measured_by: _Line | None = Field(default=None, description="... by whom")
+    measured_on: _Line | None = Field(default=None, description="... and when")
     piezo_thickness_mm: _Layer | None = Field(
         default=None, description="or its layers: displacements are predicted"
     )
@@ -208,6 +307,11 @@ class Actuator:
     )
     carrier_youngs_modulus_gpa: _Modulus | None = None
     carrier_poisson_ratio: _LayerRatio | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _date(cls, given: Any) -> Any:
+        return ArgsKwargs((), dated(given.kwargs)) if isinstance(given, ArgsKwargs) else given
 
     def __post_init__(self) -> None:
         self._check_name()
@@ -232,6 +336,7 @@ class Actuator:
     def _check_basis(self) -> None:
         """Refuse half a basis, two, or one that the shape cannot have."""
         basis = refuse_incomplete(self, MEASURED_KEYS, PIEZO_KEYS)
+        refuse_orphans(self, MEASURED_KEYS[0])
         carrier = refuse_incomplete(self, CARRIER_KEYS)
         if carrier is not None and basis != PIEZO_KEYS[0]:
             raise ValueError(f"{PIEZO_KEYS[0]} is missing; {carrier} needs it")
@@ -319,56 +424,6 @@ class Actuator:
 def _span_m(centre_m: float, length_m: float | None) -> tuple[float, float]:
     half_m = (length_m or 0.0) / 2
     return centre_m - half_m, centre_m + half_m
-
-
-def check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
-    """Refuse a missing side, patches over an edge of the strip, and patches over each other."""
-    sides = [actuator.side for actuator in actuators]
-    if sides[:2] != ["left", "right"] or set(sides[2:]) - {"other"}:
-        raise ValueError(
-            "actuator sides must be left and right, each once, and other for more; "
-            f"got {', '.join(sides)}"
-        )
-    names = [actuator.name for actuator in actuators[2:]]
-    if len(set(names)) != len(names):
-        raise ValueError(f"actuator names must be distinct; got {', '.join(map(str, names))}")
-    left, right, *_ = actuators
-    for actuator in actuators:
-        _check_span(actuator, "y_m", actuator.span_y_m, (0.0, strip.width_m))
-        if strip.length_m is not None:
-            limits_m = (-strip.length_m / 2, strip.length_m / 2)
-            _check_span(actuator, "x_m", actuator.span_x_m, limits_m)
-    if left.span_x_m[1] > right.span_x_m[0]:
-        raise ValueError(
-            "the left actuator must end, along the strip, before the right one begins at "
-            f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
-        )
-    for one, two in combinations(actuators, 2):
-        if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):
-            raise ValueError(
-                f"the actuators {one.label} and {two.label} must not overlap; got centres at "
-                f"x = {_mm(one.x_m)} and {_mm(two.x_m)}"
-            )
-
-
-def _overlap(one_m: tuple[float, float], two_m: tuple[float, float]) -> bool:
-    """Tell whether two spans have more than an end in common."""
-    return min(one_m[1], two_m[1]) - max(one_m[0], two_m[0]) > _ROUNDING_M
-
-
-def _check_span(
-    actuator: Actuator, axis: str, span_m: tuple[float, float], limits_m: tuple[float, float]
-) -> None:
-    if span_m[0] < limits_m[0] - _ROUNDING_M or span_m[1] > limits_m[1] + _ROUNDING_M:
-        raise ValueError(
-            f"the {actuator.label} actuator must lie on the strip, which goes from "
-            f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
-            f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}"
-        )
-
-
-def _mm(length_m: float) -> str:
-    return f"{length_m * 1e3:.6g} mm"
 
 
 def paper_actuators() -> list[dict[str, Any]]:

@@ -6,6 +6,8 @@ the file, its SI values are properties; a refusal is worded here from the key's 
 
 from __future__ import annotations
 
+import math
+import re
 import reprlib
 from dataclasses import dataclass as plain_dataclass
 from functools import wraps
@@ -173,6 +175,9 @@ def _place(root: type, steps: tuple[int | str, ...]) -> _Place:
     return place
 
 
+ASKED_FOR: Final = "asked_for"
+"""Kind of a fault whose message names its keys itself."""
+
 MOST_FAULTS = 3
 """How many faults a message names; it counts the others."""
 
@@ -187,6 +192,7 @@ _RANGES: Final = frozenset(
         "less_than_equal",
     )
 )
+_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d+,\d+")
 _EXPECTED: Final = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -206,10 +212,15 @@ _ARRAYS: Final = ("actuator", "condition")
 def _in_words(error: ValidationError, root: type) -> str:
     """Say what is wrong in one line: the path of each key, what is allowed and what it got.
 
-    A key that may be of either of two types has one fault, not two.
+    A key that may be of either of two types has one fault, not two; and what a plate lacks is asked
+    for once what it has is right.
     """
     found: dict[str, list[ErrorDetails]] = {}
-    for detail in error.errors(include_url=False):
+    every = error.errors(include_url=False)
+    slips = any(one["loc"][:1] == ("strip",) and one["type"] != ASKED_FOR for one in every)
+    for detail in every:
+        if slips and detail["type"] == ASKED_FOR:
+            continue
         found.setdefault(_place(root, detail["loc"]).path, []).append(detail)
     faults = [_fault(path, details, root) for path, details in found.items()]
     more = len(faults) - MOST_FAULTS
@@ -222,13 +233,37 @@ def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
         return unknown_key(path, _place(root, first["loc"][:-1]).keys())
     if first["type"] == "missing":
         return f"{path} is missing"
+    if first["type"] == ASKED_FOR:
+        return str(first["msg"])
     if first["type"] == "value_error":
         return f"{path}.{first['ctx']['error']}".removeprefix(".")
     place = _place(root, first["loc"])
     allowed = " or ".join(_allowed(error, place) for error in errors)
     if path in _ARRAYS:
         allowed = f"given as [[{path}]]"
-    return f"{path} must be {allowed}; got {_shown(first['input'])}"
+    return f"{path} must be {allowed}; got {_shown(first['input'])}{_slip(path, first['input'])}"
+
+
+_SLIPS: Final = {
+    "_mm": (("metres", 0.0, 1.0, 1e3),),
+    "_gpa": (("pascals", 1e6, math.inf, 1e-9), ("megapascals", 2e3, 1e6, 1e-3)),
+    "density_kg_m3": (("g/cm3", 0.5, 25.0, 1e3),),
+}
+"""Units that are written by mistake, by how a key ends: from and below what, and times what."""
+
+
+def _slip(path: str, value: object) -> str:
+    """Say what a number would be in the unit that its writer may have had in mind."""
+    if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value.strip()):
+        return f"; write {value.strip().replace(',', '.')}, with a point and without quotes"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    key = path.rsplit(".", maxsplit=1)[-1]
+    for ending, units in _SLIPS.items():
+        for unit, least, most, factor in units if key.endswith(ending) else ():
+            if least < value < most:
+                return f"; if these are {unit}, write {key} = {value * factor:.6g}"
+    return ""
 
 
 def _allowed(error: ErrorDetails, place: _Place) -> str:
