@@ -24,12 +24,18 @@ def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
     assert least <= len(folder.modules) <= 10
 
 
-LATER = {"motion"}
-"""Folders of what the program could not do when the others were made."""
+LATER = {"motion", "study/sources.py", "sections/actuator.py"}
+"""Folders and modules of what the program could not do when the others were made."""
 
 
 def test_there_are_at_most_185_modules_beside_those_of_later_folders() -> None:
-    assert sum(module.parent.name not in LATER for module in MODULES) <= 185
+    assert (
+        sum(
+            LATER.isdisjoint({module.parent.name, "/".join(module.parts[-2:])})
+            for module in MODULES
+        )
+        <= 185
+    )
 
 
 def test_a_module_is_of_at_most_400_lines_unless_a_decision_says_why() -> None:

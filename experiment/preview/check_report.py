@@ -8,6 +8,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.findings import Findings
 from experiment.study.sections.stimulus import stimulus_facts
+from experiment.study.sources import (
+    cutoff_source,
+    displacement_source,
+    measured_beside,
+    plate_sources,
+    plate_words,
+    study_sources,
+    words_of_the_others,
+)
 from experiment.terms.gains import OWN_FINGERS, significant
 from experiment.trial.draw import block_lengths, block_words
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst, ElasticEdge
@@ -15,7 +24,6 @@ from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst, ElasticEdge
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
     from experiment.study.sections.design import Design
-    from experiment.study.sections.plate import Actuator
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
@@ -67,10 +75,15 @@ def check_findings(check: StudyCheck, file_name: str, machine: Findings | None =
     found.part("strip", _strip(check))
     found.note(max_energy_above_cutoff=study.burst.max_energy_above_cutoff)
     found.note(masking_limit_db=study.burst.masking_limit_db)
-    found.parts("actuators", map(_actuator, study.actuators))
+    found.parts("actuators", [_actuator(study, place) for place in range(len(study.actuators))])
     found.parts("conditions", [_condition(check, condition) for condition in check.conditions])
     found.space()
     _tell_plan(found, check)
+    found.tell(
+        "other numbers",
+        f"{words_of_the_others(study)}; --json lists them",
+        sources={one.key: one.facts for one in study_sources(study)},
+    )
     if machine is not None:
         found.take(machine)
     found.space()
@@ -93,6 +106,7 @@ def _strip(check: StudyCheck) -> Findings:
         loss_factor=material.loss_factor,
         viscous_time_s=material.viscous_time_s,
     )
+    found.tell("", plate_words(check.study.plate))
     found.tell(
         "cut-off",
         f"{check.cutoff_hz:.1f} Hz, {_basis(check)}",
@@ -100,6 +114,11 @@ def _strip(check: StudyCheck) -> Findings:
         edge=basis,
         edge_stiffness_n=check.edge_stiffness_n,
     )
+    found.note(measured_cutoff_hz=check.study.plate.measured_cutoff_hz)
+    off, told = measured_beside(check.study.plate) or (None, [])
+    found.note(measured_above_computed=off)
+    for words in told:
+        found.tell("", words)
     if check.edge_stiffness_n is not None:
         ends_hz = [replace(strip, edge=edge).cutoff_hz() for edge in (SIMPLY_SUPPORTED, CLAMPED)]
         found.tell("", f"simply supported edges give {ends_hz[0]:.1f} Hz, clamped {ends_hz[1]:.1f}")
@@ -112,21 +131,24 @@ def _strip(check: StudyCheck) -> Findings:
 
 
 def _basis(check: StudyCheck) -> str:
-    if check.study.plate.edge == "measured-cutoff":
-        return f"measured; as of elastic edges of K = {check.edge_stiffness_n:.2f} N"
-    if check.edge_stiffness_n is not None:
-        return f"computed from elastic edges of K = {check.edge_stiffness_n:g} N"
-    return f"computed from {check.study.plate.edge} edges"
+    plate, stiffness_n = check.study.plate, check.edge_stiffness_n
+    if plate.edge == "measured-cutoff":
+        return f"{cutoff_source(plate).words}; as of elastic edges of K = {stiffness_n:.2f} N"
+    if stiffness_n is not None:
+        return f"computed from elastic edges of K = {stiffness_n:g} N"
+    return f"computed from {plate.edge} edges"
 
 
-def _actuator(actuator: Actuator) -> Findings:
+def _actuator(study: Study, place: int) -> Findings:
+    actuator = study.actuators[place]
+    sources = {one.key: one for one in plate_sources(study)}
     found = Findings()
     lengths_m = (actuator.diameter_m, actuator.length_x_m, actuator.length_y_m)
     size = " x ".join(f"{length_m * 1e3:g}" for length_m in lengths_m if length_m is not None)
-    place = f"x = {actuator.x_m * 1e3:g}, y = {actuator.y_m * 1e3:g} mm"
+    centre = f"x = {actuator.x_m * 1e3:g}, y = {actuator.y_m * 1e3:g} mm"
     found.tell(
         actuator.label,
-        f"{actuator.shape} {size} mm at {place}",
+        f"{actuator.shape} {size} mm at {centre}",
         name=actuator.label,
         side=actuator.side,
         shape=actuator.shape,
@@ -137,6 +159,9 @@ def _actuator(actuator: Actuator) -> Findings:
         length_y_m=actuator.length_y_m,
         finger_diameter_m=actuator.finger_diameter_m,
     )
+    moved = displacement_source(study, place)
+    words = "" if moved is None else f"; {moved.words}"
+    found.tell("", f"place and size: {sources[f'actuator[{place}].x_mm'].words}{words}")
     return found
 
 
@@ -219,15 +244,16 @@ def _displacements(check: StudyCheck, one: ConditionCheck, gains: ConditionGains
         level_vpp=level_vpp,
         strip_length_m=strip.length_m,
     )
-    columns = range(len(gains.actuators))
-    found.parts("actuators", [_moved(one, gains, column, level_vpp) for column in columns])
+    study, columns = check.study, range(len(gains.actuators))
+    found.parts("actuators", [_moved(study, one, gains, column) for column in columns])
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     _tell_loss(found, check, one)
     return found
 
 
-def _moved(one: ConditionCheck, gains: ConditionGains, column: int, level_vpp: float) -> Findings:
+def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int) -> Findings:
     """Tell what one actuator gives its own finger and the others."""
+    level_vpp = study.design.highest_vpp
 
     def peak_um(finger: int) -> float | None:
         known = gains if finger == column else one.worst(finger, column)
@@ -245,17 +271,28 @@ def _moved(one: ConditionCheck, gains: ConditionGains, column: int, level_vpp: f
         f"{_micrometres(at['peak_um'])}{at['level_db']:.1f} dB at the {at['finger']} finger"
         for at in others
     ]
-    words = basis or "n/a, its displacement is not stated"
+    source = displacement_source(study, column)
+    words = "n/a, its displacement is not stated"
+    if source is not None:
+        words = _RESTS_ON[source.origin]
     found = Findings()
     found.tell(
         f"  {name}",
         f"{_micrometres(own_um)}{words}; {'; '.join(told)}",
         name=name,
         basis=basis,
+        source=None if source is None else source.origin,
         own_um=own_um,
         fingers=others,
     )
     return found
+
+
+_RESTS_ON: Final = {
+    "paper": "from the paper's measurement",
+    "measured": "from your measurement",
+    "computed": "predicted from its layers",
+}
 
 
 def _micrometres(peak_um: float | None) -> str:

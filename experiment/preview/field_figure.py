@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from experiment.preview.field import PlateBand
     from experiment.preview.plate import PlatePreview
-    from experiment.study.sections.plate import Actuator
+    from experiment.study.sections.actuator import Actuator
 
 
 _MAP_WIDTH_IN: Final = 7.6

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from experiment.study.sections.plate import Actuator
+    from experiment.study.sections.actuator import Actuator
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
     from stimuli import Burst

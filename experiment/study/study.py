@@ -12,16 +12,11 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
+from experiment.study.sections.actuator import SIDES, Actuator, paper_actuators
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import DeviceSettings, Masking
-from experiment.study.sections.plate import (
-    SIDES,
-    Actuator,
-    Plate,
-    is_papers_plate,
-    paper_actuators,
-)
+from experiment.study.sections.plate import Plate, is_papers_plate
 from experiment.study.sections.presentation import Keys, Screen, Texts
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
@@ -88,8 +83,8 @@ class Study:
             return given
         keys = dict(given.kwargs or {})
         plate = keys.get("strip", {})
-        stated = plate if isinstance(plate, dict) else vars(plate)
-        if "actuator" not in keys and not is_papers_plate(stated):
+        stated = vars(plate) if isinstance(plate, Plate) else plate
+        if "actuator" not in keys and isinstance(stated, dict) and not is_papers_plate(stated):
             keys["actuator"] = None
         return ArgsKwargs((), keys)
 

@@ -102,7 +102,9 @@ def test_a_file_that_is_not_there_is_one_line(arguments: tuple[str, str], refuse
 
 
 PAPER_TOLD = (
-    "2900.0 Hz, measured",
+    "sizes: the paper's; material: the paper's (section II-B)",
+    "2900.0 Hz, measured by the paper (figure 4); as of elastic edges",
+    "2.6 um at 100 Vpp and 300 Hz, measured by the paper (section III-B)\n",
     "K = 141.72 N",
     "main: fit",
     "205.6 to 654.4 Hz",
@@ -281,7 +283,7 @@ def displacements(text: str) -> dict[str, dict[str, Any]]:
 @pytest.mark.slow
 def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
     assert re.search(
-        r"  left +5\.\d+ um, measured; 0\.\d+ um, -\d+\.\d dB at the right finger",
+        r"  left +5\.\d+ um, from the paper's measurement; 0\.\d+ um, -\d+\.\d dB at the right finger",
         checked("").stdout,
     )
     left = displacements("")["left"]
@@ -446,3 +448,77 @@ def test_a_window_needs_psychopy_and_a_display(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(sys, "version_info", (3, 13))
     monkeypatch.setenv("DISPLAY", ":0")
     assert [lack.what for lack in window_lacks()] == ["Python 3.11 or 3.12"]
+
+
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_a_plate_that_nobody_measured_is_asked_for(
+    options: tuple[str, ...], refused: Refused
+) -> None:
+    thin = '[strip]\nwidth_mm = 30\nthickness_mm = 0.3\nedge = "clamped"\n'
+    Path("study.toml").write_text(thin)
+    told = refused("check", "study.toml", *options)
+    assert "strip needs material (or youngs_modulus_gpa, poisson_ratio and density_kg_m3)" in told
+    assert "[[actuator]] is missing" in told
+    assert "measured" not in told
+    assert [path.name for path in Path().iterdir()] == ["study.toml"]
+
+
+LAB = """
+[strip]
+width_mm = 30
+thickness_mm = 0.3
+material = "steel"
+edge = "clamped"
+measured_cutoff_hz = 1700
+measured_by = "A. Person"
+measured_on = 2026-05-04
+"""
+
+
+@pytest.mark.slow
+def test_the_check_tells_whose_every_number_is() -> None:
+    text = LAB + UNMEASURED
+    assert "length the paper's" in checked(text).stdout
+    assert "width yours" in checked(text).stdout
+    assert "material: steel, handbook: EN 1993-1-1" in checked(text).stdout
+    assert "place and size: yours\n" in checked(text).stdout
+    sources = report(text)["sources"]
+    assert sources["strip.material"]["source"] == "handbook"
+    assert sources["strip.measured_cutoff_hz"] == {
+        "value": 1700.0,
+        "source": "measured",
+        "words": "measured (by: A. Person; on: 2026-05-04)",
+    }
+    assert sources["strip.loss_factor"]["source"] == "assumed"
+    assert sources["actuator[0].x_mm"]["source"] == "yours"
+    assert sources["design.levels_vpp"]["source"] == "paper"
+    assert {one["source"] for one in report("")["sources"].values()} == {"paper", "assumed"}
+
+
+@pytest.mark.slow
+def test_a_measured_cutoff_beside_ideal_edges_is_compared_and_not_used() -> None:
+    text = LAB + UNMEASURED
+    strip, without = (
+        report(one)["strip"] for one in (text, text.replace("measured_", "# measured_"))
+    )
+    assert strip["cutoff_hz"] == without["cutoff_hz"]
+    assert strip["measured_cutoff_hz"] == 1700
+    off = strip["measured_above_computed"]
+    assert off == pytest.approx(1700 / strip["cutoff_hz"] - 1)
+    assert f"{abs(off):.1%} below the computed one" in checked(text).stdout
+    # cut-offs go as thickness
+    fits = f"clamped, 1700 Hz fits {0.3 * (1 + off):.3g} mm of thickness"
+    assert fits in checked(text).stdout
+    assert (without["measured_cutoff_hz"], without["measured_above_computed"]) == (None, None)
+
+
+@pytest.mark.slow
+def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -> None:
+    told = checked(SECOND).stdout
+    assert "2500.0 Hz, measured (by: not stated; on: not stated)" in told
+    assert "measured by the paper (section III-B), on its own plate, not on this one" in told
+    assert report(SECOND)["conditions"][0]["displacements"]["actuators"][0]["source"] == "paper"
+    by = 'measured_by = "A. Person"\n'
+    own = checked(NEAR.replace(MEASURED, MEASURED + by)).stdout
+    assert "2.6 um at 100 Vpp and 300 Hz, measured (by: A. Person; on: not stated)" in own
+    assert "um, from your measurement; " in own

@@ -27,7 +27,12 @@ if TYPE_CHECKING:
 
 ENDLESS = '[strip]\nlength_mm = "endless"\n'
 OFF_CENTRE = """
-strip = {edge = "simply-supported", width_mm = 40, length_mm = "endless"}
+strip.edge = "simply-supported"
+strip.width_mm = 40
+strip.length_mm = "endless"
+strip.youngs_modulus_gpa = 67
+strip.poisson_ratio = 0.346
+strip.density_kg_m3 = 2700
 actuator = [
     {side = "left", x_mm = -30, diameter_mm = 25},
     {side = "right", shape = "rectangle", x_mm = 30, y_mm = 12, length_x_mm = 6, length_y_mm = 18},

@@ -150,6 +150,11 @@ RECTANGLE = ", shape = 'rectangle', length_x_mm = 6, length_y_mm = 18"
 MOTOR = ", shape = 'motor', length_x_mm = 8, length_y_mm = 6"
 
 
+CUTOFF = "strip.measured_cutoff_hz = {}"
+THIN = "strip = {width_mm = 30, thickness_mm = 0.3, edge = 'clamped'}"
+METAL = "strip = {{material = '{}', density_kg_m3 = 7850, edge = 'clamped'}}\n"
+
+
 def cut(keys: str, key: str) -> str:
     """Leave out a key and those after it."""
     return keys.partition(f", {key} ")[0]
@@ -188,10 +193,26 @@ def without_diameter(left: str) -> str:
             "repeats_per_level times the number of levels, 5, must be at most 10000; got 10005",
         ),
         # the strip
-        ("strip.width_mm = 30", "strip.measured_cutoff_hz is missing"),
-        ("strip = {edge = 'clamped', measured_cutoff_hz = 9}", "only; got edge = clamped"),
-        ("strip.measured_cutoff_hz = 5000", "strip, 1926.031369 Hz, and below that of the clamped"),
-        ("strip.measured_cutoff_hz = 5000", "the clamped one, 4366.096943 Hz, got 5000"),
+        ("strip = {edge = 'clamped', edge_stiffness_n = 9}", "only; got edge = clamped"),
+        (CUTOFF.format(5000), "above 1926.03 Hz (simply supported) and below 4366.1 Hz (clamped);"),
+        (
+            CUTOFF.format(5000),
+            "got 5000: clamped, 5000 Hz fits 0.573 mm of thickness or 23.4 mm of",
+        ),
+        (CUTOFF.format(1000), "; got 1000: simply supported, 1000 Hz fits 0.26 mm of thickness or"),
+        (CUTOFF.format(1000), "or 34.7 mm of width; you have 0.5 mm and 25 mm"),
+        # what is known of another plate than the paper's
+        (THIN, "strip needs material (or youngs_modulus_gpa, poisson_ratio and density_kg_m3), as"),
+        (THIN, "; [[actuator]] is missing, one with side = left and one with side = right"),
+        ("strip.width_mm = 30", ", measured_cutoff_hz (or another edge), as it is not the paper's"),
+        ("strip.youngs_modulus_gpa = 70", "needs poisson_ratio, density_kg_m3, measured_cutoff_hz"),
+        ("strip.material = 'steel'", "strip needs measured_cutoff_hz (or another edge), as"),
+        (METAL.format("steel") + array(), "strip.material and density_kg_m3 exclude each other"),
+        ("strip.material = 'steal'", "strip.material must be one of aluminium, steel, stainless,"),
+        ("strip.material = 'Aluminum'", "; got 'Aluminum', did you mean aluminium?"),
+        ("strip = {edge = 'clamped', measured_by = 'me'}", "measured_cutoff_hz is missing; measu"),
+        (array(", measured_on = 2026-05-04"), "measured_displacement_um is missing; measured_on"),
+        ("strip.measured_by = ' '", "strip.measured_by"),
         ("strip.edge = 'elastic'", "strip.edge_stiffness_n is missing"),
         # where the actuators lie
         (array(", y_mm = 5"), "from y = 0 mm to 25 mm; got a disc from -1.4 mm to 11.4 mm"),

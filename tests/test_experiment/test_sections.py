@@ -35,6 +35,7 @@ LAYERS = {
     "carrier_youngs_modulus_gpa": 105.0,
     "carrier_poisson_ratio": 0.35,
 }
+METAL = {"youngs_modulus_gpa": 200.0, "poisson_ratio": 0.3, "density_kg_m3": 7900.0}
 ALL_ANSWERS = ["left", "right", "both", "none"]
 
 
@@ -52,7 +53,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         samples = np.array([0.0, 1.0, 0.0], dtype="<f8").tobytes()
         return {"name": "a", "file": "a", "samples_base64": base64.b64encode(samples).decode()}
     others: dict[str, dict[str, Any]] = {
-        "strip": {"edge": "elastic", "edge_stiffness_n": 100.0},
+        "strip": {"edge": "elastic", "edge_stiffness_n": 100.0} | METAL,
         "condition": {"name": "a"},
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
         "masking": {"max_level_dba": 0.0},

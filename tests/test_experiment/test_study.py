@@ -311,7 +311,7 @@ def test_actuators_are_listed_left_first_then_the_others_along_the_strip() -> No
 
 
 def test_an_actuator_without_y_lies_on_the_centre_line() -> None:
-    plate = "[strip]\nwidth_mm = 28\nmeasured_cutoff_hz = 2500\n"
+    plate = '[strip]\nwidth_mm = 28\nmaterial = "aluminium"\nmeasured_cutoff_hz = 2500\n'
     left, right = read(plate + discs("y_mm = 10\n")).actuators
     assert (left.y_m, right.y_m) == (0.01, 0.014)
 

@@ -1,7 +1,8 @@
+from .actuator import MEASURED_KEYS, PIEZO_KEYS, SIDES, Actuator, paper_actuators
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import DeviceSettings, Masking
-from .plate import SIDES, Actuator, Plate, is_papers_plate, paper_actuators
+from .plate import PAPER_CUTOFF_HZ, Plate, is_papers_plate
 from .presentation import Keys, Screen, Texts
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
@@ -19,7 +20,10 @@ __all__ = [
     "ASSUMED_ANSWER_S",
     "EARLIEST_ANSWER_S",
     "LEAST_LEVEL_VPP",
+    "MEASURED_KEYS",
+    "PAPER_CUTOFF_HZ",
     "PAPER_THRESHOLD_UM",
+    "PIEZO_KEYS",
     "SIDES",
     "THRESHOLD_VPP",
     "About",

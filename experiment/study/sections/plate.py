@@ -1,17 +1,17 @@
-"""The sections [strip] and [[actuator]] of study.toml: the plate and what moves it."""
+"""The section [strip] of study.toml: the plate, and which of them is the paper's."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from datetime import date
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.table import ASKED_FOR, refuse_incomplete, section
-from experiment.terms.checks import NAME, NAME_RULE, is_line, require_known
+from experiment.study.sections.table import ASKED_FOR, section
+from experiment.terms.checks import is_line, require_known
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
@@ -20,17 +20,9 @@ from stimuli import (
     ElasticEdge,
     IdealEdge,
     Material,
-    MeasuredDisplacement,
-    PiezoLayers,
     Strip,
 )
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-Side = Literal["left", "right", "other"]
-SIDES: Final[tuple[str, ...]] = get_args(Side)
-Shape = Literal["disc", "rectangle", "motor"]
 MaterialName = Literal[
     "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "pmma",
     "polycarbonate",
@@ -86,10 +78,8 @@ def refuse_orphans(values: object, measured: str) -> None:
 
 # Wide ranges, but not so wide that metres pass for millimetres or pascals for gigapascals.
 _Length = Annotated[float, Field(ge=1, le=1e6)]
-_Line = Annotated[str, AfterValidator(one_line)]
-_Layer = Annotated[float, Field(gt=1e-6, le=100)]
-_Modulus = Annotated[float, Field(ge=1e-6, le=2000)]
-_LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
+Line = Annotated[str, AfterValidator(one_line)]
+Modulus = Annotated[float, Field(ge=1e-6, le=2000)]
 
 
 @section
@@ -99,10 +89,8 @@ class Plate:
     width_mm: _Length = Field(default=25.0, description="between the held edges")
     length_mm: _Length | Literal["endless"] = Field(default=200.0, description='or "endless"')
     thickness_mm: float = Field(default=0.5, gt=0.005, le=1e3)
-    material: MaterialName | None = Field(
-        default=None, description="or these three; the paper's plate has the paper's"
-    )
-    youngs_modulus_gpa: _Modulus | None = None
+    material: MaterialName | None = Field(default=None, description="or")
+    youngs_modulus_gpa: Modulus | None = None
     poisson_ratio: float | None = Field(default=None, ge=-0.999, lt=0.5)
     density_kg_m3: float | None = Field(default=None, ge=10, le=1e5)
     loss_factor: float = Field(
@@ -118,8 +106,8 @@ class Plate:
     measured_cutoff_hz: float | None = Field(
         default=None, gt=0, description="first cut-off; with another edge a record to compare"
     )
-    measured_by: _Line | None = Field(default=None, description="who measured the cut-off")
-    measured_on: _Line | None = Field(default=None, description="and when, such as 2026-05-04")
+    measured_by: Line | None = Field(default=None, description="who measured the cut-off")
+    measured_on: Line | None = Field(default=None, description="and when, such as 2026-05-04")
     edge_stiffness_n: float | None = Field(
         default=None, gt=0, description="N m per rad per m of edge; with edge = elastic"
     )
@@ -240,202 +228,3 @@ class Plate:
             f"{self.width_mm / ratio**0.5:.3g} mm of width; you have {self.thickness_mm:g} mm and "
             f"{self.width_mm:g} mm"
         )
-
-
-MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
-PIEZO_KEYS: Final = (
-    "piezo_thickness_mm",
-    "piezo_youngs_modulus_gpa",
-    "piezo_poisson_ratio",
-    "piezo_d31_pm_v",
-)
-CARRIER_KEYS: Final = (
-    "carrier_thickness_mm",
-    "carrier_youngs_modulus_gpa",
-    "carrier_poisson_ratio",
-)
-_SIZES: Final[dict[Shape, tuple[str, ...]]] = {
-    "disc": ("diameter_mm",),
-    "rectangle": ("length_x_mm", "length_y_mm"),
-    "motor": ("length_x_mm", "length_y_mm"),
-}
-
-
-@section
-class Actuator:
-    """A patch or a motor under the strip, and the finger above it.
-
-    One is left, one is right; those that are never driven in a session are other.
-    """
-
-    side: Side = Field(description="as the participant sees it")
-    name: str | None = Field(default=None, description="of one whose side is other")
-    shape: Shape = Field(default="disc", description="motor: over its contact")
-    x_mm: float = Field(description="centre along the strip, from its middle, right positive")
-    y_mm: float = Field(description="centre across, from one edge; default the middle")
-    diameter_mm: float | None = Field(default=None, gt=0, description="of a disc")
-    length_x_mm: float | None = Field(
-        default=None, gt=0, description="of a rectangle or motor, along the strip"
-    )
-    length_y_mm: float | None = Field(
-        default=None, gt=0, description="of a rectangle or motor, across the strip"
-    )
-    finger_diameter_mm: float = Field(
-        default=10.0, gt=0, le=50, description="contact of the fingertip above it"
-    )
-    measured_displacement_um: float | None = Field(
-        default=None, gt=0, le=1e6, description="amplitude at its centre, as measured"
-    )
-    measured_at_vpp: float | None = Field(
-        default=None, gt=0, le=1e5, description="... with a sine of this level"
-    )
-    measured_at_hz: float | None = Field(
-        default=None, gt=0, le=1e6, description="... and of this frequency"
-    )
-    measured_by: _Line | None = Field(default=None, description="... by whom")
-    measured_on: _Line | None = Field(default=None, description="... and when")
-    piezo_thickness_mm: _Layer | None = Field(
-        default=None, description="or its layers: displacements are predicted"
-    )
-    piezo_youngs_modulus_gpa: _Modulus | None = Field(default=None, description="1 / s11E")
-    piezo_poisson_ratio: _LayerRatio | None = Field(default=None, description="-s12E / s11E")
-    piezo_d31_pm_v: float | None = Field(
-        default=None, ge=-1e6, le=1e6, description="strain per field in its plane"
-    )
-    carrier_thickness_mm: float | None = Field(
-        default=None, gt=0, le=100, description="metal between piezo and plate, if any"
-    )
-    carrier_youngs_modulus_gpa: _Modulus | None = None
-    carrier_poisson_ratio: _LayerRatio | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _date(cls, given: Any) -> Any:
-        return ArgsKwargs((), dated(given.kwargs)) if isinstance(given, ArgsKwargs) else given
-
-    def __post_init__(self) -> None:
-        self._check_name()
-        for key in ("diameter_mm", "length_x_mm", "length_y_mm"):
-            given = getattr(self, key) is not None
-            if given and key not in _SIZES[self.shape]:
-                shapes = " or ".join(shape for shape, keys in _SIZES.items() if key in keys)
-                raise ValueError(f"{key} is for shape = {shapes} only; got shape = {self.shape}")
-            if not given and key in _SIZES[self.shape]:
-                raise ValueError(f"{key} is missing; got shape = {self.shape}")
-        self._check_basis()
-
-    def _check_name(self) -> None:
-        if (self.name is not None) != (self.side == "other"):
-            raise ValueError(
-                f"name must be given where side is other, and only there; got {self.name!r} where "
-                f"side is {self.side}"
-            )
-        if self.name is not None and (not NAME.fullmatch(self.name) or self.name in SIDES):
-            raise ValueError(f"name must be {NAME_RULE} and no side; got {self.name!r}")
-
-    def _check_basis(self) -> None:
-        """Refuse half a basis, two, or one that the shape cannot have."""
-        basis = refuse_incomplete(self, MEASURED_KEYS, PIEZO_KEYS)
-        refuse_orphans(self, MEASURED_KEYS[0])
-        carrier = refuse_incomplete(self, CARRIER_KEYS)
-        if carrier is not None and basis != PIEZO_KEYS[0]:
-            raise ValueError(f"{PIEZO_KEYS[0]} is missing; {carrier} needs it")
-        if self.shape == "motor" and basis == PIEZO_KEYS[0]:
-            raise ValueError(f"{basis} is for patches only; got shape = motor")
-        if self.piezo_d31_pm_v == 0:
-            raise ValueError("piezo_d31_pm_v must not be 0; got 0")
-
-    @property
-    def label(self) -> str:
-        """What it is called: its side, or its name."""
-        return self.name or self.side
-
-    @property
-    def x_m(self) -> float:
-        """Place of its centre along the strip, from the middle, positive to the right."""
-        return self.x_mm / 1e3
-
-    @property
-    def y_m(self) -> float:
-        """Place of its centre across the strip, from one edge."""
-        return self.y_mm / 1e3
-
-    @property
-    def diameter_m(self) -> float | None:
-        """Diameter of a disc, else none."""
-        return None if self.diameter_mm is None else self.diameter_mm / 1e3
-
-    @property
-    def length_x_m(self) -> float | None:
-        """Side of a rectangle or of a motor's contact along the strip, else none."""
-        return None if self.length_x_mm is None else self.length_x_mm / 1e3
-
-    @property
-    def length_y_m(self) -> float | None:
-        """Side of a rectangle or of a motor's contact across the strip, else none."""
-        return None if self.length_y_mm is None else self.length_y_mm / 1e3
-
-    @property
-    def finger_diameter_m(self) -> float:
-        """Contact of the fingertip above it."""
-        return self.finger_diameter_mm / 1e3
-
-    @property
-    def span_x_m(self) -> tuple[float, float]:
-        """Where the patch begins and ends along the strip."""
-        return _span_m(self.x_m, self.diameter_m or self.length_x_m)
-
-    @property
-    def span_y_m(self) -> tuple[float, float]:
-        """Where the patch begins and ends across the strip."""
-        return _span_m(self.y_m, self.diameter_m or self.length_y_m)
-
-    @cached_property
-    def basis(self) -> MeasuredDisplacement | PiezoLayers | None:
-        """What is known of its displacement per volt."""
-        if self.measured_displacement_um is not None:
-            displacement_um, level_vpp, frequency_hz = self._given(MEASURED_KEYS)
-            return MeasuredDisplacement(
-                displacement_m=displacement_um / 1e6, level_vpp=level_vpp, frequency_hz=frequency_hz
-            )
-        if self.piezo_thickness_mm is None:
-            return None
-        thickness_mm, modulus_gpa, poisson_ratio, d31_pm_v = self._given(PIEZO_KEYS)
-        layers = PiezoLayers(
-            thickness_m=thickness_mm / 1e3,
-            youngs_modulus_pa=modulus_gpa * 1e9,
-            poisson_ratio=poisson_ratio,
-            d31_m_v=d31_pm_v / 1e12,
-        )
-        if self.carrier_thickness_mm is None:
-            return layers
-        carrier_mm, carrier_gpa, carrier_ratio = self._given(CARRIER_KEYS)
-        return replace(
-            layers,
-            carrier_thickness_m=carrier_mm / 1e3,
-            carrier_youngs_modulus_pa=carrier_gpa * 1e9,
-            carrier_poisson_ratio=carrier_ratio,
-        )
-
-    def _given(self, keys: Iterable[str]) -> list[float]:
-        return [getattr(self, key) for key in keys]
-
-
-def _span_m(centre_m: float, length_m: float | None) -> tuple[float, float]:
-    half_m = (length_m or 0.0) / 2
-    return centre_m - half_m, centre_m + half_m
-
-
-def paper_actuators() -> list[dict[str, Any]]:
-    """Return the paper's discs: 2.6 um of amplitude at 100 Vpp and 300 Hz (section III-B)."""
-    return [
-        {
-            "side": side,
-            "x_mm": x_mm,
-            "diameter_mm": 12.8,
-            "measured_displacement_um": 2.6,
-            "measured_at_vpp": 100.0,
-            "measured_at_hz": 300.0,
-        }
-        for side, x_mm in (("left", -35.0), ("right", 35.0))
-    ]

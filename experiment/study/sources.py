@@ -1,0 +1,284 @@
+"""Where every number of a study is from: the paper, the lab, a handbook, or nobody but us."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from experiment.study.sections.actuator import MEASURED_KEYS, PIEZO_KEYS, paper_actuators
+from experiment.study.sections.plate import PAPER_CUTOFF_HZ, Plate
+from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
+from experiment.study.sections.table import file_keys
+from stimuli import MATERIALS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from experiment.study.sections.actuator import Actuator
+    from experiment.study.study import Study
+
+Origin = Literal["paper", "yours", "measured", "handbook", "computed", "assumed"]
+
+_MATERIAL_KEYS: Final = ("youngs_modulus_gpa", "poisson_ratio", "density_kg_m3")
+# What the paper states of its experiment. All other values that a study leaves out are ours.
+_OF_THE_PAPER: Final = frozenset(
+    (
+        "burst.frequency_hz",
+        "burst.cycles",
+        "design.levels_vpp",
+        "design.trials_per_side",
+        "design.both_trials",
+    )
+)
+
+
+_FILLED_IN: Final = {
+    "simulation.threshold_um": PAPER_THRESHOLD_UM,
+    "simulation.threshold_vpp": THRESHOLD_VPP,
+}
+"""Defaults that another section decides on."""
+
+_WHOSE: Final = {"paper": "the paper's", "yours": "yours", "assumed": "assumed by tactstrip"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A number of a study by its key in the file, and where it is from."""
+
+    key: str
+    value: Any  # a number, several, or a word that stands for some
+    origin: Origin
+    words: str
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The same to other programs."""
+        return {"value": self.value, "source": self.origin, "words": self.words}
+
+
+def study_sources(study: Study) -> tuple[Source, ...]:
+    """Return the source of every number of a study, in the order of its sections.
+
+    A study that is read again from its plan has all its keys, so a number that is the paper's is
+    told by its value: a lab that writes what the paper states of its plate has the paper's plate.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+
+    Examples
+    --------
+    >>> from experiment.study.read import paper_study
+    >>> found = {one.key: one for one in study_sources(paper_study())}
+    >>> found["strip.measured_cutoff_hz"].words
+    'measured by the paper (figure 4)'
+    >>> found["strip.loss_factor"].origin, found["design.levels_vpp"].origin
+    ('assumed', 'paper')
+    """
+    found = [*plate_sources(study)]
+    for name, table in study.sections().items():
+        if name not in {"strip", "actuator"}:
+            tables = table if isinstance(table, tuple) else (table,)
+            for place, one in enumerate(tables):
+                path = f"{name}[{place}]" if isinstance(table, tuple) else name
+                found += _plain(path, one, study.burst if name == "condition" else None)
+    return tuple(found)
+
+
+def plate_sources(study: Study) -> tuple[Source, ...]:
+    r"""Return the sources of the numbers of the plate and of what moves it.
+
+    >>> from experiment.study.read import study_from_text
+    >>> study = study_from_text("[strip]\nmeasured_cutoff_hz = 2500", "s.toml")
+    >>> [one.words for one in plate_sources(study) if one.key == "strip.measured_cutoff_hz"]
+    ['measured (by: not stated; on: not stated)']
+    """
+    found = list(_strip(study.plate))
+    for place, actuator in enumerate(study.actuators):
+        path = f"actuator[{place}]"
+        papers = _is_the_papers(study, actuator)
+        stated: tuple[Origin, str] = ("paper", "the paper's") if papers else ("yours", "yours")
+        for key in ("x_mm", "y_mm", "diameter_mm", "length_x_mm", "length_y_mm"):
+            value = getattr(actuator, key)
+            if value is not None:
+                found.append(_source(f"{path}.{key}", value, *stated))
+        found.append(_default(f"{path}.finger_diameter_mm", actuator.finger_diameter_mm, 10.0))
+        displacement = displacement_source(study, place)
+        found += [displacement] if displacement else []
+    return tuple(found)
+
+
+def plate_words(plate: Plate) -> str:
+    """Say where a plate's sizes and material are from.
+
+    >>> from experiment.study.read import paper_study
+    >>> plate_words(paper_study().plate)
+    "sizes: the paper's; material: the paper's (section II-B)"
+    """
+    sources = {one.key.removeprefix("strip."): one for one in _strip(plate)}
+    sizes = {name: sources[f"{name}_mm"].words for name in ("width", "length", "thickness")}
+    told = ", ".join(f"{name} {words}" for name, words in sizes.items())
+    if len(set(sizes.values())) == 1:
+        told = sizes["width"]
+    if plate.material is not None:
+        return f"sizes: {told}; material: {plate.material}, {sources['material'].words}"
+    return f"sizes: {told}; material: {sources['youngs_modulus_gpa'].words}"
+
+
+def words_of_the_others(study: Study) -> str:
+    """Count whose the numbers are that are not of the plate.
+
+    >>> from experiment.study.read import paper_study
+    >>> words_of_the_others(paper_study()).split(", ")[:2]
+    ["5 the paper's", '0 yours']
+    """
+    origins: list[str] = [
+        one.origin
+        for one in study_sources(study)
+        if not one.key.startswith(("strip.", "actuator["))
+    ]
+    return ", ".join(f"{origins.count(origin)} {words}" for origin, words in _WHOSE.items())
+
+
+def measured_beside(plate: Plate) -> tuple[float, list[str]] | None:
+    """Compare a cut-off that was measured, and is no part of the model, with the model's.
+
+    Returns by which part it lies above, and what to say of it; none where there is none.
+    """
+    measured_hz = plate.measured_cutoff_hz
+    if measured_hz is None or plate.edge == "measured-cutoff":
+        return None
+    computed_hz = plate.strip.cutoff_hz()
+    off = measured_hz / computed_hz - 1
+    side = "above" if off > 0 else "below"
+    words = cutoff_source(plate).words
+    told = [f"{measured_hz:g} Hz, {words}: {abs(off):.1%} {side} the computed one"]
+    if plate.edge != "elastic" and abs(off) > _NEAR:
+        edges = plate.edge.replace("-", " ")
+        told.append(f"{edges}, {measured_hz:g} Hz {plate.fitting(computed_hz, measured_hz)}")
+    return off, told
+
+
+_NEAR: Final = 0.02
+"""A cut-off that is off by more says that a size or an edge is not as stated."""
+
+
+def displacement_source(study: Study, place: int) -> Source | None:
+    """Return where the displacement per volt of an actuator is from; none where it is not known."""
+    actuator = study.actuators[place]
+    path = f"actuator[{place}]"
+    if actuator.measured_displacement_um is None:
+        if actuator.piezo_thickness_mm is None:
+            return None
+        layers = [getattr(actuator, key) for key in PIEZO_KEYS]
+        return _source(f"{path}.piezo", layers, "computed", "computed from its layers, yours")
+    um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
+    key = f"{path}.{MEASURED_KEYS[0]}"
+    at = f"{um:g} um at {vpp:g} Vpp and {hz:g} Hz"
+    if _is_the_papers(study, actuator):
+        where = "" if _is_as_measured(study.plate) else ", on its own plate, not on this one"
+        return _source(key, um, "paper", f"{at}, measured by the paper (section III-B){where}")
+    return _source(key, um, "measured", f"{at}, {_measured(actuator)}")
+
+
+def _strip(plate: Plate) -> Iterator[Source]:
+    for key in ("width_mm", "length_mm", "thickness_mm"):
+        value = getattr(plate, key)
+        papers = value == file_keys(Plate)[key].default
+        yield _source(f"strip.{key}", value, *(_PAPERS if papers else _YOURS))
+    if plate.material is not None:
+        words = f"handbook: {MATERIALS[plate.material].source}"
+        yield _source("strip.material", plate.material, "handbook", words)
+    for key in _MATERIAL_KEYS if plate.material is None else ():
+        value = getattr(plate, key)
+        if plate.is_the_papers:
+            yield _source(f"strip.{key}", value, "paper", "the paper's (section II-B)")
+        else:
+            yield _source(f"strip.{key}", value, *_YOURS)
+    yield from _loss(plate)
+    if plate.edge_stiffness_n is not None:
+        yield _source("strip.edge_stiffness_n", plate.edge_stiffness_n, *_YOURS)
+    if plate.measured_cutoff_hz is not None:
+        yield cutoff_source(plate)
+
+
+def _loss(plate: Plate) -> Iterator[Source]:
+    for key in ("loss_factor", "viscous_time_us"):
+        value = getattr(plate, key)
+        if value:
+            yield _source(f"strip.{key}", value, *_YOURS)
+    if not (plate.loss_factor or plate.viscous_time_us):
+        words = "none is stated: assumed values, see the displacements"
+        if plate.length_mm == "endless":
+            words = "none is stated: 0 on an endless plate"
+        yield _source("strip.loss_factor", plate.loss_factor, "assumed", words)
+
+
+def cutoff_source(plate: Plate) -> Source:
+    """Return where a plate's measured cut-off is from; without one it is computed."""
+    key, value = "strip.measured_cutoff_hz", plate.measured_cutoff_hz
+    if value is None:
+        edges = plate.edge.replace("simply-", "simply ")
+        words = f"computed from {edges} edges"
+        return _source(key, plate.strip.cutoff_hz(), "computed", words)
+    if plate.is_the_papers and value == PAPER_CUTOFF_HZ and plate.measured_by is None:
+        return _source(key, value, "paper", "measured by the paper (figure 4)")
+    return _source(key, value, "measured", _measured(plate))
+
+
+def _measured(one: Plate | Actuator) -> str:
+    by, on = one.measured_by or "not stated", one.measured_on or "not stated"
+    return f"measured (by: {by}; on: {on})"
+
+
+def _is_the_papers(study: Study, actuator: Actuator) -> bool:
+    """Tell whether an actuator is a disc of the paper, on its plate and where it was."""
+    return (
+        study.plate.is_the_papers
+        and actuator.measured_by is None
+        and any(
+            all(getattr(actuator, key) == value for key, value in disc.items())
+            and actuator.y_mm == study.plate.width_mm / 2
+            for disc in paper_actuators()
+        )
+    )
+
+
+def _is_as_measured(plate: Plate) -> bool:
+    """Tell whether the paper's plate has the edges and the length that it was measured with."""
+    return (
+        plate.edge == "measured-cutoff"
+        and plate.measured_cutoff_hz == PAPER_CUTOFF_HZ
+        and plate.length_mm == file_keys(Plate)["length_mm"].default
+    )
+
+
+_PAPERS: Final[tuple[Origin, str]] = ("paper", "the paper's")
+_YOURS: Final[tuple[Origin, str]] = ("yours", "yours")
+_ASSUMED: Final[tuple[Origin, str]] = ("assumed", "assumed by tactstrip")
+
+
+def _source(key: str, value: Any, origin: Origin, words: str) -> Source:
+    return Source(key=key, value=value, origin=origin, words=words)
+
+
+def _default(key: str, value: Any, default: Any) -> Source:
+    """Tell a number that a study may have left out; of the others only the lab can know."""
+    if value != default:
+        return _source(key, value, *_YOURS)
+    return _source(key, value, *(_PAPERS if key in _OF_THE_PAPER else _ASSUMED))
+
+
+def _plain(path: str, table: object, shared: object | None) -> Iterator[Source]:
+    """Go through a section's numbers; those of a condition may be those of [burst]."""
+    for key, field in file_keys(type(table)).items():
+        value = getattr(table, key, None)
+        first = value[0] if isinstance(value, tuple) and value else value
+        if isinstance(first, bool) or not isinstance(first, int | float):
+            continue
+        if shared is None:
+            default = field.get_default(call_default_factory=True)
+            yield _default(f"{path}.{key}", value, _FILLED_IN.get(f"{path}.{key}", default))
+        elif value != getattr(shared, key, None):
+            yield _source(f"{path}.{key}", value, *_YOURS)
