@@ -283,7 +283,7 @@ def displacements(text: str) -> dict[str, dict[str, Any]]:
 @pytest.mark.slow
 def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
     assert re.search(
-        r"  left +5\.\d+ um, from the paper's measurement; 0\.\d+ um, -\d+\.\d dB at the right finger",
+        r"  left +5\.\d+ um, from the paper's measurement; 0\.\d+ um, -\d+\.\d dB at the right ",
         checked("").stdout,
     )
     left = displacements("")["left"]

@@ -266,6 +266,23 @@ def test_a_study_survives_its_canonical_text(
     assert study.design.trials == 2 * trials + 5 + blanks
 
 
+def test_a_named_material_survives_its_canonical_text() -> None:
+    text = discs().replace("12.8", "9")
+    study = read(f'[strip]\nmaterial = "steel"\nedge = "clamped"\n{text}')
+    assert study_from_canonical(study.canonical) == study
+    assert study.strip.material.density_kg_m3 == 7850
+    assert study.plate.youngs_modulus_gpa is None
+
+
+@pytest.mark.parametrize("keys", ["length_mm = 150", "loss_factor = 0.01", 'edge = "clamped"'])
+def test_the_papers_plate_is_its_width_its_thickness_and_its_material(keys: str) -> None:
+    stated = "width_mm = 25\nthickness_mm = 0.5\ndensity_kg_m3 = 2700\n"
+    study = read(f"[strip]\n{stated}{keys}\n")
+    assert study == read(f"[strip]\n{keys}\n")
+    assert study.actuators == paper_study().actuators
+    assert study.plate.is_the_papers
+
+
 def test_canonical_text_is_sorted_json_of_every_key_without_white_space() -> None:
     text = read(discs()).canonical
     tables = json.loads(text)
