@@ -6,28 +6,39 @@ import json
 import textwrap
 from pathlib import Path
 from types import UnionType
-from typing import Any, Final, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_origin
 
 import click
 
+from experiment.commands.plate import QUESTIONS, completed, fit_study, plate_options
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
 
+if TYPE_CHECKING:
+    from experiment.preview.check import ConditionCheck
+    from experiment.study.study import Study
+
+_RECOMMENDED: Final = {
+    "blank_trials": 60,
+    "practice_trials": 10,
+    "order": "balanced",
+    "responses": ["left", "right", "both", "none"],
+    "break_every": 43,
+}
 _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     "paper": {},
     "recommended": {
         "study": {"name": "recommended"},
         "burst": {"window": "hann"},
-        "design": {
-            "blank_trials": 60,
-            "practice_trials": 10,
-            "order": "balanced",
-            "responses": ["left", "right", "both", "none"],
-            "break_every": 43,
-        },
+        "design": _RECOMMENDED,
     },
 }
-PRESETS: Final = tuple(_OVERRIDES)
+PLATE: Final = "plate"
+_OF_A_PLATE: Final[dict[str, Any]] = {
+    "study": {"name": PLATE},
+    "design": _RECOMMENDED | {"levels_vpp": [40.0, 80.0, 120.0, 160.0, 200.0]},
+}
+PRESETS: Final = (*_OVERRIDES, PLATE)
 _INTRODUCTIONS: Final = {
     "paper": (
         "The protocol of A. Ben Dhiab and C. Hudin, 'Confinement of Vibrotactile Stimuli in Narrow "
@@ -40,13 +51,20 @@ _INTRODUCTIONS: Final = {
         "'none' as an answer and 60 blank trials to measure guesses, a Hann window to confine the "
         "burst, practice before the first block."
     ),
+    PLATE: (
+        "A plate of your own, with the design that we recommend. Without a measured displacement "
+        "or the layers of an actuator no micrometres are known. The burst is the first of those "
+        "tried that is fit for the plate, if any is."
+    ),
 }
+_PLACED: Final = (
+    "Place each participant's own afterwards, in a file with levels_vpp = [...], and give it with "
+    "`tactstrip run --levels FILE`."
+)
 _LEVELS: Final = {
     "paper": "",
-    "recommended": (
-        "The levels below are for a pilot session. Place each participant's own afterwards, in a "
-        "file with levels_vpp = [...], and give it with `tactstrip run --levels FILE`."
-    ),
+    "recommended": f"The levels below are for a pilot session. {_PLACED}",
+    PLATE: f"The levels are assumed: they and ceiling_vpp must suit your actuators. {_PLACED}",
 }
 _CONDITIONS: Final = """\
 # To compare stimuli, list conditions; each runs the whole design. What one leaves out is taken from
@@ -74,8 +92,11 @@ def write_study_text(preset: str) -> str:
     """
     from experiment.study.study import Study
 
-    require_word("preset", preset, PRESETS)
-    study = Study(**_OVERRIDES[preset])
+    require_word("preset", preset, _OVERRIDES)
+    return _text(Study(**_OVERRIDES[preset]), preset)
+
+
+def _text(study: Study, preset: str) -> str:
     sections = [_comment(_INTRODUCTIONS[preset])]
     for name, table in study.sections().items():
         if name == "condition":
@@ -151,6 +172,19 @@ def _toml(value: object) -> str:
     return json.dumps(value)
 
 
+def _told(study: Study, found: ConditionCheck | None) -> None:
+    from experiment.trial.draw import block_words
+
+    if found is not None:
+        cycles = "1 cycle" if study.burst.cycles == 1 else f"{study.burst.cycles} cycles"
+        burst = f"{cycles} of {study.burst.frequency_hz:g} Hz, hann window"
+        click.echo(f"burst   {'; '.join((f'{burst}: {found.verdict}', *found.reasons))}")
+        if found.verdict == "unfit":
+            click.echo("        so are all others tried, of 200 to 500 Hz and 1 to 3 cycles")
+    for heading, words in zip(("blocks", ""), block_words(study.design), strict=False):
+        click.echo(f"{heading:8}{words}")
+
+
 @click.command()
 @click.argument(
     "file", metavar="[FILE]", type=click.Path(path_type=Path), default=Path("study.toml")
@@ -160,21 +194,36 @@ def _toml(value: object) -> str:
     type=click.Choice(PRESETS),
     default="paper",
     show_default=True,
-    help="The paper's protocol, or the one we recommend.",
+    help="The paper's, what we recommend, or that on a plate of your own.",
 )
+@plate_options
 @refusals
-def init(*, file: Path, preset: str) -> None:
-    """Write a commented study file, study.toml by default; an existing one is left alone."""
-    from experiment.archive.files import write_atomically
+def init(*, file: Path, preset: str, **given: Any) -> None:
+    """Write a commented study file, study.toml by default; an existing one is left alone.
 
-    text = write_study_text(preset)
+    A plate of your own is described by the options from --width-mm on; on a terminal those left out
+    are asked for. What was measured, and a material without a name here, belong into the file.
+    """
+    from experiment.archive.files import write_atomically
+    from experiment.study.study import Study
+
+    stated = [option for key, (option, *_) in QUESTIONS.items() if given[key]]
+    if stated and preset != PLATE:
+        raise CommandError(f"{stated[0]} needs --preset plate")
+    if file.exists() or file.is_symlink():
+        raise CommandError(f"{file} exists and is left as it is; name another file")
+    if not file.parent.is_dir():
+        raise CommandError(f"{file}: No such file or directory")
+    found = None
+    if preset == PLATE:
+        study, found = fit_study(completed(given), _OF_A_PLATE)
+    else:
+        study = Study(**_OVERRIDES[preset])
+    file.open("x").close()
     try:
-        file.open("x").close()
-    except FileExistsError as error:
-        raise CommandError(f"{file} exists and is left as it is; name another file") from error
-    try:
-        write_atomically(file, text)
+        write_atomically(file, _text(study, preset))
     except OSError:
         file.unlink(missing_ok=True)
         raise
     click.echo(f"{file} holds the {preset} preset; next: tactstrip check {file}")
+    _told(study, found)

@@ -1,4 +1,4 @@
-from .check import StudyCheck, check_study, require_fit, require_mock_suitable
+from .check import ConditionCheck, StudyCheck, check_study, require_fit, require_mock_suitable
 from .check_report import check_findings
 from .device import DeviceCheck, check_device, device_findings, machine_findings, machine_lacks
 from .field import PlateBand, PlateMap, plate_band, plate_map
@@ -7,6 +7,7 @@ from .field_report import field_csv, field_text
 from .plate import plate_of
 
 __all__ = [
+    "ConditionCheck",
     "DeviceCheck",
     "PlateBand",
     "PlateMap",

@@ -2,7 +2,7 @@ from .actuator import MEASURED_KEYS, PIEZO_KEYS, SIDES, Actuator, paper_actuator
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import DeviceSettings, Masking
-from .plate import PAPER_CUTOFF_HZ, Plate, is_papers_plate
+from .plate import PAPER_CUTOFF_HZ, MaterialName, Plate, is_papers_plate
 from .presentation import Keys, Screen, Texts
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
@@ -35,6 +35,7 @@ __all__ = [
     "FromTable",
     "Keys",
     "Masking",
+    "MaterialName",
     "ParticipantColumn",
     "Participants",
     "Plate",

@@ -1,0 +1,204 @@
+"""A lab's own plate for `tactstrip init`: options, questions, a burst that is fit for it."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from typing import TYPE_CHECKING, Any, Final, get_args
+
+import click
+
+from experiment.commands.options import on_terminal
+from experiment.terms.checks import require_word
+from experiment.terms.exits import CommandError
+
+if TYPE_CHECKING:
+    from experiment.preview.check import ConditionCheck
+    from experiment.study.study import Study
+
+
+_EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
+# What describes a plate, by the keys of [strip], in the order of the questions: the option, how it
+# is asked for, what its help adds. A range stands with its key alone; a refusal names the option.
+QUESTIONS: Final = {
+    "width_mm": ("--width-mm", "Width between the held edges, in mm", ""),
+    "thickness_mm": ("--thickness-mm", "Thickness, in mm", ""),
+    "length_mm": ("--length-mm", "Length, in mm, or endless", ""),
+    "material": ("--material", "Material", ": steel, aluminium, glass, ..."),
+    "edge": ("--edge", f"Edges: {', '.join(_EDGES)}", "; elastic is for the file"),
+    "measured_cutoff_hz": (
+        "--cutoff-hz", "First cut-off as measured, in Hz", "; alone it is the edge, too"
+    ),
+    "actuator": (
+        "--actuator",
+        "Actuators, in mm: disc:DIAMETER@X or rectangle:ALONGxACROSS@X, one at -X and one at X",
+        ", such as disc:12.8@35. Or motor:ALONGxACROSS@X. Twice: each at its own X, left and right",
+    ),
+}  # fmt: skip
+_ANY_PLATE: Final = {
+    "width_mm": "25", "thickness_mm": "0.5", "length_mm": "200", "material": "steel",
+    "edge": "clamped", "actuator": ("disc:0.01@0.1",),
+}  # fmt: skip
+"""What an answer is tried with while the others are not known yet."""
+_LAST: Final = ("edge", "measured_cutoff_hz", "actuator")
+_ACTUATOR: Final = re.compile(
+    r"(?P<shape>disc|rectangle|motor):(?P<size>[^x@]+)(x(?P<across>[^x@]+))?@(?P<place>[^x@]+)"
+)
+_BURSTS: Final = tuple(itertools.product((500.0, 400.0, 300.0, 250.0, 200.0), (1, 2, 3)))
+"""What is tried on a plate: frequencies in Hz that are felt well, cycles under a Hann window."""
+
+
+def fit_study(known: dict[str, Any], others: dict[str, Any]) -> tuple[Study, ConditionCheck]:
+    """Return a study with the first burst that is fit for the plate; with the first if none is.
+
+    Parameters
+    ----------
+    known : dict
+        The plate as it was typed, by the keys of `QUESTIONS`.
+    others : dict
+        The other sections of the study.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or two do not go together; the message names the options.
+    """
+    from experiment.preview.check import check_study
+
+    tried = []
+    for frequency_hz, cycles in _BURSTS:
+        burst = {"frequency_hz": frequency_hz, "cycles": cycles, "window": "hann"}
+        study = _plate_study(known, others | {"burst": burst})
+        (found,) = check_study(study).conditions
+        if found.verdict == "fit":
+            return study, found
+        tried.append((study, found))
+    return tried[0]
+
+
+def _plate_study(known: dict[str, Any], others: dict[str, Any]) -> Study:
+    from experiment.study.study import Study
+
+    require_word("--edge", known["edge"], _EDGES)
+    strip = {
+        key: text if key in {"material", "edge"} or text == "endless" else _number(option, text)
+        for key, (option, *_) in QUESTIONS.items()
+        if (text := known.get(key)) is not None and key != "actuator"
+    }
+    try:
+        return Study(**others | {"strip": strip, "actuator": _pair(known["actuator"])})
+    except ValueError as error:
+        raise ValueError(_by_options(str(error))) from error
+
+
+def _by_options(refusal: str) -> str:
+    """Name in a refusal the options, where it names the keys of a file."""
+    for key, (option, *_) in QUESTIONS.items():
+        refusal = re.sub(rf"write {key} = ", f"write {option} ", refusal)
+        refusal = re.sub(rf"\b{key}\[[01]\]\.", f"{option}: ", refusal)
+        if key != "actuator":
+            refusal = re.sub(rf"\b(strip\.)?{key}\b", option, refusal)
+    refusal = re.sub(r"^the (left|right|actuators) ", r"--actuator: the \1 ", refusal)
+    return re.sub(r"^(.+); \1$", r"\1", refusal)  # the same of both
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        point = text.replace(",", ".", 1)
+        hint = f"; write {point}, with a point" if re.fullmatch(r"-?\d+\.\d+", point) else ""
+        raise ValueError(f"{name} must be a number; got {text!r}{hint}") from error
+
+
+def _pair(actuators: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Return the left and the right actuator: one text is a pair, two are one each.
+
+    >>> [(one["side"], one["x_mm"]) for one in _pair(("disc:12.8@35",))]
+    [('left', -35.0), ('right', 35.0)]
+    """
+    tables = [_actuator(text) for text in actuators]
+    if len(tables) == 1:
+        (one,) = tables
+        if not one["x_mm"] > 0:
+            raise ValueError(
+                "--actuator, given once, is a pair at -X and X: X must be above 0; got "
+                f"{one['x_mm']:g}; give it twice for two places of their own"
+            )
+        tables = [one | {"x_mm": -one["x_mm"]}, one]
+    if tables[2:]:
+        raise ValueError(
+            f"--actuator must be given once or twice; got {len(tables)}; those that no session "
+            "drives go into the file, with side = other"
+        )
+    left, right = sorted(tables, key=lambda one: float(one["x_mm"]))
+    return [left | {"side": "left"}, right | {"side": "right"}]
+
+
+def _actuator(text: str) -> dict[str, Any]:
+    found = _ACTUATOR.fullmatch(text.replace(" ", ""))
+    if found is None or (found["across"] is None) != (found["shape"] == "disc"):
+        raise ValueError(
+            "--actuator must be disc:DIAMETER@X, rectangle:ALONGxACROSS@X or motor:ALONGxACROSS@X, "
+            f"all in mm, such as disc:12.8@35; got {text!r}"
+        )
+    sizes = [_number("--actuator", found[part]) for part in ("size", "across") if found[part]]
+    keys = ("diameter_mm",) if len(sizes) == 1 else ("length_x_mm", "length_y_mm")
+    table = {"shape": found["shape"], "x_mm": _number("--actuator", found["place"])}
+    return table | dict(zip(keys, sizes, strict=True))
+
+
+def completed(given: dict[str, Any]) -> dict[str, Any]:
+    """Ask for what the options do not say of a plate; off a terminal name what is missing."""
+    known, missing = {key: value for key, value in given.items() if value}, []
+    if "measured_cutoff_hz" in known:
+        known.setdefault("edge", "measured-cutoff")
+    for key, (option, *_) in QUESTIONS.items():
+        needless = key == "measured_cutoff_hz" and known.get("edge") != "measured-cutoff"
+        if key in known or needless:
+            continue
+        if on_terminal():
+            known[key] = _asked(key, known)
+        else:
+            missing.append(option)
+    if missing:
+        raise CommandError(
+            f"--preset plate needs {', '.join(missing)}; on a terminal they are asked for"
+        )
+    return known
+
+
+def _asked(key: str, known: dict[str, Any]) -> Any:
+    """Ask for a value until there is one that goes with those before it."""
+    from experiment.study.sections.plate import MaterialName
+
+    # how the edges are and where the actuators lie goes only with the whole plate
+    later = () if key in _LAST else _LAST
+    stated = _ANY_PLATE | {name: value for name, value in known.items() if name not in later}
+    if key != "measured_cutoff_hz":
+        _plate_study(stated, {})  # what the command line gave is refused, not asked for again
+
+    def checked(text: str) -> str | tuple[str, ...]:
+        value = (text,) if key == "actuator" else text
+        if text != "measured-cutoff":
+            try:
+                _plate_study(stated | {key: value}, {})
+            except ValueError as error:
+                raise click.UsageError(str(error)) from error
+        return value
+
+    question = QUESTIONS[key][1]
+    if key == "material":
+        question += f" ({', '.join(get_args(MaterialName))})"
+    try:
+        return click.prompt(question, value_proc=checked, err=True)
+    except click.Abort as error:
+        raise CommandError("not all was answered; nothing was written") from error
+
+
+def plate_options(command: Any) -> Any:
+    """Give a command the options that describe a plate, by the keys of `QUESTIONS`."""
+    for key, (option, question, more) in reversed(QUESTIONS.items()):
+        several, told = key == "actuator", f"{question}{more}."
+        command = click.option(option, key, metavar="TEXT", multiple=several, help=told)(command)
+    return command
