@@ -40,6 +40,7 @@ class SessionProgress:
     planned: int  # trials of the plan, without the warm-up after a resume
     file_sha256: str  # of the study as its file states it, before levels were placed
     unexported: int  # trials of which the journal beside the table tells, and the table does not
+    study: str  # the canonical text that the plan holds
 
 
 def read_plan(table: Path) -> tuple[Plan, str] | None:
@@ -143,11 +144,12 @@ def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
     >>> from pathlib import Path
     >>> from types import SimpleNamespace
     >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
-    >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f")
+    >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f",
+    ...     study="{}")
     >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
     >>> progress(told, plan, Path("trials.csv"))
     SessionProgress(participant='01', session='01', valid=1, planned=2, file_sha256='f',
-    unexported=0)
+    unexported=0, study='{}')
     """
     numbers = {trial.number for trial in plan.trials}
     return SessionProgress(
@@ -157,6 +159,7 @@ def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
         planned=len(numbers),
         file_sha256=plan.file_sha256,
         unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(told)),
+        study=plan.study,
     )
 
 

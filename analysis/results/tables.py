@@ -84,6 +84,8 @@ class Analysis:
         Of everything that is drawn at random: bootstrap and permutations.
     axis : Axis
         What the levels are.
+    studies : tuple of str
+        Canonical texts of the studies in the plans beside the tables, each once.
     """
 
     levels: pd.DataFrame
@@ -106,6 +108,7 @@ class Analysis:
     ci: str
     seed: int
     axis: Axis
+    studies: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
@@ -185,6 +188,7 @@ def analyse(
         ci=ci,
         seed=seed,
         axis=loaded.axis,
+        studies=tuple(dict.fromkeys(one.study for one in loaded.progress)),
     )
 
 

@@ -51,6 +51,12 @@ class Source:
     words: str
 
     @property
+    def printed(self) -> str:
+        """The value in words."""
+        values = self.value if isinstance(self.value, tuple | list) else [self.value]
+        return ", ".join(f"{one:.6g}" if isinstance(one, float) else str(one) for one in values)
+
+    @property
     def facts(self) -> dict[str, Any]:
         """The same to other programs."""
         return {"value": self.value, "source": self.origin, "words": self.words}

@@ -18,6 +18,8 @@ from tests.test_analysis.shared import files, put
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tests.test_analysis.conftest import Simulate
+
 HOSTILE = (
     *("=1+1", "<script>alert(1)</script>", "</style><script>alert(1)</script>"),
     *('"><img src=x onerror=alert(1)>', "' onmouseover='alert(1)", "&lt;b&gt;"),
@@ -199,3 +201,21 @@ def test_an_empty_cell_is_empty_and_a_wide_table_says_so() -> None:
     assert '<td role="cell" data-label="b"></td>' in text
     shown = [kind for kind in ("small", "middle", "wide") if f'class="{kind}"' in text]
     assert shown == ["small", "wide"]
+
+
+def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: Simulate) -> None:
+    by = '\n[strip]\nmeasured_cutoff_hz = 2500\nmeasured_by = "<i>A. Person"\n'
+    write_analysis(
+        [simulate(tmp_path / "lab", by, participants=2)], tmp_path / "out", figures=False
+    )
+    told = Outline((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
+    assert told.count("strip.measured_cutoff_hz") == 1
+    assert "measured (by: <i>A. Person; on: not stated)" in told
+    assert "measured by the paper (section III-B), on its own plate, not on this one" in told
+    write_analysis([simulate(tmp_path / "paper")], tmp_path / "out-paper", figures=False)
+    told = Outline((tmp_path / "out-paper" / "report.html").read_text(encoding="utf-8")).text
+    assert "measured by the paper (figure 4)" in told
+
+
+def test_a_report_of_tables_without_plans_says_that_no_plate_is_known(tmp_path: Path) -> None:
+    assert "No plan beside the tables tells of a plate." in report(tmp_path)
