@@ -12,7 +12,7 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from experiment.study.sections.design import Design
 from experiment.study.study import Study, StudyError
@@ -183,7 +183,23 @@ def parsed(text: str, file_name: str) -> dict[str, Any]:
         raise StudyError(f"{file_name}: nested too deeply") from error
     except ValueError as error:
         what, line, column = _place(str(error), text)
-        raise StudyError(f"{file_name}:{line}: {what}{column}") from error
+        slip = _slip(text.splitlines()[line - 1 : line])
+        raise StudyError(f"{file_name}:{line}: {slip or what + column}") from error
+
+
+_COMMA: Final = re.compile(r"([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?")
+_UNQUOTED: Final = re.compile(r"([\w.-]+)\s*=\s*([^\W\d][^\"'#,=\[\]{}]*?)\s*(?:#.*)?")
+
+
+def _slip(lines: list[str]) -> str:
+    """Say what to write in a line that is no TOML, where that can be told."""
+    line = lines[0].strip() if lines else ""
+    if found := _COMMA.fullmatch(line):
+        key, whole, part = found.groups()
+        return f"{key} has a decimal comma; write {key} = {whole}.{part}; got {whole},{part}"
+    if (found := _UNQUOTED.fullmatch(line)) and found[2] not in {"true", "false", "inf", "nan"}:
+        return f'{found[1]} has a text without quotes; write {found[1]} = "{found[2]}"'
+    return ""
 
 
 def _place(message: str, text: str) -> tuple[str, int, str]:

@@ -237,6 +237,12 @@ def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
         if strip.length_m is not None:
             limits_m = (-strip.length_m / 2, strip.length_m / 2)
             _check_span(actuator, "x_m", actuator.span_x_m, limits_m)
+    for one, two in combinations(actuators, 2):
+        if (one.x_m, one.y_m) == (two.x_m, two.y_m):
+            raise ValueError(
+                f"the actuators {one.label} and {two.label} are in one place, x_mm = "
+                f"{one.x_mm:g} and y_mm = {one.y_mm:g}; give each its own x_mm"
+            )
     if left.span_x_m[1] > right.span_x_m[0]:
         raise ValueError(
             "the left actuator must end, along the strip, before the right one begins at "

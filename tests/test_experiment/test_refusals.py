@@ -219,6 +219,11 @@ def without_diameter(left: str) -> str:
         (array().replace("-35", "-99"), "from x = -100 mm to 100 mm; got a disc from -105.4 mm to"),
         (array().replace("-35", "30"), "right one begins at 28.6 mm; got an end at 36.4 mm"),
         (array().replace("-35", "60"), "right one begins at 28.6 mm; got an end at 66.4 mm"),
+        (
+            array().replace("-35", "35"),
+            "left and right are in one place, x_mm = 35 and y_mm = 12.5;",
+        ),
+        (array(more=other("a", -35)), "the actuators left and a are in one place, x_mm = -35 and"),
         (array(more=other("a", 30)), "the actuators right and a must not overlap"),
         (array(more=other("a", 0) + other("b", 5)), "the actuators a and b must not overlap"),
         (array(more=other("a", 99)), "the a actuator must lie on the strip"),
@@ -258,6 +263,18 @@ def without_diameter(left: str) -> str:
         ),
         ("condition = [{name = 'a'}, {name = 'a'}]", "condition names must be distinct"),
         ("condition = []", "condition names must be distinct, at least one"),
+        # units and signs that are written by mistake
+        (
+            "strip.thickness_mm = 0.0005",
+            "got 0.0005; if these are metres, write thickness_mm = 0.5",
+        ),
+        ("strip.width_mm = 0.025", "got 0.025; if these are metres, write width_mm = 25"),
+        ("strip.youngs_modulus_gpa = 67e9", "if these are pascals, write youngs_modulus_gpa = 67"),
+        ("strip.youngs_modulus_gpa = 67000", "megapascals, write youngs_modulus_gpa = 67"),
+        ("strip.density_kg_m3 = 2.7", "got 2.7; if these are g/cm3, write density_kg_m3 = 2700"),
+        ("strip.width_mm = '30,5'", "got '30,5'; write 30.5, with a point and without quotes"),
+        ("[strip]\nwidth_mm = 30,5 # mm", "s.toml:2: width_mm has a decimal comma; write width_mm"),
+        ("[strip]\nedge = clamped", 's.toml:2: edge has a text without quotes; write edge = "clam'),
         # the text itself
         ("burst.frequency_hz = 0x1" + "0" * 6000, "got a number of thousands of digits"),
         ("[design]\nlevels_vpp = [60,\n\nx", "s.toml:4: "),
