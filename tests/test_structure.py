@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import tomllib
 
 import pytest
@@ -102,3 +103,18 @@ def test_a_library_is_forbidden_to_every_module_but_its_own(library: str) -> Non
         name = ".".join(module.relative_to(ROOT).with_suffix("").parts)
         above = {name.rsplit(".", n)[0] for n in range(name.count(".") + 1)}
         assert bool(above & refused) != bool(above & ONLY[library]), name
+
+
+def test_only_the_apparatus_makes_devices() -> None:
+    makers = {"make_device", "make_mock", "is_emulated"}
+    for module in MODULES:
+        name = module.relative_to(ROOT).as_posix()
+        if name.startswith("experiment/") and not name.startswith("experiment/apparatus/"):
+            text = module.read_text(encoding="utf-8")
+            found = {
+                alias.name
+                for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.ImportFrom)
+                for alias in node.names
+            }
+            assert not found & makers, name

@@ -1,4 +1,4 @@
 from .printed import Printed
-from .rows import READINGS, Audit, PrintedRow, RowAudit, Verdict, audit
+from .rows import READINGS, Audit, PrintedRow, ReadingVerdict, RowAudit, audit
 
-__all__ = ["READINGS", "Audit", "Printed", "PrintedRow", "RowAudit", "Verdict", "audit"]
+__all__ = ["READINGS", "Audit", "Printed", "PrintedRow", "ReadingVerdict", "RowAudit", "audit"]

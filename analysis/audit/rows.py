@@ -55,7 +55,7 @@ class PrintedRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ReadingVerdict:
     """What one reading makes of a row.
 
     Attributes
@@ -95,7 +95,7 @@ class RowAudit:
     ----------
     row : PrintedRow
         As printed.
-    verdicts : tuple of Verdict
+    verdicts : tuple of ReadingVerdict
         One for each of `READINGS`, every number with the decimals of the most exact one.
     possible_as_shown : tuple of str
         Readings under which it is possible if no zeros were dropped: if 0.9 was kept to one decimal
@@ -103,7 +103,7 @@ class RowAudit:
     """
 
     row: PrintedRow
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[ReadingVerdict, ...]
     possible_as_shown: tuple[str, ...]
 
     @property
@@ -201,10 +201,12 @@ def audit(rows: Sequence[PrintedRow]) -> Audit:
     return Audit(decimals=decimals, rows=audited, exchange_fits=exchange)
 
 
-def _verdict(row: PrintedRow, reading: str, decimals: int, means: Iterable[Printed]) -> Verdict:
+def _verdict(
+    row: PrintedRow, reading: str, decimals: int, means: Iterable[Printed]
+) -> ReadingVerdict:
     found = [_ranges(row, convention, decimals) for convention in READINGS[reading]]
     means_of = [ranges.attainable for ranges in found if ranges.attainable is not None]
-    return Verdict(
+    return ReadingVerdict(
         reading=reading,
         reasons=_reasons(row, reading, decimals, row.mean),
         mean_low=float(min(one.low for one in means_of)) if means_of else None,
@@ -284,7 +286,7 @@ def _ranges(row: PrintedRow, convention: str, decimals: int | None) -> _Ranges:
     return _Ranges(least=least, largest=largest, attainable=mean)
 
 
-def _exchange_fits(rows: Sequence[PrintedRow], verdicts: Sequence[Verdict]) -> bool:
+def _exchange_fits(rows: Sequence[PrintedRow], verdicts: Sequence[ReadingVerdict]) -> bool:
     """Tell whether each row can have a mean of its own, in any order (bipartite matching)."""
     fits = [
         [place for place, other in enumerate(rows) if other.mean.text in verdict.fitting_means]

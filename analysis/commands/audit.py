@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.audit.rows import Audit, RowAudit, Verdict
+    from analysis.audit.rows import Audit, ReadingVerdict, RowAudit
 
 
 LABELS = ("level_vpp", "level", "label")
@@ -160,7 +160,7 @@ def _row_lines(found: RowAudit) -> Iterator[str]:
         yield f"  possible only if no zeros were dropped and each number was {how} to what it shows"
 
 
-def _trials_lines(verdict: Verdict) -> Iterator[str]:
+def _trials_lines(verdict: ReadingVerdict) -> Iterator[str]:
     told = {"least": verdict.least_trials, "largest": verdict.largest_trials}
     for name, numbers in told.items():
         if numbers and len(numbers) <= _MOST_LISTED:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-Status = Literal[
+FitStatus = Literal[
     "ok",
     "one_level",
     "threshold_below_levels",
@@ -61,7 +61,7 @@ class PsychometricFit:
     Attributes
     ----------
     status : str
-        A word of `Status`; where it is not in `WITH_THRESHOLD` the numbers below are NaN.
+        A word of `FitStatus`; where it is not in `WITH_THRESHOLD` the numbers below are NaN.
     threshold : float
         Level felt half of the time, posterior median, in the levels' unit.
     threshold_limits : tuple of float
@@ -76,7 +76,7 @@ class PsychometricFit:
         At these.
     """
 
-    status: Status
+    status: FitStatus
     threshold: float = _NAN
     threshold_limits: tuple[float, float] = (_NAN, _NAN)
     sigma: float = _NAN
@@ -287,7 +287,7 @@ def _fit(known: Posterior, row: int, *, low: float, width: float) -> Psychometri
     )
 
 
-def _statuses(tables: Tables, known: Posterior) -> list[Status]:
+def _statuses(tables: Tables, known: Posterior) -> list[FitStatus]:
     """Decide the status of each table: the first line that holds.
 
     A table that does not rise says "flat", unless it can hardly be but the upper end of a function
@@ -298,7 +298,7 @@ def _statuses(tables: Tables, known: Posterior) -> list[Status]:
     lines = fit_lines(tables.u, k, n)
     p_rise, p_fall = _slope_p(lines)
     below, above = known.mu[:, 1] < 0, known.mu[:, 1] > 1
-    rows: list[tuple[NDArray[np.bool_], Status]] = [
+    rows: list[tuple[NDArray[np.bool_], FitStatus]] = [
         ((k == n).all(axis=1), "threshold_below_levels"),
         ((k == 0).all(axis=1), "threshold_above_levels"),
         (p_fall < _SLOPE_P, "decreasing"),

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
-    from analysis.thresholds.fit import Status
+    from analysis.thresholds.fit import FitStatus
     from analysis.thresholds.people import PersonCounts
 
     Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ GROUP_COLUMNS: Final = (
     "mean_high_vpp", "printed", "below", "above", "without",
 )  # fmt: skip
 
-WORDS: Final[Mapping[Status, str]] = MappingProxyType(
+WORDS: Final[Mapping[FitStatus, str]] = MappingProxyType(
     {
         "ok": "threshold found",
         "lapse_at_bound": "threshold found; misses at high levels are more than lapses allow",

@@ -20,7 +20,7 @@ from device.core.messages import (
     Enable,
     Fire,
     Levels,
-    Load,
+    LoadSlot,
     Message,
     Ping,
     Query,
@@ -91,7 +91,7 @@ class DeviceCore:
     >>> sine = np.array([0, 32767, 0, -32767, 0], dtype=np.int32)
     >>> core = DeviceCore(boot_id=1, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
     ...                   sink=print)
-    >>> core.take(0, Load(slot=0, left=sine, right=0 * sine))
+    >>> core.take(0, LoadSlot(slot=0, left=sine, right=0 * sine))
     >>> core.take(10, Enable())
     >>> core.take(20, Levels(left_mvpp=150_000, right_mvpp=150_000))
     >>> core.take(30, Arm(token=7, slot=0, time_to_live_us=1_000))
@@ -162,7 +162,7 @@ class DeviceCore:
         answer: Reply = act(self, message)
         return answer
 
-    def _load(self, message: Load) -> None:
+    def _load(self, message: LoadSlot) -> None:
         after = self._after(Step.LOAD)
         full = full_scale(self.output.bits)
         peaks = check_waveforms(message.left / full, message.right / full, self.limits)
@@ -241,7 +241,7 @@ class DeviceCore:
 
     _ACTIONS: ClassVar[dict[type[Message[Any]], Callable[..., Any]]] = {
         Ping: _answer,
-        Load: _load,
+        LoadSlot: _load,
         Levels: _set_levels,
         Enable: _enable,
         Arm: _arm,

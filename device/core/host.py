@@ -16,7 +16,7 @@ from device.core.messages import (
     Enable,
     Fire,
     Levels,
-    Load,
+    LoadSlot,
     Message,
     Query,
     as_waveform,
@@ -145,7 +145,7 @@ class HostDriver:
         left, right = as_waveform("left", left), as_waveform("right", right)
         peaks = check_waveforms(left, right, self._limits)
         codes_left, codes_right = to_codes(left, identity.bits), to_codes(right, identity.bits)
-        self._link.exchange(Load(slot=slot, left=codes_left, right=codes_right))
+        self._link.exchange(LoadSlot(slot=slot, left=codes_left, right=codes_right))
         duration_us = round(left.size * 1e6 / identity.sample_rate_hz)
         self._slots[slot] = _HostSlot(peaks=peaks, duration_us=duration_us)
 

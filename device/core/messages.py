@@ -114,7 +114,7 @@ class Ping(Message[None]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Load(Message[None]):
+class LoadSlot(Message[None]):
     """Store the codes of both channels, shape (n,) each, in a slot."""
 
     slot: int

@@ -18,7 +18,7 @@ import numpy as np
 
 from device.checks import require_positive
 from device.core.local import HostedCore
-from device.core.messages import Arm, Disarm, Enable, Levels, Load, Message
+from device.core.messages import Arm, Disarm, Enable, Levels, LoadSlot, Message
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import DeviceError, Identity, LinkError, Refusal, SettingError, rejection
@@ -108,11 +108,11 @@ class GeneratorLink(HostedCore):
         Uploads and the switch come first, lest the core believe in what the generator refused; an
         ARM comes to the generator last, for only the core knows whether it is allowed.
         """
-        stored = self._stored(message) if isinstance(message, Load) else None
+        stored = self._stored(message) if isinstance(message, LoadSlot) else None
         if isinstance(message, Enable):
             self._switch_on()
         told = super().exchange(message)
-        if isinstance(message, Load) and stored is not None:
+        if isinstance(message, LoadSlot) and stored is not None:
             self._slots[message.slot] = stored
         elif isinstance(message, Levels):
             self._levels_vpp = message.vpp
@@ -122,7 +122,7 @@ class GeneratorLink(HostedCore):
             self._make_ready(message)
         return told
 
-    def _stored(self, message: Load) -> _GeneratorSlot:
+    def _stored(self, message: LoadSlot) -> _GeneratorSlot:
         """Return a waveform as the generator plays it, stored there if it keeps several."""
         self._attend()
         line, dialect = self._require_talk()

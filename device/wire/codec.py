@@ -283,7 +283,7 @@ TABLE: Final = {
 """Every type of question with the layouts of its message and its answer.
 
 Before the message of every question but HELLO comes a boot id (`QuestionPayload`), before what an
-answer tells its head (`AnswerPayload`). A `Load` has no row: upload.py sends it in pieces.
+answer tells its head (`AnswerPayload`). A `LoadSlot` has no row: upload.py sends it in pieces.
 """
 
 _KINDS: Final = {row.message.of: kind for kind, row in TABLE.items()}

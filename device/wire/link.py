@@ -19,7 +19,7 @@ from device.core.messages import (
     Enable,
     Fire,
     Levels,
-    Load,
+    LoadSlot,
     Message,
     Query,
     Stop,
@@ -135,7 +135,7 @@ class FrameLink:
         return told
 
     def _sent(self, message: Message[Any]) -> Exchange[Any]:
-        if isinstance(message, Load):
+        if isinstance(message, LoadSlot):
             *begun, commit = pieces(message, self._bits)
             for piece in begun:
                 self._done(piece)

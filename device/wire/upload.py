@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
-from device.core.messages import Load, Message, check_slot
+from device.core.messages import LoadSlot, Message, check_slot
 from device.driver import Refusal, rejection
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class Commit(Message[None]):
 Piece: TypeAlias = Begin | Data | Commit
 
 
-def pieces(message: Load, bits: int) -> Iterator[Piece]:
+def pieces(message: LoadSlot, bits: int) -> Iterator[Piece]:
     """Return the messages that carry a waveform to a device with converters of `bits` bits."""
     codes = np.concatenate((message.left, message.right)).astype(_code_type(bits)).tobytes()
     yield Begin(slot=message.slot, samples=int(message.left.size))
@@ -85,7 +85,7 @@ class Uploads:
         """Forget the upload that is under way."""
         self._pending = None
 
-    def take(self, piece: Piece) -> Load | None:
+    def take(self, piece: Piece) -> LoadSlot | None:
         """Return the waveform that a piece completes, or None; refuse what does not fit."""
         match piece:
             case Begin():
@@ -113,7 +113,7 @@ class Uploads:
         pending.data[offset : offset + len(piece.octets)] = piece.octets
         pending.missing.discard(offset)
 
-    def _finish(self, commit: Commit) -> Load:
+    def _finish(self, commit: Commit) -> LoadSlot:
         pending, self._pending = self._pending, None
         if pending is None or pending.slot != commit.slot or pending.missing:
             raise rejection(Refusal.BAD_UPLOAD)
@@ -121,7 +121,7 @@ class Uploads:
             raise rejection(Refusal.BAD_UPLOAD, "its checksum differs")
         codes = np.frombuffer(bytes(pending.data), dtype=self._type)
         left, right = codes.astype(np.int32).reshape(2, -1)
-        return Load(slot=commit.slot, left=left, right=right)
+        return LoadSlot(slot=commit.slot, left=left, right=right)
 
 
 def _code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:

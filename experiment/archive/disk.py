@@ -1,7 +1,7 @@
 """The disk as a record needs it: whose files they are, and what has surely arrived.
 
-Every file and folder of a study is made here. A file belongs to its owner and, where the umask
-leaves it, to the group; others never get a right, for what it holds is a person's.
+Every file and folder of a study's data is made here. A file belongs to its owner and, where the
+umask leaves it, to the group; others never get a right, for what it holds is a person's.
 """
 
 from __future__ import annotations

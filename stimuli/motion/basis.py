@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Basis:
+class Polynomials:
     """Functions of one coordinate from -1 to 1, orthonormal there, even or odd each.
 
     Attributes
@@ -48,17 +48,17 @@ class Basis:
         return np.asarray(series / self.half_m ** (order + 0.5))
 
 
-def free_basis(n: int, length_m: float, *, odd: bool) -> Basis:
+def free_basis(n: int, length_m: float, *, odd: bool) -> Polynomials:
     """Return the first n even or odd polynomials: nothing holds the ends.
 
     >>> basis = free_basis(3, 0.2, odd=False)
     >>> bool(abs(basis.products(0, 0) - np.eye(3)).max() < 1e-12)
     True
     """
-    return Basis(series=np.eye(2 * n)[int(odd) :: 2], half_m=length_m / 2)
+    return Polynomials(series=np.eye(2 * n)[int(odd) :: 2], half_m=length_m / 2)
 
 
-def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Basis:
+def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Polynomials:
     """Return n even or odd polynomials that are 0 at both edges; if clamped, their slopes too.
 
     >>> basis = held_basis(3, 0.025, clamped=True, odd=True)
@@ -75,7 +75,7 @@ def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Basis:
         product = legmul(bubble, np.eye(2 * n)[2 * row + int(odd)])
         rows[row, : product.size] = product[:degrees]
     orthonormal, _ = np.linalg.qr((rows / _norms(degrees)).T)
-    return Basis(series=np.asarray(orthonormal.T), half_m=width_m / 2)
+    return Polynomials(series=np.asarray(orthonormal.T), half_m=width_m / 2)
 
 
 def _norms(n: int) -> Real:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stimuli.motion.basis import Basis, free_basis, half_waves, held_basis
+from stimuli.motion.basis import Polynomials, free_basis, half_waves, held_basis
 from stimuli.strip.edge import CLAMPED, ElasticEdge
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ class Modes:
     bent : ndarray of float64, shape (n_modes, n_modes)
         What of them the plate's own stiffness gives, without springs along the edges: it has loss
         where those may have none.
-    along, across : Basis
+    along, across : Polynomials
         Functions along and across the strip.
     series : ndarray of float64, shape (n_along, n_across, n_modes)
         The modes in products of those.
@@ -36,8 +36,8 @@ class Modes:
 
     squared: Real
     bent: Real
-    along: Basis
-    across: Basis
+    along: Polynomials
+    across: Polynomials
     series: Real
 
     def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
@@ -107,7 +107,7 @@ def plate_modes(strip: Strip, highest_hz: float, *, centred: bool) -> list[Modes
     return found
 
 
-def _stiffnesses(strip: Strip, along: Basis, across: Basis) -> tuple[Real, Real]:
+def _stiffnesses(strip: Strip, along: Polynomials, across: Polynomials) -> tuple[Real, Real]:
     """Return the matrices of the plate's strain energy and of the springs', per mass."""
     poisson, stiffness = strip.material.poisson_ratio, strip.bending_stiffness_n_m
     one_x, one_y = np.eye(along.series.shape[0]), np.eye(across.series.shape[0])

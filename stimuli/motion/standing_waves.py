@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stimuli.motion.basis import Basis, half_waves, held_basis
+from stimuli.motion.basis import Polynomials, half_waves, held_basis
 from stimuli.motion.modes import wavenumber_rad_m
 from stimuli.strip.edge import CLAMPED, ElasticEdge
 
@@ -31,7 +31,7 @@ class Waves:
     wavenumbers_rad_m : ndarray of float64, shape (n_waves,)
     turned : ndarray of float64, shape (n_waves,)
         1 for an even number of waves in the period, -1 for an odd one.
-    across : Basis
+    across : Polynomials
         Functions across the strip.
     series : ndarray of float64, shape (n_across, n_waves)
     """
@@ -40,7 +40,7 @@ class Waves:
     bent: Real
     wavenumbers_rad_m: Real
     turned: Real
-    across: Basis
+    across: Polynomials
     series: Real
 
     def at(self, points_m: Real, *, laplacian: bool = False) -> Real:

@@ -8,7 +8,7 @@ import pytest
 
 from device.clock import VirtualClock
 from device.core.core import DeviceCore
-from device.core.messages import Arm, Enable, Fire, Levels, Load, Stop, to_codes
+from device.core.messages import Arm, Enable, Fire, Levels, LoadSlot, Stop, to_codes
 from device.core.output import Emission, OutputStage
 from device.driver import FloatArray, LimitExceeded, Refusal
 from device.emulate.emulator import Nature
@@ -96,7 +96,7 @@ def test_a_whole_device_plays_or_refuses_each_of_thousands() -> None:
         left, right = (
             to_codes(sine(5, peak=float(peak)), 16) for peak in rng.uniform(0.01, 1.0, 2)
         )
-        core.take(0, Load(slot=0, left=left, right=right))
+        core.take(0, LoadSlot(slot=0, left=left, right=right))
         core.take(0, Enable())
         peak = float(max(left.max(), right.max())) / FULL
         levels = Levels(left_mvpp=level_mvpp, right_mvpp=level_mvpp)
@@ -133,7 +133,7 @@ def test_without_the_hosts_check_the_device_refuses_alone(seed: int) -> None:
     )
     rig.link.hello()
     codes = to_codes(sine(5), 16)
-    rig.link.exchange(Load(slot=0, left=codes, right=codes))
+    rig.link.exchange(LoadSlot(slot=0, left=codes, right=codes))
     rig.link.exchange(Enable())
     for level_mvpp in rng.integers(150_001, 2**32, size=100):
         levels = [int(level_mvpp), 1]
@@ -143,7 +143,7 @@ def test_without_the_hosts_check_the_device_refuses_alone(seed: int) -> None:
         assert refused.value.code is Refusal.CEILING
         assert f"{max(levels) / 1000:g}" in str(refused.value)
         assert "its ceiling 150 Vpp" in str(refused.value)
-    rig.link.exchange(Load(slot=1, left=codes // 4, right=codes // 4))
+    rig.link.exchange(LoadSlot(slot=1, left=codes // 4, right=codes // 4))
     rig.link.exchange(Levels(left_mvpp=300_000, right_mvpp=0))
     with pytest.raises(LimitExceeded, match="300 and 0 Vpp, its ceiling 150 Vpp"):
         rig.link.exchange(Arm(token=1, slot=0, time_to_live_us=1_000_000))

@@ -30,7 +30,7 @@ from device.core.messages import (
     Enable,
     Fire,
     Levels,
-    Load,
+    LoadSlot,
     Ping,
     Query,
     to_codes,
@@ -123,7 +123,7 @@ class BareCore(LocalCore):
         return bursts.identity()
 
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
-        self.exchange(Load(slot=slot, left=to_codes(left, 16), right=to_codes(right, 16)))
+        self.exchange(LoadSlot(slot=slot, left=to_codes(left, 16), right=to_codes(right, 16)))
 
     def enable(self) -> None:
         self.exchange(Enable())

@@ -17,7 +17,7 @@ from device.core.messages import (
     Enable,
     Fire,
     Levels,
-    Load,
+    LoadSlot,
     Message,
     Query,
     Stop,
@@ -38,9 +38,9 @@ def sine_codes(n_samples: int = 97, peak: float = 1.0) -> CodeArray:
     return to_codes(sine(n_samples, peak=peak), bits=16)
 
 
-def load_message(slot: int = 0, n_samples: int = 97, peak: float = 1.0) -> Load:
+def load_message(slot: int = 0, n_samples: int = 97, peak: float = 1.0) -> LoadSlot:
     codes = sine_codes(n_samples, peak)
-    return Load(slot=slot, left=codes, right=np.zeros_like(codes))
+    return LoadSlot(slot=slot, left=codes, right=np.zeros_like(codes))
 
 
 def levels(left_mvpp: int) -> Levels:
@@ -247,7 +247,7 @@ def test_record_and_burst_name_the_levels_that_were_set_and_zero_for_silence(
 ) -> None:
     core = live().core
     left, right = (sine_codes(peak=peak) for peak in peaks)
-    core.take(0, Load(slot=1, left=left, right=right))
+    core.take(0, LoadSlot(slot=1, left=left, right=right))
     core.take(0, Levels(left_mvpp=64_123, right_mvpp=99_000))
     core.take(0, arm(1, slot=1))
     told = 64_123 if peaks[0] else 0, 99_000 if peaks[1] else 0
@@ -339,9 +339,9 @@ def test_a_step_follows_the_table_or_is_refused_and_changes_nothing(
         assert picture(bench) == before
 
 
-def bad_load() -> Load:
+def bad_load() -> LoadSlot:
     codes = sine_codes()
-    return Load(slot=0, left=codes, right=np.roll(codes, 5))
+    return LoadSlot(slot=0, left=codes, right=np.roll(codes, 5))
 
 
 BAD_STEPS: list[tuple[State, Refusal, Callable[[], Message[Any]]]] = [

@@ -18,7 +18,7 @@ from device.core.messages import (
     Enable,
     Fire,
     Levels,
-    Load,
+    LoadSlot,
     Message,
     Ping,
     Query,
@@ -243,7 +243,7 @@ def test_a_line_that_is_lost_leaves_nothing_half_done() -> None:
     device.hang_up(1)
     assert device.receive(1, asking[9:]) == b""
     silence = np.zeros(4, dtype=np.int32)
-    *begun, commit = pieces(Load(slot=0, left=silence, right=silence), 16)
+    *begun, commit = pieces(LoadSlot(slot=0, left=silence, right=silence), 16)
     assert [asked(device, piece, number) for number, piece in enumerate(begun, 2)] == [None, None]
     device.hang_up(1)
     assert asked(device, commit, 9) is Refusal.BAD_UPLOAD
