@@ -396,7 +396,7 @@ def _reflected(problem: Problem, strip: Strip, load: Load, x_m: float) -> Any:
         n += 1
         q = n * mp.pi
         a, b = mp.sqrt(q * q - problem.k**2), mp.sqrt(q * q + problem.k**2)
-        if not mp.im(problem.k) and problem.k > q:
+        if not mp.im(problem.k) and problem.k.real > q:
             a = -1j * mp.sqrt(problem.k**2 - q * q)
         part = _ends_of_one_sine(problem, (a, b), (one, -two), q, (end, there, x, nu))
         total += part

@@ -11,7 +11,7 @@ from stimuli.checks import instance
 from stimuli.field.jobs import Job, dimensionless, stiffness_factors, unit_scale
 from stimuli.field.scene import LEAST_RTOL, Scene, Work
 from stimuli.solver.endless import solved
-from stimuli.solver.ends import faintness, reflected
+from stimuli.solver.ends import ResonanceError, faintness, reflected
 from stimuli.solver.source import Answered, Question
 from stimuli.strip.waves import supported_cutoff_hz
 
@@ -85,7 +85,7 @@ def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) ->
     ------
     ValueError
         If an argument is out of its range, or a frequency is a cut-off of a strip without loss,
-        where the field is infinite.
+        or a resonance of a finite one to its last digit, where the field is infinite.
 
     Examples
     --------
@@ -141,7 +141,11 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
     value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
     bands = scene.bands(frequencies, rtol, jobs)
     for band in bands:
-        found = solve(scene, band.solved_hz.astype(np.complex128), rtol, jobs)
+        try:
+            found = solve(scene, band.solved_hz.astype(np.complex128), rtol, jobs)
+        except ResonanceError:
+            _refuse_resonances(scene, band.solved_hz, rtol, jobs)
+            raise
         part = _between(band, found)
         value[band.rows], error[band.rows] = part.value, part.error
     work = scene.counted(frequencies.size, rtol, jobs, bands)
@@ -261,6 +265,20 @@ def _relative(value: Complex, error: Real) -> Real:
     size = np.abs(value)
     size = np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True))
     return np.asarray(np.max(error / np.maximum(size, 1e-300), axis=1))
+
+
+def _refuse_resonances(
+    scene: Scene, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...]
+) -> None:
+    """Refuse the first frequency at which the ends of a strip without loss have no answer."""
+    for frequency_hz in frequencies_hz:
+        try:
+            solve(scene, np.array([complex(frequency_hz)]), rtol, jobs)
+        except ResonanceError as error:
+            raise ValueError(
+                "frequencies_hz must not hold a resonance of a finite strip without loss: the "
+                f"field is infinite there, got {float(frequency_hz)!r}"
+            ) from error
 
 
 def _refuse_cutoffs(scene: Scene, frequencies_hz: Real, jobs: tuple[Job, ...]) -> None:

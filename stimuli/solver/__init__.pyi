@@ -1,6 +1,6 @@
 from .across import Span
 from .endless import solved
-from .ends import faintness, reflected
+from .ends import ResonanceError, faintness, reflected
 from .guided import PI
 from .source import Answered, Ends, Question, Source, far_clearance
 
@@ -9,6 +9,7 @@ __all__ = [
     "Answered",
     "Ends",
     "Question",
+    "ResonanceError",
     "Source",
     "Span",
     "faintness",

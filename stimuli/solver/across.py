@@ -2,18 +2,27 @@
 
 Lengths are in widths, Y = y / W - 1/2 runs from -1/2 to 1/2. All exponents are scaled so that
 nothing overflows; g has a real part >= 0. `sign` is +1 for what is symmetric about the centre
-line and -1 for what is antisymmetric.
+line and -1 for what is antisymmetric: cosh(g Y) and sinh(g Y) / g, both even in g, equation (73).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.strip.waves import ratio
+
 if TYPE_CHECKING:
     from stimuli.arrays import Complex, Real
+
+
+_FLAT: Final = 0.3
+"""|g| below which a branch is so flat across the strip that differences of exponentials lose its
+antisymmetric part, as g^-2, and products of hyperbolic functions are used."""
+
+_EDGE: Final = np.array(0.5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,17 +49,50 @@ class Span:
         return min(self.centre + self.length / 2, 0.5)
 
 
+def faded(g: Complex, length: Real | float) -> Complex:
+    """Return int exp(-g t) dt from 0 to a length, which it is for g = 0.
+
+    Examples
+    --------
+    >>> faded(np.array([0j, 1e-9, 2.0]), 1.0).real.round(6).tolist()
+    [1.0, 1.0, 0.432332]
+    """
+    return ratio(-np.expm1(-g * length), g, length)
+
+
 def shape(g: Complex, across: Real, sign: int) -> Complex:
-    """Return exp(-g/2) cosh(g Y) (sign +1) or exp(-g/2) sinh(g Y) (sign -1).
+    """Return exp(-g/2) cosh(g Y) (sign +1) or exp(-g/2) sinh(g Y) / g (sign -1), (73).
 
     Examples
     --------
     >>> g = np.array([2.0 + 0j])
     >>> bool(np.allclose(shape(g, np.array([0.3]), 1), np.exp(-1) * np.cosh(0.6)))
     True
+    >>> shape(np.array([0j, 1e-12]), np.array([0.3]), -1).real.round(9).tolist()
+    [0.3, 0.3]
     """
-    value: Complex = 0.5 * (np.exp(-g * (0.5 - across)) + sign * np.exp(-g * (0.5 + across)))
-    return value
+    if sign > 0:
+        return np.asarray(0.5 * (np.exp(-g * (0.5 - across)) + np.exp(-g * (0.5 + across))))
+    size = np.abs(across)
+    return np.asarray(0.5 * np.sign(across) * np.exp(-g * (0.5 - size)) * faded(g, 2 * size))
+
+
+def slope(g: Complex, across: Real, sign: int) -> Complex:
+    """Return the derivative of `shape` by Y."""
+    other = shape(g, across, -sign)
+    return g * g * other if sign > 0 else other
+
+
+def lag(g: Complex, sign: int) -> Complex:
+    """Return g - g tanh(g/2) (sign +1) or g coth(g/2) - g (sign -1), as in (41).
+
+    Examples
+    --------
+    >>> lag(np.array([0j, 1e-12]), -1).real.round(9).tolist()
+    [2.0, 2.0]
+    """
+    fall = np.exp(-g)
+    return np.asarray(2 * g * fall / (1 + fall) if sign > 0 else 2 * fall / faded(g, 1.0))
 
 
 def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
@@ -62,11 +104,16 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     >>> bool(np.allclose(shape_integral(g, Span(centre=0.05, length=0.5), 1), 0.5))
     True
     """
-    ends = np.asarray(0.5 * np.exp(-g * (0.5 - span.high)), dtype=np.complex128)
-    ends = ends + 0.5 * sign * np.exp(-g * (0.5 + span.low))
-    if span.length:
-        ends = ends * (-np.expm1(-g * span.length) / g)
-    return ends
+    if not span.length:
+        return shape(g, np.array(span.centre), sign)
+    # a sum or difference over the ends is a product: no digit is lost where the branch is flat
+    middle, rest = (span.low + span.high) / 2, (1 - (span.high - span.low)) / 2
+    if sign > 0:
+        both = np.exp(-g * (rest - middle)) + np.exp(-g * (rest + middle))
+    else:
+        size = abs(middle)
+        both = np.sign(middle) * np.exp(-g * (rest - size)) * faded(g, 2 * size)
+    return np.asarray(0.5 * both * faded(g, span.high - span.low))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,14 +123,15 @@ class Crossing:
     kernel: Complex  # of g^2 - d2/dy2 with zero ends, integrated over a span, equation (38)
     shape: Complex  # `shape` at the places
     load: Complex  # `shape_integral` over the span
-    end: Complex  # `shape` at the edge
-    fall: Complex  # exp(-g)
+    end: Complex  # `shape` at the edge; these three up to a common factor
+    lag: Complex  # `lag`
 
 
 def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     """Return what `supported_kernel`, `shape` and `shape_integral` give, with shared exponentials.
 
-    `g` are decay constants in 1 / width, broadcast with the places Y.
+    `g` are decay constants in 1 / width, broadcast with the places Y. For sign -1 shape, load and
+    end are here times g, where g is not small.
 
     Examples
     --------
@@ -92,6 +140,9 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     >>> bool(np.allclose(found.shape, shape(g, here, 1)))
     True
     """
+    flat = np.abs(g) < _FLAT
+    some = bool(np.any(flat))
+    given, g = g, np.where(flat, 1.0, g) if some else g
     up, down, fall = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across)), np.exp(-g)
     above = np.exp(-g * (0.5 - span.high))
     below = np.exp(-g * (0.5 + span.low)) if span.centre else above
@@ -103,13 +154,62 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
         images = _images(g, -across, span, places=(down, up), ends=(above, below), whole=whole)
         parts = near - images[1] + sign * (images[0] - far)
     end: Complex = np.asarray(0.5 * (1 + sign * fall))
-    return Crossing(
+    found = Crossing(
         kernel=parts / (8 * g * end),
         shape=0.5 * (up + sign * down),
         load=0.5 * (above + sign * below) * whole,
         end=end,
-        fall=fall,
+        lag=g * fall / end,
     )
+    if some:
+        _flattened(found, given, across, span, sign)
+    return found
+
+
+def _flattened(found: Crossing, g: Complex, across: Real, span: Span, sign: int) -> None:
+    """Put in the entries of small g, as products without a division by g, equation (74)."""
+    flat = np.abs(g) < _FLAT
+    few = g[flat]
+    found.load[flat], found.end[flat] = shape_integral(few, span, sign), shape(few, _EDGE, sign)
+    found.lag[flat] = lag(few, sign)
+    flat = np.broadcast_to(flat, found.kernel.shape)
+    few = np.broadcast_to(g, flat.shape)[flat]
+    here = np.broadcast_to(across, flat.shape)[flat]
+    found.shape[flat] = shape(few, here, sign)
+    found.kernel[flat] = _flat_kernel(few, here, span, sign)
+
+
+def _flat_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
+    """Return `supported_kernel` for small g, element by element, equation (74)."""
+
+    def odd(y: Real | float) -> Complex:
+        return ratio(np.sinh(g * y), g, y)
+
+    def own(y: Real | float) -> Complex:
+        return np.cosh(g * y) if sign > 0 else odd(y)
+
+    here = np.abs(across)
+    total = np.zeros(here.shape, dtype=np.complex128)
+    for low, high, factor in _folded(span, sign):
+        if not span.length:
+            near, far = np.minimum(here, low), np.maximum(here, low)
+            total += factor * own(near) * odd(0.5 - far)
+            continue
+        split = np.clip(here, low, high)
+        rise = own((low + split) / 2) * odd((split - low) / 2)
+        fall = odd(0.5 - (split + high) / 2) * odd((high - split) / 2)
+        total += 2 * factor * (rise * odd(0.5 - here) + fall * own(here))
+    side = np.where(across < 0, sign, 1)
+    return side * total / (2 * own(0.5))
+
+
+def _folded(span: Span, sign: int) -> list[tuple[float, float, int]]:
+    """Return a span folded onto the upper half of the strip: from, to, factor."""
+    if span.low >= 0:
+        return [(span.low, span.high, 1)]
+    if span.high <= 0:
+        return [(-span.high, -span.low, sign)]
+    return [(0.0, span.high, 1), (0.0, -span.low, sign)]
 
 
 def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.solver.across import shape
+from stimuli.solver.across import lag, shape, slope
 from stimuli.solver.contour import Contour, contour
 
 if TYPE_CHECKING:
@@ -35,6 +35,11 @@ _PATH: Final = 1e-14
 
 _PAIR: Final = 1e-2
 """Relative distance of two waves below which they are replaced by integrals about both."""
+
+_FLAT: Final = 0.3
+"""|g| of a branch so flat that it is taken by itself and not as what it is more than the other."""
+
+_EDGE: Final = np.array(0.5)
 
 RING: Final = np.exp(2j * np.pi * (np.arange(32) + 0.5) / 32)
 
@@ -74,9 +79,8 @@ class EndFunctions:
         """Return displacement, moment and shear of the guided waves, or the first of these."""
         waves, sign = self.waves, self.waves.sign
         p, g1, g2 = (a[:, np.newaxis] for a in (waves.p, waves.g1, waves.g2))
-        places, half = across[:, np.newaxis], np.array(0.5)
-        first = -shape(g2, half, sign) * shape(g1, places, sign)
-        second = shape(g1, half, sign) * shape(g2, places, sign)
+        places, weights = across[:, np.newaxis], [w[:, np.newaxis] for w in waves.weights]
+        first, second = (w * shape(g, places, sign) for w, g in zip(weights, (g1, g2), strict=True))
         decay = np.exp(1j * p * away[:, np.newaxis])
         operators = zip(self._operators(p, g1 * g1), self._operators(p, g2 * g2), strict=True)
         found = [(first * one + second * two) * decay for one, two in operators][:kinds]
@@ -163,7 +167,12 @@ def end_functions(
 
 
 def close_pairs(waves: Guided) -> list[tuple[int, int]]:
-    """Return frequency and number of the waves that nearly coalesce with the next one."""
+    """Return frequency and number of the waves that nearly coalesce with the next one.
+
+    Simple supports have none: waves that meet are sines of different orders there.
+    """
+    if waves.branch is not None:
+        return []
     apart = np.abs(np.diff(waves.p, axis=1))
     rows, firsts = np.nonzero(apart < _PAIR * np.abs(waves.p[:, 1:]))
     return [(int(row), int(first)) for row, first in zip(rows, firsts, strict=True)]
@@ -188,11 +197,16 @@ def edge_shapes(
     places = 0.5 - np.abs(across[:, np.newaxis])
     side = np.where(across < 0, sign, 1)[:, np.newaxis]
     g1, g2, apart = (a[:, np.newaxis] for a in (g1, g2, apart))
+    flat = np.minimum(np.abs(g1), np.abs(g2)) < _FLAT
     near, far = np.exp(-g1 * places), sign * np.exp(-g1 * (1 - places))
     through = sign * np.exp(-g1)
-    one = (near + far) / (1 + through)
+    one = (near + far) / np.where(flat, 1, 1 + through)
     change = near * np.expm1(-apart * places) + far * np.expm1(-apart * (1 - places))
-    change = (change - one * through * np.expm1(-apart)) / (1 + sign * np.exp(-g2))
+    change = change - one * through * np.expm1(-apart)
+    change = change / np.where(flat, 1, 1 + sign * np.exp(-g2))
+    if np.any(flat):  # there the two differ by much, and each is a safe quotient, (73)
+        first, second = (shape(g, 0.5 - places, sign) / shape(g, _EDGE, sign) for g in (g1, g2))
+        one, change = np.where(flat, first, one), np.where(flat, second - first, change)
     return side * one, side * change
 
 
@@ -200,8 +214,6 @@ def grips(
     g1: Complex, g2: Complex, k2: Complex, hold: Complex, sign: int
 ) -> tuple[Complex, Complex]:
     """Return g2 T2 - g1 T1 + 2 k^2 / kappa, free of cancellation, and g2 T2 + g2^2 / kappa."""
-    half = np.array(0.5)
-    end1, end2 = shape(g1, half, sign), shape(g2, half, sign)
-    grip = 2 * k2 / (g1 + g2) - sign * (g2 * np.exp(-g2) / end2 - g1 * np.exp(-g1) / end1)
-    steep: Complex = g2 * shape(g2, half, -sign) / end2
+    grip = 2 * k2 / (g1 + g2) - sign * (lag(g2, sign) - lag(g1, sign))
+    steep: Complex = slope(g2, _EDGE, sign) / shape(g2, _EDGE, sign)
     return 2 * k2 * hold + grip, steep + hold * g2 * g2

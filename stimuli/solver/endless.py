@@ -72,7 +72,7 @@ class _Waves:
             question.k,
         )
         every = known.followed(k[:, np.newaxis], _FOLLOWING)
-        norms = every.norms(known.p.shape[1])
+        norms = every.norms(k[:, np.newaxis], known.p.shape[1])
         strength = 1j * every.excited(k[:, np.newaxis], question.source) / norms
         return cls(known=known, every=every, strength=strength)
 
@@ -95,6 +95,7 @@ class _Waves:
             p=np.where(running, -p, 1j)[:, some],
             g1=self.known.g1[:, some],
             g2=self.known.g2[:, some],
+            branch=None if self.known.branch is None else self.known.branch[:, some],
         )
         return _Waves(known=back, every=back, strength=strength)
 
@@ -218,7 +219,7 @@ def _leaked(
     """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
     modes = waves.known
     pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
-    if np.any(pair):
+    if modes.branch is None and np.any(pair):
         tight = np.zeros(modes.p.shape, dtype=np.bool_)
         tight[:, 1:] = pair
         tight[:, :-1] |= pair
@@ -235,7 +236,12 @@ def _leaked(
 def _together(
     alone: Complex, question: Question, modes: Guided, used: NDArray[np.bool_]
 ) -> Complex:
-    """Return the terms with the sum of close pairs in the place of the first of each, (51)."""
+    """Return the terms with the sum of close pairs in the place of the first of each, (51).
+
+    Between simple supports every wave is known by itself: each is one sine.
+    """
+    if modes.branch is not None:
+        return alone
     close = np.abs(np.diff(modes.p, axis=1)) < _close(question.rtol) * np.abs(modes.p[:, 1:])
     rows, first = np.nonzero(close & used[:, 1:])
     if not rows.size:
@@ -270,10 +276,13 @@ def _rounding(question: Question, modes: Guided, terms: Complex) -> Real:
     """Return the rounding error of the waves."""
     p = modes.p
     k2 = np.abs(question.k[:, np.newaxis]) ** 2
-    apart = np.full(p.shape, np.inf)
-    apart[:, 1:] = np.abs(np.diff(p, axis=1))
-    apart[:, :-1] = np.minimum(apart[:, :-1], apart[:, 1:])
     size = np.abs(p)
+    if modes.branch is None:
+        apart = np.full(p.shape, np.inf)
+        apart[:, 1:] = np.abs(np.diff(p, axis=1))
+        apart[:, :-1] = np.minimum(apart[:, :-1], apart[:, 1:])
+    else:  # from the other wave of the same order
+        apart = k2 / size
     pairing = 1 + size / np.maximum(apart, 1e-12 * size)
     relative = _EPS * (2 * pairing + _CANCELLATION * size / k2)
     relative += 2 * _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
@@ -289,8 +298,9 @@ def _integral(question: Question, path: Contour, sign: int) -> Answered:
         s, k, hold, source=question.source, across=question.across, sign=sign
     )
     logarithm = np.zeros((question.k.size, question.distance.size), dtype=np.complex128)
+    cut = np.zeros(logarithm.shape)
     if question.source.radius:
-        kernel, logarithm = _without_logarithm(kernel, path, question, sign)
+        kernel, logarithm, cut = _without_logarithm(kernel, path, question, sign)
     along = question.source.along(s, question.distance) * path.weight[..., np.newaxis]
     terms = kernel * along
     value = terms.sum(axis=1)
@@ -298,13 +308,17 @@ def _integral(question: Question, path: Contour, sign: int) -> Answered:
         value = value.real + 0j
     ends = np.maximum(np.abs(terms[:, -1]), 0.0 if path.mirrored else np.abs(terms[:, 0]))
     lost = 4 * (size * np.abs(along[:, ::4])).sum(axis=1) + np.abs(logarithm)
-    return Answered(value=value + logarithm, error=4 * ends + _EPS * lost)
+    return Answered(value=value + logarithm, error=4 * ends + cut + _EPS * lost)
 
 
 def _without_logarithm(
     kernel: Complex, path: Contour, question: Question, sign: int
-) -> tuple[Complex, Complex]:
-    """Take the logarithm at a disc's centre out of the kernel, equation (49)."""
+) -> tuple[Complex, Complex, Real]:
+    """Take the logarithm at a disc's centre out of the kernel, equation (49).
+
+    Returned are the rest, the logarithm, and what the rule errs by on what is taken out: it has no
+    pole but a cut from m^ on, met as a wave of the decay m^ would be, (52).
+    """
     from scipy.special import kv
 
     source = question.source
@@ -321,7 +335,9 @@ def _without_logarithm(
         kernel = kernel - part * strength[..., np.newaxis] * spread
         r = _clipped(source, np.hypot(question.distance, apart))
         logarithm += part * strength * kv(0, m * r) / (2 * np.pi)
-    return kernel, logarithm
+    cut = path.leak(np.asarray(1j * m, dtype=np.complex128))
+    met = np.abs(strength) * np.abs(cut) * np.exp(-m * question.distance)
+    return kernel, logarithm, met
 
 
 def _clipped(source: Source, apart: Real) -> Real:

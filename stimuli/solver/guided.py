@@ -5,13 +5,14 @@ Everything is in units of the strip's width W: k W, p W, kappa W, Y = y / W - 1/
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stimuli.solver.across import shape, shape_integral
+from stimuli.solver.across import faded, shape, shape_integral, slope
 from stimuli.strip.dispersion import relation
 from stimuli.strip.roots import section_roots
 
@@ -30,6 +31,10 @@ since what their order hides lies where the waves are faint."""
 
 _NORM_NODES: Final = 48
 _END: Final = np.array(0.5)
+_ARCH: Final = 0.7
+_ARCH_SERIES: Final = tuple(1 / math.factorial(n) for n in range(17, 1, -2))
+"""|g| up to which (sinh(g) / g - 1) / g^2 is a series in g^2, and its coefficients."""
+
 _LOW: Final = 2.0
 """2 (k W)^2 below which the closed form of the norms loses digits."""
 
@@ -42,24 +47,38 @@ class Guided:
     g1: Complex  # decay constants across the strip, of both branches
     g2: Complex
     sign: int  # +1 symmetric, -1 antisymmetric
-    _ends: tuple[Complex, Complex] = field(init=False, repr=False)
+    # between simple supports, 1 or 2: which branch a wave is, all of it; else none
+    branch: NDArray[np.int_] | None = None
+    weights: tuple[Complex, Complex] = field(init=False, repr=False)
+    """What of `shape` of either branch a wave is made of."""
 
     def __post_init__(self) -> None:
-        ends = tuple(shape(g, _END, self.sign) for g in (self.g1, self.g2))
-        object.__setattr__(self, "_ends", ends)
+        # A sine as the difference of both branches is 0/0 where orders n and m of either branch
+        # meet, (n^2 - m^2) f_1 / 2, m = 0 included: so it is told which of them it is.
+        if self.branch is None:
+            one, two = (shape(g, _END, self.sign) for g in (self.g1, self.g2))
+            weights = -two, one
+        else:
+            weights = tuple((self.branch == i).astype(np.complex128) for i in (1, 2))
+        object.__setattr__(self, "weights", weights)
 
     def shapes(self, across: Real) -> Complex:
         """Return the shapes at places Y: shape (n_frequencies, n_modes, n_places)."""
-        g1, g2, end1, end2 = (a[..., np.newaxis] for a in (self.g1, self.g2, *self._ends))
-        return end1 * shape(g2, across, self.sign) - end2 * shape(g1, across, self.sign)
+        g1, g2, one, two = (a[..., np.newaxis] for a in (self.g1, self.g2, *self.weights))
+        return one * shape(g1, across, self.sign) + two * shape(g2, across, self.sign)
+
+    def slopes(self, across: Real) -> Complex:
+        """Return the derivatives of the shapes by Y."""
+        g1, g2, one, two = (a[..., np.newaxis] for a in (self.g1, self.g2, *self.weights))
+        return one * slope(g1, across, self.sign) + two * slope(g2, across, self.sign)
 
     def excited(self, k: Complex, source: Source) -> Complex:
         """Return the load's integral over each shape, shape (n_frequencies, n_modes)."""
         one, two = source.branch_weights(k)
         near = two * shape_integral(self.g2, source.span, self.sign)
         far = one * shape_integral(self.g1, source.span, self.sign)
-        end1, end2 = self._ends
-        return end1 * near - end2 * far
+        weight1, weight2 = self.weights
+        return weight2 * near + weight1 * far
 
     def followed(self, k: Complex, n_pairs: int) -> Guided:
         """Return these waves and about those that follow, in pairs like the last two.
@@ -67,6 +86,8 @@ class Guided:
         Of simply supported edges p^2 = +-k^2 - q^2 with q in steps of 2 pi, of others nearly so:
         each second difference of p^2 is -8 pi^2.
         """
+        if self.branch is not None:
+            return self._joined(_supported(k[:, 0], self.p.shape[1] + 2 * n_pairs, self.sign))
         p, before = self.p[:, -2:], self.p[:, -4:-2]
         usual = np.abs(p - before - 2j * np.pi) < np.pi
         z, k2 = p * p, k * k
@@ -79,37 +100,45 @@ class Guided:
         p, g1, g2 = (np.concatenate(both, axis=1) for both in zip(known, more, strict=True))
         return Guided(p=p, g1=g1, g2=g2, sign=self.sign)
 
-    def norms(self, n_exact: int | None = None) -> Complex:
+    def _joined(self, longer: Guided) -> Guided:
+        """Return these waves and those that a longer list of sines has beyond them."""
+        n, names = self.p.shape[1], ("p", "g1", "g2", "branch")
+        found: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(longer, name)[:, n:]], axis=1)
+            for name in names
+        }
+        return Guided(sign=self.sign, **found)
+
+    def norms(self, k: Complex, n_exact: int | None = None) -> Complex:
         """Return N = 4 p int (p^2 phi^2 + phi'^2) dY, equation (46): bilinear, no conjugate.
 
-        The closed form cancels as k^-4 and is taken where k W > 1, else a sum over nodes for the
-        first `n_exact` waves (all, if it is None).
+        Of a sine it is +-4 p k^2 int phi^2 dY. The closed form of other shapes cancels as k^-4 and
+        is taken where k W > 1, else a sum over nodes for the first `n_exact` waves (all, if it is
+        None). `k` broadcasts with the waves.
         """
+        if self.branch is not None:
+            squares = [_overlap(g, g, self.sign)[0] for g in (self.g1, self.g2)]
+            return 4 * self.p * k * k * np.where(self.branch == 1, squares[0], -squares[1])
         total = self._closed_norms()
-        low = np.flatnonzero(np.abs(self.g2[:, 0] ** 2 - self.g1[:, 0] ** 2) < _LOW)
+        low = np.flatnonzero(2 * np.abs(np.broadcast_to(k, self.p.shape)[:, 0]) ** 2 < _LOW)
         if low.size:
             total[low, :n_exact] = self._summed_norms(low, n_exact)
         return 4 * self.p * total
 
     def _closed_norms(self) -> Complex:
-        end1, end2 = self._ends
-        g, weight = (self.g1, self.g2), (-end2, end1)
-        square = self.p**2
+        g, square = (self.g1, self.g2), self.p**2
         total = np.zeros_like(self.p)
         for i, j, factor in ((0, 0, 1), (0, 1, 2), (1, 1, 1)):
-            alike, other = _products(g[i], g[j], same=i == j)
-            even, odd = alike + self.sign * other, alike - self.sign * other
-            total += factor * weight[i] * weight[j] * (square * even + g[i] * g[j] * odd)
+            value, slopes = _overlap(g[i], g[j], self.sign)
+            total += factor * self.weights[i] * self.weights[j] * (square * value + slopes)
         return total
 
     def _summed_norms(self, rows: NDArray[np.intp], n_modes: int | None) -> Complex:
         nodes, weights = _half_rule()
-        parts = (self.p, self.g1, self.g2, *self._ends)
-        p, g1, g2, end1, end2 = (a[rows, :n_modes, np.newaxis] for a in parts)
-        across, sign = nodes / 2, self.sign
-        value = end1 * shape(g2, across, sign) - end2 * shape(g1, across, sign)
-        slope = end1 * g2 * shape(g2, across, -sign) - end2 * g1 * shape(g1, across, -sign)
-        return np.asarray(((p * value) ** 2 + slope**2) @ weights)
+        p, g1, g2 = (a[rows, :n_modes] for a in (self.p, self.g1, self.g2))
+        some, across = Guided(p=p, g1=g1, g2=g2, sign=self.sign), nodes / 2
+        value, slopes = p[..., np.newaxis] * some.shapes(across), some.slopes(across)
+        return np.asarray((value**2 + slopes**2) @ weights)
 
 
 @lru_cache(maxsize=1)
@@ -119,13 +148,37 @@ def _half_rule() -> tuple[Real, Real]:
     return nodes[_NORM_NODES // 2 :], weights[_NORM_NODES // 2 :]
 
 
-def _products(gi: Complex, gj: Complex, *, same: bool) -> tuple[Complex, Complex]:
-    """Return the two parts of int shape_i shape_j dY over the strip."""
-    alike: Complex = -np.expm1(-(gi + gj)) / (2 * (gi + gj))
-    if same:
-        return alike, np.asarray(np.exp(-gi) / 2)
-    other: Complex = (np.exp(-gj) - np.exp(-gi)) / (2 * (gi - gj))
-    return alike, other
+def _overlap(gi: Complex, gj: Complex, sign: int) -> tuple[Complex, Complex]:
+    """Return int c_i c_j dY and int c_i' c_j' dY over the strip, c being `shape`, equation (75)."""
+    # One branch is flat where its g is 0, and the integrals of two sines over it would be a
+    # difference divided by g^2: there they are taken from the edge values, or as a series.
+    alike: Complex = faded(gi + gj, 1.0) / 2
+    if gi is gj:
+        other = np.asarray(np.exp(-gi) / 2, dtype=np.complex128)
+        if sign > 0:
+            return alike + other, gi * gj * (alike - other)
+        return _arched(gi, alike - other), alike + other
+    other = (np.exp(-gj) - np.exp(-gi)) / (2 * (gi - gj))
+    if sign > 0:
+        return alike + other, gi * gj * (alike - other)
+    gap = gj**2 - gi**2
+    flat = 4 * np.abs(gi * gj) < np.abs(gap)
+    value = (alike - other) / np.where(flat, 1, gi * gj)
+    if np.any(flat):
+        a, b = gi[flat], gj[flat]
+        edges = [shape(g, _END, -1) * slope(h, _END, -1) for g, h in ((a, b), (b, a))]
+        value[flat] = 2 * (edges[0] - edges[1]) / gap[flat]
+    return value, alike + other
+
+
+def _arched(g: Complex, difference: Complex) -> Complex:
+    """Return exp(-g) (sinh(g) / g - 1) / (2 g^2) from the difference (75) of two exponentials."""
+    flat = np.abs(g) < _ARCH
+    square = np.where(flat, g * g, 1)
+    series = np.zeros_like(g)
+    for power in _ARCH_SERIES:
+        series = series * square + power
+    return np.where(flat, np.exp(-g) / 2 * series, difference / np.where(flat, 1, g * g))
 
 
 def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -> Guided:
@@ -183,13 +236,15 @@ def _supported(k: Exact | Complex, n_modes: int, sign: int) -> Guided:
     z = np.concatenate([(k - exact_q) * (k + exact_q), -(k * k + exact_q**2)], axis=1)
     z, k, q = z.astype(np.complex128), k.astype(np.complex128), exact_q.astype(np.float64)
     across = np.broadcast_to(1j * np.concatenate([q, q]), z.shape)
-    other = np.sqrt(z + np.repeat(np.array([1, -1]), n_modes) * k * k)
+    branch = np.broadcast_to(np.repeat(np.array([1, 2]), n_modes), z.shape)
+    other = np.sqrt(z + np.where(branch == 1, 1, -1) * k * k)
     g1 = np.concatenate([across[:, :n_modes], other[:, n_modes:]], axis=1)
     g2 = np.concatenate([other[:, :n_modes], across[:, n_modes:]], axis=1)
     p = _outgoing(z)
     order = _slowest_first(p)[:, :n_modes]
     p, g1, g2 = (np.take_along_axis(a, order, axis=1) for a in (p, g1, g2))
-    return Guided(p=p, g1=g1, g2=g2, sign=sign)
+    branch = np.take_along_axis(branch, order, axis=1)
+    return Guided(p=p, g1=g1, g2=g2, sign=sign, branch=branch)
 
 
 def _outgoing(z: Complex) -> Complex:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.solver.across import shape, shape_integral, supported_kernel
+from stimuli.solver.across import lag, shape, shape_integral, supported_kernel
 from stimuli.solver.contour import Contour, contour
 from stimuli.solver.corners import RING, close_pairs, ring
 from stimuli.solver.source import far_clearance
@@ -66,7 +66,7 @@ def load_kernels(
     end1, end2 = shape(g1, half, sign), shape(g2, half, sign)
     load1 = shape_integral(g1, source.span, sign) / end1
     load2 = shape_integral(g2, source.span, sign) / end2
-    grip = 2 * k2 / (g1 + g2) - sign * (g2 * np.exp(-g2) / end2 - g1 * np.exp(-g1) / end1)
+    grip = 2 * k2 / (g1 + g2) - sign * (lag(g2, sign) - lag(g1, sign))
     turned = 2 * (2 * k2 * hold + grip)
     places = across[:, np.newaxis]
     first, second = g1[:, np.newaxis], g2[:, np.newaxis]
@@ -189,7 +189,7 @@ class Arriving:
     def _below(self, distance: Real, count: NDArray[np.int_]) -> tuple[Complex, Complex]:
         """Return the sum over the first waves of each frequency, (47), pairs as in (51)."""
         functions, waves = self.functions, self.functions.waves
-        strength = 1j * waves.excited(functions.k, self.source) / waves.norms()
+        strength = 1j * waves.excited(functions.k, self.source) / waves.norms(functions.k)
         strength[np.arange(waves.p.shape[1]) >= count[:, np.newaxis]] = 0.0
         pairs = close_pairs(waves)
         for row, pair in pairs:

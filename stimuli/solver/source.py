@@ -176,11 +176,10 @@ def transformed(
     if not np.all(np.isinf(hold)):
         psi1, psi2 = first.shape / first.end, second.shape / second.end
         load1, load2 = one * first.load / first.end, two * second.load / second.end
-        grip1, grip2 = g1 * first.fall / first.end, g2 * second.fall / second.end
-        grip = 2 * (2 * k2 * hold + 2 * k2 / (g1 + g2) - sign * (grip2 - grip1))
+        grip = 2 * (2 * k2 * hold + 2 * k2 / (g1 + g2) - sign * (second.lag - first.lag))
         psi, load = psi2 - psi1, (load2 - load1) / grip
         value -= psi * load
-        lost = np.abs(load1 / grip) + np.abs(load) * (np.abs(grip1 / grip))
+        lost = np.abs(load1 / grip) + np.abs(load) * (np.abs(first.lag / grip))
         terms += (np.abs(psi1 * load) + np.abs(psi) * lost)[..., ::4, :]
     return value / (2 * k2), terms / np.abs(2 * k2)
 

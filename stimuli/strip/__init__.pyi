@@ -3,7 +3,7 @@ from .edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from .material import ALUMINIUM, MATERIALS, Material
 from .roots import section_roots
 from .strip import Strip
-from .waves import supported_cutoff_hz
+from .waves import ratio, supported_cutoff_hz
 
 __all__ = [
     "ALUMINIUM",
@@ -14,6 +14,7 @@ __all__ = [
     "IdealEdge",
     "Material",
     "Strip",
+    "ratio",
     "relation",
     "section_roots",
     "supported_cutoff_hz",

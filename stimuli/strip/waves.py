@@ -18,7 +18,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from stimuli.arrays import Complex
+    from stimuli.arrays import Complex, Real
     from stimuli.strip.material import Material
 
 
@@ -108,7 +108,7 @@ def scaled_sinc(angle: Complex) -> Complex:
     return ratio(np.expm1(2j * angle), 2j * angle, 1.0)
 
 
-def ratio(top: Complex | float, bottom: Complex, limit: float = 0.0) -> Complex:
+def ratio(top: Complex | float, bottom: Complex, limit: Real | float = 0.0) -> Complex:
     """Return a quotient, and its limit where the denominator is 0.
 
     Examples
