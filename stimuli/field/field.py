@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from stimuli.checks import instance
 from stimuli.field.jobs import Job, dimensionless, stiffness_factors, unit_scale
+from stimuli.field.rational import swept
 from stimuli.field.scene import LEAST_RTOL, Scene, Work
 from stimuli.solver.endless import solved
 from stimuli.solver.ends import ResonanceError, faintness, reflected
@@ -16,10 +18,10 @@ from stimuli.solver.source import Answered, Question
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from stimuli.arrays import Complex, Real
-    from stimuli.field.sweep import Band
+    from stimuli.field.sweep import Band, Rational
     from stimuli.solver.source import Ends
 
 
@@ -34,6 +36,9 @@ _POOR: Final = 10.0
 
 _FINER: Final = 1e-3
 """Part of the wanted error that is asked for then."""
+
+_STEADY: Final = 0.1
+"""Part of the wanted error that is asked of what a quotient goes through: it makes more of it."""
 
 _AT_CUTOFF: Final = 4e-15
 
@@ -137,19 +142,56 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
     frequencies, rtol = scene.checked(frequencies_hz, rtol)
     jobs = scene.jobs()
     _refuse_cutoffs(scene, frequencies, jobs)
-    shape = (frequencies.size, len(scene.loads), len(scene.points_m))
-    value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
-    bands = scene.bands(frequencies, rtol, jobs)
-    for band in bands:
-        try:
-            found = solve(scene, band.solved_hz.astype(np.complex128), rtol, jobs)
-        except ResonanceError:
-            _refuse_resonances(scene, band.solved_hz, rtol, jobs)
-            raise
-        part = _between(band, found)
-        value[band.rows], error[band.rows] = part.value, part.error
+    table, bands = _swept(scene, frequencies, rtol, jobs)
+    found = _assembled(scene, frequencies.astype(np.complex128), jobs, table)
     work = scene.counted(frequencies.size, rtol, jobs, bands)
-    return Response(displacement_m=value, error_m=error, work=work)
+    return Response(displacement_m=found.value, error_m=found.error, work=work)
+
+
+def _swept(
+    scene: Scene,
+    frequencies_hz: Real,
+    rtol: float,
+    jobs: tuple[Job, ...],
+    *,
+    rational: bool = True,
+) -> tuple[Answered, tuple[Band, ...]]:
+    """Return D U of all jobs' pairs, and the bands with the frequencies that were solved."""
+    shape = (frequencies_hz.size, sum(job.n_pairs for job in jobs))
+    value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
+    done = []
+    for band in scene.bands(frequencies_hz, rtol, jobs, rational=rational):
+        if band.rational is None:
+            try:
+                part = _between(band, _tabled(scene, band.solved_hz, rtol, jobs))
+            except ResonanceError:
+                _refuse_resonances(scene, band.solved_hz, rtol, jobs)
+                raise
+            done.append(band)
+        else:
+            part, solved = _quotients(scene, band.solved_hz, band.rational, rtol, jobs)
+            done.append(replace(band, solved_hz=band.solved_hz[solved]))
+        value[band.rows], error[band.rows] = part.value, part.error
+    return Answered(value=value, error=error), tuple(done)
+
+
+def _quotients(
+    scene: Scene, frequencies_hz: Real, way: Rational, rtol: float, jobs: tuple[Job, ...]
+) -> tuple[Answered, NDArray[np.intp]]:
+    """Return D U of all jobs' pairs by quotients, and which frequencies were solved."""
+    finer = max(_STEADY * rtol, LEAST_RTOL)
+    place, at, back = np.unique(way.place, return_index=True, return_inverse=True)
+    least = int(np.searchsorted(at, way.least))
+
+    def some(rows: NDArray[np.intp]) -> Answered:
+        if np.any(rows < least):
+            return _swept(scene, frequencies_hz[at[rows]], finer, jobs, rational=False)[0]
+        return _tabled(scene, frequencies_hz[at[rows]], finer, jobs)
+
+    ends = np.cumsum([0, *(job.n_pairs for job in jobs)]).tolist()
+    groups = tuple(slice(*pair) for pair in pairwise(ends))
+    found, solved = swept(place, some, rtol, first=way.first, least=least, groups=groups)
+    return Answered(value=found.value[back], error=found.error[back]), at[solved]
 
 
 def solve(
@@ -173,15 +215,36 @@ def solve(
     True
     """
     jobs = scene.jobs() if jobs is None else jobs
+    return _assembled(scene, frequencies_hz, jobs, _tabled(scene, frequencies_hz, rtol, jobs))
+
+
+def _tabled(
+    scene: Scene, frequencies_hz: Complex | Real, rtol: float, jobs: tuple[Job, ...]
+) -> Answered:
+    """Return D U of all jobs' pairs in units of the width, side by side."""
+    complex_hz = frequencies_hz.astype(np.complex128)
+    parts = [_solved_at(scene, job, complex_hz, rtol) for job in jobs]
+    empty = np.zeros((frequencies_hz.size, 0))
+    return Answered(
+        value=np.concatenate([empty + 0j, *(part.value for part in parts)], axis=1),
+        error=np.concatenate([empty, *(part.error for part in parts)], axis=1),
+    )
+
+
+def _assembled(
+    scene: Scene, frequencies_hz: Complex, jobs: tuple[Job, ...], table: Answered
+) -> Answered:
+    """Return metres per unit load of every load at every point from what the jobs found."""
     shape = (frequencies_hz.size, len(scene.loads), len(scene.points_m))
     value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
     stiffness = scene.strip.bending_stiffness_n_m * stiffness_factors(scene.strip, frequencies_hz)
+    first = 0
     for job in jobs:
-        part = _solved_at(scene, job, frequencies_hz, rtol)
         for load, places in zip(job.loads, job.places, strict=True):
             scales = (unit_scale(scene.loads[load], scene.strip.width_m) / stiffness)[:, np.newaxis]
-            value[:, load] = part.value[:, places] * scales
-            error[:, load] = part.error[:, places] * np.abs(scales)
+            value[:, load] = table.value[:, first + places] * scales
+            error[:, load] = table.error[:, first + places] * np.abs(scales)
+        first += job.n_pairs
     if scene.driven is not None:
         driven = np.array(scene.driven, dtype=np.float64)[:, np.newaxis]
         value, error = value * driven, error * driven
@@ -192,15 +255,13 @@ def _between(band: Band, part: Answered) -> Answered:
     """Return what the solved frequencies give at the asked ones, equation (53)."""
     if band.matrix is None or band.last is None or band.rest is None:
         return part
-    size = part.value.shape
-    value, error = part.value.reshape(size[0], -1), part.error.reshape(size[0], -1)
+    value, error = part.value, part.error
     last = np.abs(band.last @ value)
     older, newer = np.max(last[:2], axis=0), np.max(last[2:], axis=0)
     fall = np.clip(np.sqrt(newer / np.maximum(older, _TINIEST)), _LEAST_FALL, 1.0)
     left_out = np.outer(band.rest, np.maximum(last[3], last[2] * fall) * fall)
     error = np.sqrt(band.matrix**2 @ error**2) + _CAUTION * left_out
-    size = (band.rows.size, *size[1:])
-    return Answered(value=(band.matrix @ value).reshape(size), error=error.reshape(size))
+    return Answered(value=band.matrix @ value, error=error)
 
 
 def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Answered:

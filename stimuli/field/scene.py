@@ -132,6 +132,9 @@ class Scene:
     def work(self, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Work:
         """Return what will be computed and what is left out, with the reason.
 
+        A sweep of a finite strip with loss takes as long as its `response`: how many
+        frequencies it solves follows from the field itself.
+
         Parameters
         ----------
         frequencies_hz : array_like of float, shape (n_frequencies,)
@@ -150,7 +153,12 @@ class Scene:
         """
         frequencies, rtol = self.checked(frequencies_hz, rtol)
         jobs = self.jobs()
-        return self.counted(frequencies.size, rtol, jobs, self.bands(frequencies, rtol, jobs))
+        found = self.bands(frequencies, rtol, jobs)
+        if any(band.rational for band in found):
+            from stimuli.field.field import response
+
+            return response(self, frequencies, rtol).work
+        return self.counted(frequencies.size, rtol, jobs, found)
 
     def counted(
         self, n_frequencies: int, rtol: float, jobs: tuple[Job, ...], found: tuple[Band, ...]
@@ -213,10 +221,12 @@ class Scene:
         widest = math.pi * max(radii, default=1e-9) / self.strip.width_m
         return min(MOST_CUTOFFS, (_WIDEST_DISC / widest) ** 2) * supported_hz
 
-    def bands(self, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...]) -> tuple[Band, ...]:
-        """Return how each frequency is obtained."""
+    def bands(
+        self, frequencies_hz: Real, rtol: float, jobs: tuple[Job, ...], *, rational: bool = True
+    ) -> tuple[Band, ...]:
+        """Return how each frequency is obtained; without `rational` by no quotient."""
         farthest = max((float(np.max(job.distance)) for job in jobs), default=0.0)
-        return bands(self.strip, frequencies_hz, rtol, farthest, skip=self.skip)
+        return bands(self.strip, frequencies_hz, rtol, farthest, skip=self.skip, rational=rational)
 
     def near(self, job: Job, rtol: float) -> int:
         """Return for how many places of a job the guided waves are not enough."""
@@ -297,7 +307,7 @@ def _idle_loads(driven: tuple[bool, ...]) -> Iterable[str]:
 def _reasons(work: Work, found: tuple[Band, ...]) -> Iterable[str]:
     """Say what is left out and why."""
     for band in found:
-        if band.matrix is not None:
+        if band.solved_hz.size < band.rows.size and band.reason:
             yield (f"{band.rows.size} frequencies follow from {band.solved_hz.size}: {band.reason}")
     counts = (
         ("pairs", work.pairs_asked, work.pairs_solved, "they are repeated or mirror images"),

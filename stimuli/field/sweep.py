@@ -1,5 +1,7 @@
 """At which frequencies a field is solved, and how it follows at the others.
 
+The field of a finite strip with loss is rational in f^2, see `stimuli.field.rational`.
+
 Below the first cut-off the field is an analytic function of f^2 (with viscous loss of f, through
 0 and beyond), so that its values at a few Chebyshev nodes give it everywhere. At the lowest
 frequencies this is the only way: there the two branches cancel, and the nodes are the nearest
@@ -14,12 +16,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.field.rational import FEWEST, PER_RESONANCE
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from stimuli.arrays import Real
+    from stimuli.arrays import Complex, Real
     from stimuli.strip.strip import Strip
 
 
@@ -35,6 +38,15 @@ _LOWEST_REACH: Final = 1.2
 
 _LOWEST: Final = (0.003, 0.1)
 """Below this part of that cut-off, or this part of the interval, nothing is solved by itself."""
+
+_NEXT: Final = 3.0
+"""Times the least frequency that is solved, up to which the next one asked for tells of it."""
+
+_MOST_RESONANCES: Final = 40.0
+"""Resonances of one quotient; of more, the fit would take longer than to solve."""
+
+_WORTH: Final = 1.5
+"""Times the frequencies that a quotient takes, about, of which no fewer may be asked."""
 
 _LOWEST_NODES: Final = 12
 _FEWEST: Final = 4
@@ -53,21 +65,37 @@ class Band:
     # (m,); with viscous loss some are negative: the field at -f is that of negative viscous loss
     solved_hz: Real
     # from solved values to the asked ones, (n, m); none if they are the same
-    matrix: Real | None = None
+    matrix: Real | Complex | None = None
     last: Real | None = None  # from solved values to the last four Chebyshev coefficients, (4, m)
     # error at the asked frequencies per size of the first coefficient left out, (n,)
     rest: Real | None = None
     ratio: float = 0.0  # of successive coefficients, at most
     reason: str = ""  # why it is done so; empty if there is nothing to tell
+    rational: Rational | None = None  # then which of `solved_hz` are solved is found on the way
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rational:
+    """A band of a finite strip with loss, in increasing frequency."""
+
+    place: Real  # what the field is rational in: (n,)
+    first: int  # how many of them are solved to begin with
+    least: int  # how many, the lowest, cannot be solved
 
 
 def bands(
-    strip: Strip, frequencies_hz: Real, rtol: float, distance: float, *, skip: bool
+    strip: Strip,
+    frequencies_hz: Real,
+    rtol: float,
+    distance: float,
+    *,
+    skip: bool,
+    rational: bool = True,
 ) -> tuple[Band, ...]:
     """Return how each frequency is obtained.
 
     `distance` is the largest along the strip in widths; with `skip` False only the lowest
-    frequencies, which cannot be solved, are interpolated.
+    frequencies, which cannot be solved, are interpolated. Without `rational` no band is rational.
 
     Examples
     --------
@@ -86,8 +114,14 @@ def bands(
     below = np.flatnonzero(frequencies_hz <= top_hz)
     part = float(np.clip(_LOWEST_REACH / max(distance, 1e-9), *_LOWEST_TOPS))
     part = min(part, top_hz / supported_hz)
+    least_hz = max(_LOWEST[0], _LOWEST[1] * part) * supported_hz
     found = []
     done = np.zeros(frequencies_hz.size, dtype=np.bool_)
+    if skip and rational and strip.length_m is not None and _is_lossy(strip):
+        found += _rational(strip, frequencies_hz, least_hz)
+        for band in found:
+            done[band.rows] = True
+        below = below[~done[below]]
     if skip and below.size and distance <= _FARTHEST:
         most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
         ratio = _ratio(most_hz / singular_hz, viscous=viscous)
@@ -107,7 +141,6 @@ def bands(
                 )
             )
             done[below] = True
-    least_hz = max(_LOWEST[0], _LOWEST[1] * part) * supported_hz
     lowest = np.flatnonzero((frequencies_hz < least_hz) & ~done)
     if lowest.size:
         most_hz = part * supported_hz
@@ -128,6 +161,54 @@ def bands(
     if rest.size:
         found.append(Band(rows=rest, solved_hz=frequencies_hz[rest]))
     return tuple(found)
+
+
+def _is_lossy(strip: Strip) -> bool:
+    return strip.material.loss_factor > 0 or strip.material.viscous_time_s > 0
+
+
+def _rational(strip: Strip, frequencies_hz: Real, least_hz: float) -> list[Band]:
+    """Return the bands in which the field is a quotient, where that saves work."""
+    order = np.argsort(frequencies_hz, kind="stable")
+    rising = frequencies_hz[order]
+    n_lowest = int(np.searchsorted(rising, least_hz))
+    if n_lowest < rising.size and rising[n_lowest] > _NEXT * least_hz:
+        order, rising, n_lowest = order[n_lowest:], rising[n_lowest:], 0
+    if rising.size - n_lowest <= FEWEST:
+        return []
+    resonances = _resonances(strip, rising)
+    resonances -= resonances[0]
+    parts = math.ceil(resonances[-1] / _MOST_RESONANCES) or 1
+    cuts = np.searchsorted(resonances, resonances[-1] * np.arange(1, parts) / parts)
+    found = []
+    for part in np.split(np.arange(rising.size), cuts):
+        if not part.size:
+            continue
+        count = float(resonances[part[-1]] - resonances[part[0]])
+        if part.size < _WORTH * (FEWEST + PER_RESONANCE * count):
+            continue
+        place_hz = rising[part] / rising[part[-1]]
+        band = Rational(
+            place=place_hz if strip.material.viscous_time_s > 0 else place_hz**2,
+            first=FEWEST + math.ceil(count),
+            least=max(n_lowest - int(part[0]), 0),
+        )
+        reason = "between free ends and with loss the field is a quotient in frequency"
+        found.append(Band(rows=order[part], solved_hz=rising[part], reason=reason, rational=band))
+    return found
+
+
+def _resonances(strip: Strip, frequencies_hz: Real) -> Real:
+    """Return about how many resonances lie below frequencies: p L = n pi, p of (9)."""
+    material, count = strip.material, np.zeros(frequencies_hz.size)
+    length_m = strip.length_m or 0.0
+    inertia = material.density_kg_m3 * strip.thickness_m / strip.bending_stiffness_n_m
+    mode = 1
+    while (cutoff_hz := strip.cutoff_hz(mode)) < frequencies_hz[-1]:
+        above = 2 * np.pi * np.maximum(frequencies_hz - cutoff_hz, 0.0)
+        count += np.sqrt(np.sqrt(inertia) * above) * length_m / np.pi
+        mode += 1
+    return count
 
 
 def _first_singular_hz(strip: Strip) -> float:

@@ -1,4 +1,3 @@
-from .frames import frames_of
 from .history import MOST_FUNCTIONS, multiples, transient, transient_work
 from .modes import n_functions
 from .motion import motion_of
@@ -6,7 +5,6 @@ from .peaks import peaks_of
 
 __all__ = [
     "MOST_FUNCTIONS",
-    "frames_of",
     "motion_of",
     "multiples",
     "n_functions",
