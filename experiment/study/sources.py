@@ -191,7 +191,7 @@ def displacement_source(study: Study, place: int) -> Source | None:
 def _strip(plate: Plate) -> Iterator[Source]:
     for key in ("width_mm", "length_mm", "thickness_mm"):
         value = getattr(plate, key)
-        papers = value == file_keys(Plate)[key].default
+        papers = plate.is_the_papers and value == file_keys(Plate)[key].default
         yield _source(f"strip.{key}", value, *(_PAPERS if papers else _YOURS))
     if plate.material is not None:
         words = f"handbook: {MATERIALS[plate.material].source}"
