@@ -115,7 +115,7 @@ def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Ite
     out = out.resolve()  # "." has no name of its own
     new = out.with_name(f".{out.name}.tactstrip-new")
     make_folder(out.parent, disk)
-    _delete(new)
+    delete_folder(new)
     new.mkdir(FOLDER_MODE)
     try:
         folder = NewFolder(new, about, disk)
@@ -124,13 +124,13 @@ def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Ite
         refuse_target(out, source)
         _exchange(new, out, disk)
     finally:
-        _delete(new)
+        delete_folder(new)
 
 
 def _exchange(new: Path, out: Path, disk: Disk) -> None:
     old = out.with_name(f".{out.name}.tactstrip-old")
     if out.exists():
-        _delete(old)
+        delete_folder(old)
         out.rename(old)
     try:
         new.rename(out)
@@ -138,10 +138,11 @@ def _exchange(new: Path, out: Path, disk: Disk) -> None:
         old.rename(out)
         raise
     disk.sync_folder(out.parent)
-    _delete(old)
+    delete_folder(old)
 
 
-def _delete(folder: Path) -> None:
+def delete_folder(folder: Path) -> None:
+    """Delete a folder with all in it, where it is there."""
     if folder.exists():
         shutil.rmtree(folder)
 

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from filelock import Timeout
 
 from experiment.archive.disk import DISK, lock_on
-from experiment.archive.files import FOLDER, ArchiveError, check_identifier
+from experiment.archive.files import FOLDER, ArchiveError, check_identifier, delete_folder
 from experiment.archive.participants import (
     FILE_NAME,
     Tombstone,
@@ -217,7 +216,7 @@ def remove(
     begun = Tombstone(participant=person.participant, withdrawn=day, removed=False)
     # First the mark, on the disk: data that vanish without one look like data that were lost.
     write_tombstone(person.root, begun, disk=disk)
-    _delete(person.grave)
+    delete_folder(person.grave)
     if person.folder.exists():
         if os.name == "nt":  # which moves no folder with an open file in it
             locks.close()
@@ -226,13 +225,8 @@ def remove(
         person.folder.rename(person.grave)
         disk.sync_folder(person.root)
     remove_person(person.root, person.participant, disk=disk)
-    _delete(person.grave)
+    delete_folder(person.grave)
     # The last mark lies in the folder that the files went from: one sync is for both.
     done = Tombstone(participant=person.participant, withdrawn=day, removed=True)
     write_tombstone(person.root, done, disk=disk)
     return done
-
-
-def _delete(folder: Path) -> None:
-    if folder.exists():
-        shutil.rmtree(folder)
