@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from experiment.archive.disk import DISK, write_new
+from experiment.archive.manifest import LEVELS_SUFFIX
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     "target",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="A new file for run --levels FILE.",
+    help=f"A new file for run --levels FILE; its name ends in {LEVELS_SUFFIX}.",
 )
 @refusals
 def levels(*, folder: Path, participant: str, study_file: Path | None, target: Path | None) -> None:
@@ -43,6 +44,8 @@ def levels(*, folder: Path, participant: str, study_file: Path | None, target: P
     from analysis.thresholds.levels import place_levels
     from experiment.study.read import read_study
 
+    if target is not None and target.suffix != LEVELS_SUFFIX:  # a withdrawal would not find it
+        raise CommandError(f"--write must be a file that ends in {LEVELS_SUFFIX}; got {target}")
     if target is not None and target.exists():
         raise CommandError(f"--write must be a new file; got {target}, which exists")
     trials = read_trials([folder])

@@ -5,13 +5,14 @@ from .files import ArchiveError, write_atomically
 from .folders import SessionFolder, session_folders
 from .history import History, OpenTrial
 from .journal import Journal, JournalWriteError
-from .manifest import Manifest, Search, search
+from .manifest import LEVELS_SUFFIX, Manifest, Search, search
 from .participants import participant_facts
 from .withdraw import Person, held, look_up, remove
 
 __all__ = [
     "DISK",
     "FOLDER_MODE",
+    "LEVELS_SUFFIX",
     "UNWAITED",
     "ArchiveError",
     "History",

@@ -13,7 +13,7 @@ import re
 import tomllib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 NAME: Final = ".tactstrip.json"
 SCHEMA: Final = 1
+LEVELS_SUFFIX: Final = ".toml"
+"""How the name of a file of placed levels ends: by it, a withdrawal finds them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,22 +51,26 @@ class Manifest:
 def read_manifest(folder: Path) -> Manifest | None:
     """Read the manifest of a folder; none if it has none.
 
-    ValueError where it is damaged or of another schema.
+    ValueError where it is damaged, however, or of another schema.
     """
     path = folder / NAME
     if not path.is_file():
         return None
     try:
-        contents = json.loads(path.read_bytes())
-        if contents.pop("schema") != SCHEMA:
-            raise ValueError("another schema")
-        return Manifest(
-            what=str(contents.pop("what")),
-            participants=tuple(map(str, contents.pop("participants"))),
-            files=dict(contents.pop("files")),
-        )
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        return _manifest_of(json.loads(path.read_bytes()))
+    except (ValueError, RecursionError) as error:  # the latter of brackets without end
         raise ValueError(f"{path}: not a manifest: {error}") from error
+
+
+def _manifest_of(contents: Any) -> Manifest:
+    match contents:
+        case {"schema": schema} if schema != SCHEMA:
+            raise ValueError(f"schema must be {SCHEMA}; got {schema!r}")
+        case {"schema": _, "what": str(what), "participants": [*people], "files": dict(files)} if (
+            all(isinstance(text, str) for text in (*people, *files.values()))
+        ):
+            return Manifest(what=what, participants=tuple(people), files=files)
+    raise ValueError("must have schema, what, participants (a list of texts) and files")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -127,6 +133,7 @@ class _Seeker:
     def __init__(self, participant: str, known: set[Path]) -> None:
         self._participant = participant
         self._known = known
+        self._listed: set[Path] = set()  # by the manifests of exports: files and their folders
         self.found: set[Holding] = set()
         self.missed: set[Path] = set()
 
@@ -135,8 +142,8 @@ class _Seeker:
             here = Path(place)
             links = (here / name for name in (*folders, *files))
             self.missed |= {path for path in links if path.is_symlink()} - self._known
-            if NAME in files and self._is_whole(here):
-                folders.clear()  # its manifest has named whose they are
+            if NAME in files:
+                self._look_at_manifest(here)
             folders[:] = [name for name in folders if self._enter(here / name)]
             for name in files:
                 self._look_at_levels(here / name)
@@ -146,32 +153,47 @@ class _Seeker:
 
     def _enter(self, folder: Path) -> bool:
         """Note a copy of the person's sessions; other people's folders need no search."""
-        if folder in self._known or folder.is_symlink():
+        if folder in self._known or folder.is_symlink() or self._is_listed(folder):
             return False
         if folder.name == f"sub-{self._participant}":
             self.found.add(Holding(folder, "sessions"))
         return not _PERSON.fullmatch(folder.name)
 
-    def _is_whole(self, folder: Path) -> bool:
-        """Note a folder whose manifest names the person; tell whether all in it is listed there."""
+    def _is_listed(self, folder: Path) -> bool:
+        """Tell whether a manifest above, which named whose they are, lists all that is in a folder.
+
+        What was put into an export since, an analysis for one, may be of anybody.
+        """
+        paths = (
+            Path(place, name)
+            for place, folders, files in os.walk(folder, onerror=self._unreadable)
+            for name in (*folders, *files)
+        )
+        return folder in self._listed and all(
+            path in self._listed and not path.is_symlink() for path in paths
+        )
+
+    def _look_at_manifest(self, folder: Path) -> None:
+        """Note a folder whose manifest names the person, and what is listed there."""
         try:
             manifest = read_manifest(folder)
         except (ValueError, OSError):
             self.missed.add(folder / NAME)
-            return False
+            return
         if manifest is None:
-            return False
+            return
         if self._participant in manifest.participants:
             self.found.add(Holding(folder, manifest.what))
-        return bool(manifest.files)
+        for name in map(Path, manifest.files):
+            self._listed |= {folder / path for path in (name, *name.parents)}
 
     def _look_at_levels(self, path: Path) -> None:
         """Note a file of levels that were placed for the person, as `levels` writes it."""
-        if path.suffix != ".toml" or path.is_symlink():
+        if path.suffix != LEVELS_SUFFIX or path.is_symlink():
             return
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8"))
-        except ValueError:
+        except (ValueError, RecursionError):  # `levels` did not write it
             return
         except OSError:
             self.missed.add(path)

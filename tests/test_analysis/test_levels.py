@@ -183,6 +183,10 @@ def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None
     ("arguments", "said"),
     [
         ("{dir} --participant {me} --write {file}", "--write must be a new file; got {file}"),
+        (
+            "{dir} --participant {me} --write l.txt",
+            "--write must be a file that ends in .toml; got",
+        ),
         ("{dir} --participant {me} --study {study}", "levels that can be set, 0.1 to 90 V"),
         ("{dir} --participant nobody", "error: --participant must be one of {me}; got nobody\n"),
         ("nowhere --participant 1", "nowhere: no such file or folder"),

@@ -10,11 +10,12 @@ import pytest
 from click.testing import CliRunner
 from filelock import FileLock
 
+from experiment.archive.bids import export_bids
 from experiment.archive.files import ArchiveError
 from experiment.archive.folders import SessionFolder
-from experiment.archive.manifest import NAME, search
+from experiment.archive.manifest import NAME, Holding, search
 from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
-from experiment.archive.withdraw import look_up
+from experiment.archive.withdraw import held, look_up, remove
 from tactstrip import main
 from tests.test_experiment.sessions import contents
 
@@ -121,6 +122,16 @@ def test_nothing_is_removed_while_a_session_is_running(results: Path, refused: R
     assert withdraw(results).exit_code == 0
 
 
+def test_nothing_is_removed_when_a_session_was_begun_meanwhile(results: Path) -> None:
+    person = look_up(results, "01")
+    with held(person) as locks:
+        (results / "sub-01" / "ses-02").mkdir()
+        before = contents(results)
+        with pytest.raises(ArchiveError, match="it changed meanwhile; nothing was changed"):
+            remove(person, locks, today="2026-01-02")
+        assert contents(results) == before
+
+
 @pytest.mark.parametrize("who", ["../results", "01/../02", "sub-01", "", ".", "all", "*", "0 1"])
 def test_an_id_that_is_a_path_is_refused(results: Path, who: str, refused: Refused) -> None:
     told = refused(*withdrawing(results, who), typed=f"{who}\n")
@@ -216,6 +227,94 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(results: Path, tmp_
 
 
 UNSEARCHED = "Not searched (links, damaged manifests, no permission):"
+
+
+def test_an_analysis_inside_an_export_is_listed(results: Path, tmp_path: Path) -> None:
+    bids = tmp_path / "bids"
+    only_01 = shutil.copytree(results, tmp_path / "one", ignore=shutil.ignore_patterns("sub-02"))
+    export_bids(only_01, bids)
+    analysis = shutil.copytree(results / "analysis", bids / "derivatives" / "ana")
+    done = CliRunner().invoke(
+        main, [*map(str, withdrawing(results, "02")), "--also", str(bids)], input="02\n"
+    )
+    assert done.exit_code == 0, done.stderr
+    listed = [line for line in done.stdout.splitlines() if line.startswith("  ")]
+    assert listed == [f"  analysis: {analysis}", f"  analysis: {results / 'analysis'}"]
+
+
+def test_of_an_export_the_whole_is_listed_and_what_was_put_into_it(
+    results: Path, tmp_path: Path
+) -> None:
+    bids = tmp_path / "bids"
+    export_bids(results, bids, with_sourcedata=True)
+    whole = Holding(bids, "BIDS data set")
+    assert search([bids], "02").holdings == (whole,)
+    copies = [bids / "analysis", bids / "sourcedata" / "more"]
+    for copy in copies:
+        shutil.copytree(results / "analysis", copy)
+    (bids / "code" / "sub-02").mkdir(parents=True)
+    table = bids / "sub-02" / "sub-02_sessions.tsv"
+    table.symlink_to(table.rename(tmp_path / "elsewhere.tsv"))
+    found = search([bids], "02")
+    assert set(found.holdings) == {
+        whole,
+        *(Holding(copy, "analysis") for copy in copies),
+        Holding(bids / "code" / "sub-02", "sessions"),
+        Holding(bids / "sub-02", "sessions"),
+    }
+    assert {search([bids], who).holdings for who in ("03", "analysis")} == {()}
+
+
+def test_an_export_with_files_gone_is_listed_once(results: Path, tmp_path: Path) -> None:
+    bids = tmp_path / "bids"
+    export_bids(results, bids)
+    shutil.rmtree(bids / "sub-01")
+    assert search([bids], "02").holdings == (Holding(bids, "BIDS data set"),)
+
+
+REST = '"what": "analysis", "participants": ["01"], "files": {}}'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" * 100_000,
+        '{"schema": ' + "[" * 100_000,
+        "",
+        "null",
+        "1" * 10_000,
+        "\udcff",
+        "{" + REST,
+        '{"schema": 2, ' + REST,
+        '{"schema": 1, ' + REST.replace('["01"]', '"01"'),
+        '{"schema": 1, ' + REST.replace('["01"]', '["01", 2]'),
+        '{"schema": 1, ' + REST.replace('["01"]', '{"01": "01"}'),
+        '{"schema": 1, ' + REST.replace("{}", '["01"]'),
+        '{"schema": 1, ' + REST.replace("{}", '{"a": 1}'),
+        '{"schema": 1, ' + REST.replace('"analysis"', "1"),
+        '{"schema": 1, ' + REST.replace('"files"', '"file"'),
+    ],
+    ids=lambda text: text[:60],
+)
+def test_a_damaged_manifest_is_told_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / NAME
+    path.write_text('{"schema": 1, ' + REST, encoding="utf-8")
+    assert search([tmp_path], "01").holdings == (Holding(tmp_path, "analysis"),)
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+    found = search([tmp_path], "01")
+    assert (found.holdings, found.not_searched) == ((), (path,))
+
+
+def test_brackets_without_end_do_not_stop_a_withdrawal(results: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged"
+    damaged.mkdir()
+    (damaged / NAME).write_text("[" * 100_000, encoding="utf-8")
+    (damaged / "levels.toml").write_text("levels_vpp = " + "[" * 100_000, encoding="utf-8")
+    done = withdraw(results, "--also", str(damaged))
+    assert (done.exit_code, done.exception) == (0, None)
+    assert_gone(results)
+    lines = done.stdout.splitlines()
+    assert lines[lines.index(UNSEARCHED) + 1 : -1] == [f"  {damaged / NAME}"]
 
 
 def test_an_analysis_without_the_person_is_not_listed(results: Path, run: Run) -> None:
