@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
+from analysis.commands.dry_run import _new_folder
 from analysis.commands.levels import write_levels
 from device.driver import LinkError
 from experiment.archive.bids import export_bids
@@ -401,6 +402,17 @@ def test_records_of_a_person_give_others_no_right(tmp_path: Path, study: Study, 
     for path in found:
         mode = stat.S_IMODE(path.stat().st_mode)
         assert mode == (0o770 if path.is_dir() else 0o660) & ~umask, path
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
+def test_the_folder_that_a_dry_run_names_itself_gives_others_no_right(
+    tmp_path: Path, umask: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("dry-run-1", "dry-run-2"):
+        folder = _new_folder(None)
+        assert folder == Path(name)
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o770 & ~umask
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
