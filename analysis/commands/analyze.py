@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from analysis.definitions import METHODS
+from experiment.commands.options import working
 from experiment.terms.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
@@ -94,10 +95,12 @@ def write_analysis(
     from analysis.results.tables import analyse
 
     loaded = read_inputs(paths, columns, watched=_bar if bar else nullcontext)
-    analysis = analyse(
-        loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
-    )
-    save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths)
+    with working("Fitting") if bar else nullcontext():
+        analysis = analyse(
+            loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
+        )
+    with working("Writing") if bar else nullcontext():
+        save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths)
     return analysis
 
 

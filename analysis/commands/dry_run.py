@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
+from experiment.commands.options import working
 from experiment.terms.exits import DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
@@ -54,8 +55,9 @@ def dry_run(
     from experiment.preview.check import require_fit
     from experiment.study.read import paper_study, read_study
 
-    study = paper_study() if study_file is None else read_study(study_file)
-    check = require_fit(study)
+    with working("Checking"):
+        study = paper_study() if study_file is None else read_study(study_file)
+        check = require_fit(study)
     folder = _new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")

@@ -1,1 +1,5 @@
 """The commands `init`, `check`, `field`, `run`, `export` and `withdraw`."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

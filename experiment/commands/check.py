@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.commands.options import answer, confirmed, device_failures, hardware_options
+from experiment.commands.options import (
+    answer,
+    confirmed,
+    device_failures,
+    hardware_options,
+    working,
+)
 from experiment.terms.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
@@ -52,7 +58,8 @@ def check(
 
     if not with_device and (driver is not None or port is not None or confirm_hardware):
         raise CommandError("--driver, --port and --confirm-hardware need --device")
-    checked = check_study(read_study(study_file))
+    with working("Checking"):
+        checked = check_study(read_study(study_file))
     require_mock_suitable(checked.study, driver)
     machine = machine_findings(_machine_lacks(checked.study, driver, port))
     found = check_findings(checked, str(study_file), machine)

@@ -1,20 +1,24 @@
-"""The command `field`: a map of the displacement, or the response at the fingers."""
+"""The command `field`: a map of the displacement, in time too, or the response at the fingers."""
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import click
 
+from experiment.commands.options import working
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.preview.field import PlateBand, PlateMap
+    from experiment.commands.options import Step
+    from experiment.preview.field import PlateBand, PlateMap, PlateMotion
     from experiment.study.study import Study
 
 
 _ENDINGS: Final = (".png", ".svg", ".csv")
+_MOVING_ENDINGS: Final = (".gif", ".mp4")
 
 
 @click.command()
@@ -34,12 +38,16 @@ _ENDINGS: Final = (".png", ".svg", ".csv")
     help="Response at the fingers from LO to HI Hz instead of a map.",
 )
 @click.option(
+    "--animate",
+    is_flag=True,
+    help="The plate in time under the first condition's burst, slowed: .gif, or .mp4 by ffmpeg.",
+)
+@click.option(
     "--out",
     type=click.Path(path_type=Path),
-    default=Path("field.png"),
-    show_default=True,
     metavar="FILE",
-    help="A new file; its ending, .png, .svg or .csv, says what is written.",
+    help="A new file; its ending, .png, .svg or .csv, says what is written.  [default: field.png, "
+    "with --animate burst.gif]",
 )
 @refusals
 def field(
@@ -47,9 +55,10 @@ def field(
     study_file: Path,
     frequency_hz: float | None,
     band_hz: tuple[float, float] | None,
-    out: Path,
+    animate: bool,
+    out: Path | None,
 ) -> None:
-    """Draw the displacement of the plate: a map at one frequency, or the fingers over a band.
+    """Draw the displacement of the plate: a map at one frequency, or in time, or over a band.
 
     Each actuator is driven alone. An existing file is left alone.
     """
@@ -58,17 +67,32 @@ def field(
 
     if frequency_hz is not None and band_hz is not None:
         raise CommandError("--frequency-hz gives a map and --band none; give one of them")
+    if animate and (frequency_hz is not None or band_hz is not None):
+        raise CommandError("--animate shows the burst; give no --frequency-hz or --band with it")
     study = read_study(study_file)
-    _check_target(out)
-    found = _computed(study, frequency_hz, band_hz)
-    _write_new(out, _content(found, out.suffix.lower()))
+    out = out or Path("burst.gif" if animate else "field.png")
+    _check_target(out, _MOVING_ENDINGS if animate else _ENDINGS)
+    found: PlateMap | PlateBand | PlateMotion
+    with working("Computing the field") as step:
+        if animate:
+            from experiment.preview.field import plate_motion
+            from experiment.preview.plate import plate_of
+
+            found = plate_motion(plate_of(study))
+            content = _animated(found, out.suffix.lower(), step)
+        else:
+            found = _computed(study, frequency_hz, band_hz)
+            content = _content(found, out.suffix.lower())
+    _write_new(out, content)
     click.echo(field_text(found, str(study_file)))
     click.echo(f"\n{out} written")
 
 
-def _check_target(out: Path) -> None:
-    if out.suffix.lower() not in _ENDINGS:
-        raise CommandError(f"--out must end in {', '.join(_ENDINGS)}; got {out}")
+def _check_target(out: Path, endings: tuple[str, ...]) -> None:
+    if out.suffix.lower() not in endings:
+        raise CommandError(f"--out must end in {', '.join(endings)}; got {out}")
+    if out.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
+        raise CommandError(f"--out must end in .gif: an MP4 needs ffmpeg, not found; got {out}")
     if out.exists() or out.is_symlink():
         raise CommandError(f"{out} exists and is left as it is; name another file with --out")
 
@@ -93,6 +117,12 @@ def _content(found: PlateMap | PlateBand, ending: str) -> bytes:
     from experiment.preview.field_figure import render
 
     return render(found, "png" if ending == ".png" else "svg")
+
+
+def _animated(found: PlateMotion, ending: str, step: Step) -> bytes:
+    from experiment.preview.field_figure import animate
+
+    return animate(found, "gif" if ending == ".gif" else "mp4", step)
 
 
 def _write_new(path: Path, content: bytes) -> None:

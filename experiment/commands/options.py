@@ -1,10 +1,14 @@
-"""The options by which a command reaches a device, and the operator's word for a real one."""
+"""The options by which a command reaches a device, and the operator's word for a real one.
+
+Also the line by which any command that takes longer than a second shows that it works.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-from typing import TYPE_CHECKING, TypeVar
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 import click
 
@@ -14,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from experiment.apparatus.rig import Confirmation, Rig
+
+    Step: TypeAlias = Callable[[int, int], None]
 
 
 _Command = TypeVar("_Command", bound="Callable[..., object]")
@@ -82,6 +88,50 @@ def answer(question: str) -> bool:
         return click.confirm(question, err=True)
     except click.Abort:
         return False
+
+
+_SHOWN_AFTER_S: Final = 0.5
+_DRAWN_EVERY_S: Final = 0.1
+
+
+@contextlib.contextmanager
+def working(what: str) -> Iterator[Step]:
+    """Show on a terminal's stderr that something is going on, and for how long; then nothing.
+
+    What is yielded may be told how much of how much is done. Work that is over within half a
+    second shows nothing, nor does any off a terminal: rich is not even imported then.
+
+    Examples
+    --------
+    >>> with working("Computing") as step:
+    ...     step(1, 2)
+    """
+    over, told = Event(), [(0, 0)]
+    thread = Thread(target=_show, args=(what, over, told), daemon=True)
+    shown = sys.stderr.isatty()
+    if shown:
+        thread.start()
+    try:
+        yield lambda done, total: told.append((done, total))
+    finally:
+        over.set()
+        if shown:
+            thread.join()
+
+
+def _show(what: str, over: Event, told: list[tuple[int, int]]) -> None:
+    """Draw the line until the work is over; it is taken away then."""
+    if over.wait(_SHOWN_AFTER_S):
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        while not over.wait(_DRAWN_EVERY_S):
+            done, total = told[-1]
+            bar.update(task, completed=done, total=total or None)
 
 
 @contextlib.contextmanager

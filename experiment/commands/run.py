@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.commands.options import confirmed, device_failures, hardware_options
+from experiment.commands.options import confirmed, device_failures, hardware_options, working
 from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from experiment.terms.responder import RESPONDERS
 
@@ -167,8 +167,9 @@ def _new_plan(
     from experiment.trial.draw import draw_plan
 
     folder.refuse_existing()
-    study = read_study(study_file)
-    gains = require_fit(study, driver=driver).gains
+    with working("Checking"):
+        study = read_study(study_file)
+        gains = require_fit(study, driver=driver).gains
     seed = secrets.randbits(32) if seed is None else seed
     plan = draw_plan(
         study,

@@ -1,8 +1,8 @@
 from .check import ConditionCheck, StudyCheck, check_study, require_fit, require_mock_suitable
 from .check_report import check_findings
 from .device import DeviceCheck, check_device, device_findings, machine_findings, machine_lacks
-from .field import PlateBand, PlateMap, plate_band, plate_map
-from .field_figure import render
+from .field import PlateBand, PlateMap, PlateMotion, plate_band, plate_map, plate_motion
+from .field_figure import animate, render
 from .field_report import field_csv, field_text
 from .plate import plate_of
 
@@ -11,7 +11,9 @@ __all__ = [
     "DeviceCheck",
     "PlateBand",
     "PlateMap",
+    "PlateMotion",
     "StudyCheck",
+    "animate",
     "check_device",
     "check_findings",
     "check_study",
@@ -22,6 +24,7 @@ __all__ = [
     "machine_lacks",
     "plate_band",
     "plate_map",
+    "plate_motion",
     "plate_of",
     "render",
     "require_fit",

@@ -177,7 +177,7 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
     )
     found.tell(
         "burst",
-        _burst_words(condition),
+        burst_words(condition),
         burst=stimulus_facts(condition),
         duration_s=condition.drive.duration_s,
         peak_hz=burst.peak_hz,
@@ -210,7 +210,8 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
     return found
 
 
-def _burst_words(condition: Condition) -> str:
+def burst_words(condition: Condition) -> str:
+    """Say what the burst of a condition is."""
     drive = condition.drive
     if not isinstance(drive, Burst):
         return f"{condition.file}, scaled to a peak of 1, {drive.duration_s * 1e3:g} ms"

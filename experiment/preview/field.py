@@ -1,4 +1,4 @@
-"""The field of a study's actuators: over the plate at one frequency, at the fingers over a band."""
+"""The field of a study's actuators: over the plate at one frequency or in time, and over a band."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from experiment.preview.plate import RTOL
-from stimuli import displacement_map
+from experiment.study.sections.stimulus import unscaled_peak
+from stimuli import Scene, causal, displacement_map
+from stimuli.motion.frames import frames_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -22,6 +24,12 @@ BAND_FREQUENCIES: Final = 500
 """Frequencies of a band unless told otherwise."""
 
 _CELLS_ACROSS: Final = 50
+_CELLS_ACROSS_MOVING: Final = 12
+_LOOKS: Final = 16
+_MOST_LOOKS: Final = 240
+_FINER: Final = 8
+"""An animation has so many looks in a period, and at most so many for each actuator."""
+
 _MOST_CELLS_ALONG: Final = 1200
 _MARGIN_WIDTHS: Final = 4.0
 """A map ends with the plate, or so many widths beyond the outermost actuators."""
@@ -100,6 +108,40 @@ class PlateBand:
         return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlateMotion:
+    """The displacement over the plate in time, under the first condition's burst.
+
+    Attributes
+    ----------
+    plate : PlatePreview
+        Whose motion it is.
+    times_s : ndarray of float64, shape (n_times,)
+        Times in equal steps, from the beginning of the burst.
+    x_m, y_m : ndarray of float64, shape (n_x,) and (n_y,)
+        Places along the plate, from its middle, and across it, from one edge.
+    displacement_m : ndarray of float64, shape (2, n_times, n_x, n_y)
+        With the left actuator driven, then with the right one.
+    finger_times_s : ndarray of float64, shape (n_finger_times,)
+        Times in finer steps over the same length.
+    at_fingers_m : ndarray of float64, shape (2, 2, n_finger_times)
+        The same at the centres of the left and the right fingertip, at those times.
+    """
+
+    plate: PlatePreview
+    times_s: Real
+    x_m: Real
+    y_m: Real
+    displacement_m: Real
+    finger_times_s: Real
+    at_fingers_m: Real
+
+    @property
+    def step_s(self) -> float:
+        """Time between two looks."""
+        return float(self.times_s[1])
+
+
 def level_db(own_m: ArrayLike, other_m: ArrayLike) -> Real:
     """Return the level at another finger re above the driven actuator, 20 log10 of the amplitudes.
 
@@ -149,10 +191,73 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     )
 
 
-def _grid(plate: PlatePreview) -> tuple[Real, Real]:
+def plate_motion(plate: PlatePreview) -> PlateMotion:
+    """Compute the displacement over a plate in time, the left actuator driven, then the right one.
+
+    The time shown is that of the first condition's burst and half as much after it, at least a
+    period, in steps of 1, 2 or 5 times a power of ten that are a sixteenth of a period or less.
+
+    Parameters
+    ----------
+    plate : PlatePreview
+        The plate.
+
+    Raises
+    ------
+    ValueError
+        If the plate has too many modes for that.
+
+    Examples
+    --------
+    The burst stays above the driven actuator:
+
+    >>> from experiment.preview.plate import plate_of
+    >>> from experiment.study.read import paper_study
+    >>> found = plate_motion(plate_of(paper_study()))
+    >>> own_m, other_m = abs(found.at_fingers_m[0]).max(axis=1)
+    >>> found.step_s, found.times_s.size, bool(other_m < 0.1 * own_m)
+    (0.0001, 41, True)
+    """
+    condition = plate.study.conditions[0]
+    drive, loads = condition.drive, plate.loads[: len(plate.fingers)]
+    x_m, y_m = _grid(plate, _CELLS_ACROSS_MOVING)
+    points_m = [(x, y) for x in x_m.tolist() for y in y_m.tolist()]
+    points_m += [(finger.x_m, finger.y_m) for finger in plate.fingers]
+    scene = Scene(strip=causal(plate.strip, drive), loads=loads, points_m=tuple(points_m))
+    step_s = _round_down(1 / (_LOOKS * max(plate.drive_hz, drive.band_hz()[1] / 2)))
+    after_s = max(drive.duration_s / 2, 1 / plate.drive_hz)
+    end_s = min(drive.duration_s + after_s, _MOST_LOOKS * step_s)
+    times_s, found_m = frames_of(scene, drive, step_s=step_s / _FINER, end_s=end_s)
+    amplitudes = np.array(plate.drive.amplitudes[: len(loads)])
+    found_m *= amplitudes[:, np.newaxis, np.newaxis] / unscaled_peak(condition, plate.study.device)
+    over_m = found_m[:, : x_m.size * y_m.size, ::_FINER]
+    return PlateMotion(
+        plate=plate,
+        times_s=times_s[::_FINER],
+        x_m=x_m,
+        y_m=y_m,
+        displacement_m=np.moveaxis(over_m, 2, 1).reshape(len(loads), -1, x_m.size, y_m.size),
+        finger_times_s=times_s,
+        at_fingers_m=found_m[:, x_m.size * y_m.size :],
+    )
+
+
+def _round_down(step_s: float) -> float:
+    """Return the largest number of 1, 2 or 5 times a power of ten that is not larger.
+
+    >>> _round_down(1.25e-4), _round_down(6e-5)
+    (0.0001, 5e-05)
+    """
+    power = math.floor(math.log10(step_s))
+    return max(
+        float(f"{digit}e{power}") for digit in (1, 2, 5) if float(f"{digit}e{power}") <= step_s
+    )
+
+
+def _grid(plate: PlatePreview, cells_across: int = _CELLS_ACROSS) -> tuple[Real, Real]:
     """Return the places of a map; the middle, the ends and both edges are among them."""
     width_m, length_m = plate.strip.width_m, plate.study.strip.length_m
-    step_m = width_m / _CELLS_ACROSS
+    step_m = width_m / cells_across
     reach_m = max(abs(load.x_m) + load.half_size_m[0] for load in plate.loads)
     cells = math.ceil((reach_m + _MARGIN_WIDTHS * width_m) / step_m)
     if length_m is not None and length_m / 2 <= cells * step_m:
@@ -160,7 +265,7 @@ def _grid(plate: PlatePreview) -> tuple[Real, Real]:
         step_m = length_m / 2 / cells
     kept = min(cells, _MOST_CELLS_ALONG // 2)
     x_m = step_m * cells / kept * np.arange(-kept, kept + 1)
-    return x_m.astype(np.float64), np.linspace(0.0, width_m, _CELLS_ACROSS + 1)
+    return x_m.astype(np.float64), np.linspace(0.0, width_m, cells_across + 1)
 
 
 def plate_band(

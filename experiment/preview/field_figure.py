@@ -1,26 +1,45 @@
-"""The field of a study's actuators as a figure, PNG or SVG, with the same bytes on every run."""
+"""The field of a study's actuators as a figure, PNG or SVG, with the same bytes on every run.
+
+A field in time is an animation, GIF or MP4.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import io
+import tempfile
 import warnings
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
+from experiment.preview.check_report import burst_words
 from experiment.preview.field import PlateMap
-from experiment.preview.field_report import hertz, levels_text, metres, prefixed, strip_text
+from experiment.preview.field_report import (
+    FRAMES_PER_S,
+    hertz,
+    levels_text,
+    metres,
+    prefixed,
+    slowed,
+    strip_text,
+)
+from experiment.preview.plate import draw_outlines, outline_keys
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
+    from matplotlib.transforms import Bbox
+    from numpy.typing import NDArray
 
-    from experiment.preview.field import PlateBand
+    from experiment.preview.field import PlateBand, PlateMotion
     from experiment.preview.plate import PlatePreview
-    from experiment.study.sections.actuator import Actuator
 
 
 _MAP_WIDTH_IN: Final = 7.6
@@ -29,9 +48,13 @@ _LEAST_IN: Final = 4.8
 _TITLE_IN: Final = 6.0
 """Narrower maps have a title of two lines; the legend needs the least width."""
 
+_MOTION_IN: Final = (9.0, 4.4)
+_MOTION_DPI: Final = 100
+"""Videos want even numbers of pixels."""
+
+_DRIVEN: Final = "#EEEEEE"
 _BAND_PANEL_IN: Final = (4.4, 3.8)
 _LEAST_DB: Final = -60.0
-_DASHES: Final = (0, (3, 2))
 
 # Okabe & Ito's colours for all kinds of colour vision.
 _OWN: Any = {"color": "#0072B2", "lw": 1.6}
@@ -86,6 +109,17 @@ def render(field: PlateMap | PlateBand, file_type: Literal["png", "svg"]) -> byt
     bytes
         The contents of the file, the same on every run.
     """
+    with _styled():
+        figure = _map_figure(field) if isinstance(field, PlateMap) else _band_figure(field)
+        file = io.BytesIO()
+        metadata = {"Date": None} if file_type == "svg" else None
+        figure.savefig(file, format=file_type, metadata=metadata)
+    return file.getvalue()
+
+
+@contextlib.contextmanager
+def _styled() -> Iterator[None]:
+    """Draw as nobody's settings but these have it."""
     import matplotlib as mpl
 
     with mpl.rc_context(), warnings.catch_warnings():
@@ -93,11 +127,7 @@ def render(field: PlateMap | PlateBand, file_type: Literal["png", "svg"]) -> byt
             warnings.filterwarnings("ignore", message, UserWarning)
         mpl.rcdefaults()
         mpl.rcParams.update(_STYLE)
-        figure = _map_figure(field) if isinstance(field, PlateMap) else _band_figure(field)
-        file = io.BytesIO()
-        metadata = {"Date": None} if file_type == "svg" else None
-        figure.savefig(file, format=file_type, metadata=metadata)
-    return file.getvalue()
+        yield
 
 
 def _new_figure(size_in: tuple[float, float]) -> Figure:
@@ -126,10 +156,7 @@ def _map_figure(field: PlateMap) -> Figure:
     panels = figure.subplots(len(names), 1, squeeze=False, sharex=True).ravel()
     for driven, axes in enumerate(panels):
         image = _draw_level(axes, field, driven)
-        for actuator in plate.study.actuators:
-            _outline(axes, _patch(actuator), dashed=False)
-        for finger in plate.fingers:
-            _outline(axes, _circle(finger.x_m, finger.y_m, finger.radius_m), dashed=True)
+        draw_outlines(axes, plate)
         axes.set_title(_map_title(field, driven, "\n" if narrow else "; "), loc="left")
         axes.set_ylabel("y (mm)")
     panels[-1].set_xlabel("x along the plate, from its middle (mm)")
@@ -175,48 +202,17 @@ def _map_title(field: PlateMap, driven: int, between: str) -> str:
     return f"{drive.names[driven]} actuator driven: largest {largest}{between}{levels}"
 
 
-def _patch(actuator: Actuator) -> Patch:
-    from matplotlib.patches import Rectangle
-
-    if actuator.diameter_m is not None:
-        return _circle(actuator.x_m, actuator.y_m, actuator.diameter_m / 2)
-    (left_m, right_m), (lower_m, upper_m) = actuator.span_x_m, actuator.span_y_m
-    corner_mm = (left_m * 1e3, lower_m * 1e3)
-    return Rectangle(corner_mm, (right_m - left_m) * 1e3, (upper_m - lower_m) * 1e3)
-
-
-def _circle(x_m: float, y_m: float, radius_m: float) -> Patch:
-    from matplotlib.patches import Circle
-
-    return Circle((x_m * 1e3, y_m * 1e3), radius_m * 1e3)
-
-
-def _outline(axes: Axes, shape: Patch, *, dashed: bool) -> None:
-    """Draw an outline that stands out on light and on dark ground."""
-    from matplotlib.patheffects import withStroke
-
-    shape.set(
-        fill=False, edgecolor="white", linewidth=1.2, linestyle=_DASHES if dashed else "-",
-        path_effects=[withStroke(linewidth=2.4, foreground="black")],
-    )  # fmt: skip
-    axes.add_patch(shape)
-
-
 def _map_keys(plate: PlatePreview) -> list[Line2D]:
     from matplotlib.lines import Line2D
-    from matplotlib.patheffects import withStroke
 
-    effects = [withStroke(linewidth=2.4, foreground="black")]
     limit = f"−{plate.masking_limit_db:g} dB, the masking limit, re the largest (tone)"
     return [
-        Line2D([], [], color="white", lw=1.2, path_effects=effects, label="actuator"),
-        Line2D([], [], color="white", lw=1.2, ls=_DASHES, path_effects=effects,
-               label="fingertip's contact"),
+        *outline_keys(),
         Line2D([], [], color="black", lw=1.4, label=limit),
-    ]  # fmt: skip
+    ]
 
 
-def _legend(figure: Figure, keys: list[Line2D], remark: str) -> None:
+def _legend(figure: Figure, keys: Sequence[Artist], remark: str) -> None:
     """Explain the lines below the panels, and say what the displacements rest on."""
     figure.legend(
         handles=keys, loc="outside lower center", ncols=len(keys), frameon=False,
@@ -285,11 +281,115 @@ def _dress(axes: Axes, field: PlateBand, largest: float) -> None:
 
 
 def _band_keys(plate: PlatePreview) -> list[Line2D]:
-    from matplotlib.lines import Line2D
-
     limit = f"−{plate.masking_limit_db:g} dB re above the actuator (masking limit)"
     styles = [(_OWN, "above the actuator"), (_OTHERS[0], "other finger")]
     if any(len(plate.others_of(driven)) > 1 for driven, _ in enumerate(plate.loads)):
         styles.append((_OTHERS[1], "other finger, the right of two"))
     styles += [(_LIMIT, limit), (_CUTOFF, "cut-off")]
-    return [Line2D([], [], label=label, **style) for style, label in styles]
+    return [_key(label, style) for style, label in styles]
+
+
+def _key(label: str, style: Any) -> Line2D:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], label=label, **style)
+
+
+# --- the motion -----------------------------------------------------------------------------------
+
+
+def animate(
+    motion: PlateMotion, file_type: Literal["gif", "mp4"], shown: Callable[[int, int], object]
+) -> bytes:
+    """Draw the plate in time: the left actuator driven, then the right one.
+
+    `shown` is told of every frame how many there are now, and of how many. An MP4 needs ffmpeg.
+    """
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
+    writer = (PillowWriter if file_type == "gif" else FFMpegWriter)(fps=FRAMES_PER_S)
+    n_driven, n_times = motion.displacement_m.shape[:2]
+    with _styled(), tempfile.TemporaryDirectory() as folder:
+        figure, draw = _moving_figure(motion)
+        path = Path(folder) / f"motion.{file_type}"
+        with writer.saving(figure, path, dpi=_MOTION_DPI):
+            for frame in range(n_driven * n_times):
+                draw(*divmod(frame, n_times))
+                writer.grab_frame()
+                shown(frame + 1, n_driven * n_times)
+        return path.read_bytes()
+
+
+def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int, int], None]]:
+    """Return a figure, and what draws the frame of an actuator at a time into it.
+
+    All that stands still is drawn once and lies as an image below what moves.
+    """
+    plate, name_of = motion.plate, motion.plate.drive.names
+    size_m = float(np.max(np.abs(motion.displacement_m)))
+    unit, factor = prefixed(size_m)
+    behind, places = _still_figure(motion, unit.replace("um", "µm"), size_m / factor)
+    figure = _new_figure(_MOTION_IN)
+    figure.set_layout_engine("none")
+    figure.figimage(behind, zorder=-1)
+    over, fingers = (figure.add_axes(place.bounds) for place in places)
+    image = _moving_image(over, motion, size_m / factor)
+    draw_outlines(over, plate)
+    over.set(xticks=(), yticks=())
+    reach = 1.1 * size_m / factor
+    fingers.set(xlim=(0.0, motion.finger_times_s[-1] * 1e3), ylim=(-reach, reach))
+    fingers.axis("off")
+    lines = [fingers.plot([], [], **style)[0] for style in (_OWN, _OTHERS[0])]
+
+    def draw(driven: int, time: int) -> None:
+        now_s = motion.times_s[time]
+        past = motion.finger_times_s <= now_s + motion.step_s / 1000
+        image.set_data(motion.displacement_m[driven, time].T / factor)
+        for line, finger in zip(lines, (driven, *plate.others_of(driven)), strict=True):
+            seen_m = motion.at_fingers_m[driven, finger, past]
+            line.set_data(motion.finger_times_s[past] * 1e3, seen_m / factor)
+        over.set_title(f"{name_of[driven]} actuator driven, t = {now_s * 1e3:.2f} ms", loc="left")
+
+    return figure, draw
+
+
+def _still_figure(
+    motion: PlateMotion, unit: str, largest: float
+) -> tuple[NDArray[np.uint8], list[Bbox]]:
+    """Draw what stands still in all frames, and return where the two panels are."""
+    from matplotlib.patches import Patch
+
+    plate, drive = motion.plate, motion.plate.study.conditions[0].drive
+    label = f"u ({unit}{plate.drive.per_any_load})"
+    figure = _new_figure(_MOTION_IN)
+    over, fingers = figure.subplots(2, 1, height_ratios=(1.0, 1.2))
+    image = _moving_image(over, motion, largest)
+    over.set(xlabel="x along the plate, from its middle (mm)", ylabel="y (mm)", title=" ")
+    figure.colorbar(image, ax=over, pad=0.02).set_label(label)
+    end_ms = motion.finger_times_s[-1] * 1e3
+    fingers.axvspan(0.0, min(drive.duration_s * 1e3, end_ms), color=_DRIVEN)
+    fingers.set(xlim=(0.0, end_ms), ylim=(-1.1 * largest, 1.1 * largest))
+    fingers.set(xlabel="time (ms)", ylabel=label)
+    words = f"{burst_words(plate.study.conditions[0])}; slowed {slowed(motion):g} times"
+    figure.suptitle(f"{plate.study.name}: {words}; {strip_text(plate)}")
+    lines = [(_OWN, "above the actuator"), (_OTHERS[0], "other finger")]
+    keys: list[Artist] = [*outline_keys(), *(_key(what, style) for style, what in lines)]
+    keys.append(Patch(color=_DRIVEN, label="while driven"))
+    _legend(figure, keys, f"{plate.basis}; each actuator driven alone")
+    still = io.BytesIO()
+    figure.savefig(still, format="rgba", dpi=_MOTION_DPI)
+    rows = round(_MOTION_IN[1] * _MOTION_DPI)
+    pixels = np.frombuffer(still.getvalue(), np.uint8).reshape(rows, -1, 4)
+    return pixels, [axes.get_position() for axes in (over, fingers)]
+
+
+def _moving_image(axes: Axes, motion: PlateMotion, largest: float) -> AxesImage:
+    x_mm, y_mm = motion.x_m * 1e3, motion.y_m * 1e3
+    half_x, half_y = (x_mm[1] - x_mm[0]) / 2, (y_mm[1] - y_mm[0]) / 2
+    image = axes.imshow(
+        np.zeros((y_mm.size, x_mm.size)), origin="lower", aspect="equal",
+        interpolation="bicubic", cmap="RdBu_r", vmin=-largest, vmax=largest,
+        extent=(x_mm[0] - half_x, x_mm[-1] + half_x, y_mm[0] - half_y, y_mm[-1] + half_y),
+    )  # fmt: skip
+    axes.set(xlim=(x_mm[0], x_mm[-1]), ylim=(y_mm[0], y_mm[-1]))
+    return image

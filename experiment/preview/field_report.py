@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from experiment.preview.field import PlateBand, PlateMap
+from experiment.preview.check_report import burst_words
+from experiment.preview.field import PlateBand, PlateMap, PlateMotion
 from experiment.preview.findings import Findings
 
 if TYPE_CHECKING:
@@ -87,12 +88,12 @@ def _numbers(places: list[float], values_m: NDArray[np.complex128]) -> list[str]
     return [repr(float(number)) for number in (*places, *parts)]
 
 
-def field_text(field: PlateMap | PlateBand, file_name: str) -> str:
+def field_text(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> str:
     """Say in a few lines what a field shows.
 
     Parameters
     ----------
-    field : PlateMap or PlateBand
+    field : PlateMap, PlateBand or PlateMotion
         The field.
     file_name : str
         Where the study was read from.
@@ -112,6 +113,8 @@ def field_text(field: PlateMap | PlateBand, file_name: str) -> str:
     found.tell("basis", plate.remark)
     if isinstance(field, PlateMap):
         _tell_map(found, field)
+    elif isinstance(field, PlateMotion):
+        _tell_motion(found, field)
     else:
         _tell_band(found, field)
     return found.text
@@ -127,6 +130,33 @@ def _tell_map(found: Findings, field: PlateMap) -> None:
         place = f"x = {x_m * 1e3:g}, y = {y_m * 1e3:g} mm"
         told = f"{metres(peak_m)}{drive.per_load(driven)} at {place}; {levels_text(field, driven)}"
         found.tell(f"{name} driven", told)
+
+
+def _tell_motion(found: Findings, field: PlateMotion) -> None:
+    plate, largest_m = field.plate, np.max(np.abs(field.at_fingers_m), axis=2)
+    found.tell("burst", burst_words(plate.study.conditions[0]))
+    found.tell(
+        "shown",
+        f"0 to {field.times_s[-1] * 1e3:g} ms in steps of {field.step_s * 1e3:g} ms, "
+        f"slowed {slowed(field):g} times",
+    )
+    for driven, own_m in enumerate(np.diag(largest_m)):
+        unit = plate.drive.per_load(driven)
+        (other,) = plate.others_of(driven)
+        found.tell(
+            f"{plate.drive.names[driven]} driven",
+            f"at most {metres(float(own_m))}{unit} above it, "
+            f"{metres(float(largest_m[driven, other]))}{unit} at the {plate.places[other]}",
+        )
+
+
+FRAMES_PER_S: Final = 20
+"""Of an animation."""
+
+
+def slowed(field: PlateMotion) -> float:
+    """Return how much longer an animation takes than what it shows."""
+    return float(f"{1 / (FRAMES_PER_S * field.step_s):.3g}")
 
 
 def levels_text(field: PlateMap, driven: int) -> str:

@@ -1,9 +1,9 @@
-"""A study's plate as its field needs it: strip, loads, how strongly driven, and fingertips."""
+"""A study's plate as its field needs it: strip, loads, drive, fingertips and their outlines."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -17,8 +17,12 @@ from experiment.study.physics import (
 from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
     from numpy.typing import ArrayLike, NDArray
 
+    from experiment.study.sections.actuator import Actuator
     from experiment.study.study import Study
 
     Complex = NDArray[np.complex128]
@@ -89,6 +93,7 @@ def drive_of(study: Study) -> DriveLevels:
 RTOL: Final = 1e-4
 """Relative error wanted of what is shown."""
 
+_DASHES: Final = (0, (3, 2))
 _FINGERS: Final = 2
 """The first actuators have a finger above them, left and right."""
 
@@ -175,3 +180,54 @@ def plate_of(study: Study) -> PlatePreview:
         drive=drive_of(study),
         fingertips=fingertips_of(study),
     )
+
+
+def draw_outlines(axes: Axes, plate: PlatePreview) -> None:
+    """Draw the outlines of actuators and fingertips into a map in millimetres."""
+    for actuator in plate.study.actuators:
+        _outline(axes, _patch(actuator), dashed=False)
+    for finger in plate.fingers:
+        _outline(axes, _circle(finger.x_m, finger.y_m, finger.radius_m), dashed=True)
+
+
+def _patch(actuator: Actuator) -> Patch:
+    from matplotlib.patches import Rectangle
+
+    if actuator.diameter_m is not None:
+        return _circle(actuator.x_m, actuator.y_m, actuator.diameter_m / 2)
+    (left_m, right_m), (lower_m, upper_m) = actuator.span_x_m, actuator.span_y_m
+    corner_mm = (left_m * 1e3, lower_m * 1e3)
+    return Rectangle(corner_mm, (right_m - left_m) * 1e3, (upper_m - lower_m) * 1e3)
+
+
+def _circle(x_m: float, y_m: float, radius_m: float) -> Patch:
+    from matplotlib.patches import Circle
+
+    return Circle((x_m * 1e3, y_m * 1e3), radius_m * 1e3)
+
+
+def _outline(axes: Axes, shape: Patch, *, dashed: bool) -> None:
+    """Draw an outline that stands out on light and on dark ground."""
+    from matplotlib.patheffects import withStroke
+
+    shape.set(
+        fill=False, edgecolor="white", linewidth=1.2, linestyle=_DASHES if dashed else "-",
+        path_effects=[withStroke(linewidth=2.4, foreground="black")],
+    )  # fmt: skip
+    axes.add_patch(shape)
+
+
+def outline_keys() -> list[Line2D]:
+    """Return what explains them in a legend."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
+
+    style: Any = {
+        "color": "white",
+        "lw": 1.2,
+        "path_effects": [withStroke(linewidth=2.4, foreground="black")],
+    }
+    return [
+        Line2D([], [], label="actuator", **style),
+        Line2D([], [], label="fingertip's contact", ls=_DASHES, **style),
+    ]

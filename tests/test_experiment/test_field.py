@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import re
 import subprocess
 import sys
@@ -12,12 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from experiment.preview.field import PlateBand, level_db, plate_band, plate_map
+from experiment.preview.field import PlateBand, level_db, plate_band, plate_map, plate_motion
 from experiment.preview.field_figure import render
 from experiment.preview.field_report import field_csv, field_text, metres
 from experiment.preview.plate import DriveLevels, plate_of
-from experiment.study.physics import field_strip, loads_of
+from experiment.study.physics import field_strip, loads_of, study_gains
 from experiment.study.read import paper_study, study_from_text
 from stimuli import Fingertip, ForceRectangle, Scene, displacement
 
@@ -370,3 +372,85 @@ def test_the_headline_has_the_numbers_of_the_map() -> None:
         told = re.search(r"([-\d.]+) dB$", line)
         assert told is not None
         assert float(told[1]) == pytest.approx(found.level_db(driven, 1 - driven), abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_burst_leaves_the_driven_disc_and_stays_there() -> None:
+    found = plate_motion(plate())
+    size_m = np.abs(found.displacement_m).max(axis=1)
+    for driven, x_m in enumerate((-0.035, 0.035)):
+        along, _ = np.unravel_index(np.argmax(size_m[driven]), size_m[driven].shape)
+        assert found.x_m[along] == pytest.approx(x_m, abs=0.002)
+        own_m, other_m = (np.abs(found.at_fingers_m[driven, f]).max() for f in (driven, 1 - driven))
+        assert other_m < 0.1 * own_m
+    assert not found.displacement_m[:, 0].any()
+    assert np.allclose(found.displacement_m[0, :, ::-1], found.displacement_m[1], atol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_motion_above_the_actuator_is_what_its_finger_gets_by_the_check() -> None:
+    (gains,) = study_gains(paper_study())
+    own_um = 1e6 * np.abs(plate_motion(plate()).at_fingers_m[0, 0]).max()
+    assert own_um == pytest.approx(200 * gains.per_vpp[0][0], rel=0.02)
+
+
+@pytest.mark.slow
+def test_animate_writes_a_gif_of_both_actuators_and_leaves_files_alone(
+    run: Run, refused: Refused
+) -> None:
+    result = run("field", "study.toml", "--animate")
+    assert (result.exit_code, result.stderr, files()) == (0, "", ["burst.gif", "study.toml"])
+    told = result.stdout
+    assert missing(told, "0 to 4 ms in steps of 0.1 ms, slowed 500 times", "right driven") == []
+    with Image.open("burst.gif") as film:
+        assert (getattr(film, "n_frames", 0), film.info["duration"]) == (2 * 41, 50)
+    assert Path("burst.gif").stat().st_size < 5e6
+    assert "burst.gif exists" in refused("field", "study.toml", "--animate")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--out", "a.png"), "--out must end in .gif, .mp4; got a.png"),
+        (("--out", "a.mp4"), "an MP4 needs ffmpeg"),
+        (("--frequency-hz", "500"), "--animate shows the burst"),
+        (("--band", "100", "500"), "--animate shows the burst"),
+    ],
+)
+def test_what_cannot_be_animated_is_one_line(
+    options: tuple[str, ...], said: str, refused: Refused, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    told = refused("field", "study.toml", "--animate", *options)
+    assert said in told
+    assert told.count("\n") == 1
+
+
+WORK = """
+import sys, time
+from experiment.commands.options import working
+with working("Computing") as step:
+    step(1, 4)
+    time.sleep(float(sys.argv[1]))
+print("rich" in sys.modules)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("seconds", "shows"), [("1.5", b"1"), ("0", b"")])
+def test_progress_is_on_a_terminal_only_and_not_for_what_is_over_at_once(
+    seconds: str, shows: bytes
+) -> None:
+    ours, theirs = os.openpty()
+    command = [sys.executable, "-c", WORK, seconds]
+    try:
+        environment = os.environ | {"TERM": "xterm"}
+        subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=theirs, env=environment)
+        os.write(theirs, b"|end|")
+        seen = os.read(ours, 1 << 16)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+    assert (b"Computing" in seen) == bool(shows)
+    piped = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert (piped.stdout, piped.stderr) == ("False\n", "")

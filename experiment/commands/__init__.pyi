@@ -1,0 +1,3 @@
+from .options import working
+
+__all__ = ["working"]
