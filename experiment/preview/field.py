@@ -174,8 +174,9 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     Below the cut-off the plate moves most above the driven actuator:
 
     >>> from experiment.preview.plate import plate_of
-    >>> from experiment.study.read import paper_study
-    >>> found = plate_map(plate_of(paper_study()), 500.0)
+    >>> from experiment.study.read import study_from_text
+    >>> endless = study_from_text('strip = {length_mm = "endless"}', "study.toml")
+    >>> found = plate_map(plate_of(endless), 500.0)
     >>> [round(1e3 * place_m, 6) for place_m in found.peak_of(0)[1:]]
     [-35.0, 12.5]
     """

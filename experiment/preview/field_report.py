@@ -102,8 +102,9 @@ def field_text(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> str
     --------
     >>> from experiment.preview.plate import plate_of
     >>> from experiment.preview.field import plate_map
-    >>> from experiment.study.read import paper_study
-    >>> print(field_text(plate_map(plate_of(paper_study()), 500.0), "study.toml").splitlines()[-1])
+    >>> from experiment.study.read import study_from_text
+    >>> endless = study_from_text('strip = {length_mm = "endless"}', "study.toml")
+    >>> print(field_text(plate_map(plate_of(endless), 500.0), "study.toml").splitlines()[-1])
     right driven   5.25 um at x = 35, y = 12.5 mm; left finger -90.8 dB
     """
     plate = field.plate

@@ -71,7 +71,7 @@ def files() -> list[str]:
 
 
 def test_the_paper_plate_confines_a_tone_of_its_burst() -> None:
-    found = plate_map(plate(), 500.0)
+    found = plate_map(plate(ENDLESS), 500.0)
     for driven, x_m in enumerate((-0.035, 0.035)):
         assert found.peak_of(driven)[1:] == pytest.approx((x_m, 0.0125), abs=1e-12)
         assert found.level_db(driven, 1 - driven) < -80
@@ -347,6 +347,7 @@ def test_a_missing_study_is_one_line(refused: Refused) -> None:
 def test_a_write_that_fails_leaves_no_file_behind(
     monkeypatch: pytest.MonkeyPatch, run: Run
 ) -> None:
+    Path("study.toml").write_text(ENDLESS, encoding="utf-8")
     monkeypatch.setattr("experiment.commands.field._content", lambda *_: "no bytes")
     result = run("field", "study.toml")
     assert isinstance(result.exception, TypeError)
