@@ -132,8 +132,8 @@ class Scene:
     def work(self, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Work:
         """Return what will be computed and what is left out, with the reason.
 
-        A sweep of a finite strip with loss takes as long as its `response`: how many
-        frequencies it solves follows from the field itself.
+        For a sweep of a finite strip with loss it tells how many frequencies are solved at most:
+        how many of them follow from others shows the field itself, see `Response.work`.
 
         Parameters
         ----------
@@ -153,12 +153,7 @@ class Scene:
         """
         frequencies, rtol = self.checked(frequencies_hz, rtol)
         jobs = self.jobs()
-        found = self.bands(frequencies, rtol, jobs)
-        if any(band.rational for band in found):
-            from stimuli.field.field import response
-
-            return response(self, frequencies, rtol).work
-        return self.counted(frequencies.size, rtol, jobs, found)
+        return self.counted(frequencies.size, rtol, jobs, self.bands(frequencies, rtol, jobs))
 
     def counted(
         self, n_frequencies: int, rtol: float, jobs: tuple[Job, ...], found: tuple[Band, ...]
