@@ -40,7 +40,7 @@ MOST_FUNCTIONS: Final = 1500
 
 
 def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6) -> Real:
-    """Return the displacement over time under a drive, equations (63) to (66), (72) to (76).
+    """Return the displacement over time under a drive, equations (63) to (66), (78) to (82).
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ class Oscillators:
 def followed(
     poles: Complex, samples: Real, step_s: float, start: Complex, *, held: bool
 ) -> Complex:
-    """Return z of z' = poles z + s at the samples of a drive s: (n_poles, n_samples), (75).
+    """Return z of z' = poles z + s at the samples of a drive s: (n_poles, n_samples), (81).
 
     At the first sample z is `start`. Between samples the drive is a straight line or, if held,
     what the last sample was.
