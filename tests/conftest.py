@@ -12,6 +12,9 @@ import time
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, TypeAlias
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Before numpy, as tactstrip.py does: beside other work more threads cost ten times the time."""
+
 import numpy as np
 import pytest
 from hypothesis import settings

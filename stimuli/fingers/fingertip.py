@@ -14,10 +14,8 @@ from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
 from stimuli.field.synthesis import MOST_TIME_S, synthesized
 from stimuli.load import LOADS, Load
-from stimuli.motion.history import MOST_FUNCTIONS, multiples
-from stimuli.motion.modes import n_functions
-from stimuli.motion.motion import motion_of
-from stimuli.motion.peaks import peaks_of
+from stimuli.motion.motion import motions, reference_of
+from stimuli.motion.peaks import LOOKS, crests, peaks_of
 from stimuli.strip.strip import Strip
 
 if TYPE_CHECKING:
@@ -144,10 +142,6 @@ def _rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
 
 RTOL: Final = 3e-3
 """Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
-
-_SAMPLES_PER_PERIOD: Final = 32
-"""Samples in a period of the first cut-off (of the drive's upper edge, if that is higher): with a
-parabola about the largest they hold the peak to 0.05 dB, ripples of the next wave included."""
 
 _LATE: Final = 0.75
 """A largest value beyond this part of the time after the drive asks for twice that time."""
@@ -322,11 +316,8 @@ def _by_modes(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, wait_s: float
 ) -> Real | None:
     """Return the greatest absolute values by the plate's modes; none if they are not enough."""
-    reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
-    for multiple in multiples(drive, reference_hz):
-        if n_functions(scene.strip, multiple * reference_hz) > MOST_FUNCTIONS:
-            return None
-        found = peaks_of(motion_of(scene, reference_hz, multiple), places, drive, wait_s=wait_s)
+    for motion in motions(scene, drive):
+        found = peaks_of(motion, places, drive, wait_s=wait_s)
         if np.all(found.error_m <= rtol * found.peak_m):
             return found.peak_m
     return None
@@ -336,8 +327,7 @@ def _by_spectra(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, wait_s: float
 ) -> Real:
     """Return the greatest absolute values over time at the places of each fingertip."""
-    highest_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
-    step_s = 1 / (_SAMPLES_PER_PERIOD * highest_hz)
+    step_s = 1 / (LOOKS * reference_of(scene, drive))
     for doubling in range(_MOST_DOUBLINGS + 1):
         late_s = wait_s * 2**doubling
         end_s = min(drive.duration_s + late_s, MOST_TIME_S)
@@ -346,7 +336,7 @@ def _by_spectra(
         latest = max(np.max(np.argmax(_over(size_m, place), axis=0)) for place in places)
         if times_s[latest] <= drive.duration_s + _LATE * late_s or end_s == MOST_TIME_S:
             break
-    crests_m = _crests(size_m)
+    crests_m = crests(size_m.T).T
     return np.stack([_over(crests_m, place) for place in places])
 
 
@@ -354,15 +344,3 @@ def _over(size_m: Real, place: NDArray[np.intp]) -> Real:
     """Return the largest value over some points, the last axis."""
     largest: Real = np.max(size_m[..., place], axis=-1)
     return largest
-
-
-def _crests(size_m: Real) -> Real:
-    """Return the largest values along the first axis, each by a parabola about it."""
-    top = np.clip(np.argmax(size_m, axis=0), 1, len(size_m) - 2)
-    before, at, after = (
-        np.take_along_axis(size_m, (top + shift)[np.newaxis], axis=0)[0] for shift in (-1, 0, 1)
-    )
-    bend = np.maximum(2 * at - before - after, np.finfo(np.float64).tiny)
-    inside = (at >= before) & (at >= after)
-    crests = np.where(inside, at + (after - before) ** 2 / (8 * bend), np.max(size_m, axis=0))
-    return np.asarray(crests)

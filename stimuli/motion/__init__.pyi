@@ -1,16 +1,15 @@
 from .frames import frames_of
-from .history import MOST_FUNCTIONS, multiples, transient, transient_work
-from .modes import n_functions
-from .motion import motion_of
-from .peaks import peaks_of
+from .history import transient, transient_work
+from .motion import motions, reference_of
+from .peaks import LOOKS, crests, peaks_of
 
 __all__ = [
-    "MOST_FUNCTIONS",
+    "LOOKS",
+    "crests",
     "frames_of",
-    "motion_of",
-    "multiples",
-    "n_functions",
+    "motions",
     "peaks_of",
+    "reference_of",
     "transient",
     "transient_work",
 ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.modes import n_functions
-from stimuli.motion.motion import motion_of
+from stimuli.motion.motion import MOST_FUNCTIONS, motion_of, reference_of
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import Course
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 _MULTIPLES: Final = (4.0, 2.0)
 """Modes are kept up to the largest of these multiples of the reference for which there is room."""
-
-_MOST_FUNCTIONS: Final = 1500
 
 
 def frames_of(scene: Scene, drive: Drive, *, step_s: float, end_s: float) -> tuple[Real, Real]:
@@ -67,8 +65,8 @@ def frames_of(scene: Scene, drive: Drive, *, step_s: float, end_s: float) -> tup
     (True, True)
     """
     strip = scene.strip
-    reference_hz = max(strip.cutoff_hz(), drive.band_hz()[1])
-    room = (m for m in _MULTIPLES if n_functions(strip, m * reference_hz) <= _MOST_FUNCTIONS)
+    reference_hz = reference_of(scene, drive)
+    room = (m for m in _MULTIPLES if n_functions(strip, m * reference_hz) <= MOST_FUNCTIONS)
     multiple = next(room, None)
     if multiple is None:
         raise ValueError(

@@ -6,10 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import TransientWork, checked_times, synthesis_work, synthesized
-from stimuli.motion.modes import n_functions
-from stimuli.motion.motion import motion_of
+from stimuli.motion.motion import motions
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import INTERPOLATED, Course, LoadedRow
 
@@ -29,15 +27,6 @@ _STILL: Final = 1e-9
 _CAUTION: Final = 2.0
 """What the inertia of the upper modes is multiplied with: at single times the others had more."""
 
-_FEWEST, _MORE = 8.0, 1.75
-"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, to more."""
-
-_IMAGES: Final = 3.0, 1.5
-"""A sample rate below so many times the highest mode, and up to where modes are kept then."""
-
-MOST_FUNCTIONS: Final = 1500
-"""Functions of one symmetry in which modes are sought: with more, spectra are faster."""
-
 
 def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6) -> Real:
     """Return the displacement over time under a drive, equations (63) to (66), (78) to (82).
@@ -49,7 +38,7 @@ def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
     burst : Drive
         What each load is driven with, from t = 0: a `Burst` or a `SampledDrive`.
     times_s : array_like of float, shape (n_times,)
-        Times in any order, from -1 to 1 s; those before 0 are computed like the others.
+        Times in any order, from -1 to 1 s; by spectra those before 0 are computed like the others.
     rtol : float
         Wanted error, from 1e-10 to 0.1, relative to the largest |u| of each pair of a load and a
         point up to the last time, or to the end of the drive if that is later.
@@ -119,10 +108,10 @@ def transient_work(
     found = _by_modes(scene, burst, times, rtol)
     if found is None:
         return synthesis_work(scene, burst, times, rtol)
-    _, motion, highest_hz = found
+    _, motion = found
     of_scene = scene.work([scene.strip.cutoff_hz() / 2], rtol)
     modes = motion.oscillators.poles.size
-    reason = f"all bins: {modes} modes up to {highest_hz:.6g} Hz are enough"
+    reason = f"all bins: {modes} modes up to {motion.highest_hz:.6g} Hz are enough"
     return TransientWork(
         bins_asked=0,
         bins_skipped=0,
@@ -130,7 +119,7 @@ def transient_work(
         pairs_asked=of_scene.pairs_asked,
         pairs_solved=of_scene.pairs_solved,
         step_hz=0.0,
-        highest_hz=highest_hz,
+        highest_hz=motion.highest_hz,
         period_s=0.0,
         decay_per_s=0.0,
         skipped=(reason, *of_scene.skipped),
@@ -138,35 +127,15 @@ def transient_work(
     )
 
 
-def _by_modes(
-    scene: Scene, drive: Drive, times_s: Real, rtol: float
-) -> tuple[Real, Motion, float] | None:
-    """Return displacements, the motion, and up to where it has modes; none if not enough."""
+def _by_modes(scene: Scene, drive: Drive, times_s: Real, rtol: float) -> tuple[Real, Motion] | None:
+    """Return displacements and the motion that gives them; none if no modes are enough."""
     if rtol < _FINEST or not times_s.size:
         return None
-    reference_hz = max(scene.strip.cutoff_hz(), drive.band_hz()[1])
-    for multiple in multiples(drive, reference_hz):
-        highest_hz = multiple * reference_hz
-        if n_functions(scene.strip, highest_hz) > MOST_FUNCTIONS:
-            return None
-        motion = motion_of(scene, reference_hz, multiple)
+    for motion in motions(scene, drive):
         moved_m, error_m = history_of(motion, drive, times_s)
         if np.all(error_m <= rtol):
-            return moved_m, motion, highest_hz
+            return moved_m, motion
     return None
-
-
-def multiples(drive: Drive, reference_hz: float) -> tuple[float, float]:
-    """Return up to which multiples of a frequency modes are kept, and if need be, after all.
-
-    The images of samples about their rate would make modes just above the highest one swing.
-    """
-    least = _FEWEST
-    if isinstance(drive, SampledDrive):
-        near, reach = _IMAGES
-        rate = drive.sample_rate_hz / reference_hz
-        least = max(least, reach * rate) if rate < near * least else least
-    return least, _MORE * least
 
 
 def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]:
@@ -185,7 +154,7 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]
         for load, row in enumerate(rows):
             size = np.abs(moved(row.weights, row.rest_m, answers, samples))
             largest[load] = np.maximum(largest[load], np.max(size, axis=1, initial=0.0))
-            inertia, around, *_ = row.doubts(0, answers, samples)
+            inertia, around = row.doubts(0, answers, samples)
             most = np.max(np.abs(inertia) + np.abs(around), axis=1, initial=0.0)
             doubt[load] = np.maximum(doubt[load], most)
     found = np.empty((times_s.size, *shape))

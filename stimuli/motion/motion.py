@@ -11,19 +11,21 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from stimuli.drive.sampled import SampledDrive
 from stimuli.field.field import displacement
 from stimuli.load import DISCS
-from stimuli.motion.modes import Modes, plate_modes, wavenumber_rad_m
+from stimuli.motion.modes import Modes, n_functions, plate_modes, wavenumber_rad_m
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.standing_waves import Waves, strip_waves
 from stimuli.strip.edge import ElasticEdge
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
+    from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
     from stimuli.load import Load
     from stimuli.strip.strip import Strip
@@ -33,6 +35,15 @@ _STATIC_RTOL: Final = 1e-5
 _PERIODS: Final = 200.0
 _SPANS: Final = 8.0
 """An endless strip repeats itself after so many widths, or distances of points and loads."""
+
+_FEWEST, _MORE = 8.0, 1.75
+"""Modes are kept up to such a multiple of the first cut-off; if that is not enough, to more."""
+
+_IMAGES: Final = 3.0, 1.5
+"""A sample rate below so many times the highest mode, and up to where modes are kept then."""
+
+MOST_FUNCTIONS: Final = 1500
+"""Functions of one symmetry in which modes are sought: with more, spectra are faster."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,6 +62,8 @@ class Motion:
         which gives what comes round after half of it; none for a plate with ends.
     reference_hz : float
         The first cut-off, or the upper edge of the drive's band if that is higher.
+    highest_hz : float
+        Up to where it has modes.
     viscous_s : float
         Relaxation time of the plate: what follows at once does so as late as this.
     """
@@ -59,7 +72,35 @@ class Motion:
     late: NDArray[np.bool_]
     turned: Real | None
     reference_hz: float
+    highest_hz: float
     viscous_s: float
+
+
+def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
+    """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
+    reference_hz = reference_of(scene, drive)
+    for multiple in _multiples(drive, reference_hz):
+        if n_functions(scene.strip, multiple * reference_hz) > MOST_FUNCTIONS:
+            return
+        yield motion_of(scene, reference_hz, multiple)
+
+
+def reference_of(scene: Scene, drive: Drive) -> float:
+    """Return the first cut-off, or the upper edge of the drive's band if that is higher."""
+    return max(scene.strip.cutoff_hz(), drive.band_hz()[1])
+
+
+def _multiples(drive: Drive, reference_hz: float) -> tuple[float, float]:
+    """Return up to which multiples of a frequency modes are kept, and if need be, after all.
+
+    The images of samples about their rate would make modes just above the highest one swing.
+    """
+    least = _FEWEST
+    if isinstance(drive, SampledDrive):
+        near, reach = _IMAGES
+        rate = drive.sample_rate_hz / reference_hz
+        least = max(least, reach * rate) if rate < near * least else least
+    return least, _MORE * least
 
 
 @lru_cache(maxsize=4)
@@ -101,6 +142,7 @@ def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
         late=np.abs(oscillators.poles) > 2 * math.pi * highest_hz / math.sqrt(2),
         turned=np.concatenate(turned) if turned else None,
         reference_hz=reference_hz,
+        highest_hz=highest_hz,
         viscous_s=strip.material.viscous_time_s,
     )
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _STEPS: Final = 128
 """Steps of the drive in a period of the reference frequency: between them it is a straight line."""
 
-_LOOKS: Final = 32
+LOOKS: Final = 32
 """Looks at the displacement in such a period: with a parabola about the largest they hold the peak
 to 0.05 dB, ripples of the next wave included."""
 
@@ -89,11 +89,13 @@ def peaks_of(
         before = found.copy()
         for column, row in enumerate(rows):
             moved_m = moved(row.weights, row.rest_m, answers, samples)
-            crests_m = _crests(np.abs(moved_m))
+            crests_m = crests(np.abs(moved_m))
             for line, (group, some) in enumerate(zip(groups, checked, strict=True)):
                 found[line, column] = max(found[line, column], np.max(crests_m[group]))
-                sums = [moved_m[some] + doubt for doubt in row.doubts(line, answers, samples)]
-                largest = [np.max(np.abs(one)) for one in (moved_m[some], *sums)]
+                doubts = row.doubts(line, answers, samples)
+                signed = [sign * doubt for sign in (1, -1) for doubt in doubts]
+                sums = [moved_m[some], *(moved_m[some] + doubt for doubt in signed)]
+                largest = [np.max(np.abs(one)) for one in sums]
                 doubted[:, line, column] = np.maximum(doubted[:, line, column], largest)
         latest = waited if np.any(found > before) else latest
         last = np.abs(answers[:, -1])
@@ -118,18 +120,18 @@ class LoadedRow:
         late = motion.oscillators.poles[self._late]
         self._at_once = [(some[:, self._late] / late).sum(axis=1).real for some in self._some]
 
-    def doubts(self, line: int, answers: Complex, samples: Real) -> tuple[Real, Real, Real, Real]:
+    def doubts(self, line: int, answers: Complex, samples: Real) -> tuple[Real, Real]:
         """Return what may have to be added at the checked points of a group.
 
         First the inertia of the upper modes, more than that of all which are left out, then what
-        comes round after half the length of an endless strip; then both with the other sign.
+        comes round after half the length of an endless strip.
         """
         some, late = self._some[line], self._late
         inertia = moved(some[:, late], self._at_once[line], answers[late], samples)
         around = np.zeros_like(inertia)
         if self._turned is not None:
             around = moved(some * self._turned, np.zeros(len(some)), answers, samples)
-        return inertia, around, -inertia, -around
+        return inertia, around
 
 
 def _course(motion: Motion, drive: Drive, wait_s: float) -> Iterator[tuple[float, Complex, Real]]:
@@ -165,7 +167,7 @@ class Course:
         lag = [-1 / self._viscous_s] if self._viscous_s else []
         self._poles = np.append(motion.oscillators.poles, lag)
         self._samples, self._step_s, self._held = _played(drive, _STEPS * motion.reference_hz)
-        self._every = max(1, round(1 / (_LOOKS * motion.reference_hz * self._step_s)))
+        self._every = max(1, round(1 / (LOOKS * motion.reference_hz * self._step_s)))
         self._samples = np.append(self._samples, np.zeros(-(self._samples.size - 1) % self._every))
 
     @property
@@ -234,7 +236,7 @@ def _played(drive: Drive, least_rate_hz: float) -> tuple[Real, float, bool]:
     return samples, 1 / (fine * drive.sample_rate_hz), drive.held
 
 
-def _crests(size: Real) -> Real:
+def crests(size: Real) -> Real:
     """Return the largest values along the last axis, each by a parabola about it."""
     top = np.clip(np.argmax(size, axis=-1), 1, size.shape[-1] - 2)
     before, at, after = (

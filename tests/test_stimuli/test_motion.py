@@ -285,7 +285,7 @@ def test_a_plate_too_long_for_its_modes_is_left_to_the_spectra(
 ) -> None:
     monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
     assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
-    monkeypatch.setattr(fingertip, "multiples", lambda *_: (1.2,))
+    monkeypatch.setattr(MOTION, "_multiples", lambda *_: (1.2,))
     assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
 
 
