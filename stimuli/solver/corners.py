@@ -17,6 +17,8 @@ from stimuli.solver.across import lag, shape, slope
 from stimuli.solver.contour import Contour, contour
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Complex, Real
     from stimuli.solver.guided import Guided
 
@@ -30,14 +32,20 @@ _SPREAD: Final = 2
 _FADE: Final = 2.0
 """Decay of these densities per width."""
 
+_GONE: Final = 38.0
+"""Nepers over which what the path holds of a source dies out beside what it is at the end."""
+
 _PATH: Final = 1e-14
-"""Error of the integrals along s."""
+"""Error of the integrals along s, whatever is wanted of the field: the fit makes 1e4 times it."""
 
 _PAIR: Final = 1e-2
 """Relative distance of two waves below which they are replaced by integrals about both."""
 
 _FLAT: Final = 0.3
 """|g| of a branch so flat that it is taken by itself and not as what it is more than the other."""
+
+_LONE: Final = 80.0
+"""Decay per width beyond which an edge is not seen from the other: exp(-40) at the middle."""
 
 _EDGE: Final = np.array(0.5)
 
@@ -123,7 +131,7 @@ class EndFunctions:
         return turned, displaced
 
     def _sources(self, across: Real, aways: tuple[Real, ...], kinds: int) -> list[list[Complex]]:
-        s, weight = self.path.s, self.path.weight[:, np.newaxis]
+        s = self.path.s
         spread = _FADE / (_FADE - 1j * s[..., np.newaxis])
         places = np.exp(1j * s[..., np.newaxis] * self.beyond)
         powers = 1 + np.arange(_SPREAD)
@@ -133,16 +141,40 @@ class EndFunctions:
         kernels = self._kernels(s, self.k, self.hold, rows, kinds)
         found = []
         for away in aways:
-            decay = np.exp(1j * s[:, np.newaxis] * away[:, np.newaxis]) * weight
             columns = [
-                np.stack(
-                    [(a[:, which] * decay) @ turned, (b[:, which] * decay) @ displaced], axis=-1
-                )
-                for a, b in zip(*kernels, strict=True)
+                self._passed(pair, (turned, displaced), which, away)
+                for pair in zip(*kernels, strict=True)
             ]
-            flat = [a.reshape(*a.shape[:2], -1) for a in columns]
-            found.append([a.real + 0j if self.path.mirrored else a for a in flat])
+            found.append([a.real + 0j if self.path.mirrored else a for a in columns])
         return found
+
+    def _passed(
+        self,
+        kernels: tuple[Complex, Complex],
+        strengths: tuple[Complex, Complex],
+        which: NDArray[np.intp],
+        away: Real,
+    ) -> Complex:
+        """Return what the sources leave at distances, turned and displaced edges in turns.
+
+        Only where it is not gone: at the other end, as a rule, it is.
+        """
+        s, weight = self.path.s, self.path.weight
+        found = np.zeros((*s.shape[:1], away.size, strengths[0].shape[2], 2), dtype=np.complex128)
+        near = np.flatnonzero(np.min(self.path.lowest) * away < _GONE)
+        if not near.size:
+            return found.reshape(*found.shape[:2], -1)
+        same = bool(np.all(away == away[0]))
+        if same:  # as on an end: each of its places but once
+            decay = (np.exp(1j * s * away[0]) * weight)[..., np.newaxis]
+        else:
+            decay = np.exp(1j * s[:, np.newaxis] * away[near, np.newaxis]) * weight[:, np.newaxis]
+        for n, (kernel, strength) in enumerate(zip(kernels, strengths, strict=True)):
+            if same:
+                found[..., n] = (kernel @ (decay * strength))[:, which]
+            else:
+                found[..., n][:, near] = (kernel[:, which[near]] * decay) @ strength
+        return found.reshape(*found.shape[:2], -1)
 
 
 def end_functions(
@@ -196,6 +228,22 @@ def edge_shapes(
     """
     places = 0.5 - np.abs(across[:, np.newaxis])
     side = np.where(across < 0, sign, 1)[:, np.newaxis]
+    lone = np.all(g1.real > _LONE, axis=0)
+    one = np.empty((g1.shape[0], across.size, g1.shape[1]), dtype=np.complex128)
+    change = np.empty_like(one)
+    one[..., lone] = np.exp(-g1[:, np.newaxis, lone] * places)
+    change[..., lone] = one[..., lone] * np.expm1(-apart[:, np.newaxis, lone] * places)
+    rest = ~lone
+    one[..., rest], change[..., rest] = _both_edges(
+        g1[:, rest], g2[:, rest], apart[:, rest], places, sign
+    )
+    return side * one, side * change
+
+
+def _both_edges(
+    g1: Complex, g2: Complex, apart: Complex, places: Real, sign: int
+) -> tuple[Complex, Complex]:
+    """Return what `edge_shapes` does where either edge is seen from the other."""
     g1, g2, apart = (a[:, np.newaxis] for a in (g1, g2, apart))
     flat = np.minimum(np.abs(g1), np.abs(g2)) < _FLAT
     near, far = np.exp(-g1 * places), sign * np.exp(-g1 * (1 - places))
@@ -207,7 +255,7 @@ def edge_shapes(
     if np.any(flat):  # there the two differ by much, and each is a safe quotient, (73)
         first, second = (shape(g, 0.5 - places, sign) / shape(g, _EDGE, sign) for g in (g1, g2))
         one, change = np.where(flat, first, one), np.where(flat, second - first, change)
-    return side * one, side * change
+    return one, change
 
 
 def grips(
