@@ -139,13 +139,13 @@ class EndFunctions:
         displaced = np.concatenate([spread ** (powers + 2), places], axis=2)
         rows, which = np.unique(across, return_inverse=True)
         kernels = self._kernels(s, self.k, self.hold, rows, kinds)
-        found = []
+        found: list[list[Complex]] = []
         for away in aways:
             columns = [
                 self._passed(pair, (turned, displaced), which, away)
                 for pair in zip(*kernels, strict=True)
             ]
-            found.append([a.real + 0j if self.path.mirrored else a for a in columns])
+            found.append([np.asarray(a.real + 0j) if self.path.mirrored else a for a in columns])
         return found
 
     def _passed(
