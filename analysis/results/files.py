@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from filelock import FileLock, Timeout
+from filelock import Timeout
 
 from analysis.answers.counting import clean_table
 from analysis.definitions import TOTAL
@@ -20,7 +20,7 @@ from analysis.results.figures import figures
 from analysis.results.report import report_html
 from analysis.results.summary import summary_text
 from experiment.archive import manifest
-from experiment.archive.disk import UNWAITED, make_folder, write_new
+from experiment.archive.disk import UNWAITED, LockError, lock_on, make_folder, write_new
 from experiment.archive.manifest import Manifest
 from experiment.terms.record import NOT_AVAILABLE, format_value
 
@@ -122,7 +122,7 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
     make_folder(out_dir, UNWAITED)
     try:
         _sweep(out_dir)
-        with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, FileLock(Path(name) / _LOCK):
+        with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, lock_on(Path(name) / _LOCK):
             made = Path(name)
             for file, content in _contents(analysis, with_figures=with_figures):
                 _write(made / file, content, out_dir / file)
@@ -140,7 +140,7 @@ def _sweep(out_dir: Path) -> None:
         if left.is_symlink() or not left.is_dir():
             continue
         if {path.name for path in left.iterdir()} <= {*NAMES, _LOCK}:
-            with contextlib.suppress(Timeout, OSError), FileLock(left / _LOCK, timeout=0):
+            with contextlib.suppress(Timeout, LockError, OSError), lock_on(left / _LOCK, 0):
                 shutil.rmtree(left)
 
 

@@ -1,6 +1,6 @@
 from . import manifest as manifest
 from .bids import describe, export_bids
-from .disk import DISK, FOLDER_MODE, UNWAITED, make_folder, write_new
+from .disk import DISK, FOLDER_MODE, UNWAITED, LockError, lock_on, make_folder, write_new
 from .files import ArchiveError, write_atomically
 from .folders import SessionFolder, session_folders
 from .history import History, OpenTrial
@@ -18,6 +18,7 @@ __all__ = [
     "History",
     "Journal",
     "JournalWriteError",
+    "LockError",
     "Manifest",
     "OpenTrial",
     "Person",
@@ -26,6 +27,7 @@ __all__ = [
     "describe",
     "export_bids",
     "held",
+    "lock_on",
     "look_up",
     "make_folder",
     "manifest",

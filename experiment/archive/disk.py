@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from filelock import FileLock
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
 FILE_MODE: Final = 0o660
 FOLDER_MODE: Final = 0o770
 """Less the umask, which the system takes off whatever is created."""
+_NO_LOCKS: Final = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS, errno.EIO)
+"""How systems say that a drive locks no files."""
+
+
+class LockError(ValueError):
+    """A folder in which no file can be locked: two processes would write one record."""
 
 
 class Disk(Protocol):
@@ -111,13 +118,42 @@ def make_folder(folder: Path, disk: Disk) -> None:
     disk.sync_folder(folder.parent)
 
 
-def lock_on(path: Path, timeout: float = -1) -> FileLock:
-    """Return the lock of a file, which is made here: by itself FileLock lets others read it.
+@contextlib.contextmanager
+def lock_on(path: Path, timeout: float = -1) -> Iterator[FileLock]:
+    """Hold the lock of a file, which is made here: by itself FileLock lets others read it.
 
-    The mode is told nevertheless, for earlier releases of FileLock set theirs on every file.
+    The mode is told nevertheless, for earlier releases of FileLock set theirs on every file. Where
+    the drive locks no files, nothing is left behind: the lock by a file's mere presence, which
+    FileLock would take instead, stays after a kill, and somebody would have to know to delete it.
+
+    Raises
+    ------
+    filelock.Timeout
+        If another process holds it for longer than the timeout, in seconds; -1 waits for ever.
+    LockError
+        If the drive locks no files.
     """
     from filelock import FileLock  # the help of commands that write must not wait for it
 
+    made = False
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, FILE_MODE))
-    return FileLock(path, timeout=timeout, mode=stat.S_IMODE(path.stat().st_mode))
+        made = True
+    mode = stat.S_IMODE(path.stat().st_mode)
+    lock = FileLock(path, timeout=timeout, mode=mode, fallback_to_soft=False)
+    try:
+        lock.acquire()
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        if made:
+            path.unlink(missing_ok=True)
+        raise LockError(
+            f"{path.parent}: this drive does not lock files ({error.strerror}), as some network "
+            "drives do not; work in a folder on a local disk and copy it afterwards: nothing was "
+            "changed"
+        ) from error
+    try:
+        yield lock
+    finally:
+        lock.release()

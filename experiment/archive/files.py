@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Final
 
 from experiment.archive import manifest
 from experiment.archive.disk import DISK, FOLDER_MODE, make_folder, write_new
+from experiment.terms.checks import RESERVED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +32,7 @@ TEMPORARY = ".tmp"
 """How the name of a file ends that is still being written."""
 _TOTALS = "all"
 """What the analysis calls its rows of totals: nobody's name."""
-_IDENTIFIER = re.compile(r"[A-Za-z0-9]{1,32}")
+_IDENTIFIER = re.compile(rf"(?!(?:{RESERVED}|{_TOTALS})\Z)[A-Za-z0-9]{{1,32}}")
 
 
 class ArchiveError(ValueError):
@@ -41,14 +42,27 @@ class ArchiveError(ValueError):
 def check_identifier(name: str, value: str) -> str:
     """Return a participant's or session's identifier.
 
-    ArchiveError unless it consists of 1 to 32 letters a-z, A-Z and digits, and is not ``all``.
+    ArchiveError unless it consists of 1 to 32 letters a-z, A-Z and digits, and is neither ``all``
+    nor a name that Windows reserves.
     """
-    if not _IDENTIFIER.fullmatch(value) or value == _TOTALS:
+    if not _IDENTIFIER.fullmatch(value):
         raise ArchiveError(
-            f"{name} must be 1 to 32 letters (a-z, A-Z) or digits, and not {_TOTALS!r}; "
-            f"got {value!r}"
+            f"{name} must be 1 to 32 letters (a-z, A-Z) or digits, and not {_TOTALS!r} or a name "
+            f"that Windows reserves, such as CON or COM1; got {value!r}"
         )
     return value
+
+
+def refuse_link(path: Path) -> None:
+    """Refuse a symbolic link: what is written or removed there would be another place's.
+
+    ArchiveError where it is one.
+    """
+    if path.is_symlink():
+        raise ArchiveError(
+            f"{path}: must not be a symbolic link, for what it points to lies elsewhere; put the "
+            "file or folder itself there: nothing was changed"
+        )
 
 
 def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
@@ -152,8 +166,7 @@ def refuse_target(out: Path, source: Path) -> None:
 
     ArchiveError as `replaced`.
     """
-    if out.is_symlink():
-        raise ArchiveError(f"{out}: must not be a symbolic link; nothing was changed")
+    refuse_link(out)
     place, home = out.resolve(), source.resolve()
     inside = place.relative_to(home).parts if place.is_relative_to(home) else None
     if inside == () or (inside and (inside[0].startswith("sub-") or inside[0] == FOLDER)):

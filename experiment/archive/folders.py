@@ -5,12 +5,18 @@ from __future__ import annotations
 import contextlib
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from filelock import Timeout
 
-from experiment.archive.disk import DISK, lock_on, make_folder
-from experiment.archive.files import TEMPORARY, ArchiveError, check_identifier, write_atomically
+from experiment.archive.disk import DISK, lock_on, make_folder, write_new
+from experiment.archive.files import (
+    TEMPORARY,
+    ArchiveError,
+    check_identifier,
+    refuse_link,
+    write_atomically,
+)
 from experiment.archive.history import replay
 from experiment.archive.journal import (
     Journal,
@@ -22,6 +28,7 @@ from experiment.archive.participants import (
     NO_FACTS,
     Fact,
     check_facts,
+    check_people,
     enter_person,
     read_people,
     refuse_withdrawn,
@@ -36,6 +43,11 @@ if TYPE_CHECKING:
 
     from experiment.archive.disk import Disk
     from experiment.archive.history import History
+    from experiment.study.study import Study
+
+
+_LOCK: Final = ".lock"
+_FILES: Final = ("plan.json", "header.json", "journal.jsonl", "trials.csv", _LOCK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,38 +105,76 @@ class SessionFolder:
         ArchiveError
             If another process holds it.
         """
-        make_folder(self.path, self.disk)
-        lock = lock_on(self.path / ".lock")
-        try:
-            lock.acquire(blocking=False)
-        except Timeout as error:
-            raise ArchiveError(f"{self.path}: another process is running this session") from error
-        try:
+        self._refuse_links()
+        made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
+        with contextlib.ExitStack() as held:
+            held.callback(_remove_empty, made)
+            make_folder(self.path, self.disk)
+            try:
+                held.enter_context(lock_on(self.path / _LOCK, timeout=0))
+            except Timeout as error:
+                raise ArchiveError(
+                    f"{self.path}: another process is running this session"
+                ) from error
+            held.callback(_remove_unused_lock, made)
             for left_over in self.path.glob(f".*{TEMPORARY}"):
                 left_over.unlink()
             yield
-        finally:
-            lock.release()
 
     def refuse_existing(self) -> None:
-        """Refuse to begin a session that is there already.
+        """Refuse to begin a session that is there already, or of which something is left.
 
         Raises
         ------
         ArchiveError
-            If there is a plan or a journal, or the person withdrew.
+            If there is a plan, a journal with a line or a trials.csv, one of the places is a
+            symbolic link, or the person withdrew.
         """
         refuse_withdrawn(self.root, self.participant)
-        if self.plan_path.exists() or self.journal_path.exists():
+        self._refuse_links()
+        self.refuse_loss()
+        if self.plan_path.exists():
             raise ArchiveError(
                 f"{self.path}: this session exists already; nothing was changed. Go on with it by "
                 "--resume, or give another --participant or --session"
             )
 
-    def create(self, plan: Plan, header: dict[str, Any]) -> None:
-        """Write header and plan of a new session and enter the participant in participants.tsv.
+    def refuse_loss(self) -> None:
+        """Refuse a session of which plan or journal were lost; none at all is no loss.
 
-        The plan is written last: a session exists from the moment it has a plan.
+        A journal is made, empty, before the plan: a plan without one has lost it, while an empty
+        one without a plan is of a session that never began.
+
+        Raises
+        ------
+        ArchiveError
+            It says what is missing, what is left and what can be done.
+        """
+        paths = (self.plan_path, self.journal_path, self.trials_path)
+        there = {path.name: path.exists() for path in paths}
+        if not self.plan_path.exists() and there[self.journal_path.name]:
+            there[self.journal_path.name] = self.journal_path.stat().st_size > 0
+        left = [name for name, is_there in there.items() if is_there]
+        gone = [name for name in (self.plan_path.name, self.journal_path.name) if not there[name]]
+        if not left or not gone:
+            return
+        table = self.trials_path.name
+        analysed = f"{table} can be analysed, and " if table in left else ""
+        raise ArchiveError(
+            f"{self.path}: {' and '.join(gone)} missing, {' and '.join(left)} left; restore from a "
+            f"copy what is missing and go on by --resume; without a copy {analysed}the person "
+            "needs another --session: nothing was changed"
+        )
+
+    def _refuse_links(self) -> None:
+        for path in (self.path.parent, self.path, *(self.path / name for name in _FILES)):
+            refuse_link(path)
+
+    def create(self, plan: Plan, header: dict[str, Any]) -> None:
+        """Enter the participant in participants.tsv, then write the files of a new session.
+
+        The plan is written last: a session exists from the moment it has a plan. The journal is
+        there before it, so that a plan without one tells of a loss.
 
         Raises
         ------
@@ -135,12 +185,27 @@ class SessionFolder:
         self.refuse_existing()
         columns = study_from_canonical(plan.study).participants.columns
         check_facts(columns, self.facts)
-        names = [column.name for column in columns]
-        read_people(self.root).with_person(self.participant, names, self.facts)
+        enter_person(self.root, self.participant, columns, self.facts, disk=self.disk)
+        if not self.journal_path.exists():
+            write_new(self.journal_path, b"", self.disk)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
         write_atomically(self.path / "header.json", header_text, disk=self.disk)
-        enter_person(self.root, self.participant, columns, self.facts, disk=self.disk)
         write_atomically(self.plan_path, plan.to_json(), disk=self.disk)
+
+    def check_people(self, study: Study) -> None:
+        """Refuse a participants.tsv in which this person, or another, could not be entered.
+
+        Raises
+        ------
+        ArchiveError
+            If it is no such table or has a value that the study does not declare, with its line; if
+            a fact of the participant is not one that the study declares or differs from it.
+        """
+        columns = study.participants.columns
+        check_facts(columns, self.facts)
+        check_people(self.root, columns)
+        names = [column.name for column in columns]
+        read_people(self.root).with_person(self.participant, names, self.facts)
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.
@@ -148,13 +213,18 @@ class SessionFolder:
         Raises
         ------
         ArchiveError
-            If there is none, it belongs to another session, or the person withdrew.
+            If there is none, it belongs to another session, one of the session's files is a
+            symbolic link, or the person withdrew.
         PlanError
             If it was changed after it was sealed.
         """
         refuse_withdrawn(self.root, self.participant)
+        self._refuse_links()
         if not self.plan_path.exists():
-            raise ArchiveError(f"{self.path}: there is no session to resume here")
+            self.refuse_loss()
+            raise ArchiveError(
+                f"{self.path}: there is no session to resume here; without --resume one begins"
+            )
         plan = _read_plan(self.plan_path)
         if (plan.participant, plan.session) != (self.participant, self.session):
             raise ArchiveError(
@@ -168,17 +238,19 @@ class SessionFolder:
         return Journal(self.journal_path, now_s=now_s, disk=self.disk)
 
     def read_history(self, plan: Plan) -> History:
-        """Read the journal, none being an empty one, and return what it says.
+        """Read the journal and return what it says.
 
         Raises
         ------
+        ArchiveError
+            If there is none.
         JournalError
             If the journal cannot be trusted, belongs to another plan, or tells of fewer trials
             than trials.csv, which is built from it.
         """
-        entries = read_journal(self.journal_path).entries if self.journal_path.exists() else ()
+        self.refuse_loss()
         try:
-            history = replay(plan, entries)
+            history = replay(plan, read_journal(self.journal_path).entries)
         except JournalError as error:
             raise JournalError(f"{self.journal_path}: {error}") from error
         written = _rows_in(self.trials_path)
@@ -205,6 +277,20 @@ class SessionFolder:
                 f"{self.trials_path}: cannot be written ({error.strerror})"
             ) from error
         return self.trials_path
+
+
+def _remove_unused_lock(made: list[Path]) -> None:
+    """Remove the lock, while it is held, where a session that was to begin has no other file."""
+    with contextlib.suppress(OSError):  # Windows removes no open file: the folder stays
+        if made and [path.name for path in made[0].iterdir()] == [_LOCK]:
+            (made[0] / _LOCK).unlink()
+
+
+def _remove_empty(made: list[Path]) -> None:
+    """Remove the folders that were made for a session that did not begin."""
+    with contextlib.suppress(OSError):
+        for folder in made:
+            folder.rmdir()
 
 
 def _rows_in(table: Path) -> int:

@@ -16,6 +16,7 @@ from experiment.archive.files import (
     TEMPORARY,
     ArchiveError,
     check_identifier,
+    refuse_link,
     write_atomically,
 )
 from experiment.terms.checks import is_line, unknown_key
@@ -114,6 +115,7 @@ def refuse_withdrawn(root: Path, participant: str) -> None:
 ID_COLUMN: Final = "participant_id"
 FILE_NAME: Final = "participants.tsv"
 _LOCK = ".participants.lock"
+_PERSON = re.compile(r"sub-[A-Za-z0-9]{1,32}")
 _LONGEST = 200
 
 
@@ -266,22 +268,59 @@ class People:
 def read_people(root: Path) -> People:
     """Read participants.tsv; where there is none, its bare heading.
 
-    ArchiveError where it is no such table.
+    ArchiveError where it is no such table, with file and line.
     """
     path = root / FILE_NAME
+    refuse_link(path)
     if not path.exists():
         return People()
+    heading, rows = _table(path)
+    if heading[0] != ID_COLUMN:
+        raise ArchiveError(f"{path}:1: the first column must be {ID_COLUMN}; got {heading[0]!r}")
+    if len(set(heading)) != len(heading):
+        raise ArchiveError(f"{path}:1: columns must have distinct names; got {', '.join(heading)}")
+    lines: dict[str, int] = {}
+    for number, row in rows:
+        if len(row) != len(heading):
+            raise ArchiveError(f"{path}:{number}: must have {len(heading)} cells; got {len(row)}")
+        if not _PERSON.fullmatch(row[0]):
+            raise ArchiveError(
+                f"{path}:{number}: {ID_COLUMN} must be sub- and 1 to 32 letters or digits; "
+                f"got {row[0]!r}"
+            )
+        if row[0] in lines:
+            raise ArchiveError(
+                f"{path}:{number}: {row[0]} must stand once; it stands in line {lines[row[0]]}, too"
+            )
+        lines[row[0]] = number
+    return People(heading, tuple(row for _, row in rows))
+
+
+def _table(path: Path) -> tuple[tuple[str, ...], list[tuple[int, tuple[str, ...]]]]:
+    """Read heading and rows, with their lines' numbers; empty lines are none."""
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
     except UnicodeDecodeError as error:
         raise ArchiveError(f"{path}: must be UTF-8; got {error}") from error
     heading, *rows = [tuple(line.rstrip("\r").split("\t")) for line in lines]
-    if heading[0] != ID_COLUMN:
-        raise ArchiveError(f"{path}:1: the first column must be {ID_COLUMN}")
-    for number, row in enumerate(rows, start=2):
-        if row != ("",) and len(row) != len(heading):
-            raise ArchiveError(f"{path}:{number}: must have {len(heading)} cells; got {len(row)}")
-    return People(heading, tuple(row for row in rows if row != ("",)))
+    return heading, [(number, row) for number, row in enumerate(rows, start=2) if row != ("",)]
+
+
+def check_people(root: Path, columns: Sequence[ParticipantColumn]) -> None:
+    """Refuse a participants.tsv that could not be continued, or exported, later on.
+
+    ArchiveError, with file and line, where it is no such table or has a value that a declared
+    column does not know.
+    """
+    people, path = read_people(root), root / FILE_NAME
+    places = {column: people.heading.index(column.name)
+              for column in columns if column.name in people.heading}  # fmt: skip
+    for number, row in _table(path)[1] if places else ():
+        for column, place in places.items():
+            try:
+                _check_value(column, row[place])
+            except ArchiveError as error:
+                raise ArchiveError(f"{path}:{number}: {error}; correct the table") from error
 
 
 def enter_person(

@@ -20,7 +20,13 @@ from typing import TYPE_CHECKING
 from filelock import Timeout
 
 from experiment.archive.disk import DISK, lock_on
-from experiment.archive.files import FOLDER, ArchiveError, check_identifier, delete_folder
+from experiment.archive.files import (
+    FOLDER,
+    ArchiveError,
+    check_identifier,
+    delete_folder,
+    refuse_link,
+)
 from experiment.archive.participants import (
     FILE_NAME,
     Tombstone,
@@ -109,7 +115,7 @@ def look_up(root: Path, participant: str) -> Person:
     if not root.is_dir():
         raise ArchiveError(f"{root}: there is no such folder")
     for path in (root / FILE_NAME, root / FOLDER, tombstone_path(root, participant)):
-        _refuse_link(path)
+        refuse_link(path)
     folder = root / f"sub-{participant}"
     there = folder.name in _names(root)
     person = Person(
@@ -133,17 +139,10 @@ def _names(folder: Path) -> tuple[str, ...]:
 
 
 def _real_folder(folder: Path) -> bool:
-    _refuse_link(folder)
+    refuse_link(folder)
     if not folder.is_dir():
         raise ArchiveError(f"{folder}: must be a folder; nothing was changed")
     return True
-
-
-def _refuse_link(path: Path) -> None:
-    if path.is_symlink():
-        raise ArchiveError(
-            f"{path}: must not be a symbolic link, whose target would stay; nothing was changed"
-        )
 
 
 def _count_files(folder: Path) -> int:
@@ -151,7 +150,7 @@ def _count_files(folder: Path) -> int:
     count = 0
     for place, folders, files in os.walk(folder, onerror=_raise):
         for name in (*folders, *files):
-            _refuse_link(folder / place / name)
+            refuse_link(folder / place / name)
         count += len(files)
     return count
 

@@ -194,6 +194,7 @@ def _plan_to_resume(
     from experiment.study.read import is_recorded, study_from_canonical
 
     plan = folder.read_plan()
+    folder.refuse_loss()
     if facts:
         raise CommandError(
             f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "

@@ -113,6 +113,7 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     """
     folder.refuse_existing()
     study = study_from_canonical(plan.study)
+    folder.check_people(study)
     with folder.locked(), _opened(setting, study) as identity, _playing(setting.noise):
         folder.create(plan, header(study, plan, setting, identity))
         return _run(folder, study, plan, setting, identity)
@@ -135,13 +136,17 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
         If the record cannot be kept.
     """
     plan = folder.read_plan()
+    folder.refuse_loss()
     study = study_from_canonical(plan.study)
+    folder.check_people(study)
     with folder.locked(), _opened(setting, study) as identity:
         history = folder.read_history(plan)
         if history.finished:
             return _run(folder, study, plan, setting, identity)
         if history.opening:
             refuse_another_place(history, identity, setting)
+        else:
+            setting.tell("Note: its journal is empty, so the session begins at its first trial.")
         with _playing(setting.noise):
             return _run(folder, study, plan, setting, identity)
 

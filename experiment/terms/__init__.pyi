@@ -1,4 +1,4 @@
-from .checks import NAME, NAME_RULE, is_line, require_known, require_word, unknown_key
+from .checks import NAME, NAME_RULE, RESERVED, is_line, require_known, require_word, unknown_key
 from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
     OWN_FINGER_ONLY,
@@ -47,6 +47,7 @@ __all__ = [
     "NOT_AVAILABLE",
     "OWN_FINGERS",
     "OWN_FINGER_ONLY",
+    "RESERVED",
     "RESPONDERS",
     "RESPONSES",
     "SCHEMA",

@@ -95,5 +95,7 @@ def unknown_key(path: str, known: Iterable[str]) -> str:
     return f"unknown key {path}" + (f"; did you mean {near[0]}?" if near else "")
 
 
-NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
-NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -"
+RESERVED = r"(?i:CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])"
+"""Pattern of the names that Windows keeps for devices: a file or folder of one cannot be read."""
+NAME = re.compile(rf"(?!{RESERVED}\Z)[A-Za-z0-9_-]{{1,32}}")
+NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -, and none that Windows reserves, as CON"
