@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -93,20 +94,30 @@ def by_spectra(scene: Scene, rtol: float) -> tuple[Real, float]:
 
 
 def differences(count: int) -> tuple[Real, Real, Real]:
-    """Return differences of levels (dB), of own fingers, and times (modes, spectra) of plates."""
-    rng = np.random.default_rng(1)
+    """Return differences of levels (dB), of own fingers, and times (modes, spectra) of plates.
+
+    A line for each plate goes to stderr at once: an hour's work that is stopped is not lost, and
+    a plate that is off can be drawn again by its number alone.
+    """
     levels, own, times = [], [], []
-    for _ in range(count):
-        scene = drawn(rng)
+    for number in range(count):
+        scene = drawn(np.random.default_rng((1, number)))
         began_s = time.process_time()
         modes = felt(*scene)
         took_s = time.process_time() - began_s
         spectra, slow_s = by_spectra(scene, 1e-3)
+        is_smooth = scene[3].window == "hann"
         for here, there in ((0, 1), (1, 0)):
             level = [level_db(one, own=here, other=there) for one in (modes, spectra)]
-            levels.append((abs(level[0] - level[1]), scene[3].window == "hann"))
+            levels.append((abs(level[0] - level[1]), is_smooth))
             own.append(abs(modes[here, here] / spectra[here, here] - 1))
         times.append((took_s, slow_s))
+        print(
+            f"plate {number}: level {levels[-2][0]:.2g} and {levels[-1][0]:.2g} dB"
+            f"{' (Hann)' if is_smooth else ''}, own finger {own[-2]:.2g} and {own[-1]:.2g}, "
+            f"{took_s:.2g} s and {slow_s:.2g} s",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
     return np.array(levels), np.array(own), np.array(times)
 
 
