@@ -48,16 +48,6 @@ class Polynomials:
         return np.asarray(series / self.half_m ** (order + 0.5))
 
 
-def free_basis(n: int, length_m: float, *, odd: bool) -> Polynomials:
-    """Return the first n even or odd polynomials: nothing holds the ends.
-
-    >>> basis = free_basis(3, 0.2, odd=False)
-    >>> bool(abs(basis.products(0, 0) - np.eye(3)).max() < 1e-12)
-    True
-    """
-    return Polynomials(series=np.eye(2 * n)[int(odd) :: 2], half_m=length_m / 2)
-
-
 def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Polynomials:
     """Return n even or odd polynomials that are 0 at both edges; if clamped, their slopes too.
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.motion.modes import n_functions
-from stimuli.motion.motion import MOST_FUNCTIONS, motion_of, reference_of
+from stimuli.motion.modes import n_waves
+from stimuli.motion.motion import MOST_WAVES, motion_of, reference_of
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import Course
 
@@ -66,7 +66,7 @@ def frames_of(scene: Scene, drive: Drive, *, step_s: float, end_s: float) -> tup
     """
     strip = scene.strip
     reference_hz = reference_of(scene, drive)
-    room = (m for m in _MULTIPLES if n_functions(strip, m * reference_hz) <= MOST_FUNCTIONS)
+    room = (m for m in _MULTIPLES if n_waves(strip, m * reference_hz) <= MOST_WAVES)
     multiple = next(room, None)
     if multiple is None:
         raise ValueError(

@@ -14,9 +14,9 @@ from numpy.polynomial.legendre import leggauss
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.field import displacement
 from stimuli.load import DISCS
-from stimuli.motion.modes import Modes, n_functions, plate_modes, wavenumber_rad_m
+from stimuli.motion.modes import Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
-from stimuli.motion.standing_waves import Waves, strip_waves
+from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ _FEWEST, _MORE = 8.0, 1.75
 _IMAGES: Final = 3.0, 1.5
 """A sample rate below so many times the highest mode, and up to where modes are kept then."""
 
-MOST_FUNCTIONS: Final = 1500
-"""Functions of one symmetry in which modes are sought: with more, spectra are faster."""
+MOST_WAVES: Final = 1500
+"""Waves of one symmetry in which modes are sought: with more, spectra are faster."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,7 +80,7 @@ def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
     for multiple in _multiples(drive, reference_hz):
-        if n_functions(scene.strip, multiple * reference_hz) > MOST_FUNCTIONS:
+        if n_waves(scene.strip, multiple * reference_hz) > MOST_WAVES:
             return
         yield motion_of(scene, reference_hz, multiple)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -9,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stimuli.motion.basis import Polynomials, half_waves, held_basis
-from stimuli.motion.modes import wavenumber_rad_m
 from stimuli.strip.edge import CLAMPED, ElasticEdge
 
 if TYPE_CHECKING:
@@ -51,6 +51,27 @@ class Waves:
             across = bent - self.wavenumbers_rad_m**2 * across
         angle = points_m[:, :1] * self.wavenumbers_rad_m
         return np.stack([np.cos(angle), np.sin(angle)]) * across
+
+    def level(self, *, odd: bool) -> Waves:
+        """Return those that are level at the ends of half the period, even or odd along it.
+
+        Their mass is 1 there: they are the modes of that section, were it led at its ends.
+        """
+        some = self.turned == (-1 if odd else 1)
+        return dataclasses.replace(
+            self,
+            squared=self.squared[some],
+            bent=self.bent[some],
+            wavenumbers_rad_m=self.wavenumbers_rad_m[some],
+            turned=self.turned[some],
+            series=math.sqrt(2) * self.series[:, some],
+        )
+
+
+def wavenumber_rad_m(strip: Strip, frequency_hz: float) -> float:
+    """Return that of a bending wave in a plate without edges."""
+    mass = strip.material.density_kg_m3 * strip.thickness_m
+    return math.sqrt(2 * math.pi * frequency_hz * math.sqrt(mass / strip.bending_stiffness_n_m))
 
 
 def strip_waves(strip: Strip, highest_hz: float, period_m: float, *, centred: bool) -> list[Waves]:

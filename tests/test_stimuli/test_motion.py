@@ -42,9 +42,12 @@ from stimuli.motion.standing_waves import strip_waves
 
 if TYPE_CHECKING:
     from stimuli.load import Load
+    from stimuli.motion.modes import Modes
 
 # the modules, whose names their functions have
-MOTION, PEAKS = (sys.modules[f"stimuli.motion.{name}"] for name in ("motion", "peaks"))
+MODES, MOTION, PEAKS = (
+    sys.modules[f"stimuli.motion.{name}"] for name in ("modes", "motion", "peaks")
+)
 
 K_2900, K_2500 = ElasticEdge(stiffness_n=141.72083994908), ElasticEdge(stiffness_n=63.9264884979218)
 STEEL = Material(youngs_modulus_pa=200e9, poisson_ratio=0.29, density_kg_m3=7850.0)
@@ -93,6 +96,53 @@ def test_modes_of_a_square_on_two_supports_are_leissas(
     scale = math.sqrt(2700 * square.thickness_m / square.bending_stiffness_n_m) * 0.1**2
     found = np.concatenate([m.squared for m in plate_modes(square, 2000.0, centred=False)])
     assert np.sort(np.sqrt(found))[:6] * scale == pytest.approx(roots, rel=1e-5)
+
+
+@pytest.mark.parametrize("length_m", [0.1, 0.5])
+def test_nothing_bends_a_free_end(length_m: float) -> None:
+    strip = plate(K_2500, 0.0, length_m)
+    nu, y_m, step_m = strip.material.poisson_ratio, np.array([0.006, 0.0125]), 1e-4
+    for modes in plate_modes(strip, 12e3, centred=True):
+
+        def moment(x_m: float, modes: Modes = modes) -> Any:
+            down, here, up = (
+                np.column_stack([np.full_like(y_m, x_m), y_m + d]) for d in (-step_m, 0.0, step_m)
+            )
+            curved = modes.at(down)[0] + modes.at(up)[0] - 2 * modes.at(here)[0]
+            return modes.at(here, laplacian=True)[0] - (1 - nu) * curved / step_m**2
+
+        middle = max(np.abs(moment(part * length_m / 2)).max() for part in (0.0, 0.2, 0.4, 0.6))
+        end = np.abs(moment(length_m / 2)).max(axis=0)
+        assert np.all(end[: end.size // 2] < 5e-3 * middle)
+        assert np.all(end < 0.1 * middle)
+
+
+def test_springs_raise_frequencies_by_what_they_give() -> None:
+    stiffness_n = 60.0
+    strips = [
+        plate(ElasticEdge(stiffness_n=stiffness_n * factor), 0.0) for factor in (1.0, 0.98, 1.02)
+    ]
+    for modes, less, more in zip(
+        *(plate_modes(strip, 12e3, centred=False) for strip in strips), strict=True
+    ):
+        springs = (more.squared - less.squared) / 0.04
+        np.testing.assert_allclose(
+            np.diag(modes.bent), modes.squared - springs, rtol=0, atol=1e-3 * springs.max()
+        )
+
+
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, K_2500, CLAMPED])
+@pytest.mark.parametrize("length_m", [0.0125, 0.06, 0.7])
+def test_frequencies_do_not_depend_on_how_many_functions_there_are(
+    edge: Any, length_m: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    strip = plate(edge, 0.0, length_m)
+    few = plate_modes(strip, 15e3, centred=False)
+    for name, value in (("_ABOVE", 4.0), ("_RATES", 10), ("_FASTEST", 16.0)):
+        monkeypatch.setattr(MODES, name, value)
+    for some, others in zip(few, plate_modes(strip, 15e3, centred=False), strict=True):
+        assert some.squared.size == others.squared.size
+        np.testing.assert_allclose(some.squared, others.squared, rtol=4e-4)
 
 
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, K_2500, CLAMPED])
