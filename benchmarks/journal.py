@@ -1,4 +1,4 @@
-"""What the journal costs: a line with checksum and fsync beside a bare write and fsync."""
+"""What the journal costs: a line with checksum, hash and fsync beside a bare write and fsync."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ def section() -> str:
         [
             "## Journal",
             "",
-            f"Median of {LINES} lines of about 150 bytes, in the system's temporary folder.",
+            f"{LINES} lines (median) of 150 bytes, 225 with the hash, in the temporary folder.",
             "",
-            "| | bare file | journal line with checksum |",
+            "| | bare file | journal line with checksum and hash |",
             "|---|---|---|",
             *rows,
             "",

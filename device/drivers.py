@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal, TypeVar
 from device.clock import MonotonicClock
 from device.core.output import OutputStage
 from device.driver import LinkError
-from device.emulate.mock import DEVICE_LIMITS, MockDevice
+from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 DriverName = Literal["mock", "serial", "generator", "audio"]
 MOCK: Final = "mock"
+MOCK_MODEL: Final = MODEL
 NEEDS: Final[Mapping[DriverName, tuple[str, ...]]] = {
     MOCK: (),
     "serial": ("port",),

@@ -58,6 +58,7 @@ def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
     Traceback (most recent call last):
     analysis.reading.text.ResultFileError: t.csv:1: unknown column 'colour'; a table made ...
     """
+    _check_schema(text, file)
     for name in text.columns:
         if name not in _NAMES:
             raise ResultFileError(file, 1, f"unknown column {shown(name)}{_HINT}")
@@ -66,6 +67,16 @@ def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
         raise ResultFileError(file, 1, f"no column {', '.join(missing)}{_HINT}")
     readers = [CellReader(column=column, label=column.name) for column in COLUMNS]
     return typed(text, readers, file)
+
+
+def _check_schema(text: pd.DataFrame, file: str) -> None:
+    """Refuse a table of another version before its columns are found to be other ones."""
+    if "schema" not in text.columns or text.empty or set(text.columns) == {*_NAMES}:
+        return
+    found = text["schema"].iloc[0]
+    if found.isdecimal() and int(found) != SCHEMA:
+        message = f"schema must be {SCHEMA}; got {found}: another version of tactstrip wrote it"
+        raise ResultFileError(file, int(text.index[0]), message)
 
 
 def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFrame:

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
 
+MODEL = "tactstrip mock"
+"""What it says it is."""
+
 DEVICE_LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
 """The mock's own limits, unless told otherwise."""
 
@@ -137,7 +140,7 @@ class _Bench(LocalCore):
         self._heart_beats = True
         self._known = self._core.state
         return Identity(
-            model="tactstrip mock",
+            model=MODEL,
             serial_number="mock",
             boot_id=self._core.boot_id,
             protocol_version="1.0",

@@ -6,6 +6,7 @@ from .rig import (
     assemble,
     chosen_settings,
     confirmed_now,
+    device_kind,
     mock_device,
     require_confirmed,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "assemble",
     "chosen_settings",
     "confirmed_now",
+    "device_kind",
     "host_limits",
     "load_condition",
     "mock_device",

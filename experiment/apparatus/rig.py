@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from device.clock import MonotonicClock, VirtualClock
-from device.drivers import MOCK, NEEDS, is_emulated, make_device, make_mock
+from device.drivers import MOCK, MOCK_MODEL, NEEDS, is_emulated, make_device, make_mock
 from experiment.apparatus.slots import host_limits
 from experiment.study.study import StudyError
 
@@ -137,6 +137,19 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
         The host's clock.
     """
     return make_mock(host_limits(study.device), clock, study.device.sample_rate_hz)
+
+
+def device_kind(identity: Identity) -> str:
+    """Return a word of `DEVICE_KINDS`: what a device that was opened is.
+
+    >>> from device.clock import VirtualClock
+    >>> from experiment.study.read import paper_study
+    >>> device_kind(mock_device(paper_study(), VirtualClock()).open())
+    'mock'
+    """
+    if not identity.emulated:
+        return "real"
+    return "mock" if identity.model == MOCK_MODEL else "emulated"
 
 
 QUESTION: Final = (

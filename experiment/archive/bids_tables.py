@@ -65,6 +65,18 @@ MEANINGS: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
             "measured": "from a displacement measured at the actuator",
             "predicted": "from the layers of the actuator",
         },
+        "device_kind": {
+            "real": "a device with actuators",
+            "emulated": "an emulator of a device: nothing moved",
+            "mock": "no device at all: nothing moved",
+        },
+        "burst_verified": {
+            "line": "on the line to the amplifier",
+            "amplifier": "at the amplifier's output",
+            "current": "in the actuator's current",
+            "motion": "in the plate's motion",
+            "false": "a monitor measured another burst than was commanded",
+        },
     }
 )
 """What the words of a column mean, by column and word."""

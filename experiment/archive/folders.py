@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -95,6 +96,16 @@ class SessionFolder:
     def trials_path(self) -> Path:
         """The table of presented trials."""
         return self.path / "trials.csv"
+
+    @property
+    def header_path(self) -> Path:
+        """What is worth knowing of the session and is not part of the plan."""
+        return self.path / "header.json"
+
+    def sealed(self) -> dict[str, str]:
+        """Return the checksums of header and plan as files, for the journal's first line."""
+        files = {"header_sha256": self.header_path, "plan_file_sha256": self.plan_path}
+        return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
@@ -189,7 +200,7 @@ class SessionFolder:
         if not self.journal_path.exists():
             write_new(self.journal_path, b"", self.disk)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
-        write_atomically(self.path / "header.json", header_text, disk=self.disk)
+        write_atomically(self.header_path, header_text, disk=self.disk)
         write_atomically(self.plan_path, plan.to_json(), disk=self.disk)
 
     def check_people(self, study: Study) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from experiment.archive.journal import Entry, JournalError
-from experiment.terms.record import SCHEMA, TrialRow, is_correct
+from experiment.terms.record import CONSTANT, SCHEMA, TrialRow, is_correct
 from experiment.trial.events import Task
 
 if TYPE_CHECKING:
@@ -99,6 +99,7 @@ class _Presentation:
     attempt: int
     token: int | None = None
     boot_id: int = 0
+    device_kind: str | None = None
     stimulus: Mapping[str, Any] = field(default_factory=dict)
     answer: Mapping[str, Any] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=dict)
@@ -162,20 +163,20 @@ _PART = {
 def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
     shown: dict[tuple[int, int], _Presentation] = {}
-    boot_id = 0
+    boot_id, device_kind = 0, None
     for entry in entries:
         # A token means something to the power cycle that heard it and to no other. The lines of a
         # trial do not repeat which that is: it stands in the last opening of the session above
-        # them.
+        # them; and so does what sort of device that is.
         if entry.event in _OPENINGS:
-            boot_id = entry.facts["boot_id"]
+            boot_id, device_kind = entry.facts["boot_id"], entry.facts["device_kind"]
         if entry.event != "trial_armed" and entry.event not in _PART:
             continue
         number, attempt = entry.facts["trial"], entry.facts["attempt"]
         if number not in trials:
             raise JournalError(f"the journal names trial {number}, which the plan does not have")
         if (number, attempt) not in shown:
-            shown[number, attempt] = _Presentation(trials[number], attempt)
+            shown[number, attempt] = _Presentation(trials[number], attempt, device_kind=device_kind)
         presentation = shown[number, attempt]
         if presentation.end:
             raise JournalError(f"trial {number}, attempt {attempt}, goes on after its end")
@@ -256,6 +257,10 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         anticipated=presentation.end["anticipated"],
         noise_ok=presentation.end["noise_ok"],
         simulated=simulated,
+        device_kind=presentation.device_kind,
+        level_rule=CONSTANT,
+        level_planned_vpp=trial.level_vpp,
+        burst_verified=None,
         study_sha256=plan.study_sha256,
     )
 

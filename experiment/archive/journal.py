@@ -1,7 +1,10 @@
-"""The journal of a session: append-only lines, each with a checksum, on disk when it matters.
+"""The journal of a session: append-only lines in a chain of hashes, on disk when it matters.
 
-One line is one event: ``{"crc":"<8 hex digits>","schema":1,"seq":n,"event":...,...}``. The checksum
-is the CRC-32 of the line without its ``crc`` member: of the bytes ``{"schema":...}``.
+One line is one event: ``{"crc":"<8 hex digits>","schema":2,"seq":n,"prev":"<64 hex digits>",
+"event":...,...}``. The checksum is the CRC-32 of the line without its ``crc`` member: of the bytes
+``{"schema":...}``. ``prev`` is the SHA-256 of the line before, all of it but its line end, so that
+the hash of the last line, the head, stands for the whole journal. The checksum names the line in
+which a disk or a slip changed something; the chain cannot be mended without changing the head.
 
 A line is synced where something follows that a later line cannot undo: a stimulus that is armed
 under a token, a trial that is over, a wait for a person. A sync takes all lines before it along, so
@@ -11,6 +14,7 @@ that takes its time would be felt there, in the reaction time.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -28,13 +32,19 @@ if TYPE_CHECKING:
     from experiment.archive.disk import Disk
 
 
-SCHEMA = 1
+SCHEMA = 2
+ROOT = "0" * 64
+"""What the first line has for the hash of the line before."""
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",(.*\})', re.DOTALL)
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
 class JournalError(ValueError):
     """A journal that cannot be trusted."""
+
+
+class JournalSchemaError(JournalError):
+    """A journal of another version of this program."""
 
 
 class JournalWriteError(JournalError):
@@ -56,8 +66,14 @@ class JournalFile:
     """A journal as it was found: its entries, and the bytes of a last line that was cut short."""
 
     entries: tuple[Entry, ...]
+    sha256: tuple[str, ...]  # of each line
     sound_bytes: int
     torn: bytes
+
+    @property
+    def head_sha256(self) -> str:
+        """Hash of the last line, which stands for all of them."""
+        return self.sha256[-1] if self.sha256 else ROOT
 
 
 def read_journal(path: Path) -> JournalFile:
@@ -67,11 +83,15 @@ def read_journal(path: Path) -> JournalFile:
     """
     lines = path.read_bytes().split(b"\n")
     torn = lines.pop()
-    entries = tuple(_parse(path, number, line) for number, line in enumerate(lines, start=1))
-    return JournalFile(entries, sum(len(line) + 1 for line in lines), torn)
+    sha256 = tuple(hashlib.sha256(line).hexdigest() for line in lines)
+    entries = tuple(
+        _parse(path, number, line, previous)
+        for number, (line, previous) in enumerate(zip(lines, (ROOT, *sha256), strict=False), 1)
+    )
+    return JournalFile(entries, sha256, sum(len(line) + 1 for line in lines), torn)
 
 
-def _parse(path: Path, number: int, line: bytes) -> Entry:
+def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
     match = _LINE.fullmatch(line)
     if match is None or zlib.crc32(b"{" + match[2]) != int(match[1], 16):
         raise JournalError(
@@ -80,11 +100,17 @@ def _parse(path: Path, number: int, line: bytes) -> Entry:
         )
     facts = json.loads(b"{" + match[2])
     if (schema := facts.pop("schema")) != SCHEMA:
-        raise JournalError(f"{path}:{number}: schema must be {SCHEMA}; got {schema!r}")
+        raise JournalSchemaError(f"{path}:{number}: schema must be {SCHEMA}; got {schema!r}")
     if (seq := facts.pop("seq")) != number:
         raise JournalError(
             f"{path}:{number}: seq must be {number}; got {seq}: a line is missing or repeated; "
             "restore the file from a copy: nothing was changed"
+        )
+    if (prev := facts.pop("prev")) != previous:
+        raise JournalError(
+            f"{path}:{number}: prev must be {previous[:12]}..., the hash of the line before; got "
+            f"{str(prev)[:12]!r}: lines up to here were changed or removed; restore the file from "
+            "a copy: nothing was changed"
         )
     return Entry(facts.pop("event"), facts.pop("t_s"), facts.pop("wall_s"), facts)
 
@@ -111,6 +137,7 @@ class Journal:
     Notes
     -----
     A last line that was cut short is moved to a file ``journal.torn-N`` beside the journal.
+    ``head_sha256`` is the hash of the last line.
     """
 
     def __init__(
@@ -127,6 +154,7 @@ class Journal:
         self._disk = disk
         self._broken = False
         self._seq = 0
+        self.head_sha256 = ROOT
         self.torn_file: Path | None = None
         try:
             self._open()
@@ -137,6 +165,7 @@ class Journal:
         if self._path.exists():
             found = read_journal(self._path)
             self._seq = len(found.entries)
+            self.head_sha256 = found.head_sha256
             if found.torn:
                 self.torn_file = self._set_aside(found)
         self._file = self._disk.open(self._path, new=False)
@@ -168,21 +197,23 @@ class Journal:
             {
                 "schema": SCHEMA,
                 "seq": self._seq + 1,
+                "prev": self.head_sha256,
                 "event": event,
                 "t_s": round(self._now_s(), 6),
                 "wall_s": round(self._wall_s(), 3),
                 **(facts or {}),
             }
         ).encode()
-        line = b'{"crc":"%08x",%b\n' % (zlib.crc32(body), body[1:])
+        line = b'{"crc":"%08x",%b' % (zlib.crc32(body), body[1:])
         try:
-            self._disk.write(self._file, line)
+            self._disk.write(self._file, line + b"\n")
             if sync:
                 self._disk.sync(self._file)
         except OSError as error:
             self._broken = True
             raise self._write_error(error) from error
         self._seq += 1
+        self.head_sha256 = hashlib.sha256(line).hexdigest()
 
     def _write_error(self, error: OSError) -> JournalWriteError:
         return JournalWriteError(f"{self._path}: cannot be written ({error.strerror})")

@@ -184,7 +184,7 @@ def _run(
     with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
         finished, failure = history.finished, None
         if not finished:
-            _enter(study, plan, history, journal, setting=setting, identity=identity)
+            _enter(folder, study, plan, history, journal, setting=setting, identity=identity)
             session = Session(
                 setting,
                 study,
@@ -205,6 +205,7 @@ def _run(
 
 
 def _enter(
+    folder: SessionFolder,
     study: Study,
     plan: Plan,
     history: History,
@@ -215,7 +216,8 @@ def _enter(
 ) -> None:
     """Note the beginning, or the resume; there, settle the trial that is still open."""
     if not history.opening:
-        journal.append("session_open", opening(plan, identity, setting), sync=True)
+        told = opening(plan, identity, setting) | folder.sealed()
+        journal.append("session_open", told, sync=True)
         return
     journal.append("session_resume", resuming(study, plan, identity, setting), sync=True)
     if history.open_trial is not None:

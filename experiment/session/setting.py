@@ -9,6 +9,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
+from experiment.apparatus.rig import device_kind
 from experiment.apparatus.slots import host_limits
 from experiment.operator.requests import Requests
 from experiment.preview.check import check_study
@@ -187,6 +188,7 @@ def place(identity: Identity) -> dict[str, Any]:
     return {
         "host": platform.node(),
         "device": identity.model,
+        "device_kind": device_kind(identity),
         "serial_number": identity.serial_number,
         "boot_id": identity.boot_id,
     }

@@ -12,6 +12,7 @@ from .observer import FASTEST_ANSWER_S, Observer, draw_observer
 from .record import (
     ANSWERS,
     COLUMNS,
+    CONSTANT,
     KINDS,
     NOT_AVAILABLE,
     RESPONSES,
@@ -38,6 +39,7 @@ __all__ = [
     "ANSWERS",
     "ANSWER_IS_NO",
     "COLUMNS",
+    "CONSTANT",
     "DEVICE_FAILED",
     "ESCAPE",
     "FASTEST_ANSWER_S",

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-SCHEMA = 1
+SCHEMA = 2
 NOT_AVAILABLE = "n/a"
 
 KINDS = ("single", "both", "blank", "practice", "control")
@@ -24,6 +24,11 @@ ANSWERS = ("left", "right", "both", "none")
 RESPONSES = (*ANSWERS, "timeout", "invalid")
 STATUSES = ("ok", "device_error", "indeterminate", "aborted", "voided")
 BASES = ("measured", "predicted")
+DEVICE_KINDS = ("real", "emulated", "mock")
+CONSTANT = "constant"
+"""The rule of levels that the plan has."""
+PLACES = ("line", "amplifier", "current", "motion", "false")
+"""Where a monitor tapped a burst that was as commanded; ``false`` if it was not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +90,10 @@ class TrialRow:
     anticipated: bool = _column("a key came before the onset or within 100 ms of it")
     noise_ok: bool | None = _column("whether the masking noise played from the onset to the answer")
     simulated: bool = _column("whether the participant is a simulation")
+    device_kind: str | None = _column("what drove the actuators, if anything did", *DEVICE_KINDS)
+    level_rule: str | None = _column("how the level was chosen: constant, or adaptive:NAME")
+    level_planned_vpp: float | None = _column("level that the plan has, peak-to-peak volts")
+    burst_verified: str | None = _column("where a monitor measured the burst as commanded", *PLACES)
     study_sha256: str = _column("checksum of the study that was run")
 
 

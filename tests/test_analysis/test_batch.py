@@ -53,9 +53,9 @@ def test_a_plan_beside_a_bare_table_keeps_its_declared_answers(
 def test_a_fault_in_one_of_many_is_told_as_it_is_alone(sessions: Path, old: str, new: str) -> None:
     for name in ("sub-02", "sub-03"):
         table = sessions / name / "ses-01" / "trials.csv"
-        told = table.read_text("utf-8").replace("\n1,", "\n1@")  # the schema stands in front
-        told = told.replace(old.replace("\n", "\n1@"), new.replace("\n", "\n1@"))
-        table.write_text(told.replace("\n1@", "\n1,"), encoding="utf-8")
+        told = table.read_text("utf-8").replace("\n2,", "\n2@")  # the schema stands in front
+        told = told.replace(old.replace("\n", "\n2@"), new.replace("\n", "\n2@"))
+        table.write_text(told.replace("\n2@", "\n2,"), encoding="utf-8")
     together = refused(sessions)
     assert str(together) == str(refused(sessions / "sub-02"))
     assert "sub-02" in together.file

@@ -33,12 +33,14 @@ def test_four_columns_are_enough_and_the_rest_has_its_default(tmp_path: Path) ->
     assert trials["trial"].tolist() == [1, 2, 3]
     assert trials["correct"].tolist() == [True, False, True]
     constants = {"session": "01", "condition": "main", "attempt": 1, "block": 1, "status": "ok"}
-    constants |= {"anticipated": False, "simulated": False, "schema": 1}
+    constants |= {"anticipated": False, "simulated": False, "schema": 2}
     for name, value in constants.items():
         assert trials[name].tolist() == [value] * 3, name
     for name in ("rt_s", "onset_s", "foreperiod_s", "noise_ok", "level_left_vpp", "peak_left_um"):
         assert trials[name].isna().all(), name
     assert trials["study_sha256"].tolist() == ["n/a"] * 3
+    assert trials["level_rule"].tolist() == ["n/a"] * 3
+    assert trials[["device_kind", "level_planned_vpp", "burst_verified"]].isna().all(axis=None)
 
 
 def test_trials_are_numbered_within_participant_and_session_across_files(tmp_path: Path) -> None:

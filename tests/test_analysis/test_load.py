@@ -111,7 +111,7 @@ def test_a_folder_means_its_sessions_and_nothing_else(tmp_path: Path) -> None:
         ("response", "Left", "left, right, both, none, timeout, invalid or n/a"),
         ("status", "fine", "ok, device_error, indeterminate, aborted or voided"),
         ("displacement_basis", "guess", "measured, predicted or n/a"),
-        ("schema", "2", "allowed: 1"),
+        ("schema", "1", "allowed: 2"),
         ("participant", "n/a", "printable text of 1 to 64 characters"),
         ("participant", "a\x1bb", "printable text of 1 to 64 characters"),
         ("participant", "a" * 65, "printable text of 1 to 64 characters"),
@@ -146,6 +146,13 @@ def test_a_cell_that_cannot_be_is_named(tmp_path: Path, column: str, text: str, 
     assert (error.file, error.line) == (str(path), 3)
     assert str(error).startswith(f"{path}:3: column '{column}' ")
     assert words in str(error)
+
+
+def test_a_table_of_another_version_is_refused_by_its_schema(tmp_path: Path) -> None:
+    header, line = trials_csv([row()]).splitlines()
+    old = [",".join(cells.split(",")[:-2]) for cells in (header, line)]
+    path = put(tmp_path / "trials.csv", f"{old[0]}\n1{old[1][1:]}\n")
+    assert str(refused(path)).startswith(f"{path}:2: schema must be 2; got 1")
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,15 @@ def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
     name = {"trial": number, "attempt": 1}
     end = {"status": "ok", "anticipated": False, "noise_ok": True}
     told: list[tuple[str, dict[str, Any]]] = [
-        ("session_open", {"plan_sha256": plan.sha256, "simulated": False, "boot_id": 7}),
+        (
+            "session_open",
+            {
+                "plan_sha256": plan.sha256,
+                "simulated": False,
+                "boot_id": 7,
+                "device_kind": "emulated",
+            },
+        ),
         ("trial_armed", name | {"token": 12}),
         ("stimulus_confirmed", name | {"outcome": "fired", "onset_s": 3.5} | confirmed),
         ("response", name | {"response": "left", "rt_s": 0.5}),
@@ -91,6 +99,15 @@ def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
     assert (row.response, row.rt_s, row.onset_s, row.status) == ("left", 0.5, 3.5, "ok")
     assert (row.anticipated, row.noise_ok, row.simulated) == (False, True, False)
     assert row.correct is (trial.side == "left")
+    assert (row.level_rule, row.level_planned_vpp) == ("constant", trial.level_vpp)
+    assert (row.device_kind, row.burst_verified) == ("emulated", None)
+
+
+def test_a_row_names_the_device_of_its_own_sitting(plan: Plan) -> None:
+    resumed = Entry("session_resume", 5.0, 105.0, {"boot_id": 8, "device_kind": "real"})
+    rest = [Entry(e.event, e.t_s + 6, e.wall_s + 6, e.facts) for e in lines(plan, 2)[1:]]
+    rows = replay(plan, [*lines(plan, 1), resumed, *rest]).rows
+    assert [row.device_kind for row in rows] == ["emulated", "real"]
 
 
 def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -> None:

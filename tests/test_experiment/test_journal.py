@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import re
 import subprocess
@@ -43,7 +45,9 @@ def test_what_is_appended_is_read_back(path: Path) -> None:
 def test_a_line_is_one_json_object_with_schema_number_and_checksum(path: Path) -> None:
     write(path, "first")
     line = path.read_text(encoding="utf-8")
-    assert re.fullmatch(r'\{"crc":"[0-9a-f]{8}","schema":1,"seq":1,"event":"first",.*\}\n', line)
+    assert re.fullmatch(
+        r'\{"crc":"[0-9a-f]{8}","schema":2,"seq":1,"prev":"0{64}","event":"first",.*\}\n', line
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -67,9 +71,9 @@ def test_any_changed_byte_is_found_with_its_line(
 
 
 def test_a_sound_line_of_another_schema_is_refused(path: Path) -> None:
-    body = b'"schema":2,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
+    body = b'"schema":1,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
     path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body))
-    with pytest.raises(JournalError, match=r":1: schema must be 1; got 2$"):
+    with pytest.raises(JournalError, match=r":1: schema must be 2; got 1$"):
         read_journal(path)
 
 
@@ -80,6 +84,36 @@ def test_a_missing_and_a_repeated_line_are_found(path: Path) -> None:
         path.write_bytes(b"".join(damaged))
         with pytest.raises(JournalError, match=rf":{line}: seq must be {line}"):
             read_journal(path)
+
+
+def test_each_line_has_the_hash_of_the_line_before(path: Path) -> None:
+    write(path, "first", "second")
+    write(path, "third")
+    lines = path.read_bytes().splitlines()
+    hashes = [hashlib.sha256(line).hexdigest() for line in lines]
+    assert [json.loads(line)["prev"] for line in lines] == ["0" * 64, *hashes[:2]]
+    assert read_journal(path).sha256 == tuple(hashes)
+    with Journal(path, now_s=lambda: 0.0, disk=UNWAITED) as journal:
+        assert journal.head_sha256 == read_journal(path).head_sha256 == hashes[-1]
+        journal.append("fourth")
+        assert journal.head_sha256 == read_journal(path).head_sha256 != hashes[-1]
+
+
+def test_the_head_of_no_lines_is_the_root(path: Path) -> None:
+    write(path)
+    assert read_journal(path).head_sha256 == "0" * 64
+
+
+def test_a_changed_line_with_a_checksum_that_fits_breaks_the_chain_after_it(path: Path) -> None:
+    write(path, "first", "second", "third")
+    lines = path.read_bytes().splitlines(keepends=True)
+    body = lines[1].replace(b"0.1", b"0.2").split(b",", 1)[1].rstrip(b"\n")
+    lines[1] = b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body)
+    path.write_bytes(b"".join(lines))
+    with pytest.raises(JournalError, match=r":3: prev must be [0-9a-f]{12}\.\.\., the hash of the"):
+        read_journal(path)
+    path.write_bytes(b"".join(lines[:2]))
+    assert read_journal(path).entries[1].facts["value"] == 0.2  # the head alone tells of it
 
 
 def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> None:
@@ -106,7 +140,7 @@ from experiment.archive.disk import UNWAITED
 from experiment.archive.journal import Journal, JournalWriteError
 with Journal(pathlib.Path(sys.argv[1]), now_s=lambda: 0.0) as journal:
     journal.append("first")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (130, 130))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (230, 230))
     for _ in range(2):
         try:
             journal.append("second", {"padding": "x" * 200})
