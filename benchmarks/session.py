@@ -56,6 +56,7 @@ def _engine_s(plan: Plan) -> float:
     state = SessionState(
         pending=tuple(Task(trial, 1) for trial in plan.trials),
         keep_anticipated=False,
+        most_anticipated=3,
         response_window_s=plan.response_window_s,
     )
     start = time.perf_counter()

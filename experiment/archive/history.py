@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from experiment.terms.record import CONSTANT, SCHEMA, TrialRow, is_correct
 from experiment.trial.events import Task
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from experiment.terms.gains import FingerGains
     from experiment.trial.plan import Plan, Trial
@@ -187,14 +188,25 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     return list(shown.values())
 
 
-def _warm_up(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
+def _warm_up(plan: Plan, ended: Sequence[_Presentation]) -> tuple[Task, ...]:
     attempts = {presentation.trial.number: presentation.attempt for presentation in ended}
+    early = _early(ended)
     return tuple(
-        Task(trial, attempts.get(trial.number, 0) + 1, warm_up=True) for trial in plan.warm_up
+        Task(trial, attempts.get(trial.number, 0) + 1, warm_up=True, early=early[trial.number])
+        for trial in plan.warm_up
     )
 
 
-def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
+def _early(ended: Iterable[_Presentation]) -> Counter[int]:
+    """Count, trial by trial, the attempts to be repeated in which a key came too early."""
+    return Counter(
+        presentation.trial.number
+        for presentation in ended
+        if presentation.end["anticipated"] and presentation.end["status"] != "ok"
+    )
+
+
+def _pending(plan: Plan, ended: Sequence[_Presentation]) -> tuple[Task, ...]:
     """List unanswered trials: block by block, those never presented before the repeats."""
     answered: set[int] = set()
     attempts: dict[int, int] = {}
@@ -209,7 +221,11 @@ def _pending(plan: Plan, ended: Iterable[_Presentation]) -> tuple[Task, ...]:
     turn = {number: place for place, number in enumerate(attempts, start=1)}
     waiting = [trial for trial in plan.trials if trial.number not in answered]
     waiting.sort(key=lambda trial: (trial.block, turn.get(trial.number, 0), trial.number))
-    return tuple(Task(trial, attempts.get(trial.number, 0) + 1) for trial in waiting)
+    early = _early(ended)
+    return tuple(
+        Task(trial, attempts.get(trial.number, 0) + 1, early=early[trial.number])
+        for trial in waiting
+    )
 
 
 def _open_trial(presentation: _Presentation) -> OpenTrial:

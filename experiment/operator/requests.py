@@ -68,6 +68,8 @@ class Requests:
     ----------
     paused : bool
         A pause is wanted, or goes on; responders end a pause when it becomes false.
+    attended : bool
+        An operator has keys to end a pause with.
 
     Examples
     --------
@@ -81,6 +83,7 @@ class Requests:
     """
 
     def __init__(self) -> None:
+        self.attended = False
         self._paused = threading.Event()
         self._go_on = threading.Event()
         self._notes: deque[str] = deque()

@@ -88,6 +88,7 @@ class OperatorView:
             target=self._run, args=(self._terminal,), name="tactstrip operator", daemon=True
         )
         self._thread.start()
+        self._requests.attended = True
         return self
 
     def __exit__(self, *_: object) -> None:

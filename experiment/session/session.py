@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from device.driver import DeviceError
 from experiment.operator.requests import StopRequested
@@ -99,6 +99,13 @@ _SHOWN_BEFORE = (events.Greet, events.Introduce, events.Cue, events.Rest, events
 """What takes a while: the operator is told first. From the cue's end to the answer nobody is."""
 
 
+TOO_EARLY: Final = (
+    "the participant pressed too early too often: say that an answer comes after the vibration, "
+    "then go on"
+)
+"""What the operator is told who is called."""
+
+
 class Session:
     """A session in progress: the device is opened, the noise started, the journal open.
 
@@ -127,6 +134,7 @@ class Session:
         self._requests = setting.requests
         self._monitor = setting.monitor
         self._stop = setting.stop
+        self._tell = setting.tell
         self._due_s = 0.0
         self._emission = StimulusOut(setting, study, journal)
         self._noise = NoiseWatch(setting.noise, journal)
@@ -135,6 +143,7 @@ class Session:
         self._state = events.SessionState(
             pending=history.due(warm_up=again),
             keep_anticipated=study.design.anticipated == "keep",
+            most_anticipated=study.design.most_anticipated,
             response_window_s=study.design.response_window_s,
         )
         self._perform: Mapping[type[events.Effect], Callable[..., Happening | None]] = {
@@ -217,11 +226,12 @@ class Session:
         device = f"{failures} stimuli in a row not delivered" if failures else "ok"
         if self.failure is not None:
             device = "failed"
+        message = TOO_EARLY if self._state.called else self._noise.trouble
         status = self._standing.status(
             self._state,
             noise=self._noise.words(),
             device=device,
-            message=self._noise.trouble if self.failure is None else str(self.failure),
+            message=message if self.failure is None else str(self.failure),
         )
         self._monitor.show(status)
 
@@ -302,7 +312,12 @@ class Session:
 
     def _rest(self, effect: events.Rest) -> Happening:
         self._note()
-        self._journal.append("pause" if effect.paused else "break", sync=True)
+        called = {"operator_called": TOO_EARLY} if self._state.called else None
+        self._journal.append("pause" if effect.paused else "break", called, sync=True)
+        if called and self._requests.attended:
+            self._requests.pause()  # the participant, who presses too soon, does not end it
+        elif called:
+            self._tell(TOO_EARLY)
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
         progress = self._standing.progress(self._state)
         event = self._participant.rest(progress, paused=effect.paused, minimum_s=minimum_s)

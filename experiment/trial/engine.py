@@ -69,7 +69,10 @@ class Transition(NamedTuple):
 # is listened to, and a stimulus on its way must have an outcome before anything else is decided.
 # Lost noise has no row in FOREPERIOD and FIRING either: it is asked for last thing before arming,
 # and after the onset together with the answer. A stimulus that failed is tried again; the third in
-# a row stops the session, for then the device does not do its work.
+# a row stops the session, for then the device does not do its work. A trial in which a key came too
+# early is tried again, too, and by itself it would be for ever: somebody who holds a key down, or
+# answers the cue, would be given burst after burst that counts for nothing. After as many as the
+# study says, in a row or at one trial, the session is therefore paused and the operator called.
 #
 # What has no row cannot happen. If it does, the program is at fault, and nothing is changed.
 TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
@@ -88,6 +91,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.INTRODUCTION, Event.STOP_ASKED): Transition(Phase.STOPPED),
     (Phase.FOREPERIOD, Event.ELAPSED): Transition(Phase.ARMING),
     (Phase.FOREPERIOD, Event.EARLY_KEY): Transition(Phase.READY, "voided"),
+    (Phase.FOREPERIOD, Event.EARLY_KEY_AGAIN): Transition(Phase.PAUSED, "voided"),
     (Phase.FOREPERIOD, Event.EARLY_KEY_KEPT): Transition(Phase.FOREPERIOD),
     (Phase.FOREPERIOD, Event.PAUSE_ASKED): Transition(Phase.PAUSED, "aborted"),
     (Phase.FOREPERIOD, Event.STOP_ASKED): Transition(Phase.STOPPED, "aborted"),
@@ -101,6 +105,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.FIRING, Event.DEVICE_FAILED): Transition(Phase.STOPPED, "indeterminate"),
     (Phase.ANSWER, Event.KEY): Transition(Phase.READY, "ok"),
     (Phase.ANSWER, Event.EARLY_KEY): Transition(Phase.READY, "voided"),
+    (Phase.ANSWER, Event.EARLY_KEY_AGAIN): Transition(Phase.PAUSED, "voided"),
     (Phase.ANSWER, Event.EARLY_KEY_KEPT): Transition(Phase.READY, "ok"),
     (Phase.ANSWER, Event.ELAPSED): Transition(Phase.READY, "ok"),
     (Phase.ANSWER, Event.NOISE_LOST): Transition(Phase.PAUSED, "voided"),
@@ -135,7 +140,11 @@ def _close_block(state: SessionState) -> Change:
 
 
 def _too_early(state: SessionState) -> Change:
-    return replace(state, anticipated=True), ()
+    return replace(state, anticipated=True, early=state.early + 1), ()
+
+
+def _too_early_again(state: SessionState) -> Change:
+    return replace(_too_early(state)[0], called=True), ()
 
 
 def _not_delivered(state: SessionState) -> Change:
@@ -150,8 +159,11 @@ def _noise_lost(state: SessionState) -> Change:
     return replace(state, noise_lost=True), ()
 
 
-def _noise_again(state: SessionState) -> Change:
-    return replace(state, noise_lost=False), (StartNoise(),) if state.noise_lost else ()
+def _go_on(state: SessionState) -> Change:
+    """Start the noise where it was lost; a participant whom the operator spoke to begins anew."""
+    early = 0 if state.called else state.early
+    again = (StartNoise(),) if state.noise_lost else ()
+    return replace(state, noise_lost=False, called=False, early=early), again
 
 
 _HEED: Mapping[Event, Callable[[SessionState], Change]] = {
@@ -162,12 +174,13 @@ _HEED: Mapping[Event, Callable[[SessionState], Change]] = {
     Event.BREAK_DUE: _close_block,
     Event.NOTHING_LEFT: _close_block,
     Event.EARLY_KEY: _too_early,
+    Event.EARLY_KEY_AGAIN: _too_early_again,
     Event.EARLY_KEY_KEPT: _too_early,
     Event.NOT_FIRED: _not_delivered,
     Event.FIRED_PERHAPS: _not_delivered,
     Event.FIRED: _delivered,
     Event.NOISE_LOST: _noise_lost,
-    Event.CONTINUED: _noise_again,
+    Event.CONTINUED: _go_on,
 }
 """What an event changes by itself; the others only lead on."""
 
@@ -203,7 +216,7 @@ def _done(state: SessionState, answer: Key) -> Change:
     )
     correct = is_correct(task.trial.kind, task.trial.side, answer.response)
     told = (Feedback(bool(correct)),) if task.trial.kind == "practice" else ()
-    return replace(state, pending=tuple(rest)), (end, *told)
+    return replace(state, pending=tuple(rest), early=0), (end, *told)
 
 
 def _again(state: SessionState, status: str) -> Change:
@@ -212,7 +225,8 @@ def _again(state: SessionState, status: str) -> Change:
     end = EndTrial(task=task, status=status, anticipated=state.anticipated)
     here = (task.trial.block, task.part)
     others = (i for i, t in enumerate(rest) if (t.trial.block, t.part) != here)
-    rest.insert(next(others, len(rest)), replace(task, attempt=task.attempt + 1))
+    again = replace(task, attempt=task.attempt + 1, early=task.early + state.anticipated)
+    rest.insert(next(others, len(rest)), again)
     return replace(state, pending=tuple(rest)), (end,)
 
 
@@ -270,14 +284,23 @@ def upcoming(state: SessionState) -> Event:
     return Event.TRIAL_DUE if task.part is state.part else Event.PART_DUE
 
 
-_KEYS = (Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_KEPT)
+_KEYS = (Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_AGAIN, Event.EARLY_KEY_KEPT)
+
+
+def _early_key(state: SessionState) -> Event:
+    """Return the table's word for a key too early, which may be one too often."""
+    if state.keep_anticipated:
+        return Event.EARLY_KEY_KEPT
+    in_a_row, at_this_trial = state.early + 1, state.pending[0].early + 1
+    again = in_a_row >= state.most_anticipated or at_this_trial % state.most_anticipated == 0
+    return Event.EARLY_KEY_AGAIN if again else Event.EARLY_KEY
 
 
 def _word(state: SessionState, happened: Happening) -> Event:
     """Return the table's word: a key is in time, too early or too late; failures add up."""
     match happened:
         case Key(_, rt_s) if rt_s is None or rt_s < EARLIEST_ANSWER_S:
-            return Event.EARLY_KEY_KEPT if state.keep_anticipated else Event.EARLY_KEY
+            return _early_key(state)
         case Key(_, float(rt_s)) if rt_s > state.response_window_s:
             return Event.ELAPSED
         case Key():

@@ -41,11 +41,14 @@ class Task:
         Counted from 1.
     warm_up : bool
         Whether it is one of those after a resume, which do not count.
+    early : int
+        How many earlier attempts at it had a key too early.
     """
 
     trial: Trial
     attempt: int
     warm_up: bool = False
+    early: int = 0
 
     @property
     def part(self) -> SessionPart:
@@ -69,6 +72,8 @@ class SessionState:
         What is still to be presented, in order; the first is the current one.
     keep_anticipated : bool
         The study's rule: an anticipated trial is kept and flagged, not presented again.
+    most_anticipated : int
+        After so many keys too early, in a row or at one trial, the operator is called.
     response_window_s : float
         How long an answer is awaited.
     phase : Phase
@@ -77,6 +82,10 @@ class SessionState:
         The open block.
     anticipated : bool
         A key came too early in the current trial.
+    early : int
+        Trials in a row, the current one included, in which a key came too early.
+    called : bool
+        The operator was called, and nobody has gone on yet.
     failures : int
         Stimuli in a row that were not delivered.
     greeted : bool
@@ -89,10 +98,13 @@ class SessionState:
 
     pending: tuple[Task, ...]
     keep_anticipated: bool
+    most_anticipated: int
     response_window_s: float
     phase: Phase = Phase.READY
     block: int | None = None
     anticipated: bool = False
+    early: int = 0
+    called: bool = False
     failures: int = 0
     greeted: bool = False
     part: SessionPart | None = None
@@ -100,7 +112,7 @@ class SessionState:
 
 
 class Event(StrEnum):
-    """What can happen. A key press is a `Key`; the table knows it by one of three words."""
+    """What can happen. A key press is a `Key`; the table knows it by one of four words."""
 
     SITTING_DUE = "sitting due"  # the participant was not welcomed yet
     PART_DUE = "part due"  # the next trial belongs to a part that was not introduced yet
@@ -111,6 +123,7 @@ class Event(StrEnum):
     ELAPSED = "elapsed"  # the foreperiod, or the time for an answer, is over
     KEY = "key"  # an answer within its time
     EARLY_KEY = "early key"  # a key before an answer was possible; the trial is void
+    EARLY_KEY_AGAIN = "early key again"  # the same once too often: the operator has to come
     EARLY_KEY_KEPT = "early key kept"  # the same, where the study keeps and flags such a trial
     ARMED = "armed"  # the device holds the stimulus ready
     FIRED = "fired"  # the device confirmed that the stimulus went out

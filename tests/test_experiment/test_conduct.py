@@ -6,6 +6,7 @@ import json
 import platform
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
@@ -17,7 +18,8 @@ from experiment.apparatus.rig import mock_device
 from experiment.apparatus.slots import SuitabilityError
 from experiment.archive.files import ArchiveError
 from experiment.archive.journal import Journal, JournalError
-from experiment.session.conduct import resume
+from experiment.session.conduct import begin, resume
+from experiment.session.session import TOO_EARLY
 from experiment.terms.responder import ESCAPE, Progress
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import seal
@@ -117,6 +119,54 @@ def test_a_press_that_comes_too_early_repeats_the_trial(
     assert (first.onset_s is None) == (emitted == 5)
     assert (first.trial, 2, "ok") in lab.statuses()
     assert len(lab.device.emitted) == emitted
+
+
+ALWAYS_EARLY: dict[str, Script] = {
+    "a key held down": {"wait": dict.fromkeys(range(1, 1000), "left")},
+    "bursts": {"ask": dict.fromkeys(range(1, 1000), ("left", 0.05))},
+}
+
+
+@pytest.mark.parametrize("script", ALWAYS_EARLY.values(), ids=ALWAYS_EARLY)
+def test_somebody_who_always_presses_too_early_gets_three_trials_then_the_operator(
+    lab: Lab, script: Script
+) -> None:
+    at_pauses: list[int] = []
+
+    def note() -> bool:
+        at_pauses.append(len(lab.rows))
+        return len(at_pauses) < 4
+
+    told: list[str] = []
+    setting = lab.setting(pause=dict.fromkeys(range(1, 9), note), **script)
+    assert not begin(lab.folder, lab.plan, replace(setting, tell=told.append)).finished
+    assert at_pauses[0] == 3
+    assert all(later - earlier <= 3 for earlier, later in pairwise(at_pauses))
+    assert len(lab.device.emitted) in {0, at_pauses[-1]}
+    assert told == [TOO_EARLY] * 4
+    assert [entry.facts for entry in lab.entries("pause")] == [{"operator_called": TOO_EARLY}] * 4
+    assert lab.monitor.messages == {TOO_EARLY}
+
+
+def test_an_operator_with_a_terminal_ends_the_pause_and_not_the_participant(lab: Lab) -> None:
+    lab.requests.attended = True
+    held: list[bool] = []
+
+    def note() -> None:
+        held.append(lab.requests.paused)
+
+    lab.begin(wait=dict.fromkeys((1, 2, 3), "left"), pause={1: note})
+    assert held == [True]
+    assert not lab.requests.paused
+    assert sum(status == "ok" for _, _, status in lab.statuses()) == 5
+
+
+def test_keys_too_early_at_one_trial_are_counted_through_a_resume(lab: Lab) -> None:
+    lab.crash(3, ask={1: ("left", 0.05)})
+    first = lab.rows[0].trial
+    early = {task.trial.number: task.early for task in lab.folder.read_history(lab.plan).pending}
+    assert early.pop(first) == 1
+    assert set(early.values()) == {0}
 
 
 def test_escape_pauses_and_escape_again_stops_with_the_outputs_at_zero(lab: Lab) -> None:

@@ -54,6 +54,7 @@ def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) 
     return SessionState(
         pending=tuple(Task(t, 1) for t in trials),
         keep_anticipated=keep_anticipated,
+        most_anticipated=3,
         response_window_s=3.0,
         greeted=greeted,
     )
@@ -79,7 +80,9 @@ def ok(response: str, rt_s: float | None = None, *, anticipated: bool = False) -
 
 
 def test_a_sitting_begins_with_the_welcome_the_part_and_no_noise_to_repair() -> None:
-    state = SessionState(pending=(TASK,), keep_anticipated=False, response_window_s=3.0)
+    state = SessionState(
+        pending=(TASK,), keep_anticipated=False, most_anticipated=3, response_window_s=3.0
+    )
     assert upcoming(state) == Event.SITTING_DUE
     paused, _ = step(state, Event.PAUSE_ASKED)
     assert step(paused, Event.CONTINUED)[1] == ()
@@ -155,6 +158,67 @@ def test_a_study_may_keep_an_anticipated_trial_and_flag_it() -> None:
     assert effects[-1] == ok("right", 0.6, anticipated=True)
     _, effects = follow(state, [*FELT, Key("left", 0.05)])
     assert effects[-1] == ok("left", 0.05, anticipated=True)
+
+
+EARLY: dict[str, tuple[Happening, ...]] = {
+    "in the foreperiod": (Event.TRIAL_DUE, Key("left", None)),
+    "after the onset": (*FELT, Key("left", 0.05)),
+}
+ANSWERED: tuple[Happening, ...] = (*FELT, Key("left", 0.5))
+
+
+@pytest.mark.parametrize("early", EARLY.values(), ids=EARLY)
+def test_keys_too_early_in_a_row_pause_for_the_operator_whatever_the_trials(
+    early: tuple[Happening, ...],
+) -> None:
+    state = ready(*(trial(n) for n in range(1, 9)))
+    for _ in range(2):
+        for _ in range(2):
+            state, _ = follow(state, early)
+            assert (state.phase, state.called) == (Phase.READY, False)
+        state, effects = follow(state, early)
+        assert (state.phase, state.called, effects[-1]) == (Phase.PAUSED, True, Rest(paused=True))
+        assert [e.status for e in effects if isinstance(e, EndTrial)] == ["voided"]
+        state, _ = step(state, Event.CONTINUED)
+        assert (state.phase, state.called) == (Phase.READY, False)
+
+
+@pytest.mark.parametrize("early", EARLY.values(), ids=EARLY)
+def test_a_trial_that_is_never_waited_for_pauses_for_the_operator_however_others_go(
+    early: tuple[Happening, ...],
+) -> None:
+    state, calls = ready(*(trial(n) for n in range(1, 9))), []
+    while len(state.pending) > 1:
+        first = state.pending[0].trial.number == 1
+        state, _ = follow(state, early if first else ANSWERED)
+        if not first:
+            state = replace(state, pending=(state.pending[-1], *state.pending[:-1]))
+        if state.called:
+            calls.append(state.pending[-1].early)
+            state, _ = step(state, Event.CONTINUED)
+    assert calls == [3, 6]
+
+
+def test_an_answer_in_its_time_forgives_keys_too_early() -> None:
+    state = ready(*(trial(n) for n in range(1, 20)))
+    for _ in range(5):
+        for events in (*EARLY.values(), ANSWERED):
+            state, _ = follow(state, events)
+            assert not state.called
+
+
+def test_a_pause_that_is_no_call_forgives_nothing() -> None:
+    state = ready(*(trial(n) for n in range(1, 9)))
+    for events in (*EARLY.values(), (Event.PAUSE_ASKED, Event.CONTINUED), EARLY["after the onset"]):
+        state, _ = follow(state, events)
+    assert state.called
+
+
+def test_a_study_that_keeps_anticipated_trials_calls_nobody() -> None:
+    state = ready(*(trial(n) for n in range(1, 9)), keep_anticipated=True)
+    while state.pending:
+        state, _ = follow(state, EARLY["after the onset"])
+        assert not state.called
 
 
 def test_an_early_key_does_not_mark_the_next_trial() -> None:
@@ -270,7 +334,7 @@ def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
     assert state.part is SessionPart.WARM_UP
     state, _ = follow(state, [*FELT, Key("left", 0.05)])
     assert [task.trial.number for task in state.pending] == [9, 1, 2]
-    assert state.pending[0] == replace(warm_up, attempt=2)
+    assert state.pending[0] == replace(warm_up, attempt=2, early=1)
     assert upcoming(state) == Event.TRIAL_DUE
     state, _ = follow(state, [*FELT, Key("left", 0.5)])
     assert upcoming(state) == Event.PART_DUE
@@ -311,7 +375,7 @@ def test_lost_noise_pauses_until_it_was_started_again(events: list[Happening]) -
     assert effects == [Rest(paused=True)]
 
 
-KEYS = (Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_KEPT)
+KEYS = (Event.KEY, Event.EARLY_KEY, Event.EARLY_KEY_AGAIN, Event.EARLY_KEY_KEPT)
 EVENTS: list[Happening] = [e for e in Event if e not in {*KEYS, Event.NOT_FIRED_AGAIN}]
 EVENTS += [Key("left", 0.5), Key("left", None)]
 
@@ -351,7 +415,12 @@ def test_an_event_outside_the_table_is_refused_and_changes_nothing(
     phase: Phase, event: Happening
 ) -> None:
     state = SessionState(
-        pending=(TASK,), keep_anticipated=True, response_window_s=3.0, phase=phase, block=1
+        pending=(TASK,),
+        keep_anticipated=True,
+        most_anticipated=3,
+        response_window_s=3.0,
+        phase=phase,
+        block=1,
     )
     before = repr(state)
     if (phase, word(event, early=Event.EARLY_KEY_KEPT)) in TRANSITIONS:

@@ -94,6 +94,12 @@ class Design:
     anticipated: Anticipated = Field(
         default="requeue", description="what becomes of a trial answered too early"
     )
+    most_anticipated: int = Field(
+        default=3,
+        ge=1,
+        le=100,
+        description="so many requeued in a row, or of one trial: a pause for the operator; ours",
+    )
 
     @model_validator(mode="before")
     @classmethod
