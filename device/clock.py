@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Protocol
 
 from device.checks import require_real
@@ -96,6 +97,69 @@ class VirtualClock:
         """
         require_real("duration_s", duration_s, least=0.0)
         self._now_s += duration_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineTime:
+    """A moment by the machine's own clocks.
+
+    `up_s` counts from the machine's start, sleep included, and nobody can set it; `boot` tells one
+    start from another, where the system does. `wall_s`, seconds since 1970, may be set at any time.
+    """
+
+    boot: str | None
+    up_s: float
+    wall_s: float
+
+
+_UP_CLOCK: Final = getattr(time, "CLOCK_BOOTTIME", getattr(time, "CLOCK_MONOTONIC", None))
+_BOOT: Final = Path("/proc/sys/kernel/random/boot_id")
+
+
+def uptime_s() -> float:
+    """Return the seconds since the machine's start, where the system can tell sleep included."""
+    return time.monotonic() if _UP_CLOCK is None else time.clock_gettime(_UP_CLOCK)
+
+
+def boot() -> str | None:
+    """Return what tells this start of the machine from its others; None where nothing does."""
+    try:
+        return _BOOT.read_text(encoding="ascii").strip()
+    except OSError:
+        return None
+
+
+def machine_time() -> MachineTime:
+    """Return what the machine's clocks show now."""
+    return MachineTime(boot=boot(), up_s=uptime_s(), wall_s=time.time())
+
+
+STARTS_APART_S: Final = 2.0
+"""Two starts of one machine are never so close; its calendar clock may drift so far meanwhile."""
+_ROUNDING_S: Final = 1e-3
+"""A time that was written down may have been rounded upwards."""
+
+
+def elapsed_s(earlier: MachineTime, later: MachineTime) -> float | None:
+    """Return the seconds between two times; None where the machine was started anew between them.
+
+    Only by the clock that cannot be set. Where the system does not tell its starts apart, they are
+    one if both clocks agree on when that was; a calendar clock that was set makes them two: then
+    nobody can tell how much time went by.
+
+    >>> noon = MachineTime(boot="a", up_s=100.0, wall_s=43200.0)
+    >>> elapsed_s(noon, MachineTime(boot="a", up_s=160.0, wall_s=42060.0))  # the clock was set back
+    60.0
+    >>> elapsed_s(noon, MachineTime(boot="b", up_s=160.0, wall_s=43260.0)) is None
+    True
+    """
+    if earlier.boot is None or later.boot is None:
+        starts_s = [moment.wall_s - moment.up_s for moment in (earlier, later)]
+        same = abs(starts_s[1] - starts_s[0]) < STARTS_APART_S
+    else:
+        same = earlier.boot == later.boot
+    up_s = later.up_s - earlier.up_s
+    return max(0.0, up_s) if same and up_s > -_ROUNDING_S else None
 
 
 def resolution_s(clock: Clock) -> float:

@@ -37,6 +37,7 @@ DEFAULTS: Mapping[str, str] = MappingProxyType(
         "status": "ok",
         "anticipated": "false",
         "simulated": "false",
+        "onset_clock": "1",
     }
 )
 UNNUMBERED = 0

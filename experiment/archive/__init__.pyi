@@ -3,13 +3,14 @@ from .bids import describe, export_bids
 from .disk import DISK, FOLDER_MODE, UNWAITED, LockError, lock_on, make_folder, write_new
 from .files import ArchiveError, write_atomically
 from .folders import SessionFolder, session_folders
-from .history import History, OpenTrial
+from .history import BROKEN, History, OpenTrial
 from .journal import Journal, JournalWriteError
 from .manifest import LEVELS_SUFFIX, Manifest, Search, search
 from .participants import participant_facts
 from .withdraw import Person, held, look_up, remove
 
 __all__ = [
+    "BROKEN",
     "DISK",
     "FOLDER_MODE",
     "LEVELS_SUFFIX",

@@ -236,7 +236,8 @@ _ABOUT = """
 Vibrotactile detection on a strip plate: a short vibration at the left finger, the right finger or
 both, and the participant says where it was felt. One row of an events.tsv is one presented trial;
 the .json beside it describes every column. Onsets are seconds on the session's clock, which begins
-with the session and runs on through interruptions.
+with the session and runs on through interruptions; where onset_clock rises the computer was started
+anew, and onsets before and after cannot be compared.
 
 Results count the trials with status ok, anticipated false and noise_ok not false; practice and
 control trials are apart. A trial that had to be presented again has a higher attempt.

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
+from device.clock import MachineTime
 from experiment.archive.journal import Entry, JournalError
-from experiment.terms.record import CONSTANT, SCHEMA, TrialRow, is_correct
+from experiment.terms.record import CONSTANT, NOT_AVAILABLE, SCHEMA, TrialRow, is_correct
 from experiment.trial.events import Task
 
 if TYPE_CHECKING:
@@ -66,8 +67,14 @@ class History:
         The plan's warm-up trials, for the next resume.
     finished : bool
         Whether the session was closed with every planned trial answered.
-    last_t_s, last_wall_s : float
-        Time of the last line on the session's and on the calendar's clock.
+    last_t_s : float
+        Time of the last line on the session's clock.
+    last : MachineTime
+        The same by the host's own clocks.
+    last_token : int
+        The largest token of a stimulus so far, 0 before the first.
+    onset_clock : int
+        1, and one more for every time that the session's clock was broken.
     """
 
     rows: tuple[TrialRow, ...]
@@ -77,7 +84,9 @@ class History:
     warm_up: tuple[Task, ...]
     finished: bool
     last_t_s: float
-    last_wall_s: float
+    last: MachineTime
+    last_token: int
+    onset_clock: int
 
     def due(self, *, warm_up: bool) -> tuple[Task, ...]:
         """Return what is to be presented in the next sitting, in its order.
@@ -101,6 +110,7 @@ class _Presentation:
     token: int | None = None
     boot_id: int = 0
     device_kind: str | None = None
+    onset_clock: int = 1
     stimulus: Mapping[str, Any] = field(default_factory=dict)
     answer: Mapping[str, Any] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=dict)
@@ -135,7 +145,27 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
         warm_up=_warm_up(plan, ended),
         finished=any(e.event == "session_close" and e.facts["finished"] for e in entries),
         last_t_s=entries[-1].t_s if entries else 0.0,
-        last_wall_s=entries[-1].wall_s if entries else 0.0,
+        last=_last(entries),
+        last_token=max((p.token for p in shown if p.token is not None), default=0),
+        onset_clock=1 + sum(_breaks_clock(entry) for entry in entries),
+    )
+
+
+BROKEN: Final = "broken"
+"""What a resume says of the session's clock where nobody can tell how long the interruption was."""
+
+
+def _breaks_clock(entry: Entry) -> bool:
+    return entry.event == "session_resume" and entry.facts["session_clock"] == BROKEN
+
+
+def _last(entries: tuple[Entry, ...]) -> MachineTime:
+    boots = [entry.facts["host_boot"] for entry in entries if entry.event in _OPENINGS]
+    known = boots and boots[-1] != NOT_AVAILABLE
+    return MachineTime(
+        boot=boots[-1] if known else None,
+        up_s=entries[-1].up_s if entries else 0.0,
+        wall_s=entries[-1].wall_s if entries else 0.0,
     )
 
 
@@ -164,20 +194,23 @@ _PART = {
 def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
     shown: dict[tuple[int, int], _Presentation] = {}
-    boot_id, device_kind = 0, None
+    boot_id, device_kind, onset_clock = 0, None, 1
     for entry in entries:
         # A token means something to the power cycle that heard it and to no other. The lines of a
         # trial do not repeat which that is: it stands in the last opening of the session above
-        # them; and so does what sort of device that is.
+        # them; and so does what sort of device that is, and whether the clock went on.
         if entry.event in _OPENINGS:
             boot_id, device_kind = entry.facts["boot_id"], entry.facts["device_kind"]
+            onset_clock += _breaks_clock(entry)
         if entry.event != "trial_armed" and entry.event not in _PART:
             continue
         number, attempt = entry.facts["trial"], entry.facts["attempt"]
         if number not in trials:
             raise JournalError(f"the journal names trial {number}, which the plan does not have")
         if (number, attempt) not in shown:
-            shown[number, attempt] = _Presentation(trials[number], attempt, device_kind=device_kind)
+            shown[number, attempt] = _Presentation(
+                trials[number], attempt, device_kind=device_kind, onset_clock=onset_clock
+            )
         presentation = shown[number, attempt]
         if presentation.end:
             raise JournalError(f"trial {number}, attempt {attempt}, goes on after its end")
@@ -277,6 +310,7 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         level_rule=CONSTANT,
         level_planned_vpp=trial.level_vpp,
         burst_verified=None,
+        onset_clock=presentation.onset_clock,
         study_sha256=plan.study_sha256,
     )
 

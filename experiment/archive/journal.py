@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import re
 import time
@@ -23,6 +24,7 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from device.clock import uptime_s
 from experiment.archive.disk import DISK, write_new
 
 if TYPE_CHECKING:
@@ -57,8 +59,9 @@ class Entry:
 
     event: str
     t_s: float  # on the session's clock
-    wall_s: float  # seconds since 1970 by the host's calendar clock
+    wall_s: float  # seconds since 1970 by the host's calendar clock, which may be set meanwhile
     facts: Mapping[str, Any]  # what else the line says
+    up_s: float = math.nan  # since the host was started
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +115,8 @@ def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
             f"{str(prev)[:12]!r}: lines up to here were changed or removed; restore the file from "
             "a copy: nothing was changed"
         )
-    return Entry(facts.pop("event"), facts.pop("t_s"), facts.pop("wall_s"), facts)
+    event, t_s, wall_s, up_s = (facts.pop(name) for name in ("event", "t_s", "wall_s", "up_s"))
+    return Entry(event, t_s, wall_s, facts, up_s)
 
 
 class Journal:
@@ -128,6 +132,8 @@ class Journal:
         Where it is kept.
     wall_s : callable
         Returns the calendar time in seconds since 1970.
+    up_s : callable
+        Returns the seconds since the host was started.
 
     Raises
     ------
@@ -147,10 +153,12 @@ class Journal:
         now_s: Callable[[], float],
         disk: Disk = DISK,
         wall_s: Callable[[], float] = time.time,
+        up_s: Callable[[], float] = uptime_s,
     ) -> None:
         self._path = path
         self._now_s = now_s
         self._wall_s = wall_s
+        self._up_s = up_s
         self._disk = disk
         self._broken = False
         self._seq = 0
@@ -201,6 +209,7 @@ class Journal:
                 "event": event,
                 "t_s": round(self._now_s(), 6),
                 "wall_s": round(self._wall_s(), 3),
+                "up_s": round(self._up_s(), 6),
                 **(facts or {}),
             }
         ).encode()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from device.clock import elapsed_s, machine_time
 from device.driver import Outcome
 from experiment.apparatus.rig import require_confirmed
 from experiment.apparatus.slots import require_suitable
@@ -38,6 +38,12 @@ if TYPE_CHECKING:
 
 LONGEST_INTERRUPTION_S = 30 * 60
 """After a longer one, plate, fingers and noise may not be what they were."""
+CLOCK_BROKEN = (
+    "the computer was started anew, so that nobody can tell how long the session was interrupted: "
+    "onsets from here on have onset_clock {} in trials.csv, they cannot be compared with earlier "
+    "ones"
+)
+"""What is noted where the session's clock does not go on."""
 
 
 def settle_open_trial(
@@ -71,6 +77,11 @@ def settle_open_trial(
     journal.append("trial_end", name | end, sync=True)
 
 
+def interruption_s(history: History) -> float | None:
+    """Return for how long a session was interrupted; None where nobody can tell."""
+    return elapsed_s(history.last, machine_time())
+
+
 def refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
     """Refuse another kind of participant; another place or time, unless the operator says so."""
     if setting.responder.simulated != history.opening["simulated"]:
@@ -87,7 +98,16 @@ def refuse_another_place(history: History, identity: Identity, setting: Setting)
                 f"the session was begun with {what} {history.opening[what]!r}; got {here[what]!r}: "
                 "give --resume-anyway if that makes no difference"
             )
-    gap_s = time.time() - history.last_wall_s
+    gap_s = interruption_s(history)
+    if gap_s is None:
+        by_calendar_s = machine_time().wall_s - history.last.wall_s
+        raise ArchiveError(
+            "the computer was started anew, or its calendar clock was set, so that nothing tells "
+            f"for sure how long the session was interrupted: {by_calendar_s / 60:.0f} minutes by "
+            "the calendar. Give --resume-anyway if it was at most "
+            f"{LONGEST_INTERRUPTION_S / 60:.0f} and fingers, plate and noise are as they were; "
+            "onsets are on another clock then"
+        )
     if gap_s > LONGEST_INTERRUPTION_S:
         raise ArchiveError(
             f"the session was interrupted {gap_s / 60:.0f} minutes ago, the most is "
@@ -179,12 +199,25 @@ def _run(
 ) -> Ending:
     history = folder.read_history(plan)
     origin_s = setting.clock.now_s()
+    gap_s = interruption_s(history) if history.opening else 0.0
     if history.opening:
-        origin_s -= history.last_t_s + max(0.0, time.time() - history.last_wall_s)
+        # Over a new start of the computer no clock goes on: the time between is not guessed at, the
+        # lines only stay in their order.
+        origin_s -= history.last_t_s + (gap_s or 0.0)
     with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
         finished, failure = history.finished, None
         if not finished:
-            _enter(folder, study, plan, history, journal, setting=setting, identity=identity)
+            goes_on = gap_s is not None
+            _enter(
+                folder,
+                study,
+                plan,
+                history,
+                journal,
+                setting=setting,
+                identity=identity,
+                clock_goes_on=goes_on,
+            )
             session = Session(
                 setting,
                 study,
@@ -213,13 +246,19 @@ def _enter(
     *,
     setting: Setting,
     identity: Identity,
+    clock_goes_on: bool,
 ) -> None:
     """Note the beginning, or the resume; there, settle the trial that is still open."""
     if not history.opening:
         told = opening(plan, identity, setting) | folder.sealed()
         journal.append("session_open", told, sync=True)
         return
-    journal.append("session_resume", resuming(study, plan, identity, setting), sync=True)
+    told = resuming(study, plan, identity, setting, clock_goes_on=clock_goes_on)
+    journal.append("session_resume", told, sync=True)
+    if not clock_goes_on:
+        text = CLOCK_BROKEN.format(history.onset_clock + 1)
+        journal.append("note", {"text": text}, sync=True)
+        setting.tell(f"Note: {text}.")
     if history.open_trial is not None:
         same_boot = history.open_trial.boot_id == identity.boot_id
         settle_open_trial(history.open_trial, study, journal, setting.device, same_boot=same_boot)

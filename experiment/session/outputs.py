@@ -40,7 +40,9 @@ class StimulusOut:
     on the clock; `failure` what the device failed with, if it did.
     """
 
-    def __init__(self, setting: Setting, study: Study, journal: Journal) -> None:
+    def __init__(
+        self, setting: Setting, study: Study, journal: Journal, *, last_token: int
+    ) -> None:
         self._study = study
         self._device = setting.device
         self._clock = setting.clock
@@ -49,7 +51,7 @@ class StimulusOut:
         self._loaded: str | None = None
         self._interval_s = 0.0
         self._rested_s = setting.clock.now_s()
-        self._token = 0
+        self._token = last_token
         self.delivery: Delivery | None = None
         self.onset_s = 0.0
         self.failure: DeviceError | None = None
@@ -73,6 +75,7 @@ class StimulusOut:
         """Journal a new token, then arm the device with it."""
         trial = task.trial
         level_vpp = trial.level_vpp or min(self._study.design.levels_vpp)
+        # Tokens rise, also where the calendar's clock was set back: the device relies on it.
         self._token = max(self._token + 1, time.time_ns())
         # On the disk before the device knows it: after a crash only the token tells what was felt.
         self._journal.append("trial_armed", trial_name(task) | {"token": self._token}, sync=True)

@@ -136,7 +136,7 @@ class Session:
         self._stop = setting.stop
         self._tell = setting.tell
         self._due_s = 0.0
-        self._emission = StimulusOut(setting, study, journal)
+        self._emission = StimulusOut(setting, study, journal, last_token=history.last_token)
         self._noise = NoiseWatch(setting.noise, journal)
         self._standing = Standing(plan, study.design, history)
         again = resumed and not self._responder.simulated

@@ -8,9 +8,11 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
+from device.clock import boot
 from device.driver import Outcome
 from experiment.apparatus.rig import device_kind
 from experiment.apparatus.slots import host_limits
+from experiment.archive.history import BROKEN
 from experiment.operator.requests import Requests
 from experiment.preview.check import check_study
 from experiment.study.sections.stimulus import stimulus_facts
@@ -173,10 +175,13 @@ def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
     }
 
 
-def resuming(study: Study, plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
+def resuming(
+    study: Study, plan: Plan, identity: Identity, setting: Setting, *, clock_goes_on: bool
+) -> dict[str, Any]:
     """List what the first journal line of a later sitting says."""
     return {
         **place(identity),
+        "session_clock": "goes on" if clock_goes_on else BROKEN,
         **setting.sitting.facts(study, plan),
         "hardware_confirmed": _confirmed(setting, identity),
         **noise_facts(setting.noise.facts),
@@ -187,6 +192,7 @@ def place(identity: Identity) -> dict[str, Any]:
     """List on which host and device a session goes on."""
     return {
         "host": platform.node(),
+        "host_boot": boot() or NOT_AVAILABLE,
         "device": identity.model,
         "device_kind": device_kind(identity),
         "serial_number": identity.serial_number,

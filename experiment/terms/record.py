@@ -94,6 +94,10 @@ class TrialRow:
     level_rule: str | None = _column("how the level was chosen: constant, or adaptive:NAME")
     level_planned_vpp: float | None = _column("level that the plan has, peak-to-peak volts")
     burst_verified: str | None = _column("where a monitor measured the burst as commanded", *PLACES)
+    onset_clock: int = _column(
+        "1, or more after the computer was started anew: onsets of another number are on another "
+        "clock"
+    )
     study_sha256: str = _column("checksum of the study that was run")
 
 

@@ -43,7 +43,7 @@ ROW = TrialRow(
     status="ok", onset_s=12.25, foreperiod_s=1.5, level_left_vpp=60.0, level_right_vpp=0.0,
     peak_left_um=None, peak_right_um=None, displacement_basis=None, anticipated=False,
     noise_ok=True, simulated=False, device_kind="real", level_rule="constant",
-    level_planned_vpp=60.0, burst_verified=None, study_sha256="ab" * 32,
+    level_planned_vpp=60.0, burst_verified=None, onset_clock=1, study_sha256="ab" * 32,
 )  # fmt: skip
 SINGLE: dict[str, Any] = {
     "participant": "1", "condition": "main", "kind": "single", "side": "left", "level_vpp": 60.0,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from device.clock import MachineTime
 from experiment.archive.history import replay
 from experiment.archive.journal import Entry, JournalError
 from experiment.terms.gains import ConditionGains
@@ -46,6 +47,7 @@ def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
                 "simulated": False,
                 "boot_id": 7,
                 "device_kind": "emulated",
+                "host_boot": "first",
             },
         ),
         ("trial_armed", name | {"token": 12}),
@@ -53,7 +55,10 @@ def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
         ("response", name | {"response": "left", "rt_s": 0.5}),
         ("trial_end", name | end),
     ]
-    return [Entry(event, float(at), 100.0 + at, facts) for at, (event, facts) in enumerate(told)]
+    return [
+        Entry(event, float(at), 100.0 + at, facts, 7.0 + at)
+        for at, (event, facts) in enumerate(told)
+    ]
 
 
 def row_of(plan: Plan, number: int, **confirmed: Any) -> TrialRow:
@@ -104,10 +109,25 @@ def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
 
 
 def test_a_row_names_the_device_of_its_own_sitting(plan: Plan) -> None:
-    resumed = Entry("session_resume", 5.0, 105.0, {"boot_id": 8, "device_kind": "real"})
+    facts = {"boot_id": 8, "device_kind": "real", "host_boot": "n/a", "session_clock": "goes on"}
+    resumed = Entry("session_resume", 5.0, 105.0, facts)
     rest = [Entry(e.event, e.t_s + 6, e.wall_s + 6, e.facts) for e in lines(plan, 2)[1:]]
     rows = replay(plan, [*lines(plan, 1), resumed, *rest]).rows
     assert [row.device_kind for row in rows] == ["emulated", "real"]
+
+
+@pytest.mark.parametrize(
+    ("clocks", "expected"),
+    [(["goes on"], [1, 1]), (["broken"], [1, 2]), (["broken", "goes on", "broken"], [1, 3])],
+)
+def test_a_row_says_whether_its_onset_can_be_compared(
+    plan: Plan, clocks: list[str], expected: list[int]
+) -> None:
+    facts = {"boot_id": 8, "device_kind": "real", "host_boot": "n/a"}
+    resumed = [Entry("session_resume", 5.0, 105.0, facts | {"session_clock": c}) for c in clocks]
+    history = replay(plan, [*lines(plan, 1), *resumed, *lines(plan, 2)[1:]])
+    assert [row.onset_clock for row in history.rows] == expected
+    assert history.onset_clock == expected[-1]
 
 
 def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -> None:
@@ -117,13 +137,15 @@ def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -
     assert (found.token, found.boot_id, found.outcome, found.response) == (12, 7, "fired", "left")
     assert history.rows == ()
     assert [task.trial.number for task in history.pending] == [t.number for t in plan.trials]
-    assert (history.last_t_s, history.last_wall_s) == (3.0, 103.0)
+    assert history.last_t_s == 3.0
+    assert history.last == MachineTime(boot="first", up_s=10.0, wall_s=103.0)
+    assert history.last_token == 12
 
 
 def test_a_session_without_lines_stands_at_its_beginning(plan: Plan) -> None:
     history = replay(plan, [])
     assert (history.rows, history.open_trial, history.finished) == ((), None, False)
-    assert (history.last_t_s, history.last_wall_s) == (0.0, 0.0)
+    assert (history.last_t_s, history.last_token, history.onset_clock) == (0.0, 0, 1)
 
 
 def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: Plan) -> None:

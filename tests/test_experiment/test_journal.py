@@ -28,7 +28,9 @@ def path(tmp_path: Path) -> Path:
 
 
 def write(path: Path, *events: str) -> None:
-    with Journal(path, now_s=lambda: 1.25, wall_s=lambda: 2.0, disk=UNWAITED) as journal:
+    with Journal(
+        path, now_s=lambda: 1.25, wall_s=lambda: 2.0, up_s=lambda: 0.5, disk=UNWAITED
+    ) as journal:
         for event in events:
             journal.append(event, {"note": "é\n\u2028", "value": 0.1}, sync=True)
 
@@ -39,7 +41,7 @@ def test_what_is_appended_is_read_back(path: Path) -> None:
     entries = read_journal(path).entries
     assert [entry.event for entry in entries] == ["first", "second", "third"]
     assert entries[2].facts == {"note": "é\n\u2028", "value": 0.1}
-    assert (entries[0].t_s, entries[0].wall_s) == (1.25, 2.0)
+    assert (entries[0].t_s, entries[0].wall_s, entries[0].up_s) == (1.25, 2.0, 0.5)
 
 
 def test_a_line_is_one_json_object_with_schema_number_and_checksum(path: Path) -> None:

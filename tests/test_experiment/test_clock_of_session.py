@@ -1,0 +1,208 @@
+"""The session's clock over interruptions: it goes on by what nobody can set, or says it is broken.
+
+The host's clocks are simulated: the session's, the one since the host's start, which nobody can
+set, and the calendar's, which is set forward and back.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import pytest
+
+from device.clock import MachineTime, boot, elapsed_s
+from experiment.archive.files import ArchiveError
+from experiment.archive.journal import Journal
+from experiment.session.conduct import LONGEST_INTERRUPTION_S, resume
+from tests.test_experiment.lab import Crash, Lab
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from experiment.study.study import Study
+
+MINUTE_S = 60.0
+STEPS_S = [0.0, 20 * MINUTE_S, -20 * MINUTE_S]
+STEPS = ["not set", "20 minutes forward", "20 minutes back"]
+
+
+class Host:
+    """The clocks of a machine on which the time passes as on the session's clock."""
+
+    def __init__(self, lab: Lab) -> None:
+        self._lab = lab
+        self.boot: str | None = "first"
+        self.started_s = -5000.0
+        self.set_by_s = 0.0
+
+    def up_s(self) -> float:
+        return self._lab.clock.now_s() - self.started_s
+
+    def wall_s(self) -> float:
+        return 1.8e9 + self._lab.clock.now_s() + self.set_by_s
+
+    def time(self) -> MachineTime:
+        return MachineTime(boot=self.boot, up_s=self.up_s(), wall_s=self.wall_s())
+
+    def start_anew(self) -> None:
+        self.boot = None if self.boot is None else "second"
+        self.started_s = self._lab.clock.now_s() - 30.0
+
+
+@pytest.fixture
+def lab(
+    tmp_path: Path,
+    make_study: Callable[[str], Study],
+    short_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Lab:
+    return Lab(make_study(short_study_text), tmp_path / "results", monkeypatch)
+
+
+@pytest.fixture
+def host(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> Host:
+    host = Host(lab)
+    monkeypatch.setattr("experiment.session.conduct.machine_time", host.time)
+    monkeypatch.setattr("experiment.session.setting.boot", lambda: host.boot)
+    kept = partial(Journal, wall_s=host.wall_s, up_s=host.up_s)
+    monkeypatch.setattr("experiment.archive.folders.Journal", kept)
+    monkeypatch.setattr("time.time_ns", lambda: int(host.wall_s() * 1e9))
+    return host
+
+
+def onsets_s(lab: Lab) -> list[float]:
+    return [row.onset_s for row in lab.rows if row.onset_s is not None]
+
+
+@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
+@pytest.mark.parametrize("boot", ["first", None], ids=["named starts", "starts without a name"])
+def test_onsets_are_those_of_the_device_whatever_the_calendar_says_while_it_runs(
+    lab: Lab, host: Host, step_s: float, boot: str | None
+) -> None:
+    host.boot = boot
+
+    def set_clock() -> None:
+        host.set_by_s += step_s
+
+    lab.begin(cue={3: set_clock})
+    begun_s = lab.entries()[0].up_s
+    emitted_s = [emission.start_us * 1e-6 for emission in lab.device.emitted]
+    for onset_s, start_s in zip(onsets_s(lab), emitted_s, strict=True):
+        assert onset_s == pytest.approx(start_s - begun_s - host.started_s, abs=1e-4)
+
+
+@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
+@pytest.mark.parametrize("gap_s", [0.5, 600.0, 29.9 * MINUTE_S])
+def test_over_an_interruption_the_clock_goes_on_by_what_went_by(
+    lab: Lab, host: Host, step_s: float, gap_s: float
+) -> None:
+    lab.crash(3)
+    host.set_by_s += step_s
+    lab.clock.wait(gap_s)
+    assert lab.resume().finished
+    offsets_s = [entry.up_s - entry.t_s for entry in lab.entries()]
+    assert max(offsets_s) - min(offsets_s) < 1e-5
+    emitted_s = [emission.start_us * 1e-6 for emission in lab.device.emitted]
+    moved_s = [row_s - s for row_s, s in zip(onsets_s(lab), emitted_s[:2] + emitted_s[3:],
+                                             strict=True)]  # fmt: skip
+    assert max(moved_s) - min(moved_s) < 1e-4
+    assert {row.onset_clock for row in lab.rows} == {1}
+    assert lab.entries("session_resume")[0].facts["session_clock"] == "goes on"
+    assert not lab.entries("note")
+
+
+@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
+def test_half_an_hour_is_half_an_hour_whatever_the_calendar_says(
+    lab: Lab, host: Host, step_s: float
+) -> None:
+    lab.crash(3)
+    lines = len(lab.entries())
+    host.set_by_s += step_s
+    lab.clock.wait(LONGEST_INTERRUPTION_S + MINUTE_S)
+    with pytest.raises(ArchiveError, match="interrupted 31 minutes ago, the most is 30"):
+        lab.resume()
+    assert len(lab.entries()) == lines
+    assert resume(lab.folder, replace(lab.setting(), resume_anyway=True)).finished
+    assert {row.onset_clock for row in lab.rows} == {1}
+
+
+@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
+@pytest.mark.parametrize("boot", ["first", None], ids=["named starts", "starts without a name"])
+def test_after_a_new_start_of_the_computer_the_clock_is_broken_and_says_so(
+    lab: Lab, host: Host, step_s: float, boot: str | None
+) -> None:
+    host.boot = boot
+    lab.crash(3)
+    lines, last_t_s = len(lab.entries()), lab.entries()[-1].t_s
+    lab.clock.wait(10 * MINUTE_S)
+    host.start_anew()
+    host.set_by_s += step_s
+    minutes = round(10 + step_s / 60)
+    with pytest.raises(ArchiveError, match=f"started anew.*interrupted: {minutes} minutes"):
+        lab.resume()
+    assert len(lab.entries()) == lines
+    told: list[str] = []
+    assert resume(lab.folder, replace(lab.setting(), resume_anyway=True, tell=told.append)).finished
+    resumed = lab.entries("session_resume")[0]
+    assert resumed.facts["session_clock"] == "broken"
+    assert resumed.t_s == pytest.approx(last_t_s, abs=1e-3)
+    (note,) = lab.entries("note")
+    assert "onset_clock 2" in str(note.facts["text"])
+    assert any("onset_clock 2" in line for line in told)
+    clocks = defaultdict(list)
+    for row in lab.rows:
+        clocks[row.onset_clock].append(row.onset_s)
+    assert sorted(clocks) == [1, 2]
+    assert [onset_s is None for onset_s in clocks[1]] == [False, False, True]  # voided: asked later
+
+
+def test_a_clock_once_broken_goes_on_from_there(lab: Lab, host: Host) -> None:
+    lab.crash(2)
+    host.start_anew()
+    with pytest.raises(Crash):
+        resume(lab.folder, replace(lab.setting(ask={2: Crash()}), resume_anyway=True))
+    lab.clock.wait(100.0)
+    assert lab.resume().finished
+    assert sorted({row.onset_clock for row in lab.rows}) == [1, 2]
+    later = lab.entries("session_resume")
+    assert [entry.facts["session_clock"] for entry in later] == ["broken", "goes on"]
+
+
+def test_without_named_starts_a_set_calendar_asks_the_operator(lab: Lab, host: Host) -> None:
+    """It cannot be told from a new start; nothing is guessed."""
+    host.boot = None
+    lab.crash(2)
+    host.set_by_s += 20 * MINUTE_S
+    with pytest.raises(ArchiveError, match="or its calendar clock was set"):
+        lab.resume()
+
+
+@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
+def test_tokens_rise_whatever_the_calendar_says(lab: Lab, host: Host, step_s: float) -> None:
+    lab.crash(3)
+    host.set_by_s += step_s
+    lab.resume()
+    tokens = [entry.facts["token"] for entry in lab.entries("trial_armed")]
+    assert tokens == sorted(set(tokens))
+
+
+def test_this_machine_tells_its_time(lab: Lab) -> None:
+    lab.begin()
+    first, last = lab.entries()[0], lab.entries()[-1]
+    assert 0 < first.up_s <= last.up_s
+    assert first.facts["host_boot"] == (boot() or "n/a")
+
+
+def test_a_time_that_was_rounded_upwards_is_no_new_start() -> None:
+    earlier = MachineTime(boot="a", up_s=100.000001, wall_s=0.0)
+    assert elapsed_s(earlier, replace(earlier, up_s=100.0000007)) == 0.0
+
+
+@pytest.mark.parametrize("later_up_s", [99.0, float("nan")])
+def test_a_clock_that_went_back_or_is_not_known_tells_nothing(later_up_s: float) -> None:
+    earlier = MachineTime(boot="a", up_s=100.0, wall_s=0.0)
+    assert elapsed_s(earlier, replace(earlier, up_s=later_up_s)) is None
