@@ -12,7 +12,7 @@ from experiment.operator.requests import Requests, StopSignal
 from experiment.participant.screen import ScreenResponder
 from experiment.participant.window import NoScreenError, Stage
 from experiment.study.sections.presentation import Keys, Screen, Texts
-from experiment.terms.responder import Progress
+from experiment.terms.responder import Progress, SessionPart
 
 FLIPS = 300
 WAIT_S = 5.0
@@ -35,7 +35,7 @@ def _flips(stage: Stage) -> tuple[str, ...]:
 
 
 def _waiting(responder: ScreenResponder, clock: MonotonicClock) -> tuple[str, ...]:
-    responder.cue(Progress(done=0, planned=1, practice=False))
+    responder.cue(Progress(done=0, planned=1, part=SessionPart.MAIN))
     until_s, before_s = clock.now_s() + WAIT_S, time.process_time()
     responder.wait(until_s)
     share = (time.process_time() - before_s) / WAIT_S

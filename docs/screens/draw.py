@@ -40,17 +40,18 @@ def pages(stage: Stage, screen: Screen, texts: Texts, keys: Keys) -> Iterator[tu
     """Return the pages of a session by name."""
     answers = ("left", "right", "both", "none")
     of = Pages(stage, screen=screen, keys=keys, texts=texts, responses=answers)
-    at = Progress(done=37, planned=155, practice=False)
-    end = Progress(done=155, planned=155, practice=False)
-    welcome, *instructions, placement = of.before_sitting(at)
+    at = Progress(done=37, planned=155, part=SessionPart.MAIN)
+    end = Progress(done=155, planned=155, part=SessionPart.MAIN)
+    welcome, *instructions = of.before_sitting()
     yield "welcome", welcome
     for i, page in enumerate(instructions, start=1):
         yield f"instructions-{i}", page
-    yield "placement", placement
+    yield "placement", of.before_part(SessionPart.MAIN, lay=True)[0]
     for part in SessionPart:
-        yield part.value, of.before_part(part, at)[-1]
+        yield part.value, of.before_part(part, lay=False)[-1]
     yield "ready", of.ready
-    yield "prompt", of.prompt
+    yield "prompt", of.prompt(SessionPart.MAIN)
+    yield "prompt-hands-off", of.prompt(SessionPart.CONTROL)
     yield "correct", of.feedback(correct=True)
     yield "wrong", of.feedback(correct=False)
     yield "pause", of.pause(at, go_on=True)

@@ -12,7 +12,7 @@ import click
 
 from experiment.commands.options import confirmed, device_failures, hardware_options, working
 from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
-from experiment.terms.responder import RESPONDERS
+from experiment.terms.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -264,17 +264,18 @@ def _responder(
             responses=plan.responses,
             screen=study.screen,
             keys=study.keys,
-            texts=study.texts,
+            texts=study.shown_texts,
             requests=requests,
             stop=stop,
         ) as person:
             yield person
     else:
         from experiment.participant.terminal import TerminalResponder
+        from experiment.trial.events import Task
 
-        lifted = bool(study.design.audibility_trials or study.design.control_trials)
+        parts = {Task(trial, 1).part for trial in plan.trials} | {SessionPart.WARM_UP}
         with TerminalResponder(
-            clock, responses=plan.responses, texts=study.texts, lifted=lifted
+            clock, responses=plan.responses, texts=study.shown_texts, parts=frozenset(parts)
         ) as person_here:
             yield person_here
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiment.participant.window import BACKGROUND, DIM, FOREGROUND, PITCH
 from experiment.participant.wrapping import filled
+from experiment.terms.record import ANSWERS
 from experiment.terms.responder import SessionPart
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ _TURN_OF = {"right": 0.0, "down": 90.0, "left": 180.0, "up": 270.0}
 _ARROW = ((-0.5, 0.12), (0.1, 0.12), (0.1, 0.35), (0.5, 0.0),
           (0.1, -0.35), (0.1, -0.12), (-0.5, -0.12))  # fmt: skip
 _FELT_AT = {"left": (-1,), "right": (1,), "both": (-1, 1), "none": ()}
-_NAMES = {"return": "Enter", "escape": "Esc"}
+_NAMES = {"return": "Enter", "escape": "Esc", "space": "Space"}
+_SIGNS = {"left": "←", "right": "→", "up": "↑", "down": "↓"}
 WIDEST_PANEL = 0.36
 """Width of one answer's picture where there is room."""
 
@@ -93,7 +95,7 @@ class Artist:
         return drawings
 
     def _cap(self, key: str, at: tuple[float, float], side: float, *, alone: bool) -> list[Any]:
-        label = _NAMES.get(key, key.upper() if len(key) == 1 else key.removeprefix("num_"))
+        label = _label(key)
         wide = alone and key not in _TURN_OF and len(label) > 1
         width = 3 * side if wide else side
         frame = self._box(at, (width, side), line=FOREGROUND)
@@ -163,13 +165,27 @@ class Artist:
         )
 
 
+def labelled(keys: tuple[str, ...]) -> str:
+    """Return the keys of an answer as they are named in a text, in any language.
+
+    >>> labelled(("left", "num_4")), labelled(("space",))
+    ('← / 4', 'Space')
+    """
+    return " / ".join(_SIGNS.get(key) or _label(key) for key in keys)
+
+
+def _label(key: str) -> str:
+    return _NAMES.get(key, key.upper() if len(key) == 1 else key.removeprefix("num_"))
+
+
+_EACH_WAY = (SessionPart.MAIN, SessionPart.CONTROL)
+"""A part with the fingers on the plate, and one without."""
 _TOP = 0.44
 _GO_ON_AT = -0.42
 _PICTURE_AT = -0.1
 _HALF_PICTURE = 0.14
 _WIDEST_TEXT = 1.3
 _SMALLEST_TEXT = 0.01
-_HANDS_OFF = (SessionPart.AUDIBILITY, SessionPart.CONTROL)
 _GOOD, _BAD = "#7fc97f", "#fdae6b"
 
 
@@ -184,12 +200,12 @@ class Pages:
         self._texts = texts
         self._responses = responses
         self._artist = Artist(stage, keys)
-        self._go_on = self._hint(texts.go_on)
+        named = (*ANSWERS, "go_on")
+        self._labels = {meaning: labelled(getattr(keys, meaning)) for meaning in named}
+        self._go_on = self._hint(filled(texts.go_on, self._labels))
         self.ready: Page = stage.centred(texts.ready, middle=0.0)
-        self.prompt: Page = [
-            *stage.centred(texts.prompt, middle=0.18),
-            *self._artist.placement(responses, middle=-0.12),
-        ]
+        # Drawn before they are needed: nothing may take a while once a stimulus is out.
+        self._prompts = {part.hands_off: self._prompt(part) for part in _EACH_WAY}
         self._feedback = {
             True: stage.centred(texts.correct, middle=0.0, color=_GOOD),
             False: stage.centred(texts.wrong, middle=0.0, color=_BAD),
@@ -199,43 +215,57 @@ class Pages:
         """Return what a practice answer is followed by."""
         return self._feedback[correct]
 
-    def before_sitting(self, progress: Progress) -> list[Page]:
-        """Return welcome, instructions and where the fingers lie."""
-        picture = self._artist.placement(self._responses, middle=_PICTURE_AT)
-        texts = self._texts
+    def prompt(self, part: SessionPart) -> Page:
+        """Return the question after a stimulus, with the answers that count in a part."""
+        return self._prompts[part.hands_off]
+
+    def _prompt(self, part: SessionPart) -> Page:
+        text = self._texts.prompt_hands_off if part.hands_off else self._texts.prompt
         return [
-            *self._reading(filled(texts.welcome, progress)),
-            *self._reading(filled(texts.instructions, progress)),
-            *self._reading(filled(texts.placement, progress), picture),
+            *self._stage.centred(filled(text, self._labels), middle=0.18),
+            *self._answers(part, middle=-0.12),
         ]
 
-    def before_part(self, part: SessionPart, progress: Progress) -> list[Page]:
-        """Return what a part asks for, and whether the fingers lie on the plate."""
-        hands_off = part in _HANDS_OFF
-        answers = self._responses
-        if hands_off and "none" not in answers:
-            answers = (*answers, "none")
-        picture = self._artist.placement(answers, middle=_PICTURE_AT, hands_off=hands_off)
-        return self._reading(filled(getattr(self._texts, part.value), progress), picture)
+    def before_sitting(self) -> list[Page]:
+        """Return welcome and instructions."""
+        texts = self._texts
+        return [
+            *self._reading(texts.welcome),
+            *self._reading(filled(texts.instructions or "", self._labels)),
+        ]
+
+    def before_part(self, part: SessionPart, *, lay: bool) -> list[Page]:
+        """Return where the fingers are laid, if they have to be, and what a part asks for."""
+        text = filled(getattr(self._texts, part.value), self._labels)
+        picture = self._answers(part, middle=_PICTURE_AT)
+        placement = self._reading(self._texts.placement, picture) if lay else []
+        return [*placement, *self._reading(text, picture)]
+
+    def _answers(self, part: SessionPart, *, middle: float) -> Page:
+        """Draw the answers that count in a part, the fingers where they are in it."""
+        return self._artist.placement(
+            part.answers(self._responses), middle=middle, hands_off=part.hands_off
+        )
 
     def pause(self, progress: Progress, *, go_on: bool) -> Page:
         """Return a pause, with the hint how to go on where the participant may."""
-        return self._halt(filled(self._texts.paused, progress), progress, go_on=go_on)
+        return self._halt(self._texts.paused, progress, go_on=go_on)
 
     def rest(self, progress: Progress, *, left_s: int) -> Page:
         """Return a break that lasts at least so many seconds more."""
         text = self._texts.rest if left_s else self._texts.rest_over
-        return self._halt(filled(text, progress, seconds=left_s), progress, go_on=not left_s)
+        return self._halt(text, progress, go_on=not left_s, seconds=left_s)
 
     def end(self, progress: Progress, *, finished: bool) -> Page:
         """Return the last page."""
         text = self._texts.finished if finished else self._texts.stopped
-        return self._halt(filled(text, progress), progress, go_on=finished)
+        return self._halt(text, progress, go_on=finished)
 
-    def _halt(self, text: str, progress: Progress, *, go_on: bool) -> Page:
+    def _halt(self, text: str, progress: Progress, *, go_on: bool, seconds: int = 0) -> Page:
+        facts = {"done": progress.done, "planned": progress.planned, "seconds": seconds}
         hint = self._go_on if go_on else []
         bar = self._artist.bar(progress, middle=-0.15)
-        return [*self._stage.centred(text, middle=0.12), *bar, *hint]
+        return [*self._stage.centred(filled(text, facts), middle=0.12), *bar, *hint]
 
     def _reading(self, text: str, picture: Page | None = None) -> list[Page]:
         """Break a text into as many pages as it needs, the picture below the last."""

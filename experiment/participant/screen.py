@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING, Self
 
 from experiment.operator.requests import StopRequested
-from experiment.terms.responder import ESCAPE, Press
+from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from experiment.participant.pages import Page, Pages
     from experiment.participant.window import Stage
     from experiment.study.sections.presentation import Keys, Screen, Texts
-    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
+    from experiment.terms.responder import AwaitedAnswer, Progress
 
 
 POLL_S = 0.004
@@ -82,6 +82,8 @@ class ScreenResponder:
         self._requests = requests
         self._stop = stop
         self._paused_by_key = False
+        self._part = SessionPart.MAIN
+        self._fingers_on = False
         answers = {key: name for name in ("left", "right", "both", "none")
                    for key in getattr(keys, name)}  # fmt: skip
         self._meaning = answers | dict.fromkeys(keys.pause, ESCAPE)
@@ -107,7 +109,8 @@ class ScreenResponder:
         self._reader = KeyReader(self._clock, keep=self._keys.pause, tell=self._tell)
         if not self._stage.has_font:
             self._tell(f"font {self._screen.font} is not installed here: another one is shown")
-        for page in (self._pages.prompt, self._pages.ready):
+        prompts = [self._pages.prompt(part) for part in SessionPart]
+        for page in (*prompts, self._pages.ready):
             self._stage.show(page)  # what is drawn first is drawn slowly
         self._stage.show(())
         return self
@@ -117,27 +120,34 @@ class ScreenResponder:
         self._stage.close()
 
     def begin(self, progress: Progress) -> bool:
-        """Show welcome, instructions and where the fingers lie."""
+        """Show welcome and instructions; the fingers are laid on the plate when a part needs them.
+
+        Enter, or what stands for it, is needed here before the first trial and after each resume.
+        """
+        self._fingers_on = False
         self._stage.take_focus()
         self._reader.drop_all()
-        return self._read_through(self._pages.before_sitting(progress), progress)
+        return self._read_through(self._pages.before_sitting(), progress)
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
-        """Tell what the part asks for, and show whether the fingers lie on the plate."""
-        return self._read_through(self._pages.before_part(part, progress), progress)
+        """Tell where the fingers go and what the part asks for."""
+        lay = not part.hands_off and not self._fingers_on
+        self._fingers_on = not part.hands_off
+        return self._read_through(self._pages.before_part(part, lay=lay), progress)
 
     def cue(self, progress: Progress) -> None:
         """Show the sign of a coming trial; earlier keys are dropped, but a wish for a pause."""
+        self._part = progress.part
         self._reader.drop_earlier()
         self._stage.show(self._pages.ready)
 
     def wait(self, until_s: float) -> Press | None:
-        """Let the foreperiod pass; other keys than an answer or a pause are ignored."""
+        """Let the foreperiod pass."""
         return self._pressed(until_s)
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; a key pressed before the onset is one, with its time."""
-        self._stage.show(self._pages.prompt)
+        self._stage.show(self._pages.prompt(self._part))
         return self._pressed(question.onset_s + question.window_s + KEY_DELAY_S)
 
     def feedback(self, *, correct: bool) -> None:
@@ -219,13 +229,13 @@ class ScreenResponder:
                 self._stage.show(page)
 
     def _pressed(self, until_s: float) -> Press | None:
-        """Return the next answer or wish for a pause, ``None`` when the time is over."""
-        while (stroke := self._stroke(until_s)) is not None:
-            meaning = self._meaning.get(stroke[0])
-            if meaning is not None:
-                self._paused_by_key = meaning == ESCAPE
-                return Press(meaning, stroke[1])
-        return None
+        """Return the next key's meaning, or its name; ``None`` when the time is over."""
+        stroke = self._stroke(until_s)
+        if stroke is None:
+            return None
+        meaning = self._meaning.get(stroke[0], f"key {stroke[0]}")
+        self._paused_by_key = meaning == ESCAPE
+        return Press(meaning, stroke[1])
 
     def _next_key(self) -> str | None:
         """Return the next key, ``None`` after a moment without."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 from experiment.operator.requests import StopRequested
 from experiment.operator.terminal import KEY
+from experiment.participant.wrapping import filled
 from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
@@ -40,8 +41,8 @@ TERMINAL_KEYS: Final = {
     "none": "space or n",
 }
 """What a person may press for each answer, for the explanation and for the session's header."""
+_ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
 _GO_ON: Final = ("\r", "\n", " ")
-_HANDS_OFF: Final = (SessionPart.AUDIBILITY, SessionPart.CONTROL)
 
 
 class NoTerminalError(ValueError):
@@ -58,9 +59,9 @@ class TerminalResponder:
     responses : tuple of str
         The answers offered.
     texts : Texts
-        What is read before a part without the fingers on the plate, and after it.
-    lifted : bool
-        Whether there is such a part: else nothing of the texts is shown.
+        What is read.
+    parts : frozenset of SessionPart
+        The parts that may come.
 
     Raises
     ------
@@ -72,19 +73,24 @@ class TerminalResponder:
     simulated = False
 
     def __init__(
-        self, clock: Clock, *, responses: tuple[str, ...], texts: Texts, lifted: bool
+        self,
+        clock: Clock,
+        *,
+        responses: tuple[str, ...],
+        texts: Texts,
+        parts: frozenset[SessionPart],
     ) -> None:
         if os.name != "posix" or not sys.stdin.isatty():
             raise NoTerminalError(
                 "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
                 "use --responder simulated to try a study out without one"
             )
-        if lifted:
-            _require_encodable(texts, sys.stdout.encoding)
+        _require_encodable(texts, parts, sys.stdout.encoding)
         self._clock = clock
         self._responses = responses
         self._texts = texts
-        self._hands_off = False
+        self._fingers_on = False
+        self._asked: AwaitedAnswer | None = None
         self._input = sys.stdin.fileno()
         self._settings: list[Any] = []
         self._typed = ""
@@ -96,12 +102,6 @@ class TerminalResponder:
 
         self._settings = termios.tcgetattr(self._input)
         tty.setcbreak(self._input)
-        self._say(
-            "Lay one finger on each actuator. Answer where you felt the stimulus:",
-            *_key_lines(self._responses),
-            "  Esc    pause; Esc again stops the session",
-            "",
-        )
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -112,21 +112,23 @@ class TerminalResponder:
             termios.tcsetattr(self._input, termios.TCSADRAIN, self._settings)
 
     def begin(self, progress: Progress) -> bool:
-        """Go on: the keys were explained when the terminal was borrowed."""
-        return True
+        """Welcome and instruct; the fingers are laid on the plate when a part needs them."""
+        self._fingers_on = False
+        self._say("", self._texts.welcome, self._with_keys(self._texts.instructions or ""), "")
+        self._say("Esc pauses the session, Esc again stops it.", "")
+        return self._goes_on()
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
-        """Say when the fingers leave the plate and when they come back; else go on."""
-        off = part in _HANDS_OFF
-        if not off and not self._hands_off:
-            return True
-        self._hands_off = off
-        text: str = getattr(self._texts, part.value)
-        if off:
-            answers = self._responses if "none" in self._responses else (*self._responses, "none")
-            lines = (text, *_key_lines(answers))
-        else:
-            lines = ("Lay one finger on each actuator.", text)
+        """Say where the fingers go, what the part asks for, and the keys of its answers."""
+        texts = self._texts
+        lay = not part.hands_off and not self._fingers_on
+        self._fingers_on = not part.hands_off
+        lines = (
+            *([texts.placement] if lay else []),
+            self._with_keys(getattr(texts, part.value)),
+            self._with_keys(texts.prompt_hands_off if part.hands_off else texts.prompt),
+            *_key_lines(part.answers(self._responses)),
+        )
         self._forget_typed()
         self._say("", "", *lines, "")
         return self._goes_on()
@@ -135,30 +137,32 @@ class TerminalResponder:
         """Show the trial's number; keys typed before it are dropped."""
         self._forget_typed()
         place = f"trial {progress.done + 1} of {progress.planned}"
-        self._say("", f"{'practice' if progress.practice else place}  ...")
+        practice = progress.part is SessionPart.PRACTICE
+        self._say("", f"{'practice' if practice else place}  ...")
 
     def wait(self, until_s: float) -> Press | None:
-        """Let the foreperiod pass; other keys than an answer or Esc are ignored."""
-        while (key := self._read(until_s)) is not None:
-            if key in _ANSWER_OF:
-                return Press(_ANSWER_OF[key], self._clock.now_s())
-        return None
+        """Let the foreperiod pass."""
+        key = self._read(until_s)
+        return None if key is None else Press(_meaning(key), self._clock.now_s())
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
-        """Wait for the answer; a key that means nothing is an invalid answer."""
-        self._say(" ?")
+        """Wait for the answer; of a key that is none it is said that it does not count."""
+        if question is not self._asked:
+            self._asked = question
+            self._say(" ?")
         key = self._read(question.onset_s + question.window_s)
         time_s = self._clock.now_s()
         if key is None:
             self._say(" no answer")
             return None
-        response = _ANSWER_OF.get(key, "invalid")
-        self._say(f" {response}")
+        response = _meaning(key)
+        counts = response in question.answers or response == ESCAPE
+        self._say(f" {response}" if counts else f" ({response} is no answer here) ?")
         return Press(response, time_s)
 
     def feedback(self, *, correct: bool) -> None:
         """Say whether a practice answer was right."""
-        self._say(" - right" if correct else " - not so")
+        self._say(f" - {self._texts.correct if correct else self._texts.wrong}")
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Wait for Enter or the space bar to go on, or Esc to stop."""
@@ -174,6 +178,9 @@ class TerminalResponder:
 
     def end(self, progress: Progress, *, finished: bool) -> None:
         """Say nothing: the command reports how it ended."""
+
+    def _with_keys(self, text: str) -> str:
+        return filled(text, TERMINAL_KEYS)
 
     def _goes_on(self) -> bool:
         """Wait for a person to go on; ``False`` means stop."""
@@ -233,14 +240,22 @@ class TerminalResponder:
         return typed.decode(errors="replace")
 
 
-def _require_encodable(texts: Texts, encoding: str) -> None:
+def _meaning(key: str) -> str:
+    """Return the answer that a key stands for, else its name."""
+    return _ANSWER_OF.get(key, key if key.isprintable() else f"key {key!a}")
+
+
+def _require_encodable(texts: Texts, parts: frozenset[SessionPart], encoding: str) -> None:
     """Refuse texts that would end the session in its midst, when they are written."""
-    for part in SessionPart:
+    off, practice = any(part.hands_off for part in parts), SessionPart.PRACTICE in parts
+    shown = [*_ALWAYS_SHOWN, *(part.value for part in SessionPart if part in parts)]
+    shown += ["prompt_hands_off"] * off + ["correct", "wrong"] * practice
+    for name in shown:
         try:
-            getattr(texts, part.value).encode(encoding)
+            getattr(texts, name).encode(encoding)
         except UnicodeEncodeError as error:
             raise NoTerminalError(
-                f"texts.{part.value} cannot be shown on this terminal, whose encoding is "
+                f"texts.{name} cannot be shown on this terminal, whose encoding is "
                 f"{encoding}; got {error.object[error.start : error.end]!a} in {error.object!a}: "
                 "use a terminal of UTF-8, or --responder screen"
             ) from error

@@ -6,28 +6,24 @@ import re
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from experiment.terms.responder import Progress
+    from collections.abc import Callable, Mapping
 
 
-def filled(text: str, progress: Progress, *, seconds: int = 0) -> str:
-    """Fill in how far the session has come, and how many seconds a break still lasts.
+def filled(text: str, facts: Mapping[str, object]) -> str:
+    """Fill in facts: how far the session has come, how long a break still lasts, keys.
 
     Braces that are doubled stand for one; other braces stay as they are.
 
     Examples
     --------
-    >>> from experiment.terms.responder import Progress
-    >>> filled("{done} of {planned} {{done}}", Progress(done=2, planned=5, practice=False))
+    >>> filled("{done} of {planned} {{done}}", {"done": 2, "planned": 5})
     '2 of 5 {done}'
     """
-    facts = {"done": progress.done, "planned": progress.planned, "seconds": seconds}
     signs = {"{{": "{", "}}": "}"} | {f"{{{name}}}": str(value) for name, value in facts.items()}
-    return _FILLED.sub(lambda found: signs[found[0]], text)
+    return _FILLED.sub(lambda found: signs.get(found[0], found[0]), text)
 
 
-_FILLED: Final = re.compile(r"\{\{|\}\}|\{(?:done|planned|seconds)\}")
+_FILLED: Final = re.compile(r"\{\{|\}\}|\{[a-z]+\}")
 
 
 def wrapped(text: str, fits: Callable[[str], bool]) -> tuple[str, ...]:

@@ -27,12 +27,19 @@ if TYPE_CHECKING:
 
 
 class Attendance:
-    """A participant who may be called away at any moment; `responses` are the answers offered."""
+    """A participant who may be called away at any moment; `responses` are the answers offered.
+
+    Only a key of an answer that counts in the trial's part is one: any other was a slip, or there
+    was nothing to be said with it, and would otherwise be counted as a miss. It is left as a note,
+    and `ignored` says it to the operator until the next trial.
+    """
 
     def __init__(self, setting: Setting, *, responses: tuple[str, ...]) -> None:
         self._responder = setting.responder
         self._stop = setting.stop
+        self._requests = setting.requests
         self._responses = responses
+        self.ignored = ""
 
     def greet(self, progress: Progress) -> Happening:
         """Welcome and instruct."""
@@ -46,14 +53,17 @@ class Attendance:
 
     def wait(self, task: Task, until_s: float) -> Happening:
         """Let the foreperiod pass."""
+        self.ignored = ""
         return self._unless_stopped(
-            lambda: self._event_of(self._responder.wait(until_s), task, onset_s=None)
+            lambda: self._heard(lambda: self._responder.wait(until_s), task, onset_s=None)
         )
 
     def ask(self, task: Task, question: AwaitedAnswer) -> Happening:
         """Wait for an answer."""
         return self._unless_stopped(
-            lambda: self._event_of(self._responder.ask(question), task, onset_s=question.onset_s)
+            lambda: self._heard(
+                lambda: self._responder.ask(question), task, onset_s=question.onset_s
+            )
         )
 
     def rest(self, progress: Progress, *, paused: bool, minimum_s: float) -> Happening:
@@ -80,15 +90,27 @@ class Attendance:
         except StopRequested:
             return Event.STOP_ASKED
 
-    def _event_of(self, press: Press | None, task: Task, *, onset_s: float | None) -> Happening:
-        if press is None:
-            return Event.ELAPSED
-        if press.response == ESCAPE:
-            return Event.PAUSE_ASKED
-        control = task.trial.kind == "control"
-        offered = (*self._responses, "none") if control else self._responses
-        rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
-        return Key(press.response if press.response in offered else "invalid", rt_s)
+    def answers(self, task: Task) -> tuple[str, ...]:
+        """Return the answers that count in a trial."""
+        return task.part.answers(self._responses)
+
+    def _heard(
+        self, listen: Callable[[], Press | None], task: Task, *, onset_s: float | None
+    ) -> Happening:
+        while (press := listen()) is not None:
+            if press.response == ESCAPE:
+                return Event.PAUSE_ASKED
+            if press.response in self.answers(task):
+                rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
+                return Key(press.response, rt_s)
+            self._ignore(press.response, task)
+        return Event.ELAPSED
+
+    def _ignore(self, key: str, task: Task) -> None:
+        known = self.ignored
+        self.ignored = f"trial {task.trial.number}: {key} was pressed, which is no answer here"
+        if self.ignored != known:  # a key that is held, or hit again and again, is told once
+            self._requests.note(self.ignored)
 
 
 def _continued(*, go_on: bool) -> Event:
@@ -226,14 +248,20 @@ class Session:
         device = f"{failures} stimuli in a row not delivered" if failures else "ok"
         if self.failure is not None:
             device = "failed"
-        message = TOO_EARLY if self._state.called else self._noise.trouble
         status = self._standing.status(
             self._state,
             noise=self._noise.words(),
             device=device,
-            message=message if self.failure is None else str(self.failure),
+            message=self._trouble(),
         )
         self._monitor.show(status)
+
+    def _trouble(self) -> str:
+        """Say what the operator has to know, the worst first."""
+        if self.failure is not None:
+            return str(self.failure)
+        called = TOO_EARLY if self._state.called else ""
+        return called or self._noise.trouble or self._participant.ignored
 
     def _greet(self, _: events.Greet) -> Happening:
         return self._participant.greet(self._standing.progress(self._state))
@@ -282,6 +310,7 @@ class Session:
             level_right_vpp=delivery.level_right_vpp,
             onset_s=self._emission.onset_s,
             window_s=effect.window_s,
+            answers=self._participant.answers(effect.task),
         )
         # The noise is asked for when the answer is in, for nothing may be done while it is awaited.
         # Lost noise voids any answer; only a stop outranks it, or the session would go on in a

@@ -114,7 +114,7 @@ class Sitting:
             **self.facts(study, plan),
             "consent_version": study.about.consent_version or NOT_AVAILABLE,
             "screen": asdict(study.screen) if shown else NOT_AVAILABLE,
-            "texts": asdict(study.texts) if shown else NOT_AVAILABLE,
+            "texts": asdict(study.shown_texts) if shown else NOT_AVAILABLE,
         }
 
 

@@ -39,8 +39,7 @@ class SimulatedResponder:
     """An observer that answers by itself; the same answers whenever a session is interrupted.
 
     Every trial's chance is drawn from the seed, the trial's number and the attempt. `gains` are by
-    the number of the trial; in `untouched` ones the fingers are off the plate: nothing is felt, and
-    ``none`` may be answered.
+    the number of the trial; in `untouched` ones the fingers are off the plate: nothing is felt.
     """
 
     simulated = True
@@ -51,14 +50,12 @@ class SimulatedResponder:
         clock: Clock,
         *,
         seed: int,
-        responses: tuple[str, ...],
         gains: Mapping[int, FingerGains],
         untouched: frozenset[int] = frozenset(),
     ) -> None:
         self._observer = observer
         self._clock = clock
         self._seed = seed
-        self._responses = responses
         self._gains = gains
         self._untouched = untouched
 
@@ -81,12 +78,10 @@ class SimulatedResponder:
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Answer as the observer does."""
         rng = np.random.default_rng((self._seed, question.trial, question.attempt))
-        levels_vpp, responses = (question.level_left_vpp, question.level_right_vpp), self._responses
-        if question.trial in self._untouched:
-            levels_vpp, responses = (0.0, 0.0), tuple(dict.fromkeys((*responses, "none")))
+        levels_vpp = (question.level_left_vpp, question.level_right_vpp)
         answer = self._observer.answer(
-            *levels_vpp,
-            responses=responses,
+            *((0.0, 0.0) if question.trial in self._untouched else levels_vpp),
+            responses=question.answers,
             rng=rng,
             response_window_s=question.window_s,
             gains=self._gains[question.trial],
@@ -124,7 +119,6 @@ def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResp
         observer,
         clock,
         seed=plan.seed,
-        responses=plan.responses,
         gains={trial.number: of_condition[trial.condition] for trial in trials},
         untouched=frozenset(trial.number for trial in trials if trial.kind == "control"),
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from experiment.operator.requests import Status, Tally
 from experiment.study.sections.design import ASSUMED_ANSWER_S
 from experiment.terms.record import is_correct
-from experiment.terms.responder import Progress
+from experiment.terms.responder import Progress, SessionPart
 from experiment.trial.plan import PRACTICE_BLOCK
 
 if TYPE_CHECKING:
@@ -54,8 +54,8 @@ class Standing:
     def progress(self, state: SessionState) -> Progress:
         """Return how far the session has come."""
         left = sum(not task.warm_up for task in state.pending)
-        practice = bool(state.pending) and state.pending[0].trial.kind == "practice"
-        return Progress(done=self._planned - left, planned=self._planned, practice=practice)
+        part = state.pending[0].part if state.pending else SessionPart.MAIN
+        return Progress(done=self._planned - left, planned=self._planned, part=part)
 
     def status(self, state: SessionState, *, noise: str, device: str, message: str) -> Status:
         """Return what the operator is shown."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -17,7 +17,7 @@ from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import DeviceSettings, Masking
 from experiment.study.sections.plate import Plate, is_papers_plate
-from experiment.study.sections.presentation import Keys, Screen, Texts
+from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
 from experiment.study.sections.table import ASKED_FOR, FromTable, file_keys, section
@@ -151,6 +151,7 @@ class Study:
             )
         self._check_levels()
         self._check_drives()
+        self.texts.check_answers(self.design.responses)
 
     def _check_levels(self) -> None:
         ceiling_vpp = self.device.ceiling_vpp
@@ -185,6 +186,12 @@ class Study:
     def name(self) -> str:
         """What it is called."""
         return self.about.name
+
+    @property
+    def shown_texts(self) -> Texts:
+        """What a person reads, with the instructions that fit the design where none are given."""
+        instructions = self.texts.instructions or instructions_of(self.design)
+        return replace(self.texts, instructions=instructions)
 
     @property
     def strip(self) -> Strip:

@@ -19,6 +19,21 @@ class SessionPart(StrEnum):
     MAIN = "main"  # the task
     CONTROL = "control"  # fingers off the plate, the task as before
 
+    @property
+    def hands_off(self) -> bool:
+        """Whether the fingers are off the plate."""
+        return self in {SessionPart.AUDIBILITY, SessionPart.CONTROL}
+
+    def answers(self, responses: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the answers that count, of a study that offers `responses`.
+
+        Where the fingers are off the plate nothing may be noticed, so that can always be said.
+
+        >>> SessionPart.CONTROL.answers(("left", "right")), SessionPart.MAIN.answers(("left",))
+        (('left', 'right', 'none'), ('left',))
+        """
+        return tuple(dict.fromkeys((*responses, "none"))) if self.hands_off else responses
+
 
 @dataclass(frozen=True, slots=True)
 class Press:
@@ -27,7 +42,7 @@ class Press:
     Attributes
     ----------
     response : str
-        One of `record.RESPONSES`, or `ESCAPE`.
+        One of `record.ANSWERS`, `ESCAPE`, or the name of a key that means neither.
     time_s : float
         When, on the clock that the responder was given.
     """
@@ -44,13 +59,13 @@ class Progress:
     ----------
     done, planned : int
         Trials answered, and trials in the plan.
-    practice : bool
-        Whether the current trial is practice.
+    part : SessionPart
+        What the current trial belongs to.
     """
 
     done: int
     planned: int
-    practice: bool
+    part: SessionPart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +82,8 @@ class AwaitedAnswer:
         Onset on the responder's clock.
     window_s : float
         How long after the onset an answer counts.
+    answers : tuple of str
+        Those that count.
     """
 
     trial: int
@@ -75,6 +92,7 @@ class AwaitedAnswer:
     level_right_vpp: float
     onset_s: float
     window_s: float
+    answers: tuple[str, ...]
 
 
 class Responder(Protocol):
@@ -98,11 +116,17 @@ class Responder(Protocol):
         ...
 
     def wait(self, until_s: float) -> Press | None:
-        """Let the foreperiod pass; return early with a key that was pressed in it."""
+        """Let the foreperiod pass; return early with a key that was pressed in it.
+
+        Called again for the rest of it where the key is none of an answer that counts.
+        """
         ...
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
-        """Wait for an answer; ``None`` if the time is over."""
+        """Wait for an answer; ``None`` if the time is over.
+
+        Called again with the same question where the key is none of an answer that counts.
+        """
         ...
 
     def feedback(self, *, correct: bool) -> None:

@@ -20,6 +20,7 @@ from experiment.session.simulate import simulated_responder
 from experiment.study.read import paper_study, study_from_text
 from experiment.terms.responder import AwaitedAnswer
 from experiment.trial.draw import draw_plan
+from experiment.trial.events import Task
 from experiment.trial.plan import AUDIBILITY_BLOCK, PRACTICE_BLOCK, PlanError, Trial, plan_from_json
 
 if TYPE_CHECKING:
@@ -214,6 +215,7 @@ def test_a_simulated_participant_feels_nothing_with_the_fingers_off(
             level_right_vpp=right_vpp,
             onset_s=clock.now_s(),
             window_s=100.0,
+            answers=Task(trial, 1).part.answers(plan.responses),
         )
         press = responder.ask(question)
         assert press is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +16,7 @@ from experiment.participant.screen import END_S, ScreenResponder
 from experiment.study.sections.presentation import Keys, Screen, Texts
 from experiment.terms.responder import ESCAPE, AwaitedAnswer, Press, Progress, SessionPart
 
-PROGRESS = Progress(done=1, planned=4, practice=False)
+PROGRESS = Progress(done=1, planned=4, part=SessionPart.MAIN)
 
 
 @dataclass(slots=True)
@@ -60,13 +61,16 @@ class Stage:
 class Pages:
     """Pages by what they are, not by what is on them."""
 
-    ready, prompt = "ready", "prompt"
+    ready = "ready"
 
-    def before_sitting(self, _: Progress) -> list[str]:
-        return ["welcome", "placement"]
+    def prompt(self, part: SessionPart) -> str:
+        return f"prompt, {part.answers(('left', 'right'))}"
 
-    def before_part(self, part: SessionPart, _: Progress) -> list[str]:
-        return [part.value]
+    def before_sitting(self) -> list[str]:
+        return ["welcome", "instructions"]
+
+    def before_part(self, part: SessionPart, *, lay: bool) -> list[str]:
+        return [*["placement"] * lay, part.value]
 
     def pause(self, _: Progress, *, go_on: bool) -> str:
         return "pause, go on" if go_on else "pause"
@@ -122,14 +126,21 @@ def room() -> Room:
 
 def question(onset_s: float = 0.0, window_s: float = 2.0) -> AwaitedAnswer:
     return AwaitedAnswer(trial=1, attempt=1, level_left_vpp=0.0, level_right_vpp=0.0,
-                    onset_s=onset_s, window_s=window_s)  # fmt: skip
+                    onset_s=onset_s, window_s=window_s, answers=("left", "right"))  # fmt: skip
 
 
-def test_every_key_of_an_answer_gives_it_and_other_keys_are_ignored(room: Room) -> None:
-    # none is not offered: that is for the session to judge
-    for key, at_s, answer in (("a", 0.3, "left"), ("right", 0.5, "right"), ("space", 0.6, "none")):
-        room.keys(("q", 0.1), ("return", 0.2), (key, at_s))
-        assert room.responder.ask(question()) == Press(answer, at_s)
+def test_every_key_of_an_answer_gives_it_and_others_their_names(room: Room) -> None:
+    # which of them count is for the session to judge
+    meanings = {
+        "a": "left",
+        "right": "right",
+        "space": "none",
+        "q": "key q",
+        "return": "key return",
+    }
+    for at_s, (key, meaning) in enumerate(meanings.items()):
+        room.keys((key, at_s))
+        assert room.responder.ask(question(at_s)) == Press(meaning, at_s)
 
 
 def test_no_key_is_no_answer_after_the_window(room: Room) -> None:
@@ -203,12 +214,36 @@ def test_escape_makes_a_pause_of_a_break(room: Room) -> None:
 def test_pages_are_read_one_after_the_other(room: Room) -> None:
     room.keys(("return", 1.0), ("left", 1.5), ("return", 2.0))
     assert room.responder.begin(PROGRESS)
-    assert room.stage.shown == ["welcome", "placement"]
+    assert room.stage.shown == ["welcome", "instructions"]
     room.keys(("escape", 3.0), ("return", 4.0), ("return", 5.0))
     assert room.responder.introduce(SessionPart.CONTROL, PROGRESS)
     assert room.stage.shown[2:] == ["control", "pause, go on", "control"]
     room.keys(("escape", 6.0), ("escape", 7.0))
     assert not room.responder.introduce(SessionPart.MAIN, PROGRESS)
+
+
+def test_the_fingers_are_laid_on_the_plate_when_a_part_first_needs_them(room: Room) -> None:
+    parts = ("audibility", "practice", "main", "control", "main")
+    for at_s, part in enumerate(parts):
+        room.keys(("return", at_s + 0.2), ("return", at_s + 0.7))
+        assert room.responder.introduce(SessionPart(part), PROGRESS)
+        room.clock.wait(at_s + 1 - room.clock.now_s())
+        room.keyboard.drop_all()
+    assert room.stage.shown == [
+        *("audibility", "placement", "practice", "main", "control", "placement", "main")
+    ]
+    room.keys(*[("return", 6.0 + place) for place in range(4)])
+    assert room.responder.begin(PROGRESS)  # after a resume nobody knows where they are
+    assert room.responder.introduce(SessionPart.MAIN, PROGRESS)
+    assert room.stage.shown[-2:] == ["placement", "main"]
+
+
+def test_the_question_is_that_of_the_trials_part(room: Room) -> None:
+    for part in (SessionPart.MAIN, SessionPart.CONTROL):
+        room.responder.cue(dataclasses.replace(PROGRESS, part=part))
+        room.responder.ask(question(room.clock.now_s()))
+    shown = [page for page in room.stage.shown if page != "ready"]
+    assert shown == ["prompt, ('left', 'right')", "prompt, ('left', 'right', 'none')"]
 
 
 def test_a_key_for_another_window_is_no_answer_and_is_noted(room: Room) -> None:

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiment.participant.wrapping import as_drawn, filled, wrapped
-from experiment.terms.responder import Progress
 
 WORDS = st.lists(st.text(st.characters(categories=("L", "N")), min_size=1), min_size=1)
 
@@ -32,9 +31,8 @@ def test_line_breaks_of_the_study_are_kept() -> None:
 
 
 def test_a_text_tells_how_far_it_is() -> None:
-    progress = Progress(done=3, planned=8, practice=False)
-    text = filled("{done}/{planned}, {seconds} s, {left}", progress, seconds=4)
-    assert text == "3/8, 4 s, {left}"
+    text = filled("{done}/{planned}, {seconds} s, {left}, {{done}}", {"done": 3, "planned": 8})
+    assert text == "3/8, {seconds} s, {left}, {done}"
 
 
 def test_a_line_from_right_to_left_begins_at_the_right() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from experiment.session.setting import LONGEST_NAME, Sitting
 from experiment.study.sections.presentation import Screen, Texts
+from experiment.terms.responder import Press
 from tests.test_experiment.lab import FakeNoise, Scripted, Watching
 from tests.test_experiment.sessions import Sessions
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from experiment.operator.requests import Requests
     from experiment.study.sections.equipment import Masking
-    from experiment.terms.responder import Progress, SessionPart
+    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
 
 STUDY = """
 [study]
@@ -46,7 +47,6 @@ class FakeScreen(Scripted):
     """A person in front of a window that nobody sees."""
 
     simulated = False
-    usual = ("none", 0.15)
     asked: ClassVar[dict[str, Any]] = {}
     log: ClassVar[list[str]] = []
     refusal: ClassVar[str] = ""
@@ -62,6 +62,9 @@ class FakeScreen(Scripted):
 
     def __exit__(self, *_: object) -> None:
         self.log.append("closed")
+
+    def ask(self, question: AwaitedAnswer) -> Press | None:
+        return Press(question.answers[-1], question.onset_s + 0.15)
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         self.log.append(str(part))
@@ -129,8 +132,8 @@ def test_header_and_window_get_what_is_given(sessions: Sessions, screen: type[Fa
     assert screen.log == ["audibility", "main", "control", "closed"]
     assert {(row["kind"], row["response"]) for row in sessions.rows()} == {
         ("control", "none"),
-        ("single", "invalid"),
-        ("both", "invalid"),
+        ("single", "both"),
+        ("both", "both"),
     }
 
 

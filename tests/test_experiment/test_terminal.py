@@ -87,6 +87,11 @@ class Terminal:
         self.expect(text)
         self.press(key)
 
+    def begin(self, parts: int = 1) -> None:
+        """Go on from the instructions, and from the first parts."""
+        for _ in range(1 + parts):
+            self.go_on(b"Enter goes on")
+
     def answer(self, *keys: bytes) -> None:
         for key in keys:
             self.expect(b" ?")
@@ -102,12 +107,13 @@ class Terminal:
 
 def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.begin()
         terminal.answer(LEFT, RIGHT, DOWN)
         terminal.go_on(b"Break: 3 of 5 trials are done.")
-        terminal.answer(b"l", b"x")
+        terminal.answer(b"l", b"r")
         assert terminal.ended() == 0, terminal.shown
     recorded = sessions.rows()
-    assert [row["response"] for row in recorded] == ["left", "right", "both", "left", "invalid"]
+    assert [row["response"] for row in recorded] == ["left", "right", "both", "left", "right"]
     assert {row["simulated"] for row in recorded} == {"false"}
     assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
     assert b"160" not in terminal.shown.replace(str(sessions.study.parent).encode(), b"")
@@ -116,10 +122,14 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Sessions) -> None:
     sessions.write(sessions.text + "control_trials = 2\n" + OFF_PLATE)
     with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.go_on(b"Enter goes on")
         terminal.expect(b"take both hands off the plate")
+        terminal.expect(b"Did you notice anything, and where?")
         terminal.go_on(b"none   space or n")
+        assert b"Lay one finger" not in terminal.shown
         terminal.answer(b" ", b"n")
-        terminal.go_on(b"Lay one finger on each actuator.")
+        terminal.expect(b"Lay one finger of each hand")
+        terminal.go_on(b"both   down arrow or b\r\nEnter goes on")
         terminal.answer(LEFT, LEFT, LEFT)
         terminal.go_on(b"Break")
         terminal.answer(LEFT, LEFT)
@@ -127,6 +137,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Session
         terminal.go_on("Hände weg".encode(), ESCAPE)
         assert terminal.ended() == 4, terminal.shown
     with Terminal(sessions, "--resume") as terminal:
+        terminal.go_on(b"Enter goes on")
         terminal.go_on("Hände weg".encode())
         terminal.answer(b" ", LEFT)
         assert terminal.ended() == 0, terminal.shown
@@ -138,6 +149,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Session
 
 def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.begin()
         terminal.answer(LEFT, ESCAPE)
         terminal.go_on(b"Paused: 1 of 5")
         terminal.answer(LEFT, ESCAPE)
@@ -145,9 +157,10 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
         assert terminal.ended() == 4, terminal.shown
     assert b"--resume" in terminal.shown
     with Terminal(sessions, "--resume") as terminal:
+        terminal.begin()
         terminal.answer(LEFT, RIGHT)
-        assert b"practice" in terminal.shown
-        terminal.expect(b"right - right")
+        terminal.expect(b"right - Correct")
+        terminal.go_on(b"Enter goes on")
         terminal.answer(LEFT)
         terminal.go_on(b"Break")
         terminal.answer(LEFT, LEFT)
@@ -161,6 +174,7 @@ def test_a_signal_or_a_closed_terminal_stops_the_session_safely_while_an_answer_
     sessions: Sessions, number: signal.Signals | None
 ) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.begin()
         terminal.answer(LEFT)
         terminal.expect(b" ?")
         if number is None:
@@ -172,12 +186,27 @@ def test_a_signal_or_a_closed_terminal_stops_the_session_safely_while_an_answer_
     assert [row["status"] for row in sessions.rows()] == ["ok", "voided"]
 
 
-def test_a_function_key_is_one_invalid_answer(sessions: Sessions) -> None:
+def test_a_key_that_is_no_answer_is_said_to_be_none_and_the_next_one_counts(
+    sessions: Sessions,
+) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
-        terminal.answer(b"\x1b[15~", b"\x1b[1;5D", LEFT)
+        terminal.begin()
+        terminal.answer(b"\x1b[15~")
+        terminal.expect(rb"(key '\x1b[15~' is no answer here) ?")
+        terminal.press(b"x")
+        terminal.expect(b"(x is no answer here) ?")
+        terminal.press(b" ")
+        terminal.expect(b"(none is no answer here) ?")
+        terminal.press(RIGHT)
+        terminal.expect(b" right")
+        terminal.answer(LEFT, LEFT)
         terminal.go_on(b"Break", ESCAPE)
         assert terminal.ended() == 4
-    assert [row["response"] for row in sessions.rows()] == ["invalid", "invalid", "left"]
+    assert [row["response"] for row in sessions.rows()] == ["right", "left", "left"]
+    notes = [str(entry.facts["text"]) for entry in sessions.entries("note")]
+    assert [note.split(" was")[0].split(": ", 1)[1] for note in notes] == [
+        *(r"key '\x1b[15~'", "x", "none")
+    ]
 
 
 def test_without_a_terminal_it_says_what_to_use_instead(sessions: Sessions) -> None:
@@ -195,12 +224,12 @@ def test_without_a_terminal_it_says_what_to_use_instead(sessions: Sessions) -> N
 def test_texts_that_the_terminal_cannot_show_are_refused_before_anything_begins(
     sessions: Sessions, env: dict[str, str]
 ) -> None:
-    sessions.write(sessions.text + OFF_PLATE)
+    sessions.write(sessions.text + "control_trials = 2\n" + OFF_PLATE)
     with Terminal(sessions, "--seed", "1", env=env) as terminal:
         assert terminal.ended() == 2
-    assert re.fullmatch(
+    assert re.search(
         rb"seed 1\r\nerror: texts\.control cannot be shown on this terminal, whose encoding is "
-        rb"[\w.-]+; got '\\xe4' in 'H\\xe4nde weg': use a terminal of UTF-8, or [^\n]*\r\n",
+        rb"[\w.-]+; got '\\xe4' in 'H\\xe4nde weg': use a terminal of UTF-8, or [^\n]*\r\n\Z",
         terminal.shown,
     ), terminal.shown
     assert not sessions.out.exists()
@@ -214,6 +243,7 @@ def test_texts_are_shown_in_the_encoding_of_the_terminal(
 ) -> None:
     sessions.write(sessions.text + OFF_PLATE.replace("control =", "audibility ="))
     with Terminal(sessions, "--seed", "1", env=env) as terminal:
+        terminal.go_on(b"Enter goes on")
         terminal.go_on("Hände weg".encode(encoding), ESCAPE)
         assert terminal.ended() == 4, terminal.shown
 
@@ -221,6 +251,7 @@ def test_texts_are_shown_in_the_encoding_of_the_terminal(
 def test_texts_that_the_terminal_never_shows_are_no_reason_to_refuse(sessions: Sessions) -> None:
     sessions.write(sessions.text + OFF_PLATE.replace("audibility_trials = 2\n", ""))
     with Terminal(sessions, "--seed", "1", env=NO_UTF_8) as terminal:
+        terminal.begin()
         terminal.answer(LEFT, ESCAPE)
         terminal.press(ESCAPE)
         assert terminal.ended() == 4, terminal.shown

@@ -5,12 +5,16 @@ from __future__ import annotations
 import string
 import unicodedata
 from dataclasses import asdict
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from pydantic import Field
 
 from experiment.study.sections.table import section
 from experiment.terms.checks import is_line
+from experiment.terms.record import ANSWERS
+
+if TYPE_CHECKING:
+    from experiment.study.sections.design import Design
 
 _NAMED: Final = (
     "apostrophe backslash backspace bracketleft bracketright comma delete down end equal escape "
@@ -31,12 +35,21 @@ KEY_NAMES: Final = frozenset(
 """The names that PsychoPy 2026.2's keyboard has for keys on Linux, macOS and Windows, locks left
 out."""
 
+_WITH_KEYS: Final = (
+    *("instructions", "audibility", "practice", "warm_up", "main", "control"),
+    *("prompt", "prompt_hands_off"),
+)
+"""Texts in which the keys of the answers are filled in."""
 _PLACEHOLDERS: Final = {
+    **dict.fromkeys(_WITH_KEYS, ANSWERS),
+    "go_on": ("go_on",),
     "paused": ("done", "planned"),
     "rest": ("done", "planned", "seconds"),
     "rest_over": ("done", "planned"),
 }
 """What is filled in, by text; the others are shown as they are."""
+_HANDS_OFF: Final = ("audibility", "control", "prompt_hands_off")
+"""Texts for trials with the fingers off the plate, where nothing can always be answered."""
 
 
 @section
@@ -102,15 +115,14 @@ class Keys:
 class Texts:
     """What the participant reads, in any language.
 
-    {done}, {planned} and, in rest, {seconds} are filled in where the defaults have them.
+    {done}, {planned} and, in rest, {seconds} are filled in where the defaults have them; {left},
+    {right}, {both} and {none} are the keys of these answers, in texts about answers, {go_on} that
+    to go on.
     """
 
     welcome: str = "Welcome, and thank you for taking part."
-    instructions: str = Field(
-        default=(
-            "You will feel a short vibration under your left finger, your right finger, or both. "
-            "Then say where you felt it. If you are not sure, answer what seems most likely."
-        ),
+    instructions: str | None = Field(
+        default=None, description="by default made from what is presented and may be answered"
     )
     placement: str = Field(
         default="Lay one finger of each hand on the plate as shown, and keep them there.",
@@ -118,8 +130,8 @@ class Texts:
     )
     audibility: str = Field(
         default=(
-            "First without touching: take both hands off the plate. If you hear the plate through "
-            "the noise, press the key of the side; if you hear nothing, press the key for nothing."
+            "First without touching: take both hands off the plate. If you hear it, answer where; "
+            "if you hear nothing, press {none}."
         ),
         description="before each part of a session",
     )
@@ -128,31 +140,72 @@ class Texts:
     main: str = "Now the experiment begins."
     control: str = Field(
         default=(
-            "Now take both hands off the plate. Answer as before; if you notice nothing, press the "
-            "key for nothing."
+            "Now take both hands off the plate. Answer as before; if you notice nothing, press "
+            "{none}."
         ),
     )
     ready: str = Field(default="+", description="until the stimulus")
     prompt: str = "Where did you feel it?"
-    correct: str = Field(default="Right", description="after a practice answer")
+    prompt_hands_off: str = Field(
+        default="Did you notice anything, and where?", description="the hands off the plate"
+    )
+    correct: str = Field(default="Correct", description="after a practice answer")
     wrong: str = "Not so"
     paused: str = "Paused: {done} of {planned} trials are done."
     rest: str = "Have a break: {done} of {planned} trials are done. It goes on in {seconds} s."
     rest_over: str = "Have a break: {done} of {planned} trials are done."
     go_on: str = Field(
-        default="Press Enter to go on.", description="below screens that wait for its key"
+        default="Press {go_on} to go on.", description="below screens that wait for this key"
     )
     finished: str = "That was all. Thank you very much!"
     stopped: str = "The session was stopped. Thank you."
 
     def __post_init__(self) -> None:
         for name, text in asdict(self).items():
+            if text is None:
+                continue
             control = [sign for sign in text if unicodedata.category(sign) == "Cc" and sign != "\n"]
             if control:
                 raise ValueError(f"{name} must have no control characters; got {control[0]!r}")
             if not any(map(is_line, text.split("\n"))):
                 raise ValueError(f"{name} must hold something to read; got {text!r}")
             _check_placeholders(name, text)
+
+    def check_answers(self, responses: tuple[str, ...]) -> None:
+        """Refuse a text that names the key of an answer that is not offered where it is shown."""
+        for name in _WITH_KEYS:
+            offered = (*responses, "none") if name in _HANDS_OFF else responses
+            named = _words(getattr(self, name) or "")
+            for word in named - set(offered):
+                raise ValueError(
+                    f"texts.{name} has the key of an answer that is not offered there, {{{word}}}: "
+                    f"leave it out, or add it to design.responses; got {list(responses)}"
+                )
+
+
+def instructions_of(design: Design) -> str:
+    """Tell a person what comes, from what a design presents and offers as answers.
+
+    >>> instructions_of(Design(responses=("left", "right"), both_trials=0))
+    'You will feel a short vibration under your left or your right finger. Then say where you fe...
+    """
+    both, none = (word in design.responses for word in ("both", "none"))
+    where = (
+        "your left finger, your right finger, or both" if both else "your left or your right finger"
+    )
+    nothing = ""
+    if none and design.blank_trials:
+        nothing = " Sometimes there will be no vibration: press {none} then."
+    elif none:
+        nothing = " If you feel nothing, press {none}."
+    return (
+        f"You will feel a short vibration under {where}. Then say where you felt it.{nothing} If "
+        "you are not sure, answer what seems most likely."
+    )
+
+
+def _words(text: str) -> set[str]:
+    return {word for _, word, _, _ in string.Formatter().parse(text) if word is not None}
 
 
 def _check_placeholders(name: str, text: str) -> None:
