@@ -7,23 +7,44 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiment.commands.init import write_study_text
 from experiment.participant.pages import Pages
 from experiment.participant.window import Stage
-from experiment.study.sections.presentation import Keys, Screen, Texts
+from experiment.study.read import paper_study, study_from_text
+from experiment.study.sections.presentation import Screen, Texts
 from experiment.terms.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from experiment.participant.pages import Page
+    from experiment.study.study import Study
 
 ARABIC = Texts(
     welcome="أهلا وسهلا بك، وشكرا لمشاركتك في التجربة.",
     instructions=(
-        "ستشعر باهتزاز قصير تحت إصبعك الأيسر أو الأيمن أو كليهما. ثم حدد أين شعرت به. "
-        "إذا لم تكن متأكدا فأجب بما يبدو لك الأرجح. اضغط Esc للتوقف قليلا."
+        "ستشعر باهتزاز قصير تحت إصبعك الأيسر أو الأيمن أو كليهما. ثم حدد أين شعرت به: {left} أو "
+        "{right} أو {both}. إذا لم تكن متأكدا فأجب بما يبدو لك الأرجح. اضغط Esc للتوقف قليلا."
     ),
-    go_on="اضغط Enter للمتابعة.",
+    placement="ضع إصبعا من كل يد على الصفيحة كما في الصورة، وأبقهما هناك.",
+    audibility=(
+        "أولا دون لمس: ارفع يديك عن الصفيحة. إذا سمعتها فأجب من أين، "
+        "وإذا لم تسمع شيئا فاضغط {none}."
+    ),
+    practice="الآن بضع محاولات للتدريب. سيقال لك هل كانت الإجابة صحيحة.",
+    warm_up="بضع محاولات للتعود من جديد. إنها لا تحسب.",
+    main="الآن تبدأ التجربة.",
+    control="الآن ارفع يديك عن الصفيحة. أجب كما من قبل، وإذا لم تلاحظ شيئا فاضغط {none}.",
+    prompt="أين شعرت به؟",
+    prompt_hands_off="هل لاحظت شيئا، وأين؟",
+    correct="صحيح",
+    wrong="ليس كذلك",
+    paused="توقف: تمت {done} من {planned} محاولة.",
+    rest="استرح: تمت {done} من {planned} محاولة. نواصل بعد {seconds} ثانية.",
+    rest_over="استرح: تمت {done} من {planned} محاولة.",
+    go_on="اضغط {go_on} للمتابعة.",
+    finished="هذا كل شيء. شكرا جزيلا!",
+    stopped="أوقفت التجربة. شكرا.",
 )
 HEBREW = Texts(
     instructions=(
@@ -32,23 +53,26 @@ HEBREW = Texts(
     ),
     go_on="הקישו Enter כדי להמשיך.",
 )
-OTHER_KEYS = Keys(left=("f", "num_4"), right=("j", "num_6"), both=("pageup",))
-"""Keys of a row, a number pad and a pedal."""
+LARGE = """
+[screen]
+text_height = 0.07
+[keys]
+left = ["f", "num_4"]
+right = ["j", "num_6"]
+both = ["pageup"]
+"""
+"""Twice as large; keys of a row, a number pad and a pedal."""
 
 
-def pages(stage: Stage, screen: Screen, texts: Texts, keys: Keys) -> Iterator[tuple[str, Page]]:
-    """Return the pages of a session by name."""
-    answers = ("left", "right", "both", "none")
-    of = Pages(stage, screen=screen, keys=keys, texts=texts, responses=answers)
+def pages(stage: Stage, study: Study) -> Iterator[tuple[str, Page]]:
+    """Return the pages of a session by name, in their order."""
+    texts, responses = study.shown_texts, study.design.responses
+    of = Pages(stage, screen=study.screen, keys=study.keys, texts=texts, responses=responses)
     at = Progress(done=37, planned=155, part=SessionPart.MAIN)
     end = Progress(done=155, planned=155, part=SessionPart.MAIN)
-    welcome, *instructions = of.before_sitting()
-    yield "welcome", welcome
-    for i, page in enumerate(instructions, start=1):
-        yield f"instructions-{i}", page
-    yield "placement", of.before_part(SessionPart.MAIN, lay=True)[0]
+    yield from _numbered("instructions", of.before_sitting())
     for part in SessionPart:
-        yield part.value, of.before_part(part, lay=False)[-1]
+        yield from _numbered(part.value, of.before_part(part, lay=part is SessionPart.PRACTICE))
     yield "ready", of.ready
     yield "prompt", of.prompt(SessionPart.MAIN)
     yield "prompt-hands-off", of.prompt(SessionPart.CONTROL)
@@ -59,6 +83,11 @@ def pages(stage: Stage, screen: Screen, texts: Texts, keys: Keys) -> Iterator[tu
     yield "break-over", of.rest(at, left_s=0)
     yield "end", of.end(end, finished=True)
     yield "stopped", of.end(at, finished=False)
+
+
+def _numbered(name: str, pages: list[Page]) -> Iterator[tuple[str, Page]]:
+    for number, page in enumerate(pages, start=1):
+        yield (f"{name}-{number}" if len(pages) > 1 else name), page
 
 
 def draw(stage: Stage, page: Page, file: Path) -> None:
@@ -72,24 +101,28 @@ def draw(stage: Stage, page: Page, file: Path) -> None:
 
 
 def main(folder: Path) -> None:
-    """Draw the pages of a plain study, and some of studies in other languages and sizes."""
-    plain = Screen(full_screen=False, width_px=800, height_px=450)
-    stage = Stage(plain)
-    for name, page in pages(stage, plain, Texts(), Keys()):
-        draw(stage, page, folder / f"{name}.png")
-    stage.close()
-    large = replace(plain, text_height=0.1)
-    turned = replace(plain, text_height=0.045, right_to_left=True)
-    for name, screen, texts, keys, kept in (
-        ("arabic", turned, ARABIC, Keys(), ("welcome", "instructions-1")),
-        ("hebrew", turned, HEBREW, Keys(), ("instructions-1",)),
-        ("large", large, Texts(), OTHER_KEYS, ("instructions-1", "placement", "break")),
-    ):
-        stage = Stage(screen)
-        for of, page in pages(stage, screen, texts, keys):
-            if of in kept:
-                draw(stage, page, folder / f"{name}-{of}.png")
+    """Draw every page of the presets, and of studies in other languages and sizes."""
+    recommended = write_study_text("recommended")
+    studies = {
+        "paper": paper_study(),
+        "recommended": study_from_text(recommended, "study.toml"),
+        "arabic": _turned(ARABIC),
+        "hebrew": _turned(HEBREW),
+        "large": study_from_text(LARGE, "study.toml"),
+    }
+    for name, study in studies.items():
+        window = replace(study.screen, full_screen=False, width_px=800, height_px=450)
+        shown = study.changed(screen=window)
+        stage = Stage(window)
+        (folder / name).mkdir(parents=True, exist_ok=True)
+        for of, page in pages(stage, shown):
+            draw(stage, page, folder / name / f"{of}.png")
         stage.close()
+
+
+def _turned(texts: Texts) -> Study:
+    screen = Screen(text_height=0.045, right_to_left=True)
+    return paper_study().changed(screen=screen, texts=texts)
 
 
 if __name__ == "__main__":

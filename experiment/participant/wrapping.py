@@ -23,7 +23,7 @@ def filled(text: str, facts: Mapping[str, object]) -> str:
     return _FILLED.sub(lambda found: signs.get(found[0], found[0]), text)
 
 
-_FILLED: Final = re.compile(r"\{\{|\}\}|\{[a-z]+\}")
+_FILLED: Final = re.compile(r"\{\{|\}\}|\{[a-z_]+\}")
 
 
 def wrapped(text: str, fits: Callable[[str], bool]) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.findings import Findings
+from experiment.study.sections.presentation import unsaid_in
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.sources import (
     cutoff_source,
@@ -343,6 +344,8 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     del stated["both_level"]  # text or a number; told as a number or null
     found.note(design=stated)
     found.tell("answers", ", ".join(design.responses))
+    if unsaid := unsaid_in(study.texts, design):
+        found.tell("instructions", f"your own, {unsaid}: say it if they do not", unsaid=unsaid)
     found.tell("levels", _levels_words(design))
     found.tell(
         "trials",

@@ -443,8 +443,8 @@ def test_every_page_is_drawn_within_its_window(display: dict[str, str], tmp_path
 
     script = Path(__file__).parents[2] / "docs" / "screens" / "draw.py"
     subprocess.run([sys.executable, script, tmp_path], env=display, check=True)
-    drawn = {path.name: imread(path) for path in tmp_path.glob("*.png")}
-    assert set(drawn) == {path.name for path in script.parent.glob("*.png")}
+    drawn = {path.relative_to(tmp_path): imread(path) for path in tmp_path.rglob("*.png")}
+    assert set(drawn) == {path.relative_to(script.parent) for path in script.parent.rglob("*.png")}
     for name, picture in drawn.items():
         inside = picture[8:-8, 8:-8, :3]
         around = np.abs(picture[..., :3] - picture[4, 4, :3]).sum(axis=2)

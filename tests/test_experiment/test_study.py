@@ -16,6 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiment.commands.init import write_study_text
+from experiment.preview.check import check_study
+from experiment.preview.check_report import check_findings
 from experiment.study.read import (
     paper_study,
     read_levels,
@@ -26,7 +28,7 @@ from experiment.study.read import (
 )
 from experiment.study.sections.dataset import Dataset
 from experiment.study.sections.design import Design
-from experiment.study.sections.presentation import Keys, Screen, Texts
+from experiment.study.sections.presentation import Keys, Screen, Texts, unsaid_in
 from experiment.study.study import StudyError
 from stimuli import (
     CLAMPED,
@@ -508,3 +510,49 @@ def test_a_file_that_holds_no_levels_is_refused(tmp_path: Path, text: str, said:
     path.write_text(text)
     with pytest.raises(StudyError, match=said):
         read_levels(path, "1")
+
+
+@pytest.mark.parametrize(
+    ("design", "said", "not_said"),
+    [
+        ('responses = ["left", "right"]\nboth_trials = 0', ["or your right"], ["both", "{none}"]),
+        ("", ["or both"], ["{none}", "no vibration"]),
+        (
+            'responses = ["left", "right", "both", "none"]\nblank_trials = 4',
+            ["or both", "Sometimes there will be no vibration: press {none} then."],
+            ["If you feel nothing"],
+        ),
+        (
+            'responses = ["left", "right", "none"]\nboth_trials = 0',
+            ["or your right", "If you feel nothing, press {none}."],
+            ["both", "Sometimes"],
+        ),
+    ],
+)
+def test_instructions_follow_the_design(design: str, said: list[str], not_said: list[str]) -> None:
+    study = study_from_text(f"[design]\n{design}", "study.toml")
+    text = study.shown_texts.instructions
+    assert text is not None
+    assert all(words in text for words in said)
+    assert not any(words in text for words in not_said)
+    assert study.texts.instructions is None  # another design makes others
+
+
+def test_a_text_with_the_key_of_an_answer_that_is_not_offered_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"texts\.main has the key .* \{none\}: .*design\.resp"):
+        study_from_text('[texts]\nmain = "Press {none} if there is nothing."', "study.toml")
+    for kept in ("control", "audibility", "prompt_hands_off"):
+        study_from_text(f'[texts]\n{kept} = "Press {{none}} if there is nothing."', "study.toml")
+
+
+def test_own_instructions_that_leave_answers_out_are_told_by_check() -> None:
+    text = (
+        '[design]\nresponses = ["left", "right", "both", "none"]\nblank_trials = 10\n'
+        '[texts]\ninstructions = "Press {left}, {right} or {both}."'
+    )
+    study = study_from_text(text, "study.toml")
+    assert unsaid_in(study.texts, study.design) == "without {none}, the answer to 10 trials"
+    assert (
+        "instructions   your own, without {none}"
+        in check_findings(check_study(study), "study.toml").text
+    )

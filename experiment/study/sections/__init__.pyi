@@ -3,7 +3,7 @@ from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import DeviceSettings, Masking
 from .plate import PAPER_CUTOFF_HZ, MaterialName, Plate, is_papers_plate
-from .presentation import Keys, Screen, Texts
+from .presentation import Keys, Screen, Texts, instructions_of, unsaid_in
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
     Condition,
@@ -46,9 +46,11 @@ __all__ = [
     "completed",
     "drive_samples",
     "file_keys",
+    "instructions_of",
     "is_papers_plate",
     "paper_actuators",
     "section",
     "stimulus_facts",
+    "unsaid_in",
     "unscaled_peak",
 ]

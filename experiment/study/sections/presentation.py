@@ -186,6 +186,7 @@ class Texts:
 def instructions_of(design: Design) -> str:
     """Tell a person what comes, from what a design presents and offers as answers.
 
+    >>> from experiment.study.sections.design import Design
     >>> instructions_of(Design(responses=("left", "right"), both_trials=0))
     'You will feel a short vibration under your left or your right finger. Then say where you fe...
     """
@@ -202,6 +203,23 @@ def instructions_of(design: Design) -> str:
         f"You will feel a short vibration under {where}. Then say where you felt it.{nothing} If "
         "you are not sure, answer what seems most likely."
     )
+
+
+def unsaid_in(texts: Texts, design: Design) -> str:
+    """Tell what a lab's own instructions seem not to say; nothing of those made from the design.
+
+    >>> from experiment.study.sections.design import Design
+    >>> unsaid_in(Texts(instructions="Press {left} or {right}."), Design())
+    'without {both}, the answer to 5 trials'
+    """
+    trials = {"both": design.both_trials, "none": design.blank_trials}
+    named = set(trials) if texts.instructions is None else _words(texts.instructions)
+    missing = [
+        f"without {{{word}}}, the answer to {n} trial{'s' * (n > 1)}"
+        for word, n in trials.items()
+        if n and word not in named
+    ]
+    return "; ".join(missing)
 
 
 def _words(text: str) -> set[str]:
