@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +64,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         *_both_and_blank(analysis),
         *_control(analysis),
         *_plates(analysis),
+        *_contact(analysis),
         *_definitions(analysis),
         *_sources(analysis),
     ]
@@ -298,6 +300,19 @@ def _plates(analysis: Analysis) -> Iterator[Element]:
         ]
         yield table(f"What is known of {which}, and from whom (yours: the study's)", header, rows,
                     header[2:])  # fmt: skip
+
+
+def _contact(analysis: Analysis) -> Iterator[Element]:
+    """Tell what the studies state of the fingers on the plate; a bare table states nothing."""
+    from experiment.study.read import study_from_canonical
+    from experiment.study.study import StudyError
+
+    stated: dict[str, None] = {}
+    for text in analysis.studies:
+        with contextlib.suppress(StudyError):  # told with the plate
+            stated[study_from_canonical(text).contact.words] = None
+    yield element("h2", "Force and contact of the fingers")
+    yield element("p", foreign("; ".join(stated) or "not stated"), ".")
 
 
 def _definitions(analysis: Analysis) -> Iterator[Element]:

@@ -196,6 +196,7 @@ def events_sidecar(
     facts = {
         "TaskName": study.name,
         "TaskDescription": study.dataset.task_description,
+        "FingerContact": None if simulated else study.contact.words,
         "Instructions": None if simulated else study.shown_texts.instructions,
         "InstitutionName": study.dataset.institution_name,
         "InstitutionAddress": study.dataset.institution_address,

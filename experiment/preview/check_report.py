@@ -340,6 +340,7 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     study, design = check.study, check.study.design
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
     found.tell("device", _device_words(study), device=asdict(study.device))
+    found.tell("contact", study.contact.words, contact=asdict(study.contact))
     stated = asdict(design) | {"both_level_vpp": design.both_level_vpp}
     del stated["both_level"]  # text or a number; told as a number or null
     found.note(design=stated)

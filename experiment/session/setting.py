@@ -161,6 +161,7 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "python": platform.python_version(),
         "versions": {name: version(name) for name in ("tactstrip", "numpy")},
         "calibration": NOT_AVAILABLE,
+        "contact": asdict(study.contact) | {"words": study.contact.words},
     }
 
 

@@ -15,7 +15,7 @@ from pydantic_core import ArgsKwargs, PydanticCustomError
 from experiment.study.sections.actuator import SIDES, Actuator, paper_actuators
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
-from experiment.study.sections.equipment import DeviceSettings, Masking
+from experiment.study.sections.equipment import Contact, DeviceSettings, Masking
 from experiment.study.sections.plate import Plate, is_papers_plate
 from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
@@ -68,6 +68,7 @@ class Study:
     design: FromTable[Design] = Field(default_factory=Design)
     device: FromTable[DeviceSettings] = Field(default_factory=DeviceSettings)
     masking: FromTable[Masking] = Field(default_factory=Masking)
+    contact: FromTable[Contact] = Field(default_factory=Contact)
     screen: FromTable[Screen] = Field(default_factory=Screen)
     keys: FromTable[Keys] = Field(default_factory=Keys)
     texts: FromTable[Texts] = Field(default_factory=Texts)

@@ -217,5 +217,18 @@ def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: 
     assert "measured by the paper (figure 4)" in told
 
 
+def test_the_report_says_how_the_fingers_lay_on_the_plate(
+    tmp_path: Path, simulate: Simulate
+) -> None:
+    contact = '\n[contact]\ncontrol = "held"\nhow = "<b>20 g on the nail"\n'
+    write_analysis([simulate(tmp_path / "lab", contact, participants=2)], tmp_path / "out",
+                   figures=False)  # fmt: skip
+    told = Outline((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
+    assert told.count("held: <b>20 g on the nail") == 1
+    heading = "Force and contact of the fingers"
+    bare = Outline(report(tmp_path)).text.partition(heading)[2]
+    assert bare.startswith("not stated.")
+
+
 def test_a_report_of_tables_without_plans_says_that_no_plate_is_known(tmp_path: Path) -> None:
     assert "No plan beside the tables tells of a plate." in report(tmp_path)

@@ -57,6 +57,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         "condition": {"name": "a"},
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
         "masking": {"max_level_dba": 0.0},
+        "contact": {"control": "instructed"},
     }
     return others.get(section, {})
 

@@ -1,7 +1,7 @@
 from .actuator import MEASURED_KEYS, PIEZO_KEYS, SIDES, Actuator, paper_actuators
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
-from .equipment import DeviceSettings, Masking
+from .equipment import Contact, DeviceSettings, Masking
 from .plate import PAPER_CUTOFF_HZ, MaterialName, Plate, is_papers_plate
 from .presentation import Keys, Screen, Texts, instructions_of, unsaid_in
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
@@ -29,6 +29,7 @@ __all__ = [
     "About",
     "Actuator",
     "Condition",
+    "Contact",
     "Dataset",
     "Design",
     "DeviceSettings",

@@ -1,8 +1,8 @@
-"""The sections [device] and [masking]: what drives the actuators, and what hides their sound."""
+"""The sections [device], [masking] and [contact]: what drives the plate, hides it, lies on it."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
 from pydantic import Field
 
@@ -13,6 +13,7 @@ from stimuli.checks import finite
 from stimuli.drive.noise import LEAST_LEVEL_DBFS
 
 Noise = Literal["pink", "none"]
+ContactControl = Literal["not stated", "none", "instructed", "held", "measured"]
 
 MAX_MASKING_LEVEL_DBA = 80.0
 """Loudest masking noise, dB(A) re 20 uPa, that a person may hear for the length of a session."""
@@ -81,3 +82,57 @@ class Masking:
             raise ValueError(
                 f"sound_card must be a name in one line of text; got {self.sound_card!r}"
             )
+
+
+_CONTACT_WORDS: Final = {
+    "not stated": "not stated",
+    "none": "not controlled",
+    "instructed": "by instruction",
+    "held": "held",
+    "measured": "measured",
+}
+
+
+@section
+class Contact:
+    """How the fingers lay on the plate: a threshold depends on their force and area of contact.
+
+    The program controls neither; what is stated here stands in header, report and data set.
+    """
+
+    control: ContactControl = Field(
+        default="not stated", description="held: by weights or rests; measured: by a sensor"
+    )
+    force_n: float | None = Field(default=None, gt=0, le=20, description="of one finger, normal")
+    how: str | None = Field(
+        default=None, description="in a line: what was told, what held, what measured"
+    )
+
+    def __post_init__(self) -> None:
+        if self.how is not None and not is_line(self.how):
+            raise ValueError(f"how must be one line of text; got {self.how!r}")
+        given = [key for key in ("force_n", "how") if getattr(self, key) is not None]
+        if self.control == "not stated" and given:
+            raise ValueError(
+                f"control must be none, instructed, held or measured beside {given[0]}; "
+                f"got {self.control!r}"
+            )
+        if self.control == "none" and self.force_n is not None:
+            raise ValueError(
+                "control must be instructed, held or measured beside force_n; got 'none'"
+            )
+        if self.control in {"held", "measured"} and self.how is None:
+            raise ValueError(f"how is missing; control = {self.control} needs it")
+
+    @property
+    def words(self) -> str:
+        """What is stated, in a line.
+
+        >>> Contact().words, Contact(control="none").words
+        ('not stated', 'not controlled')
+        >>> Contact(control="measured", force_n=0.5, how="a load cell below each finger").words
+        'measured, 0.5 N: a load cell below each finger'
+        """
+        force = "" if self.force_n is None else f", {self.force_n:g} N"
+        how = "" if self.how is None else f": {self.how}"
+        return f"{_CONTACT_WORDS[self.control]}{force}{how}"
