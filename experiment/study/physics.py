@@ -145,8 +145,8 @@ def _felt_m(study: Study, strip: Strip, condition: Condition) -> NDArray[np.floa
 def chosen_burst(study: Study, condition: Condition) -> Burst:
     """Return the shortest standard burst that does what ``window = "auto"`` asks for.
 
-    Where no loss is stated it is looked for with the least that is assumed, with which the ends
-    send back most. ValueError where none keeps the wanted level at the other finger.
+    Where no loss is stated it has to do so with the least and with the greatest that is assumed.
+    ValueError where none keeps the wanted level at the other finger.
     """
     from stimuli import shortest_window
 
@@ -155,13 +155,15 @@ def chosen_burst(study: Study, condition: Condition) -> Burst:
         raise ValueError(
             f"condition {condition.name} must have window = auto; got {condition.window}"
         )
+    strip, *also = dict.fromkeys(field_strip(study, loss) for loss in (LEAST_LOSS, MOST_LOSS))
     try:
         choice = shortest_window(
-            field_strip(study, LEAST_LOSS),
+            strip,
             loads_of(study)[:2],
             fingertips_of(study)[:2],
             condition.stated,
             wanted_level_db,
+            also=also,
         )
     except ValueError as error:
         raise ValueError(f"condition {condition.name}: window = auto: {error}") from error

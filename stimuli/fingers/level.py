@@ -84,7 +84,7 @@ class WindowChoice:
     burst : Burst
         The burst.
     level_db : float
-        Its worst level at another finger relative to the own one.
+        Its worst level at another finger relative to the own one, on any of the strips.
     extra_s : float
         How much longer it lasts than the asked burst; 0 if only its window differs.
     """
@@ -100,6 +100,8 @@ def shortest_window(
     fingertips: Sequence[Fingertip],
     burst: Burst,
     wanted_db: float,
+    *,
+    also: Sequence[Strip] = (),
 ) -> WindowChoice:
     """Return the shortest standard burst that is quiet enough at the other fingers.
 
@@ -116,6 +118,8 @@ def shortest_window(
         count.
     wanted_db : float
         Greatest level at any other finger relative to the own one, below 0.
+    also : sequence of Strip
+        What the strip may be as well, as with another loss: the burst is quiet on all of them.
 
     Returns
     -------
@@ -154,7 +158,11 @@ def shortest_window(
     for cycles in range(burst.cycles, MOST_CYCLES + 1):
         for window in _ORDER:
             tried = dataclasses.replace(burst, cycles=cycles, window=window)
-            worst_db = _worst_db(felt(strip, loads, fingertips, tried))
+            worst_db = -math.inf
+            for plate in (strip, *also):
+                worst_db = max(worst_db, _worst_db(felt(plate, loads, fingertips, tried)))
+                if worst_db > wanted_db:
+                    break
             if worst_db <= wanted_db:
                 extra_s = tried.duration_s - burst.duration_s
                 return WindowChoice(burst=tried, level_db=worst_db, extra_s=extra_s)

@@ -25,7 +25,7 @@ from experiment.terms.gains import (
 from experiment.terms.record import format_value
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import PlanError, plan_from_json
-from stimuli import MomentDisc, Scene, displacement
+from stimuli import MomentDisc, Scene, Strip, WindowChoice, displacement
 
 MEASURED = "measured_displacement_um = {}\nmeasured_at_vpp = 100\nmeasured_at_hz = {}\n"
 KNOWN = MEASURED.format(2.6, 300)
@@ -237,6 +237,24 @@ def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
     (plain,) = paper_study().conditions
     with pytest.raises(ValueError, match="condition main must have window = auto; got none"):
         chosen_burst(study, plain)
+
+
+@pytest.mark.parametrize(
+    ("stated", "tried"), [("", [0.005, 0.02]), ("[strip]\nloss_factor = 0.03\n", [0.03])]
+)
+def test_a_window_is_chosen_for_every_loss_that_the_plate_may_have(
+    stated: str, tried: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    losses = []
+
+    def chosen(strip: Strip, *args: Any, also: list[Strip]) -> Any:
+        losses.extend([one.material.loss_factor for one in (strip, *also)])
+        return WindowChoice(burst=args[2], level_db=-40.0, extra_s=0.0)
+
+    monkeypatch.setattr("stimuli.shortest_window", chosen)
+    text = f'{stated}[burst]\nwindow = "auto"\nwanted_level_db = -35'
+    study_from_text(text, "s.toml")
+    assert losses == tried
 
 
 @pytest.mark.slow

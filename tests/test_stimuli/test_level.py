@@ -89,6 +89,25 @@ def test_a_burst_quiet_enough_is_kept(asked: list[tuple[int, str]]) -> None:
     assert choice.level_db == pytest.approx(-20.0, abs=1e-12)
 
 
+def test_a_burst_has_to_be_quiet_on_all_plates_that_it_may_be(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    other = dataclasses.replace(HELD, thickness_m=2 * HELD.thickness_m)
+    levels_db = {
+        (HELD, "none"): -9.0, (HELD, "tukey"): -12.0, (HELD, "gaussian"): -13.0,
+        (other, "tukey"): -9.0, (other, "gaussian"): -11.0,
+    }  # fmt: skip
+
+    def felt(strip: Any, _loads: Any, _tips: Any, burst: Burst) -> Any:
+        worst = 10 ** (levels_db[strip, burst.window] / 20)
+        return np.array([[1.0, 1e-9], [worst, 1.0]])
+
+    monkeypatch.setattr(level, "felt", felt)
+    choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-10.0, also=[other])
+    assert choice.burst == burst_of(1, "gaussian")
+    assert choice.level_db == pytest.approx(-11.0)
+
+
 @pytest.mark.slow
 def test_the_first_window_that_is_quiet_enough_is_taken() -> None:
     choice = shortest_window(HELD, DISCS, TIPS, CYCLE, wanted_db=-65.0)
