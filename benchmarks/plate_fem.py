@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from stimuli import SIMPLY_SUPPORTED, MomentRectangle, Strip
+from stimuli import CLAMPED, BondedPatch, ElasticEdge, MomentRectangle, Strip
+from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -58,33 +59,52 @@ class Model:
 def model(
     strip: Strip, load: MomentRectangle, points_m: Sequence[tuple[float, float]], size_m: float
 ) -> Model:
-    """Return the model of a finite strip on a grid whose lines run along the patch.
+    """Return the model of a finite strip on a grid whose lines run along all patches.
 
     The short ends are free: nothing is demanded there, and the natural conditions hold with
-    Poisson's ratio in the bilinear form.
+    Poisson's ratio in the bilinear form. Patches of the strip are rectangles.
     """
     import skfem
     from skfem.helpers import dd, ddot, trace
 
     bilinear: Callable[[Any], Any] = skfem.BilinearForm
     linear: Callable[[Any], Any] = skfem.LinearForm
-    nu, width = strip.material.poisson_ratio, strip.width_m
+    width = strip.width_m
     half_x, half_y = load.half_size_m
     end = (strip.length_m or 0.0) / 2
-    mesh = skfem.MeshQuad.init_tensor(
-        _lines((-end, load.x_m - half_x, load.x_m + half_x, end), size_m),
-        _lines((0.0, load.y_m - half_y, load.y_m + half_y, width), size_m),
-    )
+    x_m, y_m = {-end, end}, {0.0, width}
+    grid: list[MomentRectangle | BondedPatch] = [load, *strip.patches]
+    for one in grid:
+        x_m |= {one.x_m - one.half_size_m[0], one.x_m + one.half_size_m[0]}
+        y_m |= {one.y_m - one.half_size_m[1], one.y_m + one.half_size_m[1]}
+    mesh = skfem.MeshQuad.init_tensor(_lines(sorted(x_m), size_m), _lines(sorted(y_m), size_m))
     basis = skfem.Basis(mesh, skfem.ElementQuadBFS(), intorder=6)
 
-    @bilinear
-    def bending(u: Any, v: Any, _: Any) -> Any:
-        one, other = dd(u), dd(v)
-        return (1 - nu) * ddot(one, other) + nu * trace(one) * trace(other)
+    plate = layer_of(strip.material, strip.thickness_m)
+    over = [(patch, laminate([plate, *patch.layers])) for patch in strip.patches]
+
+    def there(name: str, w: Any) -> Any:
+        """Return what the plate, or where a patch is the laminate, has."""
+        found = np.full_like(w.x[0], getattr(laminate([plate]), name))
+        for patch, both in over:
+            (reach_x, reach_y), (x, y) = patch.half_size_m, w.x
+            inside = (abs(x - patch.x_m) < reach_x) & (abs(y - patch.y_m) < reach_y)
+            found = np.where(inside, getattr(both, name), found)
+        return found
 
     @bilinear
-    def product(u: Any, v: Any, _: Any) -> Any:
-        return u * v
+    def bending(u: Any, v: Any, w: Any) -> Any:
+        one, other = dd(u), dd(v)
+        biaxial, opposed = there("biaxial_n_m", w), there("opposed_n_m", w)
+        return opposed * ddot(one, other) + (biaxial - opposed) / 2 * trace(one) * trace(other)
+
+    @bilinear
+    def product(u: Any, v: Any, w: Any) -> Any:
+        return there("mass_kg_m2", w) * u * v
+
+    @bilinear
+    def spring(u: Any, v: Any, _: Any) -> Any:
+        return u.grad[1] * v.grad[1]
 
     @linear
     def patch(v: Any, w: Any) -> Any:
@@ -92,12 +112,15 @@ def model(
         return on_patch * trace(dd(v))
 
     edges = basis.get_dofs(lambda x: (x[1] < _ON_AN_EDGE) | (x[1] > width - _ON_AN_EDGE))
-    supported = strip.edge is SIMPLY_SUPPORTED
+    supported = strip.edge is not CLAMPED
     free = basis.complement_dofs(edges.all(["u", "u_x"]) if supported else edges.all())
-    areal = strip.material.density_kg_m3 * strip.thickness_m
+    stiffness = bending.assemble(basis)
+    if isinstance(strip.edge, ElasticEdge):
+        held = mesh.facets_satisfying(lambda x: np.minimum(x[1], width - x[1]) < _ON_AN_EDGE)
+        stiffness += strip.edge.stiffness_n * spring.assemble(basis.boundary(held))
     return Model(
-        stiffness=(strip.bending_stiffness_n_m * bending.assemble(basis))[free][:, free].tocsc(),
-        mass=(areal * product.assemble(basis))[free][:, free].tocsc(),
+        stiffness=stiffness[free][:, free].tocsc(),
+        mass=product.assemble(basis)[free][:, free].tocsc(),
         load=patch.assemble(basis)[free],
         points=basis.probes(np.array(points_m).T).tocsr()[:, free],
         loss_factor=strip.material.loss_factor,

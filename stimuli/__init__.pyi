@@ -21,6 +21,7 @@ from .load import (
 from .motion.history import transient, transient_work
 from .strip.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from .strip.material import ALUMINIUM, MATERIALS, Material
+from .strip.patch import BondedPatch, Layer
 from .strip.strip import Strip
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "CLAMPED",
     "MATERIALS",
     "SIMPLY_SUPPORTED",
+    "BondedPatch",
     "Burst",
     "BurstCheck",
     "DisplacementMap",
@@ -36,6 +38,7 @@ __all__ = [
     "Fingertip",
     "ForceRectangle",
     "IdealEdge",
+    "Layer",
     "Load",
     "LoadPerVolt",
     "Material",

@@ -240,7 +240,15 @@ class Scene:
         return int(np.count_nonzero(np.any(faint > rtol, axis=1)))
 
     def jobs(self) -> tuple[Job, ...]:
-        """Return what has to be computed, each different thing once."""
+        """Return what has to be computed, each different thing once.
+
+        ValueError where the strip has patches: the field would be that of the bare plate.
+        """
+        if self.strip.patches:
+            raise ValueError(
+                "strip must have no patches: they count over time only, for bursts and in "
+                f"`felt`, got {len(self.strip.patches)} of them"
+            )
         loads, points_m = self.loads, self.points_m
         return jobs(self.strip, loads, points_m, skip=self.skip, driven=self.driven)
 

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 from stimuli.checks import finite, instance
 from stimuli.field.field import displacement
 from stimuli.field.scene import Scene
-from stimuli.load import LOADS
+from stimuli.load import DISCS, LOADS
+from stimuli.motion.motion import steady
+from stimuli.strip.patch import Layer, laminate, layer_of
 
 if TYPE_CHECKING:
     from stimuli.load import Load
+    from stimuli.strip.patch import BondedPatch
     from stimuli.strip.strip import Strip
 
 
@@ -81,6 +84,8 @@ class PiezoLayers:
         Thickness of the carrier; 0 is none.
     carrier_youngs_modulus_pa, carrier_poisson_ratio : float
         Of the carrier; common brass (105 GPa, 0.35) unless told.
+    density_kg_m3, carrier_density_kg_m3 : float
+        What weighs on the plate where `layers` are a patch of it; 0 leaves a mass out.
 
     Raises
     ------
@@ -105,6 +110,8 @@ class PiezoLayers:
     carrier_thickness_m: float = 0.0
     carrier_youngs_modulus_pa: float = 105e9
     carrier_poisson_ratio: float = 0.35
+    density_kg_m3: float = 0.0
+    carrier_density_kg_m3: float = 0.0
 
     def __post_init__(self) -> None:
         ranges = {
@@ -115,12 +122,33 @@ class PiezoLayers:
             "carrier_thickness_m": (0.0, 0.1),
             "carrier_youngs_modulus_pa": (1e-3, 1e15),
             "carrier_poisson_ratio": (-0.999, 0.5),
+            "density_kg_m3": (0.0, 1e6),
+            "carrier_density_kg_m3": (0.0, 1e6),
         }
         for name, (least, most) in ranges.items():
             value = finite(name, getattr(self, name), least=least, most=most)
             object.__setattr__(self, name, value)
         if self.d31_m_v == 0:
             raise ValueError(f"d31_m_v must not be 0, got {self.d31_m_v!r}")
+
+    @property
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers from the plate outwards."""
+        piezo = Layer(
+            thickness_m=self.thickness_m,
+            youngs_modulus_pa=self.youngs_modulus_pa,
+            poisson_ratio=self.poisson_ratio,
+            density_kg_m3=self.density_kg_m3,
+        )
+        if not self.carrier_thickness_m:
+            return (piezo,)
+        carrier = Layer(
+            thickness_m=self.carrier_thickness_m,
+            youngs_modulus_pa=self.carrier_youngs_modulus_pa,
+            poisson_ratio=self.carrier_poisson_ratio,
+            density_kg_m3=self.carrier_density_kg_m3,
+        )
+        return carrier, piezo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,12 +188,12 @@ class LoadPerVolt:
 def load_per_volt(
     strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers
 ) -> LoadPerVolt:
-    """Return the load of an actuator per volt, equations (67) and (68).
+    """Return the load of an actuator per volt, equations (67), (68) and (85).
 
     Parameters
     ----------
     strip : Strip
-        The strip it is mounted on.
+        The strip it is mounted on. Where that has patches, they stiffen and load it here, too.
     load : Load
         What it does to the strip.
     basis : MeasuredDisplacement or PiezoLayers
@@ -212,7 +240,7 @@ def load_per_volt(
     if isinstance(basis, PiezoLayers):
         if not load.is_moment:
             raise ValueError(f"load must be a moment, as layers predict no other, got {load!r}")
-        return LoadPerVolt(load_per_v=_moment_per_volt(strip, basis), basis="predicted")
+        return LoadPerVolt(load_per_v=_moment_per_volt(strip, load, basis), basis="predicted")
     return LoadPerVolt(load_per_v=_measured_load_per_volt(scene, basis), basis="measured")
 
 
@@ -227,26 +255,29 @@ def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> flo
     (load,), width_m = scene.loads, scene.strip.width_m
     if min(load.y_m, width_m - load.y_m) < _LEAST_INSET * width_m:
         raise ValueError(f"load must move the strip at its own centre, got {load!r}")
-    per_load_m = displacement(scene, [measured.frequency_hz], _RTOL)[0, 0, 0]
+    if scene.strip.patches:
+        per_load_m = steady(scene, measured.frequency_hz)[0, 0]
+    else:
+        per_load_m = displacement(scene, [measured.frequency_hz], _RTOL)[0, 0, 0]
     return measured.displacement_per_v_m / abs(complex(per_load_m))
 
 
-def _moment_per_volt(strip: Strip, layers: PiezoLayers) -> float:
-    """Return the moment that bends the bare plate as the layers bend it, equation (67)."""
-    plate = strip.material
-    biaxial = (
-        plate.youngs_modulus_pa / (1 - plate.poisson_ratio),
-        layers.carrier_youngs_modulus_pa / (1 - layers.carrier_poisson_ratio),
-        layers.youngs_modulus_pa / (1 - layers.poisson_ratio),
-    )
-    thick_m = (strip.thickness_m, layers.carrier_thickness_m, layers.thickness_m)
-    middle_m = (0.0, (thick_m[0] + thick_m[1]) / 2, thick_m[0] / 2 + thick_m[1] + thick_m[2] / 2)
-    stretch = [b * h for b, h in zip(biaxial, thick_m, strict=True)]
-    neutral_m = sum(s * z for s, z in zip(stretch, middle_m, strict=True)) / sum(stretch)
-    bending = sum(
-        s * (h * h / 12 + (z - neutral_m) ** 2)
-        for s, h, z in zip(stretch, thick_m, middle_m, strict=True)
-    )
+def _moment_per_volt(strip: Strip, load: Load, layers: PiezoLayers) -> float:
+    """Return the moment that bends the plate as the layers bend it, equations (67) and (85)."""
+    plate = layer_of(strip.material, strip.thickness_m)
+    whole = laminate([plate, *layers.layers])
     # thickness times strain is d31 per volt, whatever the thickness
-    moment = biaxial[2] * abs(layers.d31_m_v) * (middle_m[2] - neutral_m)
-    return stretch[0] * thick_m[0] ** 2 / 12 * moment / bending
+    biaxial_pa = layers.youngs_modulus_pa / (1 - layers.poisson_ratio)
+    moment = biaxial_pa * abs(layers.d31_m_v) * whole.reach_m
+    if any(_is_at(load, patch) for patch in strip.patches):
+        return moment
+    return laminate([plate]).biaxial_n_m * moment / whole.biaxial_n_m
+
+
+def _is_at(load: Load, patch: BondedPatch) -> bool:
+    """Tell whether a load is what a patch does."""
+    return (
+        (load.x_m, load.y_m) == (patch.x_m, patch.y_m)
+        and load.half_size_m == patch.half_size_m
+        and isinstance(load, DISCS) == patch.is_disc
+    )

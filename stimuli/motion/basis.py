@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial.legendre import legmul, legvander
+from numpy.polynomial import Polynomial
+from numpy.polynomial.legendre import Legendre, leggauss, legmul, legvander
+from numpy.polynomial.polynomial import polyder, polyval2d
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from stimuli.arrays import Real
+    from stimuli.strip.patch import BondedPatch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,6 +52,16 @@ class Polynomials:
         for _ in range(order):
             series = series @ step.T
         return np.asarray(series / self.half_m ** (order + 0.5))
+
+
+def free_basis(n: int, length_m: float, *, odd: bool) -> Polynomials:
+    """Return the first n even or odd polynomials: nothing holds the ends.
+
+    >>> basis = free_basis(3, 0.2, odd=False)
+    >>> bool(abs(basis.products(0, 0) - np.eye(3)).max() < 1e-12)
+    True
+    """
+    return Polynomials(series=np.eye(2 * n)[int(odd) :: 2], half_m=length_m / 2)
 
 
 def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Polynomials:
@@ -88,3 +104,147 @@ def half_waves(wavenumber_rad_m: float, half_m: float) -> int:
     """Return how many even or odd polynomials hold a wave over a length of twice half_m."""
     x = wavenumber_rad_m * half_m
     return math.ceil((x + 10 + 3 * math.cbrt(x)) / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Around:
+    """The functions of one patch: piecewise polynomials on three by three cells about it.
+
+    The middle cell is the patch, or the square about a disc, which has polynomials of its own
+    beside them: (1 - r^2)^2 times those of a low degree, 0 outside.
+    """
+
+    patch: BondedPatch
+    ring_m: tuple[float, float]
+    odd: tuple[bool | None, bool | None]  # which functions along and across; none: all
+    degree: int
+
+    def box(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of the functions on the cells: (n_points, n_functions)."""
+        along, across = (
+            _steps((points_m[:, axis] - centre_m) / half_m, ring_m / half_m, order, odd=odd)
+            / half_m**order
+            for axis, (centre_m, half_m, ring_m, order, odd) in enumerate(
+                zip(
+                    (self.patch.x_m, self.patch.y_m),
+                    self.patch.half_size_m,
+                    self.ring_m,
+                    orders,
+                    self.odd,
+                    strict=True,
+                )
+            )
+        )
+        return products_of(along, across)
+
+    def disc(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of a disc's own functions; a rectangle has none."""
+        radius_m = self.patch.half_size_m[0]
+        x, y = (points_m - (self.patch.x_m, self.patch.y_m)).T / radius_m
+        inside = x * x + y * y < 1
+        columns = [
+            np.where(inside, polyval2d(x, y, series), 0.0) / radius_m ** sum(orders)
+            for series in self._series(orders)
+        ]
+        return np.array(columns).reshape(-1, len(points_m)).T
+
+    def cells(self, n_nodes: tuple[int, int]) -> tuple[Real, Real]:
+        """Return nodes and weights over the cells, so many along and across each."""
+        found = []
+        centre_m = self.patch.x_m, self.patch.y_m
+        for at_m, half_m, ring_m, n in zip(
+            centre_m, self.patch.half_size_m, self.ring_m, n_nodes, strict=True
+        ):
+            steps_m = [-half_m - ring_m, -half_m, half_m, half_m + ring_m]
+            ends_m = at_m + np.array(steps_m if ring_m else steps_m[1:3])
+            nodes, weights = leggauss(n)
+            halves_m = np.diff(ends_m)[:, np.newaxis] / 2
+            places_m = ends_m[:-1, np.newaxis] + halves_m * (nodes + 1)
+            found.append((places_m.ravel(), (halves_m * weights).ravel()))
+        return _grid(found[0], found[1])
+
+    def area(self, n_nodes: tuple[int, int]) -> tuple[Real, Real]:
+        """Return the same over the patch."""
+        half_x_m, half_y_m = self.patch.half_size_m
+        centre_m = np.array([self.patch.x_m, self.patch.y_m])
+        if not self.patch.is_disc:
+            (x, along), (y, across) = (leggauss(n) for n in n_nodes)
+            points_m, weights = _grid(
+                (half_x_m * x, half_x_m * along), (half_y_m * y, half_y_m * across)
+            )
+            return centre_m + points_m, weights
+        n = max(n_nodes)
+        nodes, weights = leggauss(n)
+        reach_m = half_x_m * (nodes + 1) / 2
+        turns = np.full(2 * n, math.pi / n)
+        polar, share = _grid((reach_m, weights * reach_m * half_x_m / 2), (np.cumsum(turns), turns))
+        x, y = np.cos(polar[:, 1]), np.sin(polar[:, 1])
+        return centre_m + polar[:, :1] * np.stack([x, y], axis=1), share
+
+    def _series(self, orders: tuple[int, int]) -> Iterator[Real]:
+        rim = np.zeros((5, 5))  # (1 - x^2 - y^2)^2
+        rim[0, 0], rim[2, 0], rim[0, 2], rim[4, 0], rim[0, 4], rim[2, 2] = 1, -2, -2, 1, 1, 2
+        degrees = range(self.degree + 1) if self.patch.is_disc else ()
+        for i, j in product(degrees, degrees):
+            if i + j > self.degree or self.odd[0] == (i % 2 == 0) or self.odd[1] == (j % 2 == 0):
+                continue
+            shape = np.multiply.outer(*(_legendre(n).coef for n in (i, j)))
+            series = np.zeros((5 + i, 5 + j))
+            for (row, column), value in np.ndenumerate(shape):
+                series[row : row + 5, column : column + 5] += value * rim
+            for axis, order in enumerate(orders):
+                series = np.asarray(polyder(series, order, axis=axis), dtype=np.float64)
+            yield series
+
+
+def _legendre(degree: int) -> Polynomial:
+    return Legendre.basis(degree).convert(kind=Polynomial)
+
+
+def _steps(place: Real, reach: float, order: int, *, odd: bool | None) -> Real:
+    """Return functions of a place over half a patch's length: (n_places, n_functions).
+
+    Even or odd, or both: value and slope at the rim, and a hump outside and one inside. They end
+    with slope 0 at 1 + reach. Without any reach only the hump inside is left, which ends at 1.
+    """
+    if odd is None:
+        both = [_steps(place, reach, order, odd=one) for one in (False, True)]
+        return np.concatenate(both, axis=1)
+    size = np.abs(place)
+    s = Polynomial([0, 1])
+    first = s if odd else Polynomial([1])
+    hump = (1 - s**2) ** 2
+    pieces = [(hump * first, 0 * s)]
+    if reach:
+        value = s * (3 - s**2) / 2 if odd else first
+        slope = (s**3 - s) / 2 if odd else (s**2 - 1) / 2
+        pieces += [
+            (value, (1 - s) ** 2 * (1 + 2 * s)),
+            (slope, reach * s * (1 - s) ** 2),
+            (0 * s, 16 * s**2 * (1 - s) ** 2),
+        ]
+    beyond = (size - 1) / (reach or 1.0)
+    sign = np.where(place < 0, -1.0, 1.0) ** (order + odd)
+    inside, outside = size <= 1, (size > 1) & (beyond < 1)
+    columns = [
+        np.where(inside, _derived(inner, order)(place), 0.0)
+        + np.where(outside, sign * _derived(outer, order)(beyond) / (reach or 1.0) ** order, 0.0)
+        for inner, outer in pieces
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _derived(one: Polynomial, order: int) -> Polynomial:
+    return one.deriv(order) if order else one
+
+
+def _grid(along: tuple[Real, Real], across: tuple[Real, Real]) -> tuple[Real, Real]:
+    """Return the nodes of two integrals as points (n, 2), and their weights."""
+    points = np.meshgrid(along[0], across[0], indexing="ij")
+    weights = np.multiply.outer(along[1], across[1])
+    return np.stack([one.ravel() for one in points], axis=1), weights.ravel()
+
+
+def products_of(along: Real, across: Real) -> Real:
+    """Return the products of functions along and across at the same points: (n_points, n)."""
+    return np.asarray((along[:, :, np.newaxis] * across[:, np.newaxis]).reshape(len(along), -1))

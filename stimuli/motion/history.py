@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.field.synthesis import TransientWork, checked_times, synthesis_work, synthesized
-from stimuli.motion.motion import motions
+from stimuli.motion.motion import motions, unpatched
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import INTERPOLATED, Course, LoadedRow
-from stimuli.motion.section import AGREED, sections
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -110,7 +109,7 @@ def transient_work(
     if found is None:
         return synthesis_work(scene, burst, times, rtol)
     _, motion = found
-    of_scene = scene.work([scene.strip.cutoff_hz() / 2], rtol)
+    of_scene = unpatched(scene).work([scene.strip.cutoff_hz() / 2], rtol)
     modes = motion.oscillators.poles.size
     reason = f"all bins: {modes} modes up to {motion.highest_hz:.6g} Hz are enough"
     return TransientWork(
@@ -132,28 +131,18 @@ def _by_modes(scene: Scene, drive: Drive, times_s: Real, rtol: float) -> tuple[R
     """Return displacements and the motion that gives them; none if no modes are enough."""
     if rtol < _FINEST or not times_s.size:
         return None
-    shorter: Real | None = None
-    for section in sections(scene):
-        for motion in motions(section, drive):
-            moved_m, error_m, largest_m = history_of(motion, drive, times_s)
-            if np.all(error_m <= rtol * largest_m):
-                break
-        else:
-            return None
-        if section is scene:
+    for motion in motions(scene, drive):
+        moved_m, error_m = history_of(motion, drive, times_s)
+        if np.all(error_m <= rtol):
             return moved_m, motion
-        if shorter is not None:
-            apart_m = np.max(np.abs(moved_m - shorter), axis=0)
-            if np.all(apart_m <= AGREED * rtol * largest_m):
-                return moved_m, motion
-        shorter = moved_m
     return None
 
 
-def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real, Real]:
-    """Return the displacement at times (n_times, n_loads, n_points), its error, and the largest.
+def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]:
+    """Return the displacement at times (n_times, n_loads, n_points) and its error.
 
-    Both, (n_loads, n_points), are of all times up to the last one or to the end of the drive.
+    The error, (n_loads, n_points), is a part of the largest displacement up to the last time or
+    to the end of the drive.
     """
     every = np.arange(motion.oscillators.rest_m.shape[1])
     rows = [LoadedRow(motion, load, [every]) for load in range(motion.oscillators.rest_m.shape[0])]
@@ -174,5 +163,4 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real,
             found[which, load] = moved(row.weights, row.rest_m, answers, samples).T
     # where nothing moves, as at an edge, an error counts beside what moves elsewhere
     least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
-    largest = np.maximum(largest, least)
-    return found, _CAUTION * doubt + INTERPOLATED * largest, largest
+    return found, _CAUTION * doubt / np.maximum(largest, least) + INTERPOLATED

@@ -16,15 +16,17 @@ from stimuli.field.field import displacement
 from stimuli.load import DISCS
 from stimuli.motion.modes import Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
+from stimuli.motion.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
+from stimuli.strip.patch import BondedPatch, Layer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from stimuli.arrays import Real
+    from stimuli.arrays import Complex, Real
     from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
     from stimuli.load import Load
@@ -38,6 +40,12 @@ _SPANS: Final = 8.0
 
 _FEWEST, _MORE = 8.0, 1.75
 """Modes are kept up to such a multiple of the first cut-off; if that is not enough, to more."""
+
+_FEWEST_PATCHED: Final = 6.0
+"""The same of a plate with patches, whose functions hold what is finer."""
+
+_UNSURE: Final = 2.0
+"""What the miss of the exact field without patches is multiplied with: patches have more."""
 
 _IMAGES: Final = 3.0, 1.5
 """A sample rate below so many times the highest mode, and up to where modes are kept then."""
@@ -66,6 +74,9 @@ class Motion:
         Up to where it has modes.
     viscous_s : float
         Relaxation time of the plate: what follows at once does so as late as this.
+    unsure_m : ndarray of float64 or None, shape (n_loads, n_points)
+        What may be wrong of a plate with patches at rest: twice what the same functions miss of
+        the exact field without patches.
     """
 
     oscillators: Oscillators
@@ -74,15 +85,23 @@ class Motion:
     reference_hz: float
     highest_hz: float
     viscous_s: float
+    unsure_m: Real | None = None
 
 
 def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
-    for multiple in _multiples(drive, reference_hz):
-        if n_waves(scene.strip, multiple * reference_hz) > MOST_WAVES:
+    for multiple in _multiples(drive, reference_hz, scene.strip):
+        if not is_enough(scene.strip, multiple * reference_hz):
             return
         yield motion_of(scene, reference_hz, multiple)
+
+
+def is_enough(strip: Strip, highest_hz: float) -> bool:
+    """Tell whether the modes up to a frequency are few enough to be sought."""
+    if n_waves(strip, highest_hz) > MOST_WAVES:
+        return False
+    return not strip.patches or has_room(strip, highest_hz)
 
 
 def reference_of(scene: Scene, drive: Drive) -> float:
@@ -90,12 +109,12 @@ def reference_of(scene: Scene, drive: Drive) -> float:
     return max(scene.strip.cutoff_hz(), drive.band_hz()[1])
 
 
-def _multiples(drive: Drive, reference_hz: float) -> tuple[float, float]:
+def _multiples(drive: Drive, reference_hz: float, strip: Strip) -> tuple[float, float]:
     """Return up to which multiples of a frequency modes are kept, and if need be, after all.
 
     The images of samples about their rate would make modes just above the highest one swing.
     """
-    least = _FEWEST
+    least = _FEWEST_PATCHED if strip.patches else _FEWEST
     if isinstance(drive, SampledDrive):
         near, reach = _IMAGES
         rate = drive.sample_rate_hz / reference_hz
@@ -144,16 +163,58 @@ def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
         reference_hz=reference_hz,
         highest_hz=highest_hz,
         viscous_s=strip.material.viscous_time_s,
+        unsure_m=bare.unsure_m,
     )
+
+
+def steady(scene: Scene, frequency_hz: float) -> Complex:
+    """Return the displacement at a frequency below the first mode: (n_loads, n_points).
+
+    Metres per unit load, time factor exp(-i omega t): what `displacement` does for a plate that
+    has no patches. A constant loss is taken as the viscous one that is the same there.
+
+    ValueError where the plate has a mode below, or too many.
+    """
+    omega = 2 * math.pi * frequency_hz
+    material = scene.strip.material
+    viscous_s = material.viscous_time_s + material.loss_factor / omega
+    viscous = dataclasses.replace(material, loss_factor=0.0, viscous_time_s=viscous_s)
+    strip = dataclasses.replace(scene.strip, material=viscous)
+    reference_hz = strip.cutoff_hz()
+    multiples = [_FEWEST_PATCHED, _MORE * _FEWEST_PATCHED]
+    enough = [multiple for multiple in multiples if is_enough(strip, multiple * reference_hz)]
+    if not enough:
+        raise ValueError(f"the plate has too many modes for its patches, got {strip.length_m!r} m")
+    motion = motion_of(dataclasses.replace(scene, strip=strip), reference_hz, enough[-1])
+    poles = motion.oscillators.poles
+    first_hz = float(np.min(np.abs(poles))) / (2 * math.pi)
+    if frequency_hz >= first_hz:
+        raise ValueError(
+            f"frequency_hz must lie below the first mode of the plate with its patches, "
+            f"{first_hz:.6g} Hz, got {frequency_hz!r}"
+        )
+    found = []
+    for load, rest_m in enumerate(motion.oscillators.rest_m):
+        weights = motion.oscillators.weights(load)
+        swings = (weights / (-1j * omega - poles)).sum(axis=1)
+        swings += (weights.conj() / (-1j * omega - poles.conj())).sum(axis=1)
+        found.append(swings / 2 + rest_m / (1 - 1j * omega * motion.viscous_s))
+    return np.array(found)
+
+
+def unpatched(scene: Scene) -> Scene:
+    """Return a scene whose strip has no patches."""
+    return dataclasses.replace(scene, strip=dataclasses.replace(scene.strip, patches=()))
 
 
 class _Bare(NamedTuple):
     """What of a scene does not depend on its loss."""
 
-    groups: Sequence[Modes | Waves]
+    groups: Sequence[Modes | Waves | PatchedModes]
     moved: list[Real]  # of each group the modes at the points, (n_copies, n_points, n_modes)
     pushed: list[Real]  # what the loads do to them, (n_copies, n_loads, n_modes)
     static_m: Real  # (n_loads, n_points)
+    unsure_m: Real | None
 
 
 @lru_cache(maxsize=4)
@@ -161,30 +222,65 @@ def _bare(scene: Scene, highest_hz: float) -> _Bare:
     """Return the same for every loss: a study that states none is computed with three."""
     strip = scene.strip
     centred = all(load.y_m == strip.width_m / 2 for load in scene.loads)
-    groups: Sequence[Modes | Waves]
-    if strip.length_m is None:
+    groups: Sequence[Modes | Waves | PatchedModes]
+    if strip.patches:
+        bearing = _with_places(strip, scene.loads)
+        groups = patched_modes(bearing, highest_hz, centred=centred)
+    elif strip.length_m is None:
         groups = strip_waves(strip, highest_hz, _period_m(scene), centred=centred)
     else:
         groups = plate_modes(strip, highest_hz, centred=centred)
     points_m = np.array(scene.points_m)
     most_rad_m = wavenumber_rad_m(strip, highest_hz)
     nodes = [_nodes(load, most_rad_m) for load in scene.loads]
-    driven = scene.driven or (True,) * len(scene.loads)
-    pushed = [
-        np.stack(
-            [
-                on * np.einsum("n,cnm->cm", weights, group.at(nodes_m, laplacian=load.is_moment))
-                for on, load, (nodes_m, weights) in zip(driven, scene.loads, nodes, strict=True)
-            ],
-            axis=1,
-        )
-        for group in groups
-    ]
+    pushed = [_pushed(scene, nodes, group.at) for group in groups]
+    static_m, unsure_m = displacement(unpatched(scene), [0.0], _STATIC_RTOL)[0].real, None
+    patched = [group for group in groups if isinstance(group, PatchedModes)]
+    if patched:
+        rests = [
+            group.at_rest_m(points_m, _pushed(scene, nodes, group.functions.at)[0])
+            for group in patched
+        ]
+        exact_m, (static_m, without_m) = static_m, np.sum(rests, axis=0)
+        unsure_m = _UNSURE * np.abs(without_m - exact_m)
     return _Bare(
         groups=groups,
         moved=[group.at(points_m) for group in groups],
         pushed=pushed,
-        static_m=displacement(scene, [0.0], _STATIC_RTOL)[0].real,
+        static_m=static_m,
+        unsure_m=unsure_m,
+    )
+
+
+def _with_places(strip: Strip, loads: Sequence[Load]) -> Strip:
+    """Return a strip with patches of nothing where a moment has no patch: it bends as sharply."""
+    nothing = Layer(thickness_m=1e-9, youngs_modulus_pa=1e-3, poisson_ratio=0.0)
+    patches = strip.patches
+    for load in loads:
+        if load.is_moment:
+            half_x_m, half_y_m = load.half_size_m
+            place = BondedPatch(
+                x_m=load.x_m,
+                y_m=load.y_m,
+                length_x_m=2 * half_x_m,
+                length_y_m=2 * half_y_m,
+                layers=(nothing,),
+                is_disc=isinstance(load, DISCS),
+            )
+            if all(max(place.gaps_m(patch)) >= 0 for patch in patches):
+                patches = (*patches, place)
+    return dataclasses.replace(strip, patches=patches)
+
+
+def _pushed(scene: Scene, nodes: Sequence[tuple[Real, Real]], at: Callable[..., Real]) -> Real:
+    """Return the works of the loads on functions: (n_copies, n_loads, n_functions)."""
+    driven = scene.driven or (True,) * len(scene.loads)
+    return np.stack(
+        [
+            on * np.einsum("n,cnm->cm", weights, at(nodes_m, laplacian=load.is_moment))
+            for on, load, (nodes_m, weights) in zip(driven, scene.loads, nodes, strict=True)
+        ],
+        axis=1,
     )
 
 

@@ -114,6 +114,8 @@ class LoadedRow:
 
     def __init__(self, motion: Motion, load: int, checked: Sequence[NDArray[np.intp]]) -> None:
         self._late, self._turned = motion.late, motion.turned
+        unsure_m = None if motion.unsure_m is None else motion.unsure_m[load]
+        self._unsure_m = [None if unsure_m is None else unsure_m[group] for group in checked]
         self.weights = motion.oscillators.weights(load)
         self.rest_m = motion.oscillators.rest_m[load]
         self._some = [self.weights[group] for group in checked]
@@ -124,13 +126,16 @@ class LoadedRow:
         """Return what may have to be added at the checked points of a group.
 
         First the inertia of the upper modes, more than that of all which are left out, then what
-        comes round after half the length of an endless strip.
+        comes round after half the length of an endless strip, or what is unsure at rest.
         """
         some, late = self._some[line], self._late
         inertia = moved(some[:, late], self._at_once[line], answers[late], samples)
         around = np.zeros_like(inertia)
         if self._turned is not None:
             around = moved(some * self._turned, np.zeros(len(some)), answers, samples)
+        unsure_m = self._unsure_m[line]
+        if unsure_m is not None:
+            around = np.multiply.outer(unsure_m, samples)
         return inertia, around
 
 

@@ -1,6 +1,7 @@
 from .dispersion import relation
 from .edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from .material import ALUMINIUM, MATERIALS, Material
+from .patch import BondedPatch, Laminate, Layer, laminate, layer_of
 from .roots import section_roots
 from .strip import Strip
 from .waves import ratio, supported_cutoff_hz
@@ -10,10 +11,15 @@ __all__ = [
     "CLAMPED",
     "MATERIALS",
     "SIMPLY_SUPPORTED",
+    "BondedPatch",
     "ElasticEdge",
     "IdealEdge",
+    "Laminate",
+    "Layer",
     "Material",
     "Strip",
+    "laminate",
+    "layer_of",
     "ratio",
     "relation",
     "section_roots",

@@ -21,6 +21,7 @@ from stimuli.strip.edge import (
     edge_phase,
 )
 from stimuli.strip.material import Material
+from stimuli.strip.patch import BondedPatch, checked_patches
 from stimuli.strip.roots import decays_squared
 from stimuli.strip.shapes import folded, is_wave, wave_shape
 from stimuli.strip.waves import Section, outgoing_root, supported_cutoff_hz, supported_wavenumbers
@@ -60,12 +61,14 @@ class Strip:
         `SIMPLY_SUPPORTED`, `CLAMPED` or an `ElasticEdge`.
     length_m : float or None
         Length of a finite strip, with x = 0 in its middle; none is an endless one. Cut-offs,
-        wavenumbers and mode shapes are those of the endless strip.
+        wavenumbers and mode shapes are those of the endless strip without patches.
+    patches : tuple of BondedPatch
+        What stiffens and loads a finite strip: for its modes only, not over frequency.
 
     Raises
     ------
     ValueError
-        If a size is not a number from 1e-9 to 1000, or material or edge is none.
+        If a size is not from 1e-9 to 1000, material or edge is none, or a patch is not on it.
 
     Examples
     --------
@@ -83,6 +86,7 @@ class Strip:
     material: Material
     edge: IdealEdge | ElasticEdge
     length_m: float | None = None
+    patches: tuple[BondedPatch, ...] = ()
 
     def __post_init__(self) -> None:
         instance("material", self.material, Material, "a Material")
@@ -92,13 +96,15 @@ class Strip:
             size_m = getattr(self, name)
             if name != "length_m" or size_m is not None:
                 object.__setattr__(self, name, finite(name, size_m, least=1e-9, most=1e3))
+        checked = checked_patches(self.patches, self.width_m, self.length_m)
+        object.__setattr__(self, "patches", checked)
 
     @property
     def bending_stiffness_n_m(self) -> float:
         """Bending stiffness D without loss in N m, equation (2)."""
-        material = self.material
-        relief = 12 * (1 - material.poisson_ratio) * (1 + material.poisson_ratio)
-        return material.youngs_modulus_pa * self.thickness_m**3 / relief
+        nu = self.material.poisson_ratio
+        relief = 12 * (1 - nu) * (1 + nu)
+        return self.material.youngs_modulus_pa * self.thickness_m**3 / relief
 
     def cutoff_hz(self, mode: int = 1) -> float:
         """Return the frequency at which a mode begins to propagate, equations (11) and (17).
@@ -121,12 +127,11 @@ class Strip:
 
         Notes
         -----
-        Source: paper, section II-A, for simply supported edges; the others follow from the
-        edge condition (16). Holds while the plate is thin against the wave.
+        Source: paper, section II-A; for other edges (16). Holds while the plate is thin.
 
         Examples
         --------
-        The cut-offs of a simply supported strip grow with the square of the mode:
+        On simple supports they grow with the square of the mode:
 
         >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, Strip
         >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
@@ -141,9 +146,8 @@ class Strip:
     def with_cutoff(self, frequency_hz: float) -> Strip:
         """Return this strip with the elastic edge that has a measured first cut-off.
 
-        One cut-off does not tell a spring from a clamped strip that is wider than stated: the
-        clamped strip of width W sqrt(f_clamped / f) has the same first cut-off, but other higher
-        ones. The stiffness found is right only if width, thickness and material are.
+        One cut-off does not tell a spring from a clamped strip of width W sqrt(f_clamped / f): the
+        stiffness found is right only if width, thickness and material are.
 
         Parameters
         ----------
@@ -159,7 +163,7 @@ class Strip:
         Raises
         ------
         ValueError
-            If no spring has this cut-off; the message states the range.
+            If no spring has this cut-off.
 
         Examples
         --------
@@ -204,8 +208,8 @@ class Strip:
         -------
         ndarray of complex128, shape (n_modes,)
             Wavenumbers p of exp(+i p x) exp(-i omega t) in rad/m, x > 0: Im p > 0, or Im p = 0
-            and p > 0. By increasing imaginary part; propagating waves first, the largest first;
-            both members of a pair, Re p > 0 first. The last may be half of a pair.
+            and p > 0. By increasing imaginary part; of propagating waves the largest first; of a
+            pair Re p > 0 first, the last may be half of one.
 
         Raises
         ------
@@ -214,9 +218,8 @@ class Strip:
 
         Notes
         -----
-        Source: paper, section II-A, for the first branch on simple supports. The error is what a
-        few units in the last place of the inputs would make: unbounded at a cut-off and where two
-        wavenumbers coalesce (`exceptional_point_hz`).
+        The error is what a few units in the last place of the inputs would make: unbounded at a
+        cut-off and where two wavenumbers coalesce (`exceptional_point_hz`).
 
         Examples
         --------
@@ -243,15 +246,14 @@ class Strip:
     def exceptional_point_hz(self) -> float:
         """Return the frequency where the two lowest symmetric wavenumbers coalesce.
 
-        Below it they are a pair +-Re p + i Im p: the field away from a load then has nulls along
-        the strip. Between it and the first cut-off both are purely imaginary.
+        Below it they are a pair +-Re p + i Im p, and the field has nulls along the strip. Between
+        it and the first cut-off both are purely imaginary.
 
         Returns
         -------
         float
-            The exceptional point of the strip without loss, equation (35), in Hz. Simply
-            supported edges have none above 0 Hz, where all their wavenumbers meet in twos: 0,
-            which is also the limit of ever softer springs.
+            The exceptional point of the strip without loss, equation (35), in Hz; 0 on simple
+            supports, whose wavenumbers all meet there in twos.
 
         Examples
         --------
@@ -281,8 +283,8 @@ class Strip:
         Returns
         -------
         ndarray of float64, shape of `y_m`
-            Shape with a mean square of 1/2 over the width, as a sine, exactly 0 on both edges and
-            rising from y = 0. Different modes are orthogonal.
+            Shape with a mean square of 1/2 over the width, as a sine, 0 on both edges and rising
+            from y = 0. Different modes are orthogonal.
 
         Raises
         ------
@@ -303,7 +305,7 @@ class Strip:
 
         Between clamps the shape is that of the clamped beam:
 
-        >>> clamped = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+        >>> clamped = dataclasses.replace(strip, edge=CLAMPED)
         >>> clamped.mode_shape(1, [0.0, 0.005, 0.0125, 0.02]).round(4).tolist()
         [0.0, 0.438, 1.123, 0.438]
         """
@@ -341,9 +343,8 @@ class Strip:
         Returns
         -------
         ndarray of complex128, shape of `y_m`
-            Shape with a mean of |U|^2 of 1/2 over the width, exactly 0 on both edges; its phase
-            makes U' + (W / 2) U'' at y = 0 real and positive. Without loss a real p^2 has a real
-            shape, and the two members of a pair have conjugate ones.
+            Shape with a mean of |U|^2 of 1/2 over the width, 0 on both edges; its phase makes
+            U' + (W / 2) U'' at y = 0 real and positive. Without loss a pair's are conjugate.
 
         Raises
         ------
@@ -376,8 +377,8 @@ class Strip:
     def _section(self, frequency_hz: float, symmetry: Symmetry) -> Section:
         """Return what the dispersion equation needs of the strip at one frequency."""
         first_hz = self._supported_cutoff_hz()
-        most_hz = _MOST_CUTOFFS * first_hz
-        frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=most_hz)
+        most = _MOST_CUTOFFS * first_hz
+        frequency_hz = finite("frequency_hz", frequency_hz, least=0.0, most=most)
         if symmetry not in ("symmetric", "antisymmetric"):
             raise ValueError(f"symmetry must be symmetric or antisymmetric, got {symmetry!r}")
         factor = self.material.stiffness_factor(frequency_hz)

@@ -1,0 +1,381 @@
+"""Modes of a plate with patches bonded to it: by Ritz's method, with functions of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.motion.basis import (
+    Around,
+    Polynomials,
+    free_basis,
+    half_waves,
+    held_basis,
+    products_of,
+)
+from stimuli.motion.standing_waves import wavenumber_rad_m
+from stimuli.strip.edge import CLAMPED, ElasticEdge
+from stimuli.strip.patch import Laminate, laminate, layer_of
+
+if TYPE_CHECKING:
+    from stimuli.arrays import Real
+    from stimuli.strip.patch import BondedPatch
+    from stimuli.strip.strip import Strip
+
+
+# At the rim of a patch the curvature jumps, and beyond it the plate bends sharply: polynomials of
+# the whole plate would come near that as 1 / n only. So each patch has functions of its own, with a
+# jump of curvature at its rim, that end smoothly a little way outside it.
+
+_RING: Final = 2.0
+"""How far beyond a patch its functions reach, in its smaller half length."""
+
+_LEAST_RING: Final = 0.25
+"""Where an edge, an end or another patch leaves less room, they end at its rim."""
+
+_DEGREE, _MOST_DEGREE = 3, 9
+"""Of a disc's functions, beside a wave's phase from its centre to its rim; and at most."""
+
+_NODES: Final = 8
+"""Nodes of an integral, beside the phase of the finest polynomial over half of it."""
+
+_MOST_FUNCTIONS: Final = 3000
+"""Functions of one symmetry, those of patches aside: some ten seconds."""
+
+_DEPENDENT: Final = 1e-7
+"""Part of a function of a patch that those of the plate must not have already."""
+
+
+_VALUE: Final = (0, 0)
+_BENDS: Final = ((2, 0), (0, 2), (1, 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatchedModes:
+    """Modes of one symmetry of a plate with patches, with the mass 1 each.
+
+    Attributes
+    ----------
+    squared, bent
+        As of `Modes`. The patches have the plate's loss.
+    functions : _Functions
+        In which the modes were sought.
+    series : ndarray of float64, shape (n_functions, n_modes)
+        The modes in those.
+    stiffness, bare_stiffness : ndarray of float64, shape (n_functions, n_functions)
+        Of the plate with its patches and without, springs included.
+    """
+
+    squared: Real
+    bent: Real
+    functions: _Functions
+    series: Real
+    stiffness: Real
+    bare_stiffness: Real
+
+    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
+        """Return the modes at points (n_points, 2), or their Laplacians: (1, n_points, n_modes)."""
+        return np.asarray(self.functions.at(points_m, laplacian=laplacian) @ self.series)
+
+    def at_rest_m(self, points_m: Real, pushes: Real) -> tuple[Real, Real]:
+        """Return what loads at rest do, with the patches and without: (n_loads, n_points) each.
+
+        `pushes`, (n_loads, n_functions), are the loads' works on the functions.
+        """
+        from scipy.linalg import solve
+
+        (at_points,) = self.functions.at(points_m)
+        some = (self.stiffness, self.bare_stiffness)
+        first, second = (
+            (at_points @ solve(one, pushes.T, assume_a="pos", check_finite=False)).T for one in some
+        )
+        return first, second
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Functions:
+    """What one symmetry is made of: polynomials of the whole plate, and each patch's functions.
+
+    Where left and right are mirror images, the patches on the right have functions for both.
+    """
+
+    along: Polynomials
+    across: Polynomials
+    odd_x: bool | None
+    around: tuple[Around, ...]
+    kept: Real  # combinations of the patches' functions, (n_local, n_kept)
+
+    @property
+    def n_global(self) -> int:
+        """How many are polynomials of the whole plate."""
+        return len(self.along.series) * len(self.across.series)
+
+    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
+        """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""
+        orders = _BENDS[:2] if laplacian else (_VALUE,)
+        plate = np.sum([self.plate(points_m, order) for order in orders], axis=0)
+        local = np.sum([self._local(points_m, order) for order in orders], axis=0) @ self.kept
+        return np.concatenate([plate, local], axis=1)[np.newaxis]
+
+    def plate(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of the plate's polynomials at points."""
+        along = self.along.values(points_m[:, 0] / self.along.half_m, orders[0])
+        across = self.across.values(points_m[:, 1] / self.across.half_m - 1, orders[1])
+        return products_of(along, across)
+
+    def _local(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return the same of the patches' functions, mirrored to the left."""
+        if self.odd_x is not None:
+            left = points_m[:, 0] < 0
+            points_m = np.stack([np.abs(points_m[:, 0]), points_m[:, 1]], axis=1)
+            sign = np.where(left, -1.0, 1.0) ** (orders[0] + self.odd_x)
+        else:
+            sign = np.ones(len(points_m))
+        parts = [f(points_m, orders) for one in self.around for f in (one.box, one.disc)]
+        return np.asarray(sign[:, np.newaxis] * np.concatenate(parts, axis=1))
+
+
+def patched_modes(strip: Strip, highest_hz: float, *, centred: bool) -> list[PatchedModes]:
+    """Return the modes of a finite plate with patches up to a frequency, equation (84).
+
+    Parameters
+    ----------
+    strip : Strip
+        The plate and its patches; its loss does not count here.
+    highest_hz : float
+        How far.
+    centred : bool
+        Whether only modes that are even across the strip are asked for; they are a group of
+        their own only where all patches are centred across.
+    """
+    return [_group(strip, highest_hz, odd) for odd in _symmetries(strip, centred=centred)]
+
+
+def has_room(strip: Strip, highest_hz: float) -> bool:
+    """Tell whether the modes of each symmetry can be sought in as many functions as they need."""
+    groups = len(_symmetries(strip, centred=False))
+    most = wavenumber_rad_m(strip, highest_hz)
+    lengths_m = (strip.length_m or 0.0, strip.width_m)
+    n = math.prod(half_waves(most, length_m / 2) for length_m in lengths_m) * 4 // groups
+    return n <= _MOST_FUNCTIONS
+
+
+def _symmetries(strip: Strip, *, centred: bool) -> list[tuple[bool | None, bool | None]]:
+    """Return the groups of modes, odd or even or both along and across."""
+    patches = set(strip.patches)
+    mirrored = {dataclasses.replace(patch, x_m=-patch.x_m) for patch in patches} == patches
+    in_the_middle = all(patch.y_m == strip.width_m / 2 for patch in patches)
+    along = (False, True) if mirrored else (None,)
+    across: tuple[bool | None, ...] = (None,)
+    if in_the_middle:
+        across = (False,) if centred else (False, True)
+    return list(product(along, across))
+
+
+def _group(strip: Strip, highest_hz: float, odd: tuple[bool | None, bool | None]) -> PatchedModes:
+    """Return the modes of one symmetry."""
+    from scipy.linalg import eigh
+
+    most = wavenumber_rad_m(strip, highest_hz)
+    functions = _functions(strip, most, odd)
+    springs, stiffness, bare_stiffness, mass = _matrices(strip, functions)
+    kept = _independent(mass, functions.n_global)
+    springs, stiffness, bare_stiffness, mass = (
+        kept.T @ one @ kept for one in (springs, stiffness, bare_stiffness, mass)
+    )
+    squared, vectors = eigh(
+        stiffness,
+        mass,
+        subset_by_value=(-math.inf, (2 * math.pi * highest_hz) ** 2),
+        check_finite=False,
+    )
+    n = functions.n_global
+    return PatchedModes(
+        squared=squared,
+        bent=vectors.T @ (stiffness - springs) @ vectors,
+        functions=dataclasses.replace(functions, kept=kept[n:, n:]),
+        series=vectors,
+        stiffness=stiffness,
+        bare_stiffness=bare_stiffness,
+    )
+
+
+def _functions(strip: Strip, most_rad_m: float, odd: tuple[bool | None, bool | None]) -> _Functions:
+    """Return the functions of one symmetry."""
+    length_m, clamped = strip.length_m or 0.0, strip.edge is CLAMPED
+    n_along, n_across = (half_waves(most_rad_m, size / 2) for size in (length_m, strip.width_m))
+    signs = (False, True)
+    along = [free_basis(n_along, length_m, odd=one) for one in signs]
+    across = [held_basis(n_across, strip.width_m, clamped=clamped, odd=one) for one in signs]
+    around = []
+    for patch in strip.patches:
+        if odd[0] is not None and patch.x_m < 0:
+            continue
+        degree = _DEGREE + math.ceil(most_rad_m * patch.half_size_m[0])
+        around.append(
+            Around(
+                patch=patch,
+                ring_m=_ring_m(strip, patch),
+                odd=(odd[0] if patch.x_m == 0 else None, odd[1]),
+                degree=min(degree, _MOST_DEGREE),
+            )
+        )
+    return _Functions(
+        along=_sided(odd[0], *along),
+        across=_sided(odd[1], *across),
+        odd_x=odd[0],
+        around=tuple(around),
+        kept=np.zeros((0, 0)),
+    )
+
+
+def _sided(odd: bool | None, even: Polynomials, uneven: Polynomials) -> Polynomials:  # noqa: FBT001 - none is both
+    """Return the even or the odd functions, or both, the even ones first."""
+    if odd is not None:
+        return uneven if odd else even
+    return dataclasses.replace(even, series=np.concatenate([even.series, uneven.series]))
+
+
+def _ring_m(strip: Strip, patch: BondedPatch) -> tuple[float, float]:
+    """Return how far the functions of a patch reach beyond it along and across."""
+    half_m = patch.half_size_m
+    room_m = [
+        (strip.length_m or 0.0) / 2 - abs(patch.x_m) - half_m[0],
+        strip.width_m / 2 - abs(patch.y_m - strip.width_m / 2) - half_m[1],
+    ]
+    for other in strip.patches:
+        if other is not patch:
+            gaps_m = patch.gaps_m(other)
+            axis = 0 if gaps_m[0] >= gaps_m[1] else 1
+            room_m[axis] = min(room_m[axis], gaps_m[axis] / 2)
+    reach_m = [min(_RING * min(half_m), room) for room in room_m]
+    along, across = (one if one > _LEAST_RING * min(half_m) else 0.0 for one in reach_m)
+    return along, across
+
+
+def _matrices(strip: Strip, functions: _Functions) -> tuple[Real, Real, Real, Real]:
+    """Return the matrices of springs, of plate and springs with and without patches, and mass."""
+    plate = layer_of(strip.material, strip.thickness_m)
+    bare = laminate([plate])
+    sheet, held = _stiffnesses(strip, functions.along, functions.across)
+    n = functions.n_global
+    blocks = [
+        _Block(functions, one, bare, laminate([plate, *one.patch.layers]))
+        for one in functions.around
+    ]
+    size = n + sum(block.n_local for block in blocks)
+    springs, bare_stiffness, added, mass = (np.zeros((size, size)) for _ in range(4))
+    springs[:n, :n], bare_stiffness[:n, :n] = held, sheet + held
+    mass[:n, :n] = bare.mass_kg_m2 * np.eye(n)
+    first = n
+    for block in blocks:
+        mine = np.r_[0:n, first : first + block.n_local]
+        first += block.n_local
+        bends, moves, more_bends, more_moves = block.products()
+        bare_stiffness[np.ix_(mine, mine)] += bends
+        added[np.ix_(mine, mine)] += more_bends
+        mass[np.ix_(mine, mine)] += moves + more_moves
+    return springs, bare_stiffness + added, bare_stiffness, mass
+
+
+class _Block:
+    """What a patch adds to the matrices of the plate's functions and its own."""
+
+    def __init__(
+        self, functions: _Functions, around: Around, bare: Laminate, whole: Laminate
+    ) -> None:
+        self._functions, self._around, self._bare = functions, around, bare
+        self._added = Laminate(
+            biaxial_n_m=max(whole.biaxial_n_m - bare.biaxial_n_m, 0.0),
+            opposed_n_m=max(whole.opposed_n_m - bare.opposed_n_m, 0.0),
+            mass_kg_m2=whole.mass_kg_m2 - bare.mass_kg_m2,
+            reach_m=whole.reach_m,
+        )
+        # the patch on the right stands for its image on the left as well
+        self._fold = 2.0 if functions.odd_x is not None and around.patch.x_m > 0 else 1.0
+        one = np.array([[around.patch.x_m, around.patch.y_m]])
+        self._n_box, n_disc = (f(one, _VALUE).shape[1] for f in (around.box, around.disc))
+        self.n_local = self._n_box + n_disc
+
+    def products(self) -> tuple[Real, Real, Real, Real]:
+        """Return bending and mass of the plate alone, of its own functions; and what is added."""
+        first = self._functions.n_global
+        box, every = first + self._n_box, first + self.n_local
+        bends, moves = np.zeros((every, every)), np.zeros((every, every))
+        nodes = self._nodes()
+        area = self._around.area(nodes)
+        parts = [
+            (self._around.cells(nodes), slice(first, box), box),
+            (area, slice(box, every), every),
+        ]
+        for (points_m, weights), mine, end in parts:
+            if mine.start == mine.stop:
+                continue
+            for matrix, rows in zip(
+                (bends, moves), self._rows(points_m, self._fold * weights, self._bare), strict=True
+            ):
+                crossed = rows[:, :end].T @ rows[:, mine]
+                matrix[:end, mine], matrix[mine, :end] = crossed, crossed.T
+        bent, moved = self._rows(area[0], self._fold * area[1], self._added)
+        return bends, moves, bent.T @ bent, moved.T @ moved
+
+    def _rows(self, points_m: Real, weights: Real, stiff: Laminate) -> tuple[Real, Real]:
+        """Return rows whose squares sum to twice the strain energy, and to that of a velocity."""
+        every = [self._values(points_m, orders) for orders in (*_BENDS, _VALUE)]
+        xx, yy, xy, value = (np.sqrt(weights)[:, np.newaxis] * one for one in every)
+        biaxial, opposed = math.sqrt(stiff.biaxial_n_m / 2), math.sqrt(stiff.opposed_n_m / 2)
+        bent = [biaxial * (xx + yy), opposed * (xx - yy), 2 * opposed * xy]
+        return np.concatenate(bent), math.sqrt(stiff.mass_kg_m2) * value
+
+    def _values(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        around = self._around
+        parts = (self._functions.plate, around.box, around.disc)
+        return np.concatenate([part(points_m, orders) for part in parts], axis=1)
+
+    def _nodes(self) -> tuple[int, int]:
+        """Return how many nodes along and across an integral over a cell needs."""
+        functions, sizes_m = (
+            self._functions,
+            zip(self._around.patch.half_size_m, self._around.ring_m, strict=True),
+        )
+        along, across = (
+            _NODES + math.ceil(one.series.shape[1] * min(max(size_m) / one.half_m, 1.0))
+            for one, size_m in zip((functions.along, functions.across), sizes_m, strict=True)
+        )
+        return along, across
+
+
+def _independent(mass: Real, n_global: int) -> Real:
+    """Return combinations of functions without those of patches that the plate's nearly have."""
+    from scipy.linalg import solve
+
+    whole, crossed = mass[:n_global, :n_global], mass[:n_global, n_global:]
+    left = mass[n_global:, n_global:] - crossed.T @ solve(whole, crossed, assume_a="pos")
+    scale = 1 / np.sqrt(np.diag(mass)[n_global:])
+    share, vectors = np.linalg.eigh(scale[:, np.newaxis] * left * scale)
+    kept = share > _DEPENDENT
+    found = np.zeros((len(mass), n_global + int(np.count_nonzero(kept))))
+    found[:n_global, :n_global] = np.eye(n_global)
+    found[n_global:, n_global:] = scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(share[kept])
+    return found
+
+
+def _stiffnesses(strip: Strip, along: Polynomials, across: Polynomials) -> tuple[Real, Real]:
+    """Return the matrices of the plate's strain energy and of the springs'."""
+    poisson, stiffness = strip.material.poisson_ratio, strip.bending_stiffness_n_m
+    one_x, one_y = np.eye(along.series.shape[0]), np.eye(across.series.shape[0])
+    coupled = np.kron(along.products(2, 0), across.products(0, 2))
+    plate = (
+        np.kron(along.products(2, 2), one_y)
+        + np.kron(one_x, across.products(2, 2))
+        + poisson * (coupled + coupled.T)
+        + 2 * (1 - poisson) * np.kron(along.products(1, 1), across.products(1, 1))
+    )
+    held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
+    slopes = across.values(np.array([-1.0, 1.0]), 1)
+    return stiffness * plate, np.asarray(held * np.kron(one_x, slopes.T @ slopes))
