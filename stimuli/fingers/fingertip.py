@@ -15,7 +15,8 @@ from stimuli.field.scene import Scene
 from stimuli.field.synthesis import MOST_TIME_S, synthesized
 from stimuli.load import LOADS, Load
 from stimuli.motion.motion import motions, reference_of
-from stimuli.motion.peaks import LOOKS, Peaks, crests, peaks_of
+from stimuli.motion.peaks import LOOKS, crests, patched_peaks, peaks_of
+from stimuli.motion.section import AGREED, sections
 from stimuli.strip.strip import Strip
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class Fingertip:
             )
         found = {(self.x_m, self.y_m): None}
         for along_m, across_m in _rings(self.radius_m, strip.width_m):
-            x_m = round(min(max(self.x_m + along_m, -end_m), end_m), _DIGITS)
+            x_m = min(max(round(self.x_m + along_m, _DIGITS), -end_m), end_m)
             y_m = round(self.y_m + across_m, _DIGITS)
             if 0 < y_m < strip.width_m:
                 found[x_m, y_m] = None
@@ -139,12 +140,6 @@ def _rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
             b_m = reach_m * math.sin(angle)
             yield from ((a_m, b_m), (-b_m, a_m), (-a_m, -b_m), (b_m, -a_m))
 
-
-_PATCHED: Final = 0.03
-"""Part of the own finger's displacement that has to be known where patches count."""
-
-_SLOWLY: Final = 3.0
-"""What more functions changed is multiplied with: as many again would still change some of it."""
 
 RTOL: Final = 3e-3
 """Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
@@ -212,11 +207,11 @@ def felt(
     >>> bool(peaks_m[1, 0] < 1e-3 * peaks_m[0, 0])
     True
     """
-    scene, places, wait_s = _asked(strip, loads, fingertips, drive)
+    scene, places, far_m = _asked(strip, loads, fingertips, drive)
     if strip.patches:
-        return _patched(scene, places, drive, wait_s).peak_m
-    found = _by_modes(scene, places, drive, rtol, wait_s)
-    return _by_spectra(scene, places, drive, rtol, wait_s) if found is None else found
+        return patched_peaks(scene, places, drive, wait_s=_wait_s(strip, far_m)).peak_m
+    found = _by_modes(scene, places, drive, rtol, far_m)
+    return _by_spectra(scene, places, drive, rtol, far_m) if found is None else found
 
 
 def felt_error(
@@ -230,14 +225,14 @@ def felt_error(
 
     ValueError as for `felt`.
     """
-    scene, places, wait_s = _asked(strip, loads, fingertips, drive)
-    return _patched(scene, places, drive, wait_s).error_m
+    scene, places, far_m = _asked(strip, loads, fingertips, drive)
+    return patched_peaks(scene, places, drive, wait_s=_wait_s(strip, far_m)).error_m
 
 
 def _asked(
     strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
 ) -> tuple[Scene, list[NDArray[np.intp]], float]:
-    """Return what is looked at, the places of each fingertip in it, and how long."""
+    """Return what is looked at, the places of each fingertip in it, and the farthest."""
     instance("drive", drive, Drive, "a burst or a sampled drive")
     instance("loads", loads, (tuple, list), "a tuple of loads")
     for load in loads:
@@ -248,7 +243,8 @@ def _asked(
     scene = Scene(strip=causal(strip, drive), loads=tuple(loads), points_m=points_m)
     row = {point: index for index, point in enumerate(points_m)}
     places = [np.array([row[point] for point in area]) for area in areas]
-    return scene, places, _wait_s(strip, loads, tips)
+    far_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in tips for load in loads)
+    return scene, places, far_m
 
 
 def causal(strip: Strip, drive: Drive) -> Strip:
@@ -327,7 +323,7 @@ def _centres(tip: Fingertip, loads: Sequence[Load]) -> tuple[tuple[float, float]
     return tuple(p for p in places if math.dist(p, (tip.x_m, tip.y_m)) <= tip.radius_m)
 
 
-def _wait_s(strip: Strip, loads: Sequence[Load], tips: Sequence[Fingertip]) -> float:
+def _wait_s(strip: Strip, far_m: float) -> float:
     """Return how long after the drive the slow waves just above a cut-off may bring the peak.
 
     They spread like heat: the longest waves have come when 2 sqrt(D / (rho h)) t is the square
@@ -336,51 +332,38 @@ def _wait_s(strip: Strip, loads: Sequence[Load], tips: Sequence[Fingertip]) -> f
     """
     material = strip.material
     spread = math.sqrt(strip.bending_stiffness_n_m / (material.density_kg_m3 * strip.thickness_m))
-    far_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in tips for load in loads)
     far_m += strip.length_m or 0.0
     slowest_m_s = _SLOWEST * 4 * math.pi * spread / strip.width_m
     return min(far_m**2 / (2 * spread), far_m / slowest_m_s) + 1 / strip.cutoff_hz()
 
 
 def _by_modes(
-    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, wait_s: float
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> Real | None:
     """Return the greatest absolute values by the plate's modes; none if they are not enough."""
-    for motion in motions(scene, drive):
-        found = peaks_of(motion, places, drive, wait_s=wait_s)
-        if np.all(found.error_m <= rtol * found.peak_m):
-            return found.peak_m
+    shorter: Real | None = None
+    for section in sections(scene):
+        wait_s = _wait_s(section.strip, far_m)
+        for motion in motions(section, drive):
+            found = peaks_of(motion, places, drive, wait_s=wait_s)
+            if np.all(found.error_m <= rtol * found.peak_m):
+                break
+        else:
+            return None
+        peak_m = found.peak_m
+        if section is scene:
+            return peak_m
+        if shorter is not None and np.all(np.abs(peak_m - shorter) <= AGREED * rtol * peak_m):
+            return peak_m
+        shorter = peak_m
     return None
 
 
-def _patched(
-    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, wait_s: float
-) -> Peaks:
-    """Return the greatest absolute values on a plate with patches, which only its modes know."""
-    sizes = [peaks_of(motion, places, drive, wait_s=wait_s) for motion in motions(scene, drive)]
-    if not sizes:
-        raise ValueError(
-            "the strip has too many modes for its patches to be counted, got "
-            f"length_m = {scene.strip.length_m!r}"
-        )
-    first, last = sizes[0], sizes[-1]
-    error_m = last.error_m + _SLOWLY * np.abs(last.peak_m - first.peak_m)
-    # what is not known of the finger that moves most is known of no other one
-    most, columns = np.argmax(last.peak_m, axis=0), np.arange(last.peak_m.shape[1])
-    part = error_m[most, columns] / last.peak_m[most, columns]
-    error_m = np.maximum(error_m, part * last.peak_m)
-    if np.any(part > _PATCHED) or np.any(error_m > _PATCHED * np.max(last.peak_m, axis=0)):
-        raise ValueError(
-            f"the displacement with patches is not known to {_PATCHED:g}: they are too small "
-            f"for the strip's width, got {scene.strip.patches!r}"
-        )
-    return Peaks(peak_m=last.peak_m, error_m=error_m)
-
-
 def _by_spectra(
-    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, wait_s: float
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> Real:
     """Return the greatest absolute values over time at the places of each fingertip."""
+    wait_s = _wait_s(scene.strip, far_m)
     step_s = 1 / (LOOKS * reference_of(scene, drive))
     for doubling in range(_MOST_DOUBLINGS + 1):
         late_s = wait_s * 2**doubling

@@ -10,6 +10,7 @@ import numpy as np
 from stimuli.motion.motion import is_enough, motion_of, reference_of
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import Course
+from stimuli.motion.section import sections
 
 if TYPE_CHECKING:
     from stimuli.arrays import Real
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 
 
 _MULTIPLES: Final = (4.0, 2.0)
-"""Modes are kept up to the largest of these multiples of the reference for which there is room."""
+"""Modes are kept up to the largest of these multiples of the reference for which there is room, on
+the longest section of the plate for which there is."""
 
 
 def frames_of(scene: Scene, drive: Drive, *, step_s: float, end_s: float) -> tuple[Real, Real]:
@@ -44,8 +46,8 @@ def frames_of(scene: Scene, drive: Drive, *, step_s: float, end_s: float) -> tup
     Raises
     ------
     ValueError
-        If the plate has too many modes below twice the reference: its first cut-off, or the upper
-        edge of the drive's band if that is higher.
+        If what lies between loads and points has too many modes below twice the reference: its
+        first cut-off, or the upper edge of the drive's band if that is higher.
 
     Examples
     --------
@@ -63,16 +65,21 @@ def frames_of(scene: Scene, drive: Drive, *, step_s: float, end_s: float) -> tup
     >>> bool(far_m < 1e-2 * own_m), bool(abs(moved_m[0, 0, -1]) < 1e-2 * own_m)
     (True, True)
     """
-    strip = scene.strip
     reference_hz = reference_of(scene, drive)
-    room = (m for m in _MULTIPLES if is_enough(strip, m * reference_hz))
-    multiple = next(room, None)
-    if multiple is None:
+    room = (
+        (section, multiple)
+        for multiple in _MULTIPLES
+        for section in reversed(list(sections(scene)))
+        if is_enough(section.strip, multiple * reference_hz)
+    )
+    longest = next(room, None)
+    if longest is None:
         raise ValueError(
-            f"the plate has too many modes below {_MULTIPLES[-1] * reference_hz:.6g} Hz to be "
-            f"shown over time; got width_m = {strip.width_m:g}, length_m = {strip.length_m}"
+            "loads and points are too far apart for the modes up to "
+            f"{_MULTIPLES[-1] * reference_hz:.6g} Hz; got width_m = {scene.strip.width_m:g}"
         )
-    motion = motion_of(scene, reference_hz, multiple)
+    section, multiple = longest
+    motion = motion_of(section, reference_hz, multiple)
     oscillators, loads = motion.oscillators, range(len(scene.loads))
     times_s = (step_s * np.arange(math.floor(end_s / step_s + 1e-9) + 1)).astype(np.float64)
     moved_m = np.zeros((len(loads), len(scene.points_m), times_s.size))

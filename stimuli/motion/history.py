@@ -10,6 +10,7 @@ from stimuli.field.synthesis import TransientWork, checked_times, synthesis_work
 from stimuli.motion.motion import motions, unpatched
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import INTERPOLATED, Course, LoadedRow
+from stimuli.motion.section import AGREED, sections
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -131,18 +132,28 @@ def _by_modes(scene: Scene, drive: Drive, times_s: Real, rtol: float) -> tuple[R
     """Return displacements and the motion that gives them; none if no modes are enough."""
     if rtol < _FINEST or not times_s.size:
         return None
-    for motion in motions(scene, drive):
-        moved_m, error_m = history_of(motion, drive, times_s)
-        if np.all(error_m <= rtol):
+    shorter: Real | None = None
+    for section in sections(scene):
+        for motion in motions(section, drive):
+            moved_m, error_m, largest_m = history_of(motion, drive, times_s)
+            if np.all(error_m <= rtol * largest_m):
+                break
+        else:
+            return None
+        if section is scene:
             return moved_m, motion
+        if shorter is not None:
+            apart_m = np.max(np.abs(moved_m - shorter), axis=0)
+            if np.all(apart_m <= AGREED * rtol * largest_m):
+                return moved_m, motion
+        shorter = moved_m
     return None
 
 
-def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]:
-    """Return the displacement at times (n_times, n_loads, n_points) and its error.
+def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real, Real]:
+    """Return the displacement at times (n_times, n_loads, n_points), its error, and the largest.
 
-    The error, (n_loads, n_points), is a part of the largest displacement up to the last time or
-    to the end of the drive.
+    Both, (n_loads, n_points), are of all times up to the last one or to the end of the drive.
     """
     every = np.arange(motion.oscillators.rest_m.shape[1])
     rows = [LoadedRow(motion, load, [every]) for load in range(motion.oscillators.rest_m.shape[0])]
@@ -163,4 +174,5 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real]
             found[which, load] = moved(row.weights, row.rest_m, answers, samples).T
     # where nothing moves, as at an edge, an error counts beside what moves elsewhere
     least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
-    return found, _CAUTION * doubt / np.maximum(largest, least) + INTERPOLATED
+    largest = np.maximum(largest, least)
+    return found, _CAUTION * doubt + INTERPOLATED * largest, largest

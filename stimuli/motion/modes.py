@@ -30,6 +30,10 @@ _SLOWEST, _FASTEST = 0.5, 4.0
 """What falls off from the ends does so at rates between so many times pi / width and so many times
 the largest wavenumber, each by the same factor faster than the one before."""
 
+_COUPLED: Final = 120
+"""With more modes of one symmetry, what springs take from one and give to another is left out: a
+long plate is an endless strip but for its ends, where that is of second order in the loss."""
+
 _INDEPENDENT: Final = 1e-8
 """Of what falls off a combination is left out if the waves and the others give it but for this."""
 
@@ -42,9 +46,9 @@ class Modes:
     ----------
     squared : ndarray of float64, shape (n_modes,)
         Squares of their angular frequencies without loss.
-    bent : ndarray of float64, shape (n_modes, n_modes)
+    bent : ndarray of float64, shape (n_modes, n_modes) or (n_modes,)
         What of them the plate's own stiffness gives, without springs along the edges: it has loss
-        where those may have none.
+        where those may have none. Of many modes each one's own.
     waves : Waves
         Standing waves of the same symmetry.
     ends : Ends
@@ -218,9 +222,10 @@ def _modes(strip: Strip, waves: Waves, ends: Ends, highest_hz: float) -> Modes:
             + mixed.T
             + of_ends.T @ np.kron(alone.plain, springs) @ of_ends
         )
+    bent = np.diag(squared) - held
     return Modes(
         squared=squared,
-        bent=np.diag(squared) - held,
+        bent=bent if squared.size <= _COUPLED else np.diag(bent),
         waves=waves,
         ends=ends,
         of_waves=of_waves,

@@ -11,6 +11,7 @@ import numpy as np
 
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import MOST_TIME_S
+from stimuli.motion.motion import motions
 from stimuli.motion.oscillators import followed, moved, step_weights
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from stimuli.arrays import Complex, Real
     from stimuli.drive.sampled import Drive
+    from stimuli.field.scene import Scene
     from stimuli.motion.motion import Motion
 
 
@@ -38,6 +40,12 @@ _LATE: Final = 0.75
 _MOST_WAITS: Final = 8.0
 _CHECKED: Final = 7
 """The error is estimated at every so many points."""
+
+_PATCHED: Final = 0.03
+"""Part of the own finger's displacement that has to be known where patches count."""
+
+_SLOWLY: Final = 3.0
+"""What more functions changed is multiplied with: as many again would still change some of it."""
 
 INTERPOLATED: Final = 2e-4
 """Part of a displacement that straight lines between the steps of a drive may cost."""
@@ -107,6 +115,33 @@ def peaks_of(
     apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
     error_m = apart.max(axis=0).sum(axis=0) + INTERPOLATED * found
     return Peaks(peak_m=found, error_m=error_m)
+
+
+def patched_peaks(
+    scene: Scene, groups: Sequence[NDArray[np.intp]], drive: Drive, *, wait_s: float
+) -> Peaks:
+    """Return the same of a plate with patches, which only its modes know: in two sizes, (84).
+
+    ValueError where the plate has too many modes, or its displacement is not known well enough.
+    """
+    sizes = [peaks_of(motion, groups, drive, wait_s=wait_s) for motion in motions(scene, drive)]
+    if not sizes:
+        raise ValueError(
+            "the strip has too many modes for its patches to be counted, got "
+            f"length_m = {scene.strip.length_m!r}"
+        )
+    first, last = sizes[0], sizes[-1]
+    error_m = last.error_m + _SLOWLY * np.abs(last.peak_m - first.peak_m)
+    # what is not known of the finger that moves most is known of no other one
+    most, columns = np.argmax(last.peak_m, axis=0), np.arange(last.peak_m.shape[1])
+    part = error_m[most, columns] / last.peak_m[most, columns]
+    error_m = np.maximum(error_m, part * last.peak_m)
+    if np.any(part > _PATCHED) or np.any(error_m > _PATCHED * np.max(last.peak_m, axis=0)):
+        raise ValueError(
+            f"the displacement with patches is not known to {_PATCHED:g}: they are too small "
+            f"for the strip's width, got {scene.strip.patches!r}"
+        )
+    return Peaks(peak_m=last.peak_m, error_m=error_m)
 
 
 class LoadedRow:

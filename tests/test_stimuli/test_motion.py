@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import sys
 from typing import TYPE_CHECKING, Any
@@ -38,6 +39,7 @@ from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of
 from stimuli.motion.oscillators import followed, poles
 from stimuli.motion.peaks import peaks_of
+from stimuli.motion.section import sections
 from stimuli.motion.standing_waves import strip_waves
 
 if TYPE_CHECKING:
@@ -330,13 +332,59 @@ def _waits(call: Any) -> list[float]:
     return seen
 
 
-def test_a_plate_too_long_for_its_modes_is_left_to_the_spectra(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_modes_do_not_reach_is_left_to_the_spectra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
-    assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
+    with monkeypatch.context() as patch:
+        patch.setattr(MOTION, "MOST_WAVES", 50)
+        assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
     monkeypatch.setattr(MOTION, "_multiples", lambda *_: (1.2,))
     assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
+
+
+# --- long plates
+
+
+def test_a_long_plate_is_as_an_endless_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
+    long, endless = (
+        felt(plate(K_2500, 0.01, length_m), *pair(), burst()) for length_m in (100.0, None)
+    )
+    np.testing.assert_allclose(long, endless, rtol=1e-3)
+
+
+def test_beside_one_end_of_a_long_plate_the_other_does_not_count() -> None:
+    drive, found = burst("tukey"), []
+    for length_m in (1.5, 30.0):
+        loads, tips = pair()
+        shift_m = length_m / 2 - 0.045
+        near = [dataclasses.replace(load, x_m=load.x_m + shift_m) for load in loads]
+        over = [dataclasses.replace(tip, x_m=tip.x_m + shift_m) for tip in tips]
+        found.append(felt(plate(SIMPLY_SUPPORTED, 0.01, length_m), near, over, drive))
+    short, long = found
+    np.testing.assert_allclose(short, long, rtol=1e-3)
+    assert abs(long[0, 1] / long[1, 0] - 1) > 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
+def test_what_two_sections_differ_by_is_more_than_what_is_left(edge: Any) -> None:
+    loads, _ = pair()
+    near = [dataclasses.replace(load, x_m=load.x_m + 49.95) for load in loads]
+    scene = scene_of(plate(edge, 1e-3, 100.0), burst(), near)
+    groups = [np.array([0]), np.array([1])]
+    found = [
+        peaks_of(motion_of(one, 6e3, 3.0), groups, burst(), wait_s=0.05).peak_m
+        for one in itertools.islice(sections(scene), 5)
+    ]
+    left = [np.max(np.abs(one / found[-1] - 1)) for one in found[1:-1]]
+    apart = [np.max(np.abs(one / less - 1)) for less, one in itertools.pairwise(found[:-1])]
+    assert apart[0] > 1e-3 > apart[-1]
+    assert all(here <= 1.1 * there + 2e-4 for here, there in zip(left, apart, strict=True))
+
+
+def test_an_end_that_is_no_round_number_carries_a_finger() -> None:
+    strip, finger = plate(length_m=0.1486867644596), Fingertip(x_m=0.07434338, y_m=0.0125)
+    assert max(x for x, _ in finger.points_m(strip)) == 0.1486867644596 / 2
 
 
 def test_a_rectangle_off_the_centre_line_needs_odd_waves_too() -> None:
@@ -371,6 +419,17 @@ def test_a_field_over_time_by_modes_is_that_of_its_spectrum(
     assert np.all(np.abs(ours - theirs) <= rtol * np.max(np.abs(theirs), axis=0))
     assert not ours[times_s < 0].any()
     assert not ours[:, 1].any()
+
+
+def test_a_field_over_time_on_a_long_plate_is_that_of_an_endless_one() -> None:
+    drive, times_s = burst("hann"), np.linspace(0.0, 0.01, 50)
+    scenes = [
+        scene_of(plate(SIMPLY_SUPPORTED, 0.02, length_m), drive, pair()[0])
+        for length_m in (100.0, None)
+    ]
+    long, endless = (transient(scene, drive, times_s, rtol=1e-2) for scene in scenes)
+    assert transient_work(scenes[0], drive, times_s, rtol=1e-2).modes > 10
+    assert np.all(np.abs(long - endless) <= 2e-3 * np.max(np.abs(endless), axis=0))
 
 
 def test_modes_are_not_taken_where_they_do_not_reach_what_is_wanted() -> None:

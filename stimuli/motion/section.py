@@ -1,0 +1,64 @@
+"""Sections of a long plate: how far away an end has to be for its echo not to count."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from itertools import count
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from stimuli.field.scene import Scene
+
+
+_BEYOND: Final = 20.0
+"""A section ends so many widths beyond the outermost point or load, if the plate goes on there."""
+
+_LONGER: Final = 1.5
+"""By so much more does the next one."""
+
+AGREED: Final = 0.5
+"""Part of a wanted error by which two sections may differ: with the longer one, whose ends are half
+as far away again, less is left."""
+
+
+def sections(scene: Scene) -> Iterator[Scene]:
+    """Yield a scene on sections of its plate with free ends, each longer, at last on all of it.
+
+    Where nothing changes from one to the next, no echo counts, and all that are longer are alike.
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Scene, Strip
+    >>> strip = Strip(width_m=0.1, thickness_m=5e-4, length_m=9.0, material=ALUMINIUM, edge=CLAMPED)
+    >>> load = PointForce(x_m=3.5, y_m=0.05)
+    >>> scene = Scene(strip=strip, loads=(load,), points_m=((4.0, 0.05),))
+    >>> [(one.strip.length_m, one.points_m[0][0]) for one in sections(scene)]
+    [(3.0, 1.0), (4.0, 1.5), (5.5, 2.25), (7.75, 3.375), (9.0, 4.0)]
+    """
+    strip = scene.strip
+    half_m = math.inf if strip.length_m is None else strip.length_m / 2
+    places = [x for x, _ in scene.points_m]
+    for one in (*scene.loads, *strip.patches):
+        places += [one.x_m - one.half_size_m[0], one.x_m + one.half_size_m[0]]
+    for step in count():
+        beyond_m = _BEYOND * _LONGER**step * strip.width_m
+        start_m, end_m = min(places) - beyond_m, max(places) + beyond_m
+        if strip.length_m is None or (start_m <= -half_m and end_m >= half_m):
+            break
+        yield _section(scene, max(start_m, -half_m), min(end_m, half_m), places)
+    yield scene
+
+
+def _section(scene: Scene, start_m: float, end_m: float, places: list[float]) -> Scene:
+    """Return a scene on a part of its plate, which has its middle at 0 as all plates have."""
+    middle_m = (start_m + end_m) / 2
+    # what lies on an end of the plate must not lie beyond it by a rounding
+    half_m = max(end_m - middle_m, *(abs(x - middle_m) for x in places))
+    patches = (dataclasses.replace(one, x_m=one.x_m - middle_m) for one in scene.strip.patches)
+    return dataclasses.replace(
+        scene,
+        strip=dataclasses.replace(scene.strip, length_m=2 * half_m, patches=tuple(patches)),
+        loads=tuple(dataclasses.replace(load, x_m=load.x_m - middle_m) for load in scene.loads),
+        points_m=tuple((x - middle_m, y) for x, y in scene.points_m),
+    )
