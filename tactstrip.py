@@ -31,6 +31,7 @@ COMMANDS = {
     "devices": ("device", "List what answers on ports and sound cards."),
     "emulate": ("device", "Emulate a device on a port, for tests."),
     "export": ("experiment", "Build trials.csv anew, or a BIDS data set."),
+    "verify": ("experiment", "Tell if sessions are as they were recorded."),
     "withdraw": ("experiment", "Remove a person's data."),
 }
 """Command: its package, and what the help says of it.

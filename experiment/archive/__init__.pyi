@@ -1,10 +1,18 @@
 from . import manifest as manifest
 from .bids import describe, export_bids
-from .disk import DISK, FOLDER_MODE, UNWAITED, LockError, lock_on, make_folder, write_new
-from .files import ArchiveError, write_atomically
+from .disk import DISK, FOLDER_MODE, UNWAITED, Disk, LockError, lock_on, make_folder, write_new
+from .files import HEADS, TEMPORARY, ArchiveError, refuse_link, write_atomically
 from .folders import SessionFolder, session_folders
-from .history import BROKEN, History, OpenTrial
-from .journal import Journal, JournalWriteError
+from .history import BROKEN, History, OpenTrial, replay
+from .journal import (
+    Journal,
+    JournalError,
+    JournalFile,
+    JournalLineError,
+    JournalWriteError,
+    RecordSchemaError,
+    read_journal,
+)
 from .manifest import LEVELS_SUFFIX, Manifest, Search, search
 from .participants import participant_facts
 from .withdraw import Person, held, look_up, remove
@@ -13,16 +21,23 @@ __all__ = [
     "BROKEN",
     "DISK",
     "FOLDER_MODE",
+    "HEADS",
     "LEVELS_SUFFIX",
+    "TEMPORARY",
     "UNWAITED",
     "ArchiveError",
+    "Disk",
     "History",
     "Journal",
+    "JournalError",
+    "JournalFile",
+    "JournalLineError",
     "JournalWriteError",
     "LockError",
     "Manifest",
     "OpenTrial",
     "Person",
+    "RecordSchemaError",
     "Search",
     "SessionFolder",
     "describe",
@@ -33,7 +48,10 @@ __all__ = [
     "make_folder",
     "manifest",
     "participant_facts",
+    "read_journal",
+    "refuse_link",
     "remove",
+    "replay",
     "search",
     "session_folders",
     "write_atomically",

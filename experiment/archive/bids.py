@@ -20,8 +20,9 @@ from experiment.archive.bids_tables import (
     tsv,
 )
 from experiment.archive.disk import lock_on
-from experiment.archive.files import ArchiveError, replaced
+from experiment.archive.files import HEADS, ArchiveError, replaced
 from experiment.archive.folders import session_folders
+from experiment.archive.journal import read_journal
 from experiment.archive.manifest import Manifest
 from experiment.archive.participants import (
     FILE_NAME,
@@ -59,6 +60,7 @@ class ExportedSession:
     planned: int  # trials of its plan
     answered: int
     simulated: bool | None  # none for a session without a first line
+    head_sha256: str | None  # of the journal's last line
 
     @property
     def name(self) -> str:
@@ -125,6 +127,10 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
                 _write_session(new, folder, plan, with_sources=with_sourcedata)
                 for folder, plan in zip(folders, plans, strict=True)
             )
+            for person in people if with_sourcedata else ():
+                file = root / f"sub-{person}" / HEADS
+                if file.is_file():
+                    new.write(f"sourcedata/sub-{person}/{HEADS}", file.read_bytes())
             return _write_about(new, sessions, read_people(root))
     except Timeout as error:
         raise ArchiveError(f"{root}: another process is exporting it") from error
@@ -148,6 +154,7 @@ def _write_session(
         planned=len(plan.trials),
         answered=len(plan.trials) - len(history.pending),
         simulated=history.opening.get("simulated"),
+        head_sha256=read_journal(folder.journal_path).head_sha256 if history.opening else None,
     )
     durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
     sidecar = events_sidecar(
@@ -213,7 +220,10 @@ def _write_about(new: NewFolder, sessions: tuple[ExportedSession, ...], people: 
 
 
 def _session_cells(session: ExportedSession) -> tuple[str, ...]:
-    facts = (session.finished, session.planned, session.answered, session.simulated)
+    facts = (
+        *(session.finished, session.planned, session.answered),
+        *(session.simulated, session.head_sha256),
+    )
     return (f"ses-{session.session}", *map(format_value, facts))
 
 

@@ -280,6 +280,10 @@ SESSION_COLUMNS: Final[Mapping[str, Mapping[str, object]]] = MappingProxyType(
             "Description": "Whether the participant is a simulation and not a person",
             "Levels": dict(_YES_NO),
         },
+        "head_sha256": {
+            "Description": "SHA-256 that stands for the whole record of the session: its plan, its "
+            "header and every event; the record itself stays where the session was run"
+        },
     }
 )
 """The columns of sessions.tsv and what its sidecar says of them."""

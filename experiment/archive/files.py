@@ -35,6 +35,10 @@ _TOTALS = "all"
 _IDENTIFIER = re.compile(rf"(?!(?:{RESERVED}|{_TOTALS})\Z)[A-Za-z0-9]{{1,32}}")
 
 
+HEADS: Final = "sessions.tsv"
+"""What a person's folder has beside the sessions: the hash of each one's last journal line."""
+
+
 class ArchiveError(ValueError):
     """A session's folder that is there and must not be, or the other way round."""
 

@@ -260,8 +260,9 @@ class SessionFolder:
             than trials.csv, which is built from it.
         """
         self.refuse_loss()
+        entries = read_journal(self.journal_path).entries
         try:
-            history = replay(plan, read_journal(self.journal_path).entries)
+            history = replay(plan, entries)
         except JournalError as error:
             raise JournalError(f"{self.journal_path}: {error}") from error
         written = _rows_in(self.trials_path)

@@ -45,8 +45,21 @@ class JournalError(ValueError):
     """A journal that cannot be trusted."""
 
 
-class JournalSchemaError(JournalError):
-    """A journal of another version of this program."""
+class JournalLineError(JournalError):
+    """A line that is not as it was written."""
+
+    def __init__(self, path: Path, line: int, message: str) -> None:
+        hint = "restore the file from a copy: nothing was changed"
+        super().__init__(f"{path}:{line}: {message}; {hint}")
+        self.line, self.message = line, message
+
+
+class RecordSchemaError(JournalError):
+    """A journal, or a trials.csv, of another version of this program."""
+
+    def __init__(self, path: Path, line: int, message: str) -> None:
+        super().__init__(f"{path}:{line}: {message}")
+        self.path, self.line, self.message = path, line, message
 
 
 class JournalWriteError(JournalError):
@@ -97,24 +110,26 @@ def read_journal(path: Path) -> JournalFile:
 def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
     match = _LINE.fullmatch(line)
     if match is None or zlib.crc32(b"{" + match[2]) != int(match[1], 16):
-        raise JournalError(
-            f"{path}:{number}: this line is damaged (its checksum does not match); "
-            "restore the file from a copy: nothing was changed"
-        )
-    facts = json.loads(b"{" + match[2])
+        damaged = "this line is damaged (its checksum does not match)"
+        raise JournalLineError(path, number, damaged)
+    try:
+        return _entry(path, number, json.loads(b"{" + match[2]), previous)
+    except (KeyError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise JournalLineError(path, number, f"this line is none of a journal: {error}") from error
+
+
+def _entry(path: Path, number: int, facts: dict[str, Any], previous: str) -> Entry:
     if (schema := facts.pop("schema")) != SCHEMA:
-        raise JournalSchemaError(f"{path}:{number}: schema must be {SCHEMA}; got {schema!r}")
+        raise RecordSchemaError(path, number, f"schema must be {SCHEMA}; got {schema!r}")
     if (seq := facts.pop("seq")) != number:
-        raise JournalError(
-            f"{path}:{number}: seq must be {number}; got {seq}: a line is missing or repeated; "
-            "restore the file from a copy: nothing was changed"
-        )
+        message = f"seq must be {number}; got {seq}: a line is missing or repeated"
+        raise JournalLineError(path, number, message)
     if (prev := facts.pop("prev")) != previous:
-        raise JournalError(
-            f"{path}:{number}: prev must be {previous[:12]}..., the hash of the line before; got "
-            f"{str(prev)[:12]!r}: lines up to here were changed or removed; restore the file from "
-            "a copy: nothing was changed"
+        message = (
+            f"prev must be {previous[:12]}..., the hash of the line before; got "
+            f"{str(prev)[:12]!r}: lines up to here were changed or removed"
         )
+        raise JournalLineError(path, number, message)
     event, t_s, wall_s, up_s = (facts.pop(name) for name in ("event", "t_s", "wall_s", "up_s"))
     return Entry(event, t_s, wall_s, facts, up_s)
 

@@ -121,7 +121,7 @@ def look_up(root: Path, participant: str) -> Person:
     person = Person(
         root=root,
         participant=participant,
-        sessions=_names(folder) if there and _real_folder(folder) else (),
+        sessions=_folder_names(folder) if there and _real_folder(folder) else (),
         files=_count_files(folder) if there else 0,
         in_table=read_people(root).row_of(participant) is not None,
         tombstone=read_tombstone(root, participant),
@@ -136,6 +136,10 @@ def look_up(root: Path, participant: str) -> Person:
 def _names(folder: Path) -> tuple[str, ...]:
     """List what is in a folder: on some systems, asking for ``sub-a`` finds ``sub-A``."""
     return tuple(sorted(path.name for path in folder.iterdir()))
+
+
+def _folder_names(folder: Path) -> tuple[str, ...]:
+    return tuple(name for name in _names(folder) if (folder / name).is_dir())
 
 
 def _real_folder(folder: Path) -> bool:
@@ -170,8 +174,6 @@ def held(person: Person) -> Iterator[contextlib.ExitStack]:
     """
     with contextlib.ExitStack() as locks:
         for name in person.sessions:
-            if not (person.folder / name).is_dir():
-                continue
             try:
                 locks.enter_context(lock_on(person.folder / name / ".lock", timeout=0))
             except Timeout as error:

@@ -36,9 +36,15 @@ def export(*, folder: Path, out: Path | None, with_sourcedata: bool) -> None:
 
 def _export_tables(folder: Path) -> None:
     from experiment.archive.folders import SessionFolder, session_folders
+    from experiment.integrity.sessions import examine, refuse_altered
 
     def write(session: SessionFolder) -> None:
         with session.locked():
+            session.read_history(session.read_plan())
+            refuse_altered(session.path)
+            for difference in examine(session.path).differences:
+                if difference.mended_by == "export":
+                    click.echo(f"{difference}; it is built anew", err=True)
             click.echo(session.write_trials())
 
     # A plan that cannot be read stops all of it, before a lock is made or a table written; a
@@ -58,7 +64,13 @@ def _export_tables(folder: Path) -> None:
 
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool) -> None:
     from experiment.archive.bids import describe, export_bids
+    from experiment.archive.folders import session_folders
 
+    folders = session_folders(folder)
+    for each in folders:
+        each.read_plan()
+    for each in folders:
+        _refuse_differences(each.path)
     exported = export_bids(folder, out, with_sourcedata=with_sourcedata)
     click.echo(f"{out}: {len(exported.sessions)} sessions")
     for session in exported.unfinished:
@@ -72,3 +84,15 @@ def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool) -> None:
         )
     for column in exported.left_out:
         click.echo(f"left out of participants.tsv, declared by no study: {column}")
+
+
+def _refuse_differences(session: Path) -> None:
+    """Refuse to publish a session that is not as it was recorded."""
+    from experiment.integrity.sessions import examine
+
+    for difference in examine(session).differences:
+        export = difference.mended_by == "export"
+        if export and difference.line is None:  # no table: what is published is of the journal
+            continue
+        hint = "; tactstrip export DIR builds it anew from the journal" if export else ""
+        raise CommandError(f"{difference}{hint}; nothing was written")

@@ -295,6 +295,7 @@ def _monitor(name: ResponderName, requests: Requests, stop: StopSignal) -> Itera
 
 
 def _report(ending: Ending, plan: Plan) -> None:
+    click.echo(f"head hash of the journal, to be written down elsewhere: {ending.head_sha256}")
     if ending.torn_file is not None:
         click.echo(
             f"a last journal line that was cut short was moved to {ending.torn_file}", err=True

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from device.clock import elapsed_s, machine_time
 from device.driver import Outcome
 from experiment.apparatus.rig import require_confirmed
 from experiment.apparatus.slots import require_suitable
-from experiment.archive.files import ArchiveError
+from experiment.archive.files import HEADS, ArchiveError
+from experiment.archive.journal import JournalWriteError
+from experiment.integrity.heads import SessionHead, enter_head, read_heads
+from experiment.integrity.sessions import refuse_altered
 from experiment.session.session import Session
 from experiment.session.setting import (
     Ending,
@@ -132,11 +136,23 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
         If the record cannot be kept.
     """
     folder.refuse_existing()
+    _refuse_kept(folder)
     study = study_from_canonical(plan.study)
     folder.check_people(study)
     with folder.locked(), _opened(setting, study) as identity, _playing(setting.noise):
         folder.create(plan, header(study, plan, setting, identity))
         return _run(folder, study, plan, setting, identity)
+
+
+def _refuse_kept(folder: SessionFolder) -> None:
+    """Refuse to begin a session anew that has ended once, by the head that was kept of it."""
+    for head in read_heads(folder.path.parent):
+        if head.session == folder.session:
+            raise ArchiveError(
+                f"{folder.path.parent / HEADS}:{head.line}: this session ended on {head.ended}, "
+                f"yet {folder.path} is lost; restore it from a copy, or give another --session: "
+                "nothing was changed"
+            )
 
 
 def resume(folder: SessionFolder, setting: Setting) -> Ending:
@@ -161,6 +177,7 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     folder.check_people(study)
     with folder.locked(), _opened(setting, study) as identity:
         history = folder.read_history(plan)
+        refuse_altered(folder.path)
         if history.finished:
             return _run(folder, study, plan, setting, identity)
         if history.opening:
@@ -234,7 +251,21 @@ def _run(
             failure=failure,
             trials_path=folder.write_trials(),
             torn_file=journal.torn_file,
+            head_sha256=_keep_head(folder, journal),
         )
+
+
+def _keep_head(folder: SessionFolder, journal: Journal) -> str:
+    """Keep the head, last of all: who finds it may expect the table, too."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    head = SessionHead(session=folder.session, head_sha256=journal.head_sha256, ended=now)
+    try:
+        enter_head(folder.path.parent, head, disk=folder.disk)
+    except OSError as error:
+        raise JournalWriteError(
+            f"{folder.path.parent / HEADS}: cannot be written ({error.strerror})"
+        ) from error
+    return journal.head_sha256
 
 
 def _enter(

@@ -303,9 +303,12 @@ class Ending:
         The trials.csv.
     torn_file : Path or None
         Where a last journal line that was cut short was put.
+    head_sha256 : str
+        The hash of the journal's last line.
     """
 
     finished: bool
     failure: DeviceError | None
     trials_path: Path
     torn_file: Path | None
+    head_sha256: str

@@ -154,14 +154,21 @@ class Lab:
     """A study, a folder and a device that outlives the sessions on it."""
 
     def __init__(
-        self, study: Study, root: Path, patch: pytest.MonkeyPatch, disk: Disk = UNWAITED
+        self,
+        study: Study,
+        root: Path,
+        patch: pytest.MonkeyPatch,
+        disk: Disk = UNWAITED,
+        *,
+        participant: str = "01",
+        seed: int = 3,
     ) -> None:
         self.study = study
         self.patch = patch
         self.clock = VirtualClock()
         self.device: MockDevice = mock_device(study, self.clock)
-        self.folder = SessionFolder(root, "01", "01", disk=disk)
-        self.plan = draw_plan(study, participant="01", session="01", seed=3)
+        self.folder = SessionFolder(root, participant, "01", disk=disk)
+        self.plan = draw_plan(study, participant=participant, session="01", seed=seed)
         self.responder = Scripted(self.clock)
         self.noise = FakeNoise(ok=None)
         self.requests = Requests()

@@ -128,6 +128,7 @@ def cut_journal(results: Path, participant: str, lines: int) -> None:
     whole = folder.journal_path.read_bytes().splitlines(keepends=True)
     folder.journal_path.write_bytes(b"".join(whole[:lines]))
     folder.trials_path.unlink()
+    (folder.path.parent / "sessions.tsv").unlink()
 
 
 @pytest.fixture(scope="session")
@@ -294,10 +295,15 @@ def test_the_study_describes_the_data_set(described: Path) -> None:
     assert sidecar["TaskDescription"] == "Say where a vibration is felt"
 
 
-def test_host_and_operator_are_only_in_sourcedata(results: Path) -> None:
-    header = results / "sub-01" / "ses-01" / "header.json"
-    facts = json.loads(header.read_text("utf-8")) | {"host": "labhost7", "operator": "grete"}
-    header.write_text(json.dumps(facts), encoding="utf-8")
+def test_host_and_operator_are_only_in_sourcedata(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("platform.node", lambda: "labhost7")
+    study, results = tmp_path / "study.toml", tmp_path / "results"
+    study.write_text(STUDY, encoding="utf-8")
+    words = ["--participant", "01", "--responder", "simulated", "--operator", "grete"]
+    done = CliRunner().invoke(main, ["run", str(study), *words, "--out", str(results)])
+    assert done.exit_code == 0, done.output
     bids = exported(results)
     assert not (bids / "sourcedata").exists()
     everything = b"".join(contents(bids).values())
@@ -309,6 +315,11 @@ def test_host_and_operator_are_only_in_sourcedata(results: Path) -> None:
         source = results / "sub-01" / "ses-01" / name
         copy = bids / "sourcedata" / "sub-01" / "ses-01" / name
         assert copy.read_bytes() == source.read_bytes()
+    verified = CliRunner().invoke(main, ["verify", str(bids / "sourcedata")])
+    assert verified.exit_code == 0
+    (session,) = table_of(bids / "sub-01" / "sub-01_sessions.tsv")
+    assert f"head {session['head_sha256']}" in verified.stdout
+    assert session["head_sha256"] in done.stdout
 
 
 def test_sourcedata_without_a_data_set_is_refused(results: Path, refused: Refused) -> None:

@@ -50,7 +50,7 @@ def withdraw(results: Path, *more: str, typed: str = "01\n") -> Result:
     return CliRunner().invoke(main, arguments, input=typed)
 
 
-STEPS = 22
+STEPS = 24
 """How often a withdrawal changes the disk."""
 
 

@@ -1,0 +1,13 @@
+from .heads import SessionHead, enter_head, read_heads
+from .sessions import examine, lost_sessions, people_of, refuse_altered, session_paths
+
+__all__ = [
+    "SessionHead",
+    "enter_head",
+    "examine",
+    "lost_sessions",
+    "people_of",
+    "read_heads",
+    "refuse_altered",
+    "session_paths",
+]

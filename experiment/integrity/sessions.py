@@ -1,0 +1,318 @@
+"""A session's record as a whole: plan, header, journal, trials.csv and the head that was kept.
+
+What is covered: the plan by its seal, plan and header as files by the journal's first line, each
+journal line by the next one, the last by the head in sessions.tsv, trials.csv by the journal.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Literal
+
+from experiment.archive.files import HEADS, ArchiveError
+from experiment.archive.history import replay
+from experiment.archive.journal import (
+    JournalError,
+    JournalLineError,
+    RecordSchemaError,
+    read_journal,
+)
+from experiment.integrity.heads import HeadError, read_heads
+from experiment.integrity.table import TableSchemaError, table_differences
+from experiment.trial.plan import Plan, PlanError, plan_from_json
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from experiment.archive.history import History
+    from experiment.archive.journal import JournalFile
+    from experiment.integrity.heads import SessionHead
+
+
+PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
+FILES: Final = (PLAN, HEADER, JOURNAL, TABLE)
+"""The files of a session that are its record."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """Something in a record that is not as the session wrote it."""
+
+    path: Path
+    line: int | None  # counted from 1; none where a file as a whole is another one
+    message: str
+    mended_by: Literal["export", "resume"] | None = None  # what writes it anew from the journal
+
+    def __str__(self) -> str:
+        """Name file and line first, as a compiler does."""
+        place = f"{self.path}" if self.line is None else f"{self.path}:{self.line}"
+        return f"{place}: {self.message}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Examined:
+    """What there is of a session's record, and what is amiss with it.
+
+    Attributes
+    ----------
+    plan : Plan or None
+        The plan, where there is a sealed one of this session.
+    plan_file_sha256 : str
+        Checksum of its bytes; empty without a file.
+    history : History or None
+        What the journal says, where journal and plan can be trusted.
+    head_sha256 : str or None
+        Hash of the journal's last line; none where it has none, or cannot be trusted.
+    compared : bool
+        Whether there is a journal, with which the table was compared.
+    ended : bool
+        Whether the last line is the one whose hash was kept when a sitting ended.
+    differences : tuple of Difference
+        Empty where everything is as it was written.
+    """
+
+    plan: Plan | None
+    plan_file_sha256: str
+    history: History | None
+    head_sha256: str | None
+    compared: bool
+    ended: bool
+    differences: tuple[Difference, ...]
+
+
+def examine(folder: Path) -> Examined:
+    """Compare what the files of a session say of each other; nothing is changed or locked.
+
+    Parameters
+    ----------
+    folder : Path
+        ``sub-<participant>/ses-<session>``.
+
+    Raises
+    ------
+    RecordSchemaError, ArchiveError
+        If the session is of another version of this program; sessions.tsv is a link.
+    OSError
+        If a file cannot be read.
+    """
+    return _Examiner(folder).examined()
+
+
+class _Examiner:
+    """One session, read once."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._found: list[Difference] = []
+        self._bytes = {
+            name: (folder / name).read_bytes() if (folder / name).is_file() else None
+            for name in (PLAN, HEADER, TABLE)
+        }
+
+    def _note(
+        self,
+        name: str,
+        line: int | None,
+        message: str,
+        mended_by: Literal["export", "resume"] | None = None,
+    ) -> None:
+        path = self._folder.parent / name if name == HEADS else self._folder / name
+        self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
+
+    def examined(self) -> Examined:
+        journal = self._journal()
+        plan = self._plan()
+        opening = journal.entries[0].facts if journal and journal.entries else {}
+        sound = self._seals(plan, opening)
+        history = self._history(plan, journal) if plan and journal and sound else None
+        kept = self._head()
+        registered = self._registered(journal, kept) if journal else None
+        if journal is None and kept and not (self._folder / JOURNAL).is_file():
+            self._note(JOURNAL, None, f"is missing; line {kept.line} of {HEADS} tells of it")
+        if history and journal:
+            self._table(history, journal, registered)
+        raw = self._bytes[PLAN]
+        return Examined(
+            plan=plan,
+            plan_file_sha256="" if raw is None else hashlib.sha256(raw).hexdigest(),
+            history=history,
+            head_sha256=journal.sha256[-1] if journal and journal.entries else None,
+            compared=(self._folder / JOURNAL).is_file(),
+            ended=journal is not None and 0 < len(journal.entries) == registered,
+            differences=tuple(self._found),
+        )
+
+    def _journal(self) -> JournalFile | None:
+        path = self._folder / JOURNAL
+        if not path.is_file():
+            return None
+        try:
+            return read_journal(path)
+        except RecordSchemaError:
+            raise
+        except JournalLineError as error:
+            self._note(JOURNAL, error.line, error.message)
+            return None
+
+    def _plan(self) -> Plan | None:
+        raw = self._bytes[PLAN]
+        if raw is None:
+            if (self._folder / JOURNAL).is_file() and (self._folder / JOURNAL).stat().st_size:
+                self._note(PLAN, None, "is missing")
+            return None
+        try:
+            plan = plan_from_json(raw.decode())
+        except (PlanError, UnicodeDecodeError) as error:
+            self._note(PLAN, None, str(error))
+            return None
+        for prefix, must, name in (
+            ("sub-", plan.participant, self._folder.resolve().parent.name),
+            ("ses-", plan.session, self._folder.resolve().name),
+        ):
+            if name.startswith(prefix) and name != prefix + must:
+                self._note(PLAN, None, f"is the plan of {prefix}{must}, but the folder is {name}")
+        return plan
+
+    def _seals(self, plan: Plan | None, opening: object) -> bool:
+        """Compare plan and header with the journal's first line; whether it is of this plan."""
+        if not isinstance(opening, dict) or not opening:
+            return plan is not None
+        sealed = opening.get("plan_sha256")
+        own = plan is None or plan.sha256 == sealed
+        if not own:
+            self._note(PLAN, None, f"is sealed anew: {_other(plan and plan.sha256, sealed)}")
+        for name, key in ((PLAN, "plan_file_sha256"), (HEADER, "header_sha256")):
+            raw = self._bytes[name]
+            if raw is None:
+                if name == HEADER:
+                    self._note(HEADER, None, "is missing")
+                continue
+            sha256 = hashlib.sha256(raw).hexdigest()
+            already = any(one.path.name == name for one in self._found)
+            if sha256 != opening.get(key) and not already:
+                told = _other(sha256, opening.get(key))
+                self._note(name, None, f"is not the file that the session was begun with: {told}")
+        return own
+
+    def _history(self, plan: Plan, journal: JournalFile) -> History | None:
+        try:
+            return replay(plan, journal.entries)
+        except JournalError as error:
+            self._note(JOURNAL, None, str(error))
+            return None
+
+    @property
+    def _in_place(self) -> bool:
+        """Whether it lies where sessions lie; a copy elsewhere has no head beside it."""
+        return self._folder.resolve().name.startswith("ses-")
+
+    def _head(self) -> SessionHead | None:
+        if not self._in_place:
+            return None
+        try:
+            heads = read_heads(self._folder.parent)
+        except HeadError as error:
+            self._note(HEADS, error.line, error.message)
+            return None
+        session = self._folder.resolve().name.removeprefix("ses-")
+        return next((head for head in heads if head.session == session), None)
+
+    def _registered(self, journal: JournalFile, kept: SessionHead | None) -> int:
+        """Return how many lines the journal had when its head was kept; note where that differs."""
+        entries = journal.entries
+        closed = bool(entries) and entries[-1].event == "session_close"
+        if kept is None:
+            # A process killed between its last line and this one leaves none: only a resume, which
+            # somebody asks for, may take a journal's word for its own end.
+            if closed and self._in_place and not any(one.path.name == HEADS for one in self._found):
+                self._note(HEADS, None, f"{_NO_HEAD}{_KILLED}", "resume")
+            return 0
+        if kept.head_sha256 not in journal.sha256:
+            torn = "; its last line is cut short" if journal.torn else ""
+            self._note(
+                HEADS,
+                kept.line,
+                f"head_sha256 {kept.head_sha256[:12]}... is of no line of {JOURNAL}, which was "
+                f"changed or cut since{torn}",
+            )
+            return 0
+        lines = journal.sha256.index(kept.head_sha256) + 1
+        if lines < len(entries) and entries[lines].event != "session_resume":
+            self._note(JOURNAL, lines + 1, "was added after the session had ended")
+        elif lines < len(entries) and closed:
+            message = f"the last line of {JOURNAL} is another one than head_sha256 tells of"
+            self._note(HEADS, kept.line, f"{message}{_KILLED}", "resume")
+        return lines
+
+    def _table(self, history: History, journal: JournalFile, registered: int | None) -> None:
+        told = [entry.event for entry in journal.entries[:registered]]
+        least = told.count("trial_end")
+        raw = self._bytes[TABLE]
+        if raw is None:
+            if registered:
+                self._note(TABLE, None, "is missing", "export")
+            return
+        try:
+            differences = table_differences(raw, history.rows, least=least)
+        except TableSchemaError as error:
+            raise RecordSchemaError(self._folder / TABLE, 2, str(error)) from error
+        for line, message in differences:
+            self._note(TABLE, line, message, "export")
+
+
+_NO_HEAD = "has no line of this session, whose journal has ended"
+_KILLED = "; where the session was killed in that moment, tactstrip run --resume puts it right"
+
+
+def _other(found: object, must: object) -> str:
+    return f"sha256 {str(found)[:12]}..., line 1 of {JOURNAL} has {str(must)[:12]}..."
+
+
+def session_paths(root: Path) -> list[Path]:
+    """List the folders of sessions with any file of a record, below a study's, a person's or one.
+
+    ArchiveError where there is none.
+    """
+    name = root.resolve().name
+    if name.startswith("ses-"):
+        found = [root]
+    else:
+        found = sorted(root.glob("ses-*" if name.startswith("sub-") else "sub-*/ses-*"))
+    paths = [path for path in found if any((path / file).exists() for file in FILES)]
+    if not paths:
+        raise ArchiveError(f"{root}: there is no session below this folder")
+    return paths
+
+
+def people_of(root: Path, sessions: list[Path]) -> list[Path]:
+    """List the folders of people: of these sessions, and of those who have lost all of theirs."""
+    alone = [path.parent for path in root.glob(f"sub-*/{HEADS}")]
+    return sorted({*alone, *(path.parent for path in sessions)})
+
+
+def lost_sessions(person: Path) -> tuple[Difference, ...]:
+    """List the sessions of a person that have ended and of which there is no folder any more."""
+    try:
+        heads = read_heads(person)
+    except HeadError:  # told of with each of the person's sessions
+        return ()
+    return tuple(
+        Difference(
+            path=person / HEADS,
+            line=head.line,
+            message=f"session {head.session} ended on {head.ended}, and its folder is lost",
+        )
+        for head in heads
+        if not (person / f"ses-{head.session}").is_dir()
+    )
+
+
+def refuse_altered(folder: Path) -> None:
+    """Refuse to go on with a session whose record is not as it was written.
+
+    Whatever is built anew from the journal is no reason. ArchiveError for the first difference.
+    """
+    for difference in examine(folder).differences:
+        if difference.mended_by is None:
+            raise ArchiveError(f"{difference}; restore it from a copy: nothing was changed")

@@ -1,0 +1,107 @@
+"""A trials.csv beside the rows that its journal tells of: where it says something else."""
+
+from __future__ import annotations
+
+import csv
+from typing import TYPE_CHECKING, TypeAlias
+
+from experiment.terms.record import COLUMNS, SCHEMA, format_value, trials_csv
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from experiment.terms.record import TrialRow
+
+    Key: TypeAlias = tuple[str, str]
+
+
+_NAMES = [column.name for column in COLUMNS]
+
+
+class TableSchemaError(ValueError):
+    """A table of another version of this program."""
+
+
+def table_differences(
+    found: bytes, rows: Sequence[TrialRow], *, least: int
+) -> list[tuple[int, str]]:
+    """List where a table differs from its rows, as line and message.
+
+    A session that was cut off wrote its table before: so many rows at `least` have to be there, and
+    those that are have to be the first ones, byte by byte.
+
+    TableSchemaError where it is a table of another schema.
+
+    >>> table_differences(trials_csv([]).encode(), [], least=0)
+    []
+    """
+    text = trials_csv(rows)
+    if found == text.encode() or _is_earlier(found, text, least):
+        return []
+    told = found.decode(errors="replace")
+    if found.startswith(b"schema,") and (other := _schema(told)) != str(SCHEMA):
+        raise TableSchemaError(f"schema must be {SCHEMA}; got {other}")
+    differences = list(_of_cells(told, rows, least))
+    if not differences:
+        lines = zip(found.split(b"\n"), text.encode().split(b"\n"), strict=False)
+        line = next((n for n, (a, b) in enumerate(lines, 1) if a != b), text.count("\n"))
+        differences.append((line, "is written otherwise than a session writes it"))
+    return differences
+
+
+def _is_earlier(found: bytes, text: str, least: int) -> bool:
+    whole = found.endswith(b"\n") and text.encode().startswith(found)
+    return whole and found.count(b"\n") - 1 >= least
+
+
+def _schema(told: str) -> str:
+    line = told.split("\n")[1:2]
+    cell = line[0].split(",")[0] if line else ""
+    return cell if cell.isdecimal() else str(SCHEMA)
+
+
+def _of_cells(told: str, rows: Sequence[TrialRow], least: int) -> Iterator[tuple[int, str]]:
+    """Compare row by row; a row is known by its trial and attempt."""
+    try:
+        heading, *lines = list(csv.reader(told.splitlines(), strict=True)) or [[]]
+    except csv.Error as error:
+        yield 1, f"cannot be read as a table: {error}"
+        return
+    if heading != _NAMES:
+        yield 1, "the columns are not those that a session writes"
+        return
+    must = [[format_value(getattr(row, name)) for name in _NAMES] for row in rows]
+    places = {_key(cells): place for place, cells in enumerate(must)}
+    due, line = 0, 1
+    for line, cells in enumerate(lines, start=2):
+        place = places.get(_key(cells)) if len(cells) == len(_NAMES) else None
+        if place is None:
+            yield line, f"{_name(cells)} is not in the journal"
+            continue
+        if place < due:
+            yield line, f"{_name(cells)} stands here again, or too late"
+            continue
+        yield from ((line, f"{_name(lost)} is missing before it") for lost in must[due:place])
+        yield from _of_row(line, cells, must[place])
+        due = place + 1
+    if due < least:
+        yield from ((line + 1, f"{_name(lost)} is missing") for lost in must[due:])
+
+
+def _of_row(line: int, cells: list[str], must: list[str]) -> Iterator[tuple[int, str]]:
+    for name, is_, was in zip(_NAMES, cells, must, strict=True):
+        if is_ != was:
+            yield line, f"column '{name}' is {is_!r}; by the journal it is {was!r}"
+
+
+def _key(cells: list[str]) -> Key:
+    return cells[_TRIAL], cells[_ATTEMPT]
+
+
+_TRIAL, _ATTEMPT = _NAMES.index("trial"), _NAMES.index("attempt")
+
+
+def _name(cells: list[str]) -> str:
+    if len(cells) != len(_NAMES):
+        return f"a row of {len(cells)} cells, not {len(_NAMES)},"
+    return f"trial {cells[_TRIAL]!s}, attempt {cells[_ATTEMPT]!s}"
