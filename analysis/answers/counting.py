@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
 from analysis.definitions import TOTAL
 from experiment.terms.record import COLUMNS, NOT_AVAILABLE
 from experiment.trial.plan import AUDIBILITY_BLOCK, CONTROL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 COUNTED_KINDS = ("single", "both", "blank")
 
@@ -31,16 +36,17 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def clean_table(trials: pd.DataFrame) -> pd.DataFrame:
+def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFrame:
     """Return every trial with whether it counts (``counted``) and, if not, why (``reason``).
 
     In front stand the columns of `experiment.terms.record.COLUMNS`; rows are ordered by
-    participant, session, trial and attempt.
+    participant, session, trial and attempt. Columns that `more` names come last.
     """
     counts = trials["reason"].eq("")
     table = trials[[column.name for column in COLUMNS]].assign(
         counted=counts, reason=trials["reason"].mask(counts, NOT_AVAILABLE)
     )
+    table = table.assign(**{name: trials[name] for name in more})
     return table.sort_values(["participant", "session", "trial", "attempt"], ignore_index=True)
 
 

@@ -33,6 +33,7 @@ def write_analysis(
     columns: ColumnMap | None = None,
     ci: str = "wilson",
     allow_simulated: bool = False,
+    accept_altered: bool = False,
     seed: int = 0,
     population: bool = False,
     figures: bool = True,
@@ -51,7 +52,9 @@ def write_analysis(
     ci : str
         Method of the cells' intervals.
     allow_simulated : bool
-        Whether simulated and real sessions may be mixed.
+        Whether simulated and real sessions may be mixed, and people without a device be analysed.
+    accept_altered : bool
+        Whether sessions are analysed, with a mark, that are not as they were recorded.
     seed : int
         Of the bootstrap and the permutations; kept in the summary.
     population : bool
@@ -94,7 +97,9 @@ def write_analysis(
     from analysis.results.files import save
     from analysis.results.tables import analyse
 
-    loaded = read_inputs(paths, columns, watched=_bar if bar else nullcontext)
+    loaded = read_inputs(
+        paths, columns, watched=_bar if bar else nullcontext, accept_altered=accept_altered
+    )
     with working("Fitting") if bar else nullcontext():
         analysis = analyse(
             loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
@@ -128,7 +133,16 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
     show_default=True,
     help="Interval of each participant's proportion.",
 )
-@click.option("--allow-simulated", is_flag=True, help="Accept simulated sessions beside real ones.")
+@click.option(
+    "--allow-simulated",
+    is_flag=True,
+    help="Accept simulated sessions beside real ones, and people without a device.",
+)
+@click.option(
+    "--accept-altered",
+    is_flag=True,
+    help="Accept sessions that are not as they were recorded; every output says so.",
+)
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -152,13 +166,16 @@ def analyze(
     seed: int,
     *,
     allow_simulated: bool,
+    accept_altered: bool,
     population: bool,
     strict: bool,
     no_figures: bool,
 ) -> None:
     """Turn result CSVs or folders into tables, figures and a report.
 
-    Of a folder, all sub-*/ses-*/trials.csv are read.
+    Of a folder, all sub-*/ses-*/trials.csv are read. Each is compared with the journal beside it,
+    and what tactstrip verify would name ends the command with 2; one without a journal is analyzed
+    and marked.
     """
     from analysis.reading.columns import load_column_map
     from analysis.results.console import print_analysis
@@ -170,6 +187,7 @@ def analyze(
         columns=load_column_map(columns) if columns else None,
         ci=ci,
         allow_simulated=allow_simulated,
+        accept_altered=accept_altered,
         seed=seed,
         population=population,
         figures=not no_figures,

@@ -15,7 +15,14 @@ import pandas as pd
 
 from analysis.axis import axis_of
 from analysis.reading.checks import check_rows
-from analysis.reading.plans import PLAN, check_plan, progress, read_plan, told_rows
+from analysis.reading.plans import (
+    PLAN,
+    check_plan,
+    progress,
+    read_record,
+    told_of,
+    told_rows,
+)
 from analysis.reading.rows import mapped_rows, own_rows, with_responses
 from analysis.reading.sources import TABLE, unreadable
 from analysis.reading.text import CHUNK_ROWS, ResultFileError, text_chunks
@@ -25,9 +32,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from analysis.reading.columns import ColumnMap
-    from analysis.reading.plans import SessionProgress
+    from analysis.reading.plans import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
-    from experiment.trial.plan import Plan
 
 
 MOST_BYTES = 2_000_000
@@ -58,6 +64,8 @@ class ReadTable:
     file: InputFile  # its name and checksum
     plan: InputFile | None = None  # those of the plan beside it, where there is one
     progress: SessionProgress | None = None  # how far that plan came
+    compared: bool = False  # with the journal beside it
+    altered: tuple[str, ...] = ()  # where the session is not as it was recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,73 +115,79 @@ def batches(sources: Iterable[InputTable]) -> Iterator[list[InputTable]]:
         yield batch
 
 
-def read_batch(sources: Sequence[InputTable], columns: ColumnMap | None) -> list[Batch]:
+def read_batch(
+    sources: Sequence[InputTable], columns: ColumnMap | None, *, accept_altered: bool = False
+) -> list[Batch]:
     """Read tables together or, where one of them has a fault, one by one.
 
     Raises ResultFileError for the first fault of the first table that has one.
     """
     if len(sources) > 1:
         try:
-            return [_read(sources, columns)]
+            return [_read(sources, columns, accept_altered=accept_altered)]
         except ResultFileError:
             pass
-    return [_read([source], columns) for source in sources]
+    return [_read([one], columns, accept_altered=accept_altered) for one in sources]
 
 
-def _read(sources: Sequence[InputTable], columns: ColumnMap | None) -> Batch:
+def _read(
+    sources: Sequence[InputTable], columns: ColumnMap | None, *, accept_altered: bool
+) -> Batch:
     # What costs is the number of pandas calls, not of rows: a thousand short sessions are typed and
     # checked as one table. The plans are read before and held to afterwards, table by table,
     # because only a plan knows its own trials.
-    sealed = [read_plan(source.path) for source in sources]
+    records = [read_record(source.path, accept_altered=accept_altered) for source in sources]
     counts = [0] * len(sources)
     frames = []
-    for parts in _joined(_parts(sources, sealed, bom_allowed=columns is not None)):
+    for parts in _joined(_parts(sources, records, bom_allowed=columns is not None)):
         frames.append(_typed(parts, columns))
         for part in parts:
             counts[part.place] += len(part.rows)
     rows = with_responses(pd.concat(frames, ignore_index=True))
-    planned = [str(s.path) for s, plan in zip(sources, sealed, strict=True) if plan]
+    planned = [str(s.path) for s, one in zip(sources, records, strict=True) if one.plan]
     signed = columns is not None and axis_of(columns.axis).signed
     check_rows(rows, planned=frozenset(planned), signed=signed)
     rows.loc[rows["side"].eq("none"), "level_vpp"] = float("nan")
     told = told_rows(rows)
     tables = []
     spans = pairwise(accumulate(counts, initial=0))
-    for source, plan, (first, end) in zip(sources, sealed, spans, strict=True):
-        if plan:
-            rows.loc[rows.index[first:end], "none_offered"] = "none" in plan[0].responses
-        tables.append(_table(source, plan, told[first:end]))
+    for source, record, (first, end) in zip(sources, records, spans, strict=True):
+        if record.plan:
+            rows.loc[rows.index[first:end], "none_offered"] = "none" in record.plan.responses
+        tables.append(_table(source, record, told[first:end]))
     return Batch(rows=rows, tables=tuple(tables))
 
 
-def _table(source: InputTable, sealed: tuple[Plan, str] | None, told: Sequence[Any]) -> ReadTable:
-    """Check the rows of a table against its plan, where there is one."""
-    file = InputFile(name=source.name, sha256=sha256_of(source.path))
-    if sealed is None:
-        return ReadTable(path=source.path, trials=len(told), file=file)
-    plan, sha256 = sealed
-    check_plan(told, str(source.path), plan)
+def _table(source: InputTable, record: SessionRecord, told: Sequence[Any]) -> ReadTable:
+    """Check the rows of a table against its plan, where there is one and nothing was altered."""
+    plan, sha256 = record.plan, record.plan_file_sha256
+    if plan and not record.altered:
+        check_plan(told, str(source.path), plan)
     return ReadTable(
         path=source.path,
         trials=len(told),
-        file=file,
-        plan=InputFile(name=source.name.removesuffix(TABLE) + PLAN, sha256=sha256),
-        progress=progress(told, plan, source.path),
+        file=InputFile(name=source.name, sha256=sha256_of(source.path)),
+        plan=InputFile(name=source.name.removesuffix(TABLE) + PLAN, sha256=sha256)
+        if plan
+        else None,
+        progress=progress(told, plan, source.path) if plan else None,
+        compared=record.compared,
+        altered=tuple(told_of(one, source.name) for one in record.altered),
     )
 
 
 def _parts(
     sources: Sequence[InputTable],
-    sealed: Sequence[tuple[Plan, str] | None],
+    records: Sequence[SessionRecord],
     *,
     bom_allowed: bool,
 ) -> Iterator[_Rows]:
-    for place, (source, plan) in enumerate(zip(sources, sealed, strict=True)):
+    for place, (source, record) in enumerate(zip(sources, records, strict=True)):
         file = str(source.path)
         try:
             with source.path.open("rb") as stream:
                 header, chunks = text_chunks(
-                    stream, file, bom_allowed=bom_allowed, empty_allowed=plan is not None
+                    stream, file, bom_allowed=bom_allowed, empty_allowed=record.plan is not None
                 )
                 for lines, rows in chunks:
                     yield _Rows(place=place, file=file, header=header, lines=lines, rows=rows)

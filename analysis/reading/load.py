@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ from analysis.reading.text import ResultFileError, one_line, shown, text_chunks
 from experiment.terms.record import Column
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from analysis.reading.batch import ReadTable
@@ -147,6 +147,10 @@ class LoadedTrials:
         Of each session that has a plan, how far it came.
     axis : Axis
         What the levels are.
+    altered : mapping of str to tuple of str
+        By the path of its table, where a session is not as it was recorded, a line each.
+    not_compared : tuple of str
+        Names of the trials.csv that have no journal beside them.
     cells : pandas.DataFrame or None
         Of a table of counts, what `analysis.reading.load.read_counted` returns; there are no trials
         then.
@@ -158,6 +162,8 @@ class LoadedTrials:
     without_table: tuple[str, ...]
     progress: tuple[SessionProgress, ...]
     axis: Axis
+    altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    not_compared: tuple[str, ...] = ()
     cells: pd.DataFrame | None = None
 
 
@@ -208,6 +214,7 @@ def read_inputs(
     watched: Callable[
         [Sequence[InputTable]], AbstractContextManager[Iterable[InputTable]]
     ] = nullcontext,
+    accept_altered: bool = False,
 ) -> LoadedTrials:
     """Read result files as `read_trials` does, and tell which files these were.
 
@@ -218,6 +225,8 @@ def read_inputs(
     watched : callable
         Takes the tables that are to be read, and is asked for one after the other, for a progress
         bar.
+    accept_altered : bool
+        Whether sessions are read that are not as they were recorded.
 
     Raises
     ------
@@ -240,7 +249,11 @@ def read_inputs(
             cells=cells,
         )
     with unchanged(files), watched(sources) as asked:
-        read = [one for batch in batches(asked) for one in read_batch(batch, columns)]
+        read = [
+            one
+            for batch in batches(asked)
+            for one in read_batch(batch, columns, accept_altered=accept_altered)
+        ]
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
     if not any(table.trials for table in tables):
@@ -256,7 +269,13 @@ def read_inputs(
         without_table=without_table,
         progress=tuple(table.progress for table in tables if table.progress is not None),
         axis=Axis() if columns is None else axis_of(columns.axis),
+        altered={str(table.path): table.altered for table in tables if table.altered},
+        not_compared=_not_compared(tables) if columns is None else (),
     )
+
+
+def _not_compared(tables: Iterable[ReadTable]) -> tuple[str, ...]:
+    return tuple(table.file.name for table in tables if table.trials and not table.compared)
 
 
 def _inputs(files: Iterable[InputFile], columns: ColumnMap | None) -> tuple[InputFile, ...]:

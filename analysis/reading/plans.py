@@ -1,4 +1,4 @@
-"""The plan beside a trials.csv: sealed, of this very session, and what the table must keep to."""
+"""What lies beside a trials.csv: the plan that it must keep to, the journal that it is built of."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import pandas as pd
 
 from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
+from experiment.archive.files import HEADS
+from experiment.archive.journal import RecordSchemaError
+from experiment.integrity.sessions import JOURNAL, examine
 from experiment.terms.record import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from experiment.integrity.sessions import Difference, Examined
     from experiment.trial.plan import Plan, Trial
 
 
@@ -67,6 +71,95 @@ def read_plan(table: Path) -> tuple[Plan, str] | None:
         raise ResultFileError(path, None, f"not a sealed plan: {error}") from None
     _check_folder(plan, path)
     return plan, hashlib.sha256(raw).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SessionRecord:
+    """What lies beside a table.
+
+    Attributes
+    ----------
+    plan : Plan or None
+        The plan, where there is one that can be trusted.
+    plan_file_sha256 : str
+        Checksum of its file.
+    compared : bool
+        Whether there is a journal, so that the table was compared with it.
+    altered : tuple of Difference
+        Where the session is not as it was recorded; empty unless that is accepted.
+    """
+
+    plan: Plan | None = None
+    plan_file_sha256: str = ""
+    compared: bool = False
+    altered: tuple[Difference, ...] = ()
+
+
+def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
+    """Read what lies beside a table; of a session that was altered no plan is read if in doubt.
+
+    Raises ResultFileError as `read_plan`; for a session of another version of this program; and for
+    the first difference from what was recorded, unless that is accepted.
+
+    >>> from pathlib import Path
+    >>> read_record(Path("table.csv"), accept_altered=False).compared
+    False
+    """
+    if table.name != TABLE or not table.with_name(JOURNAL).is_file():
+        sealed = read_plan(table)
+        return (
+            SessionRecord()
+            if sealed is None
+            else SessionRecord(plan=sealed[0], plan_file_sha256=sealed[1])
+        )
+    found = _examined(table)
+    if found.differences and not accept_altered:
+        first, *others = found.differences
+        more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
+        message = f"{first.message}{more}; --accept-altered analyzes it with a mark"
+        raise ResultFileError(first.path, first.line, f"{message}{_mended(found)}")
+    trusted = found.history is not None or not found.differences
+    return SessionRecord(
+        plan=found.plan if trusted else None,
+        plan_file_sha256=found.plan_file_sha256,
+        compared=True,
+        altered=found.differences,
+    )
+
+
+def _examined(table: Path) -> Examined:
+    try:
+        return examine(table.parent)
+    except RecordSchemaError as error:
+        raise ResultFileError(error.path, error.line, error.message) from None
+    except OSError as error:
+        raise unreadable(error, table) from None
+    except ValueError as error:
+        raise ResultFileError(table, None, str(error)) from None
+
+
+def _mended(found: Examined) -> str:
+    """Say what puts a record right of which only the table is another one."""
+    if all(one.mended_by == "export" for one in found.differences):
+        return ", tactstrip export DIR builds it anew from the journal"
+    return ""
+
+
+def told_of(difference: Difference, name: str) -> str:
+    """Return a difference as a line, its file told as that of the table is, by `name`.
+
+    >>> from pathlib import Path
+    >>> from experiment.integrity.sessions import Difference
+    >>> folder = Path("results/sub-01/ses-01")
+    >>> one = Difference(path=folder / "header.json", line=None, message="is missing")
+    >>> told_of(one, "sub-01/ses-01/trials.csv")
+    'sub-01/ses-01/header.json: is missing'
+    """
+    folder = name.removesuffix(TABLE)
+    if difference.path.name == HEADS:
+        folder = "".join(f"{part}/" for part in folder.split("/")[:-2])
+    line = "" if difference.line is None else f":{difference.line}"
+    return f"{folder}{difference.path.name}{line}: {difference.message}"
 
 
 def _check_folder(plan: Plan, path: Path) -> None:

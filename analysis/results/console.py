@@ -14,6 +14,7 @@ from analysis.results.rows import (
     forced_choice,
     left_out_rows,
     level_rows,
+    not_compared_words,
     population_text,
 )
 
@@ -48,13 +49,15 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     if file is None:
         return
     counts = analysis.counts
-    if analysis.simulated:
-        _say(file, f"{analysis.simulated}.")
+    if analysis.mark:
+        _say(file, f"{analysis.mark}.")
     _say(
         file,
         f"Trials {counts.trials}, participants {counts.participants}, sessions {counts.sessions}.",
     )
     *kinds, left_out = (" ".join(row) for row in count_rows(counts, TERMINAL))
+    if analysis.not_compared:
+        _say(file, f"{not_compared_words(analysis.not_compared)}.")
     _say(file, f"Counted: {', '.join(kinds)}; {left_out}.")
     levels = level_rows(analysis, TERMINAL)
     for condition, rows in levels.of_condition.items():

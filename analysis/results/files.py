@@ -181,7 +181,8 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
     yield SUMMARY, summary_text(analysis).encode()
     people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
     yield manifest.NAME, Manifest(what="analysis", participants=people).text().encode()
-    yield "trials_clean.csv", csv_text(clean_table(analysis.trials)).encode()
+    trials, marks = _marks(analysis)
+    yield "trials_clean.csv", csv_text(clean_table(trials, more=_ALTERED & {*marks})).encode()
     tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
     possible = {
         "both.csv": analysis.both,
@@ -191,9 +192,8 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
         "confusion.csv": analysis.confusion,
     }
     tables |= {name: table for name, table in possible.items() if len(table)}
-    mixed = 0 < analysis.counts.simulated < analysis.counts.trials
     for name, table in tables.items():
-        yield name, csv_text(_marked(table, analysis.trials) if mixed else table).encode()
+        yield name, csv_text(_marked(table, trials, marks)).encode()
     drawn = tuple(figures.pictures(analysis)) if with_figures else ()
     for one in drawn:
         yield f"{one.name}.png", one.png
@@ -201,10 +201,30 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
     yield REPORT, report_html(analysis, drawn).encode()
 
 
-def _marked(table: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
-    """Say in a last column whose trials a row is of: simulated ones (true), or not, or mixed."""
-    shares: dict[tuple[str, ...], dict[Any, float]] = {
-        key: trials.groupby(list(key))["simulated"].mean().to_dict()
+_ALTERED = {"altered"}
+
+
+def _marks(analysis: Analysis) -> tuple[pd.DataFrame, list[str]]:
+    """Return the trials, and those of their columns by which the rows of tables are told apart."""
+    trials, counts = analysis.trials, analysis.counts
+    marks = {
+        "simulated": 0 < counts.simulated < counts.trials,
+        "device_kind": bool(counts.without_device),
+        "altered": bool(analysis.altered),
+    }
+    altered = trials["file"].isin([*analysis.altered])
+    return trials.assign(altered=altered), [name for name, is_told in marks.items() if is_told]
+
+
+def _marked(table: pd.DataFrame, trials: pd.DataFrame, marks: Iterable[str]) -> pd.DataFrame:
+    """Say in last columns which trials a row is of: true, false or the kind of device, or mixed."""
+    return table.assign(**{name: _words(table, trials, name) for name in marks})
+
+
+def _words(table: pd.DataFrame, trials: pd.DataFrame, mark: str) -> list[str]:
+    told = trials.assign(told=trials[mark].astype(object).map(_told))
+    of_whom: dict[tuple[str, ...], dict[Any, str]] = {
+        key: told.groupby(list(key))["told"].agg(_alike).to_dict()
         for key in (("condition",), ("participant",), ("participant", "condition"))
     }
     words = []
@@ -212,9 +232,19 @@ def _marked(table: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
         names = ("participant", "condition")
         key = tuple(name for name in names if name in row and row[name] != TOTAL)
         values = tuple(row[name] for name in key)
-        share = shares[key][values if len(values) > 1 else values[0]] if key else 0.5
-        words.append({0.0: "false", 1.0: "true"}.get(share, "mixed"))
-    return table.assign(simulated=words)
+        one = values if len(values) > 1 else values[0] if key else None
+        words.append(of_whom[key][one] if key else _alike(told["told"]))
+    return words
+
+
+def _told(value: object) -> str:
+    missing = value is None or value != value  # noqa: PLR0124 (NaN, as categoricals have it)
+    return NOT_AVAILABLE if missing else format_value(value)
+
+
+def _alike(words: pd.Series[Any]) -> str:
+    different = words.unique()
+    return str(different[0]) if len(different) == 1 else "mixed"
 
 
 def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame:

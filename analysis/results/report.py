@@ -22,10 +22,11 @@ from analysis.results.rows import (
     left_out_rows,
     level_head,
     level_rows,
+    not_compared_words,
     p_text,
     population_text,
 )
-from analysis.results.summary import versions
+from analysis.results.summary import devices, versions
 from experiment.terms.record import RESPONSES
 
 if TYPE_CHECKING:
@@ -74,8 +75,13 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
 def _opening(analysis: Analysis) -> Iterator[Element]:
     counts = analysis.counts
     yield element("h1", _TITLE)
-    if analysis.simulated:
-        yield element("p", f"{analysis.simulated}.", class_="mark")
+    if analysis.mark:
+        yield element("p", f"{analysis.mark}.", class_="mark")
+    kinds = ", ".join(f"{kind} {number}" for kind, number in devices(analysis.trials).items())
+    if kinds:
+        yield element("p", f"Trials by kind of device: {kinds}.")
+    if analysis.not_compared:
+        yield element("p", foreign(f"{not_compared_words(analysis.not_compared)}."))
     conditions = sorted({*analysis.trials["condition"], *analysis.levels["condition"]})
     named: list[Content] = []
     for name in conditions:

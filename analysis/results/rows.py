@@ -12,7 +12,7 @@ from analysis.definitions import TOTAL
 from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     import pandas as pd
 
@@ -176,6 +176,7 @@ _COUNTS: Final = {
     "timeouts": ("", "Time-outs among the counted"),
     "invalid": ("", "Invalid keys among the counted"),
     "simulated": ("", "Trials of simulated participants"),
+    "without_device": ("", "Trials of people without a device"),
 }
 """What counts are called on terminal and page; the terminal tells those that have a short name."""
 
@@ -184,6 +185,20 @@ def count_rows(counts: Counts, style: Style) -> list[list[str]]:
     """Return what was counted and how often; the last on the terminal is what was left out."""
     named = {name: long if style.roomy else short for name, (short, long) in _COUNTS.items()}
     return [[told, str(getattr(counts, name))] for name, told in named.items() if told]
+
+
+_NAMED = 5
+
+
+def not_compared_words(names: Sequence[str]) -> str:
+    """Say which tables could be edited without being found out.
+
+    >>> not_compared_words(["a.csv"])
+    'Not compared with a journal, for none lies beside it: a.csv'
+    """
+    told = ", ".join(names[:_NAMED])
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"Not compared with a journal, for none lies beside it: {told}{more}"
 
 
 CONTROL_HEAD: Final = [

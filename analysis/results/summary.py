@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from analysis.definitions import DEFINITIONS
 from analysis.results.rows import levels_told
+from experiment.terms.record import NOT_AVAILABLE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +32,10 @@ def summary_text(analysis: Analysis) -> str:
         "versions": versions(),
         "seed": analysis.seed,
         "counts": asdict(analysis.counts),
+        "mark": analysis.mark,
+        "devices": devices(analysis.trials),
+        "altered": [one for told in analysis.altered.values() for one in told],
+        "not_compared": list(analysis.not_compared),
         "excluded": _records(analysis.excluded),
         "levels": _records(levels_told(analysis)),
         "both": _records(analysis.both),
@@ -54,6 +59,18 @@ def versions() -> dict[str, str]:
     """
     names = ("tactstrip", "numpy", "scipy", "pandas", "matplotlib")
     return {"python": platform.python_version()} | {name: version(name) for name in names}
+
+
+def devices(trials: pd.DataFrame) -> dict[str, int]:
+    """Count the trials of each kind of device; a table made elsewhere may not tell it.
+
+    >>> import pandas as pd
+    >>> devices(pd.DataFrame({"device_kind": ["mock", "mock", None]}))
+    {'mock': 2, 'n/a': 1}
+    """
+    kinds = trials["device_kind"].astype(object)
+    counts = kinds.where(kinds.notna(), NOT_AVAILABLE).value_counts()
+    return {str(kind): int(counts[kind]) for kind in sorted(counts.index)}
 
 
 def _population(one: PopulationThreshold) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from analysis.answers import counting, detection
@@ -14,7 +14,7 @@ from analysis.thresholds.people import people_of, people_of_counts
 from analysis.thresholds.table import group_table, thresholds_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     import pandas as pd
 
@@ -46,6 +46,7 @@ class Counts:
     sessions: int  # each belongs to a participant
     conditions: int
     simulated: int  # trials of simulated participants
+    without_device: int  # trials of people on a mock device or an emulator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,6 +87,10 @@ class Analysis:
         What the levels are.
     studies : tuple of str
         Canonical texts of the studies in the plans beside the tables, each once.
+    altered : mapping of str to tuple of str
+        As `LoadedTrials.altered`: sessions that are not as they were recorded.
+    not_compared : tuple of str
+        Tables of sessions without a journal.
     """
 
     levels: pd.DataFrame
@@ -109,17 +114,37 @@ class Analysis:
     seed: int
     axis: Axis
     studies: tuple[str, ...] = ()
+    altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    not_compared: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
             raise ValueError(f"ci must be one of {', '.join(METHODS)}, got {self.ci!r}")
 
     @property
-    def simulated(self) -> str:
-        """A remark where participants are simulated: all, some, or none (empty text)."""
+    def mark(self) -> str:
+        """What every output says of the trials where they are no plain results; else empty."""
+        return "; ".join(filter(None, (self._simulated, self._practice, self._altered)))
+
+    @property
+    def _simulated(self) -> str:
         if self.counts.simulated == self.counts.trials:
             return "Simulated participants"
         return "Simulated and real participants mixed" if self.counts.simulated else ""
+
+    @property
+    def _practice(self) -> str:
+        number = self.counts.without_device
+        return f"{number} trials of people without a device: practice" if number else ""
+
+    @property
+    def _altered(self) -> str:
+        number = len(self.altered)
+        return (
+            f"Altered after recording: {number} of {self.counts.sessions} sessions"
+            if number
+            else ""
+        )
 
 
 def analyse(
@@ -141,7 +166,7 @@ def analyse(
     seed : int
         Of bootstrap and permutations.
     allow_simulated : bool
-        Whether simulated and real sessions may be mixed.
+        Whether simulated and real sessions may be mixed, and people without a device be analysed.
     population : bool
         Whether to fit the participants of each condition as one population.
 
@@ -154,7 +179,7 @@ def analyse(
     ValueError
         For an unknown method, and a seed that is no whole number of at least 0.
     ResultFileError
-        For simulated trials beside real ones.
+        For simulated trials beside real ones, and trials of a person without a device.
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number of at least 0, got {seed!r}")
@@ -162,6 +187,14 @@ def analyse(
     if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
         one = trials[trials["simulated"]].iloc[0]
         message = "a simulated trial, and others are real; --allow-simulated accepts both"
+        raise ResultFileError(one["file"], int(one["line"]), message)
+    practice = trials[without_device(trials)]
+    if len(practice) and not allow_simulated:
+        one = practice.iloc[0]
+        message = (
+            f"a trial of a person on a device of the kind {one['device_kind']}, who felt nothing; "
+            "--allow-simulated accepts it"
+        )
         raise ResultFileError(one["file"], int(one["line"]), message)
     excluded = counting.excluded_table(trials)
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
@@ -189,6 +222,8 @@ def analyse(
         seed=seed,
         axis=loaded.axis,
         studies=tuple(dict.fromkeys(one.study for one in loaded.progress)),
+        altered=loaded.altered,
+        not_compared=loaded.not_compared,
     )
 
 
@@ -226,6 +261,7 @@ def _counts_of(cells: pd.DataFrame) -> Counts:
         sessions=people,
         conditions=cells["condition"].nunique(),
         simulated=0,
+        without_device=0,
     )
 
 
@@ -244,6 +280,7 @@ def _counts(trials: pd.DataFrame) -> Counts:
         sessions=len(trials[["participant", "session"]].drop_duplicates()),
         conditions=trials["condition"].nunique(),
         simulated=int(trials["simulated"].sum()),
+        without_device=int(without_device(trials).sum()),
     )
 
 
@@ -263,9 +300,25 @@ def _warnings(loaded: LoadedTrials, excluded: pd.DataFrame) -> Iterator[str]:
     studies = _studies(loaded)
     if studies > 1:
         yield f"the trials come from {studies} different studies (study_sha256)"
+    for differences in loaded.altered.values():
+        yield from (f"altered after recording: {one}" for one in differences)
+    without = without_device(trials).sum()
+    if without:
+        yield f"{without} of {len(trials)} trials are of people on a mock device or an emulator"
     if 0 < trials["simulated"].sum() < len(trials):
         yield f"{trials['simulated'].sum()} of {len(trials)} trials are simulated, the others real"
     yield from _about_none(counted)
+
+
+def without_device(trials: pd.DataFrame) -> pd.Series[bool]:
+    """Tell which trials are of a person whose device moves nothing.
+
+    >>> import pandas as pd
+    >>> kinds = {"simulated": [False, False, True], "device_kind": ["mock", None, "mock"]}
+    >>> without_device(pd.DataFrame(kinds)).tolist()
+    [True, False, False]
+    """
+    return ~trials["simulated"].astype(bool) & trials["device_kind"].isin(["mock", "emulated"])
 
 
 def _studies(loaded: LoadedTrials) -> int:

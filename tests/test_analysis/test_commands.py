@@ -127,7 +127,8 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     run("analyze", *EXAMPLE, "--out", tmp_path, "--seed", 7, "--no-figures")
     told = summary(tmp_path)
     assert list(told) == [
-        *("schema", "definitions", "inputs", "versions", "seed", "counts", "excluded", "levels"),
+        *("schema", "definitions", "inputs", "versions", "seed", "counts", "mark", "devices"),
+        *("altered", "not_compared", "excluded", "levels"),
         *("both", "blank", "control", "thresholds", "groups", "population", "choice"),
         *("reaction_times", "warnings"),
     ]

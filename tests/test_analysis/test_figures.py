@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def analysis_of(**tables: object) -> Analysis:
     """Return an analysis that has nothing but these tables."""
-    others = {"ci": "wilson", "axis": VOLTS, "simulated": ""}
+    others = {"ci": "wilson", "axis": VOLTS, "mark": ""}
     return cast("Analysis", SimpleNamespace(**others, **tables))
 
 

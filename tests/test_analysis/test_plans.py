@@ -43,13 +43,32 @@ FIRST, SECOND = "sub-01/ses-01", "sub-02/ses-01"
 
 @pytest.fixture
 def results(tmp_path: Path, two_sessions: Path) -> Path:
-    """Two short sessions, to be changed."""
-    return shutil.copytree(two_sessions, tmp_path / "results")
+    """Two short sessions, to be changed; with a journal, any change would be named by that."""
+    copy = shutil.copytree(two_sessions, tmp_path / "results")
+    for journal in copy.glob("sub-*/ses-*/journal.jsonl"):
+        journal.unlink()
+    return copy
 
 
 @pytest.fixture
 def table(results: Path) -> Path:
     return results / FIRST / "trials.csv"
+
+
+@pytest.fixture
+def cut_off(tmp_path: Path, two_sessions: Path) -> Path:
+    """The table of a session that was killed, with two trials in it, and a whole session."""
+    session = shutil.copytree(two_sessions, tmp_path / "cut off") / FIRST
+    keep(session / "trials.csv", 3)
+    (session.parent / "sessions.tsv").unlink()
+    return session / "trials.csv"
+
+
+def keep_trials(journal: Path, number: int) -> None:
+    """Cut a journal behind the end of so many trials."""
+    lines = journal.read_bytes().splitlines()
+    ends = [n for n, line in enumerate(lines, 1) if b'"event":"trial_end"' in line]
+    keep(journal, ends[number - 1])
 
 
 @pytest.fixture
@@ -95,29 +114,22 @@ def test_the_plan_tells_whether_none_was_offered_to_blanks_too(
     assert trials["level_vpp"].isna().sum() == 2
 
 
-def test_a_session_that_was_stopped_early_is_a_warning(results: Path, table: Path) -> None:
-    keep(table, 3)
-    journal = table.with_name("journal.jsonl")
-    entries = journal.read_bytes().splitlines()
-    keep(journal, [n for n, line in enumerate(entries, 1) if b'"event":"trial_end"' in line][1])
-    assert warnings_of(results) == (told(2),)
+def test_a_session_that_was_stopped_early_is_a_warning(cut_off: Path) -> None:
+    keep_trials(cut_off.with_name("journal.jsonl"), 2)
+    assert warnings_of(cut_off.parents[2]) == (told(2),)
 
 
-def test_a_table_that_lags_behind_its_journal_is_a_warning(results: Path, table: Path) -> None:
-    keep(table, 3)
-    short, behind = warnings_of(results)
+def test_a_table_that_lags_behind_its_journal_is_a_warning(cut_off: Path) -> None:
+    keep_trials(cut_off.with_name("journal.jsonl"), 5)
+    short, behind = warnings_of(cut_off.parents[2])
     assert short == told(2)
     assert "its journal tells of 3 more trials than its trials.csv; tactstrip export" in behind
 
 
 def test_a_session_without_a_trial_is_a_warning_where_others_have_some(results: Path) -> None:
-    def lose_trials(session: Path) -> None:
-        keep(session / "trials.csv", 1)
-        (session / "journal.jsonl").unlink()
-
-    lose_trials(results / FIRST)
+    keep(results / FIRST / "trials.csv", 1)
     assert warnings_of(results) == (told(0),)
-    lose_trials(results / SECOND)
+    keep(results / SECOND / "trials.csv", 1)
     assert "no session here has a trial yet" in str(refused(results))
 
 

@@ -37,7 +37,7 @@ def draw(analysis: Analysis) -> Figure:
     """Draw a grid of stimuli and answers; each cell has its share, count and 95 % interval."""
     groups = [(str(name), rows) for name, rows in analysis.confusion.groupby("condition")]
     heights = [_AROUND_IN + _ROW_IN * len(rows) for _, rows in groups]
-    figure, axes = panels([name for name, _ in groups], heights, analysis.simulated)
+    figure, axes = panels([name for name, _ in groups], heights, analysis.mark)
     for panel, (_, rows) in zip(axes, groups, strict=True):
         _draw(panel, rows, analysis.ci)
     axes[-1].annotate(

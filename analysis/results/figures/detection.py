@@ -46,7 +46,7 @@ def draw(analysis: Analysis) -> Figure:
     cell. One panel per condition.
     """
     conditions = list(analysis.levels["condition"].unique())
-    figure, axes = panels(conditions, [_HEIGHT_IN] * len(conditions), analysis.simulated)
+    figure, axes = panels(conditions, [_HEIGHT_IN] * len(conditions), analysis.mark)
     for panel, condition in zip(axes, conditions, strict=True):
         _draw(panel, analysis, condition)
     return figure

@@ -42,7 +42,7 @@ def draw(analysis: Analysis) -> Figure:
     """Draw the median reaction time of each side with its 10 % and 90 % points."""
     timed = analysis.reaction_times[analysis.reaction_times["n"].gt(0)]
     groups = [(str(name), rows) for name, rows in timed.groupby("condition")]
-    figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), analysis.simulated)
+    figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), analysis.mark)
     longest_s = float(timed["p90"].max())
     for panel, (_, rows) in zip(axes, groups, strict=True):
         _draw(panel, rows, analysis.axis)

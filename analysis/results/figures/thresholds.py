@@ -70,7 +70,7 @@ def draw(analysis: Analysis) -> Figure:
     conditions = list(analysis.groups["condition"])
     rows = [_rows(analysis, condition) for condition in conditions]
     heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in rows]
-    figure, axes = panels(conditions, heights, analysis.simulated)
+    figure, axes = panels(conditions, heights, analysis.mark)
     for panel, each in zip(axes, rows, strict=True):
         levels_vpp = analysis.participants["level_vpp"].to_numpy(dtype=float)
         _draw(panel, each, levels_vpp, analysis.axis)
