@@ -1,7 +1,19 @@
 from .heads import SessionHead, enter_head, read_heads
-from .sessions import examine, lost_sessions, people_of, refuse_altered, session_paths
+from .sessions import (
+    JOURNAL,
+    Difference,
+    Examined,
+    examine,
+    lost_sessions,
+    people_of,
+    refuse_altered,
+    session_paths,
+)
 
 __all__ = [
+    "JOURNAL",
+    "Difference",
+    "Examined",
     "SessionHead",
     "enter_head",
     "examine",

@@ -148,6 +148,7 @@ def test_a_simulated_studys_control_trials_are_complete(dry: Path) -> None:
 
 def test_none_is_legal_by_the_plan_in_a_control_trial_only(dry: Path) -> None:
     table = dry / "sub-01" / "ses-01" / "trials.csv"
+    table.with_name("journal.jsonl").unlink()  # by which the change would be found
     trials = pd.read_csv(table, dtype=str, keep_default_na=False)
     trials.loc[trials["kind"].eq("control"), ["response", "correct"]] = ["none", "false"]
     trials.to_csv(table, index=False)
