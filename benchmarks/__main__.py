@@ -17,6 +17,7 @@ NAMES = (
         "journal",
         "stability",
         "field",
+        "sweep",
         "motion",
         "skipping",
         "link",

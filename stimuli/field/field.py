@@ -10,6 +10,7 @@ import numpy as np
 
 from stimuli.checks import instance
 from stimuli.field.jobs import Job, dimensionless, stiffness_factors, unit_scale
+from stimuli.field.parted import swept as without_waves
 from stimuli.field.rational import swept
 from stimuli.field.scene import LEAST_RTOL, Scene, Work
 from stimuli.solver.endless import solved
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from stimuli.arrays import Complex, Real
+    from stimuli.field.parted import Parted
     from stimuli.field.sweep import Band, Rational
     from stimuli.solver.source import Ends
 
@@ -161,7 +163,11 @@ def _swept(
     value, error = np.zeros(shape, dtype=np.complex128), np.zeros(shape)
     done = []
     for band in scene.bands(frequencies_hz, rtol, jobs, rational=rational):
-        if band.rational is None:
+        if band.parted is not None:
+            asked_hz = frequencies_hz[band.rows]
+            part, solved_hz = _without_waves(scene, asked_hz, band.parted, rtol, jobs)
+            done.append(replace(band, solved_hz=solved_hz))
+        elif band.rational is None:
             try:
                 part = _between(band, _tabled(scene, band.solved_hz, rtol, jobs))
             except ResonanceError:
@@ -173,6 +179,18 @@ def _swept(
             done.append(replace(band, solved_hz=band.solved_hz[solved]))
         value[band.rows], error[band.rows] = part.value, part.error
     return Answered(value=value, error=error), tuple(done)
+
+
+def _without_waves(
+    scene: Scene, frequencies_hz: Real, way: Parted, rtol: float, jobs: tuple[Job, ...]
+) -> tuple[Answered, Real]:
+    """Return D U of all jobs' pairs with the first waves taken out, and what was solved."""
+
+    def alone(rows: NDArray[np.bool_]) -> Answered:
+        return _tabled(scene, frequencies_hz[rows], rtol, jobs)
+
+    found, nodes_hz, poor = without_waves(scene.strip, way, rtol, jobs, alone)
+    return found, np.append(nodes_hz, frequencies_hz[poor])
 
 
 def _quotients(
@@ -307,7 +325,7 @@ def _with_ends(
         part = reflected(some, ends, job.signs)
         value[rows] += part.value
         error[rows] += part.error
-        again = _POOR * some.rtol < _relative(value[rows], part.error)
+        again = _POOR * some.rtol < Answered(value=value[rows], error=part.error).relative()
         if np.any(again) and some.rtol > LEAST_RTOL:
             finer = replace(
                 some,
@@ -319,13 +337,6 @@ def _with_ends(
             value[rows[again]] += better.value - part.value[again]
             error[rows[again]] += better.error - part.error[again]
     return Answered(value=value, error=error)
-
-
-def _relative(value: Complex, error: Real) -> Real:
-    """Return the greatest error as a part of what it is wanted of, for each frequency."""
-    size = np.abs(value)
-    size = np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True))
-    return np.asarray(np.max(error / np.maximum(size, 1e-300), axis=1))
 
 
 def _refuse_resonances(

@@ -26,6 +26,10 @@ _DECIMALS: Final = 15
 """Places in widths that agree to so many decimals are one place."""
 
 
+_A_FEW: Final = 32
+"""Rows of which the different ones are sooner found one by one."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job:
     """All that is computed for loads that differ in nothing but their place, in widths."""
@@ -127,8 +131,11 @@ def _job(members: list[_Member], strip: Strip, *, skip: bool) -> Job:
 
 def _different(rows: Real, *, skip: bool) -> tuple[Real, NDArray[np.intp]]:
     """Return the different rows, and which of them each row is."""
-    if not skip:
+    if not skip or len(rows) == 1:
         return rows, np.arange(len(rows))
+    if len(rows) <= _A_FEW:
+        seen = {row: number for number, row in enumerate(sorted({*map(tuple, rows.tolist())}))}
+        return np.array([*seen]), np.array([seen[tuple(row)] for row in rows.tolist()])
     different, inverse = np.unique(rows, axis=0, return_inverse=True)
     return different, inverse.ravel()
 
@@ -184,6 +191,16 @@ def is_supported(strip: Strip) -> bool:
     if isinstance(edge, ElasticEdge):
         return edge.stiffness_n <= _NO_SPRING_N
     return edge is SIMPLY_SUPPORTED
+
+
+def hold_at_rest(strip: Strip) -> float:
+    """Return 1 / (kappa W) of a static plate."""
+    edge = strip.edge
+    if is_supported(strip):
+        return np.inf
+    if not isinstance(edge, ElasticEdge):
+        return 0.0
+    return strip.bending_stiffness_n_m / (edge.stiffness_n * strip.width_m)
 
 
 def dimensionless(

@@ -221,7 +221,16 @@ class Scene:
     ) -> tuple[Band, ...]:
         """Return how each frequency is obtained; without `rational` by no quotient."""
         farthest = max((float(np.max(job.distance)) for job in jobs), default=0.0)
-        return bands(self.strip, frequencies_hz, rtol, farthest, skip=self.skip, rational=rational)
+        signs = tuple({sign: None for job in jobs for sign in job.signs})
+        return bands(
+            self.strip,
+            frequencies_hz,
+            rtol,
+            farthest,
+            signs=signs,
+            skip=self.skip,
+            rational=rational,
+        )
 
     def near(self, job: Job, rtol: float) -> int:
         """Return for how many places of a job the guided waves are not enough."""

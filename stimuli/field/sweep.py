@@ -1,8 +1,9 @@
 """At which frequencies a field is solved, and how it follows at the others.
 
-The field of a finite strip with loss is rational in f^2, see `stimuli.field.rational`.
+The field of a finite strip with loss is rational in f^2, see `stimuli.field.rational`; that of an
+endless one is smooth without its first waves, see `stimuli.field.parted`.
 
-Below the first cut-off the field is an analytic function of f^2 (with viscous loss of f, through
+Below the first cut-off any field is an analytic function of f^2 (with viscous loss of f, through
 0 and beyond), so that its values at a few Chebyshev nodes give it everywhere. At the lowest
 frequencies this is the only way: there the two branches cancel, and the nodes are the nearest
 places where they do not.
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.field.parted import parted
 from stimuli.field.rational import FEWEST, PER_RESONANCE
 from stimuli.strip.waves import supported_cutoff_hz
 
@@ -23,11 +25,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
+    from stimuli.field.parted import Parted
     from stimuli.strip.strip import Strip
 
 
 _UPPER: Final = 0.9
-"""Part of the first cut-off up to which a sweep is interpolated."""
+"""Part of the first cut-off up to which a sweep of a finite strip is interpolated."""
 
 _LOWEST_TOPS: Final = (0.01, 0.3)
 """Least and largest top of the interval for the lowest frequencies, as a part of the supported
@@ -71,6 +74,7 @@ class Band:
     rest: Real | None = None
     ratio: float = 0.0  # of successive coefficients, at most
     reason: str = ""  # why it is done so; empty if there is nothing to tell
+    parted: Parted | None = None  # then the first waves are taken out
     rational: Rational | None = None  # then which of `solved_hz` are solved is found on the way
 
 
@@ -89,13 +93,15 @@ def bands(
     rtol: float,
     distance: float,
     *,
+    signs: tuple[int, ...],
     skip: bool,
     rational: bool = True,
 ) -> tuple[Band, ...]:
     """Return how each frequency is obtained.
 
-    `distance` is the largest along the strip in widths; with `skip` False only the lowest
-    frequencies, which cannot be solved, are interpolated. Without `rational` no band is rational.
+    `distance` is the largest along the strip in widths, `signs` are the symmetries driven. With
+    `skip` False only the lowest frequencies, which cannot be solved, are interpolated. Without
+    `rational` no band is rational.
 
     Examples
     --------
@@ -103,9 +109,9 @@ def bands(
 
     >>> from stimuli import ALUMINIUM, CLAMPED, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-    >>> [bands(strip, np.linspace(4, 1500, n), 1e-6, 3.0, skip=True)[0].solved_hz.size
+    >>> [bands(strip, np.linspace(4, 1500, n), 1e-6, 3.0, signs=(1,), skip=True)[0].solved_hz.size
     ...  for n in (50, 500)]
-    [10, 10]
+    [3, 3]
     """
     supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
     viscous = strip.material.viscous_time_s > 0
@@ -117,12 +123,20 @@ def bands(
     least_hz = max(_LOWEST[0], _LOWEST[1] * part) * supported_hz
     found = []
     done = np.zeros(frequencies_hz.size, dtype=np.bool_)
+    if skip and signs and strip.length_m is None:
+        way = parted(strip, frequencies_hz, rtol, signs)
+        if way is not None:
+            reason = "without its first waves the field is smooth in frequency"
+            found.append(
+                Band(rows=way.rows, solved_hz=way.nodes_hz[::2], reason=reason, parted=way)
+            )
+            done[way.rows] = True
     if skip and rational and strip.length_m is not None and _is_lossy(strip):
         found += _rational(strip, frequencies_hz, least_hz)
         for band in found:
             done[band.rows] = True
         below = below[~done[below]]
-    if skip and below.size and distance <= _FARTHEST:
+    if skip and below.size and distance <= _FARTHEST and strip.length_m is not None:
         most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
         ratio = _ratio(most_hz / singular_hz, viscous=viscous)
         count = _count(ratio, rtol, distance)

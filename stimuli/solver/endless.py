@@ -13,6 +13,8 @@ from stimuli.solver.guided import Guided, guided
 from stimuli.solver.source import Answered, Question, far_clearance, inside_excess, transformed
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
@@ -57,7 +59,7 @@ _EXACT_EPS: Final = float(np.finfo(np.longdouble).eps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Waves:
+class Waves:
     """The known waves of one symmetry, about the next ones, and what the load makes of them."""
 
     known: Guided  # are summed
@@ -65,23 +67,26 @@ class _Waves:
     strength: Complex  # i Phi / N: (n_frequencies, n_every)
 
     @classmethod
-    def of(cls, question: Question, sign: int) -> _Waves:
-        """Return the waves of a load."""
-        known, k = (
-            guided(question.exact_k, question.exact_hold, n_waves(question.k), sign),
-            question.k,
-        )
-        every = known.followed(k[:, np.newaxis], _FOLLOWING)
-        norms = every.norms(k[:, np.newaxis], known.p.shape[1])
-        strength = 1j * every.excited(k[:, np.newaxis], question.source) / norms
+    def of(cls, question: Question, sign: int, least: int = 0) -> Waves:
+        """Return the waves of a load, no fewer than `least`."""
+        k = question.k[:, np.newaxis]
+        count = max(n_waves(question.k), least)
+        known = guided(question.exact_k, question.exact_hold, count, sign)
+        every = known.followed(k, _FOLLOWING)
+        strength = every.strengths(k, question.source, known.p.shape[1])
         return cls(known=known, every=every, strength=strength)
+
+    def at(self, rows: slice) -> Waves:
+        """Return the waves at some of the frequencies."""
+        known, every = self.known.at(rows), self.every.at(rows)
+        return Waves(known=known, every=every, strength=self.strength[rows])
 
     def terms(self, question: Question) -> Complex:
         """Return each wave at the points, shape (n_frequencies, n_every, n_points)."""
         along = question.source.along(self.every.p[..., np.newaxis], question.distance)
         return self.strength[..., np.newaxis] * self.every.shapes(question.across) * along
 
-    def incoming(self, question: Question) -> _Waves | None:
+    def incoming(self, question: Question) -> Waves | None:
         """Return the waves that propagate as they come in from afar, with opposite residues."""
         p, reach = self.known.p, float(np.max(question.distance)) + question.source.half_length
         running = (p.real > p.imag) & (p.imag * reach < _FAINTEST)
@@ -97,7 +102,7 @@ class _Waves:
             g2=self.known.g2[:, some],
             branch=None if self.known.branch is None else self.known.branch[:, some],
         )
-        return _Waves(known=back, every=back, strength=strength)
+        return Waves(known=back, every=back, strength=strength)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,11 +144,15 @@ def solved(question: Question, signs: tuple[int, ...] = (1, -1), *, skip: bool =
     >>> bool(abs(at(0.1, -0.3) / at(-0.3, 0.1) - 1) < 1e-10)
     True
     """
+    return summed(question, [Waves.of(question, sign) for sign in signs], skip=skip)
+
+
+def summed(question: Question, found: Iterable[Waves], *, skip: bool = True) -> Answered:
+    """Return what `solved` does, from the waves of all symmetries."""
     value, drift = np.zeros((2, question.k.size, question.distance.size), dtype=np.complex128)
     error = np.zeros(value.shape)
     far = (question.clearance >= far_clearance(question.rtol)) & skip
-    for sign in signs:
-        waves = _Waves.of(question, sign)
+    for waves in found:
         for points, method in ((far, _far), (~far, _near)):
             if np.any(points):
                 part = method(question if np.all(points) else question.at(points), waves)
@@ -164,7 +173,7 @@ def n_waves(k: Complex) -> int:
     return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
 
 
-def _far(question: Question, waves: _Waves) -> _Sum:
+def _far(question: Question, waves: Waves) -> _Sum:
     """Return the sum over all known guided waves, equation (47)."""
     every, n = waves.terms(question), waves.known.p.shape[1]
     used = np.ones(waves.known.p.shape, dtype=np.bool_)
@@ -173,7 +182,7 @@ def _far(question: Question, waves: _Waves) -> _Sum:
     return _Sum(value=terms.sum(axis=1), drift=every[:, n:].sum(axis=1), error=error)
 
 
-def _near(question: Question, waves: _Waves) -> _Sum:
+def _near(question: Question, waves: Waves) -> _Sum:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
     source, modes = question.source, waves.known
     sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
@@ -214,7 +223,7 @@ def _room(question: Question) -> float:
 
 
 def _leaked(
-    question: Question, path: Contour, waves: _Waves, *, every: Complex, terms: Complex
+    question: Question, path: Contour, waves: Waves, *, every: Complex, terms: Complex
 ) -> Complex:
     """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
     modes = waves.known

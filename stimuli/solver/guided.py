@@ -80,6 +80,22 @@ class Guided:
         weight1, weight2 = self.weights
         return weight2 * near + weight1 * far
 
+    def strengths(self, k: Complex, source: Source, n_exact: int | None = None) -> Complex:
+        """Return i Phi / N of (47), what a load makes of each wave; as `excited` and `norms`."""
+        return 1j * self.excited(k, source) / self.norms(k, n_exact)
+
+    def at(self, rows: slice) -> Guided:
+        """Return the waves at some of the frequencies."""
+        p, g1, g2 = self.p[rows], self.g1[rows], self.g2[rows]
+        branch = None if self.branch is None else self.branch[rows]
+        return Guided(p=p, g1=g1, g2=g2, sign=self.sign, branch=branch)
+
+    def first(self, count: int) -> Guided:
+        """Return the first waves."""
+        p, g1, g2 = (a[:, :count] for a in (self.p, self.g1, self.g2))
+        branch = None if self.branch is None else self.branch[:, :count]
+        return Guided(p=p, g1=g1, g2=g2, sign=self.sign, branch=branch)
+
     def followed(self, k: Complex, n_pairs: int) -> Guided:
         """Return these waves and about those that follow, in pairs like the last two.
 
@@ -228,23 +244,30 @@ def _near_cutoff(z: Complex, k: Exact | Complex, hold: Exact | Complex, sign: in
     return z
 
 
-def _supported(k: Exact | Complex, n_modes: int, sign: int) -> Guided:
-    """Return the waves of simply supported edges, equations (9) and (19)."""
+def supported(k: Exact | Complex, n_orders: int, sign: int) -> Guided:
+    """Return the waves of simply supported edges, (9) and (19): all orders, one branch by one."""
     first = 1 if sign > 0 else 2
-    exact_q = PI * np.arange(first, first + 2 * n_modes, 2)
+    exact_q = PI * np.arange(first, first + 2 * n_orders, 2)
     k = k[:, np.newaxis]
     z = np.concatenate([(k - exact_q) * (k + exact_q), -(k * k + exact_q**2)], axis=1)
     z, k, q = z.astype(np.complex128), k.astype(np.complex128), exact_q.astype(np.float64)
     across = np.broadcast_to(1j * np.concatenate([q, q]), z.shape)
-    branch = np.broadcast_to(np.repeat(np.array([1, 2]), n_modes), z.shape)
+    branch = np.broadcast_to(np.repeat(np.array([1, 2]), n_orders), z.shape)
     other = np.sqrt(z + np.where(branch == 1, 1, -1) * k * k)
-    g1 = np.concatenate([across[:, :n_modes], other[:, n_modes:]], axis=1)
-    g2 = np.concatenate([other[:, :n_modes], across[:, n_modes:]], axis=1)
-    p = _outgoing(z)
-    order = _slowest_first(p)[:, :n_modes]
-    p, g1, g2 = (np.take_along_axis(a, order, axis=1) for a in (p, g1, g2))
-    branch = np.take_along_axis(branch, order, axis=1)
-    return Guided(p=p, g1=g1, g2=g2, sign=sign, branch=branch)
+    g1 = np.concatenate([across[:, :n_orders], other[:, n_orders:]], axis=1)
+    g2 = np.concatenate([other[:, :n_orders], across[:, n_orders:]], axis=1)
+    return Guided(p=_outgoing(z), g1=g1, g2=g2, sign=sign, branch=branch)
+
+
+def _supported(k: Exact | Complex, n_modes: int, sign: int) -> Guided:
+    """Return the waves of simply supported edges with the slowest decay."""
+    found = supported(k, n_modes, sign)
+    order = _slowest_first(found.p)[:, :n_modes]
+    names: dict[str, Any] = {
+        name: np.take_along_axis(getattr(found, name), order, axis=1)
+        for name in ("p", "g1", "g2", "branch")
+    }
+    return Guided(sign=sign, **names)
 
 
 def _outgoing(z: Complex) -> Complex:

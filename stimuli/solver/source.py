@@ -245,6 +245,12 @@ class Answered:
     value: Complex
     error: Real
 
+    def relative(self) -> Real:
+        """Return the greatest error as a part of what it is wanted of, for each frequency."""
+        size = np.abs(self.value)
+        size = np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True))
+        return np.asarray(np.max(self.error / np.maximum(size, 1e-300), axis=1))
+
 
 def far_clearance(rtol: float) -> float:
     """Return the distance from a load in widths beyond which the guided waves are enough.

@@ -42,6 +42,10 @@ _WIDTHS: Final = (3e-3, 3e-4)
 """Pairs of starting values nearer than this are parted anew, in parabolas of these widths; both
 times 1 + |a|, of which 2 pi is the usual distance of two roots."""
 
+_SLIGHT: Final = 0.02
+"""Imaginary part of the bending over 1 + |a|, and of the compliance over itself, that starting
+values need not know."""
+
 _LITTLE: Final = 1e-4
 """Bending below which its quotient in `_stiffness_below` is taken by the limit at 0."""
 
@@ -128,7 +132,9 @@ def starting_values(
     # one: the eigenvalues are all roots at once, of which a search might miss one.
     z: NDArray[np.inexact[Any]] = bending
     c: NDArray[np.inexact[Any]] = compliance
-    if not (np.any(z.imag) or np.any(c.imag)):
+    if np.all(np.abs(z.imag) <= _SLIGHT * (1 + np.sqrt(np.abs(z)))) and np.all(
+        np.abs(c.imag) <= _SLIGHT * np.abs(c)
+    ):  # loss moves no root farther than the starting values are off
         z, c = z.real, c.real
     widest = complex(bending[np.argmax(abs(bending))])
     q, load = _modes(widest, count, 0.5 if symmetric else 0.0)

@@ -1,0 +1,179 @@
+"""Sweeps of endless strips beside as many bare exponentials: times their time, and true error."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from benchmarks.field import PATCH, exponentials
+from benchmarks.timing import duration
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    ElasticEdge,
+    Material,
+    MomentDisc,
+    PointForce,
+    PressureRectangle,
+    Scene,
+    Strip,
+    response,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from stimuli import IdealEdge, Load
+    from stimuli.arrays import Real
+
+RTOL: Final = 1e-6
+_EXACT: Final = 1e-12
+_COUNT: Final = 500
+_CHECKED: Final = slice(None, None, 9)
+_REPEATS: Final = 25
+_LOSSES: Final = (0.0, 0.01)
+_WIDTH_M: Final = 0.025
+_POINTS: Final = ((0.0, 0.5), (0.8, 0.3))
+"""Two receivers in widths: over the patch and 20 mm away, off the centre line."""
+
+_SHARES: Final = {"below": (0.002, 0.95), "across": (0.002, 2.0), "above": (9.3, 20.7)}
+"""Bands as parts of the first cut-off."""
+
+GLASS: Final = Material(youngs_modulus_pa=70e9, poisson_ratio=0.22, density_kg_m3=2500.0)
+STEEL: Final = Material(youngs_modulus_pa=200e9, poisson_ratio=0.29, density_kg_m3=7850.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A strip with one load and two receivers, swept over a band."""
+
+    name: str
+    scene: Scene
+    frequencies_hz: Real
+
+
+def _case(
+    name: str,
+    part: str,
+    *,
+    edge: IdealEdge | ElasticEdge,
+    material: Material = ALUMINIUM,
+    thickness_m: float = 0.0005,
+    load: Load = PATCH,
+) -> Iterator[Case]:
+    for loss in _LOSSES:
+        strip = Strip(
+            width_m=_WIDTH_M,
+            thickness_m=thickness_m,
+            material=dataclasses.replace(material, loss_factor=loss),
+            edge=edge,
+        )
+        low, high = _SHARES[part]
+        yield Case(
+            name=f"{name}, {part}, loss {loss:g}",
+            scene=Scene(
+                strip=strip,
+                loads=(load,),
+                points_m=tuple((x * _WIDTH_M, y * _WIDTH_M) for x, y in _POINTS),
+            ),
+            frequencies_hz=np.linspace(low, high, _COUNT) * strip.cutoff_hz(),
+        )
+
+
+def cases() -> Iterator[Case]:
+    """Yield the plate of the paper with ideal edges, and plates that no default has."""
+    for part in _SHARES:
+        yield from _case("supported", part, edge=SIMPLY_SUPPORTED)
+    for part in _SHARES:
+        yield from _case("clamped", part, edge=CLAMPED)
+    spring = ElasticEdge(stiffness_n=150.0)
+    off_centre = PressureRectangle(x_m=0.0, y_m=0.31 * _WIDTH_M, length_x_m=0.004, length_y_m=0.007)
+    for part in ("below", "across"):
+        yield from _case("elastic, off-centre force", part, edge=spring,
+                         load=PointForce(x_m=0.0, y_m=0.3 * _WIDTH_M))  # fmt: skip
+        yield from _case("glass, 0.7 mm, elastic, off-centre rectangle", part, edge=spring,
+                         material=GLASS, thickness_m=0.0007, load=off_centre)  # fmt: skip
+        yield from _case("steel, 0.3 mm, clamped, moment disc", part, edge=CLAMPED,
+                         material=STEEL, thickness_m=0.0003,
+                         load=MomentDisc(x_m=0.0, y_m=0.5 * _WIDTH_M, radius_m=0.005))  # fmt: skip
+
+
+def best_s(*runs: Callable[[int], object]) -> list[float]:
+    """Return the least processor time of each of several runs, taken in turns."""
+    least = [float("inf")] * len(runs)
+    for number in range(_REPEATS):
+        for place, run in enumerate(runs):
+            start = time.process_time()
+            run(number)
+            least[place] = min(least[place], time.process_time() - start)
+    return least
+
+
+def row(case: Case, repeats: Callable[..., list[float]] = best_s) -> str:
+    """Return the row of a case: time, times bare exponentials, errors, frequencies solved."""
+    turns = 1j * np.linspace(0.1, 30.0, _COUNT * exponentials(RTOL))
+    single_hz = case.frequencies_hz[_COUNT // 3 : _COUNT // 3 + 1]
+    bare_s, sweep_s, single_s = repeats(
+        lambda number: np.exp(turns * (1 + 1e-6 * number)),
+        lambda number: response(case.scene, case.frequencies_hz * (1 - 1e-7 * number), RTOL),
+        lambda number: response(case.scene, single_hz * (1 - 1e-7 * number), RTOL),
+    )
+    found = response(case.scene, case.frequencies_hz, RTOL)
+    some_m, told_m = found.displacement_m[_CHECKED], found.error_m[_CHECKED]
+    true_m = np.concatenate(
+        [
+            response(case.scene, [frequency_hz], _EXACT).displacement_m
+            for frequency_hz in case.frequencies_hz[_CHECKED]
+        ]
+    )
+    size_m = np.maximum(np.abs(true_m), 1e-3 * np.max(np.abs(true_m), axis=(1, 2), keepdims=True))
+    error, told = (float(np.max(e / size_m)) for e in (np.abs(some_m - true_m), told_m))
+    cells = (
+        case.name,
+        str(found.work.frequencies_solved),
+        duration(sweep_s),
+        f"{sweep_s / bare_s:.1f}",
+        f"{error:.1e}",
+        f"{told:.1e}",
+        duration(single_s),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    shares = "; ".join(f"{part}: {low:g} to {high:g}" for part, (low, high) in _SHARES.items())
+    head = (
+        f"{_COUNT} frequencies, endless strips 25 mm wide (0.5 mm aluminium and the patch of the "
+        f"section above unless told), two receivers at x = 0 and 20 mm, rtol {RTOL:g}; bands in "
+        f"first cut-offs: {shares}. Processor time, the least of {_REPEATS} runs in turns with "
+        f"{_COUNT * exponentials(RTOL)} bare exponentials in one `numpy.exp`; errors as rtol "
+        f"counts them, against our single frequencies at rtol {_EXACT:g}, with the largest that "
+        "the estimate tells."
+    )
+    titles = (
+        "sweep",
+        "frequencies solved",
+        "time",
+        "times the exponentials",
+        "largest error",
+        "as told",
+        "one frequency",
+    )
+    return "\n".join(
+        [
+            "## Sweeps",
+            "",
+            head,
+            "",
+            f"| {' | '.join(titles)} |",
+            "|" + "---|" * len(titles),
+            *(row(case) for case in cases()),
+            "",
+        ]
+    )

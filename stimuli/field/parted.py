@@ -1,0 +1,215 @@
+"""A sweep of an endless strip: few frequencies solved, its first waves taken at all of them.
+
+Waves that begin to propagate or meet are what makes a field vary with frequency. Those up to a
+little above the highest frequency are taken out, see `stimuli.solver.leading`; how many nodes the
+rest needs follows from where its next singularity is. What the estimate of the error does not
+find good enough is solved with more nodes, single frequencies by themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.field.jobs import dimensionless, hold_at_rest, is_supported
+from stimuli.solver.leading import Grid, grid_nodes, over_frequency
+from stimuli.solver.source import Answered
+from stimuli.strip.waves import supported_cutoff_hz
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.field.jobs import Job
+    from stimuli.strip.strip import Strip
+
+
+_ROOM: Final = 1.4
+"""Least part of the next singularity to the top of a band without its first waves."""
+
+_MOST_PAIRS: Final = 4
+"""Pairs taken out between edges that are no simple supports: roots of one polynomial, which loses
+digits. Between those each is known by itself: any number will do."""
+
+_WORTH: Final = 4
+"""Times the nodes, of which no fewer frequencies may be asked."""
+
+_LATER, _SOFTER = 1.9, 20.0
+"""How much later, in first cut-offs of the supported strip, the second wave between clamped edges
+meets the third than between simple supports, and how this falls with 1 / (kappa W)."""
+
+_FEWEST_NODES: Final = 3
+_BEYOND: Final = 1.0137
+"""Top of a band over the highest frequency asked for, and again if too few nodes were taken: one
+may be asked for because waves meet there, and a node there would lose digits."""
+
+_LEAST_TOP: Final = 0.5
+"""Least top of a band without its first waves, as a part of that cut-off: below, rounding grows."""
+
+_LEAST_PART: Final = 0.0487
+"""Least bottom of such a band, as a part of its top: at 0 Hz nothing can be solved. With viscous
+loss its square, since the band is not stretched there."""
+
+_MOST_PART: Final = 0.9
+
+_SIZES: Final = (0.3, 1.0)
+"""Size of its coefficients over that of the field and the powers of their ratio: between simple
+supports and other edges."""
+
+_LOWEST: Final = 0.003
+"""Below this part of that cut-off no frequency is solved by itself."""
+
+_MORE: Final = 2
+"""Nodes that are added if too few were taken."""
+
+_FEW: Final = 0.02
+"""Part of the frequencies that are rather solved by themselves."""
+
+_NODES, _VALUES = 600, 200_000
+"""Pairs of a node and a place, and of a frequency and a place, that fit the cache at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Parted:
+    """A band of an endless strip without its first waves, smooth in a power of the frequency."""
+
+    rows: NDArray[np.intp]  # which of the asked frequencies: (n,)
+    places: Real  # of these, from -1 to 1 or a little beyond: (n,)
+    top_hz: float
+    low: float  # lower end, as a part of the upper one
+    power: int
+    count: int  # how many nodes are enough
+    counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
+    ratio: float  # of successive coefficients
+    alone: NDArray[np.bool_]  # which of the frequencies may be solved by themselves
+
+    @property
+    def nodes_hz(self) -> Real:
+        """Frequencies of the nodes, of which every other one has all solved."""
+        part = (1 + self.low + (1 - self.low) * grid_nodes(self.count)) / 2
+        return np.asarray(self.top_hz * part ** (1 / self.power))
+
+    def wider(self) -> Parted:
+        """Return a band with more nodes, all elsewhere."""
+        middle, half = (1 + self.low) / 2, (1 - self.low) / 2
+        places = ((self.places * half + middle) / _BEYOND**self.power - middle) / half
+        return replace(self, places=places, top_hz=_BEYOND * self.top_hz, count=self.count + _MORE)
+
+    def grid(self) -> Grid:
+        """Return what makes values at the asked frequencies of those at the nodes."""
+        return Grid.over(self.places, self.count, counts=self.counts, ratio=self.ratio)
+
+
+def parted(
+    strip: Strip, frequencies_hz: Real, rtol: float, signs: tuple[int, ...]
+) -> Parted | None:
+    """Return where the first waves are taken out of a sweep, if that saves work."""
+    every = np.arange(frequencies_hz.size)
+    if is_supported(strip):
+        return _up_to(strip, frequencies_hz, every, rtol, signs)
+    for most in range(_MOST_PAIRS, 0, -1):
+        end_hz = min(_singular_hz(strip, sign, most) for sign in signs)
+        rows = every[frequencies_hz * _BEYOND * _ROOM <= end_hz]
+        found = _up_to(strip, frequencies_hz, rows, rtol, signs)
+        if found is not None:
+            return found
+    return None
+
+
+def _up_to(
+    strip: Strip, frequencies_hz: Real, rows: NDArray[np.intp], rtol: float, signs: tuple[int, ...]
+) -> Parted | None:
+    """Return the same for some of the frequencies."""
+    if rows.size <= _WORTH * _FEWEST_NODES:
+        return None
+    supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
+    some_hz = frequencies_hz[rows]
+    top_hz = _BEYOND * max(float(np.max(some_hz)), _LEAST_TOP * supported_hz)
+    counts = {sign: _pairs(strip, sign, top_hz) for sign in signs}
+    singular_hz = min(_singular_hz(strip, sign, count) for sign, count in counts.items())
+    power = 1 if strip.material.viscous_time_s > 0 else 2
+    low = float(np.min(some_hz)) / (_BEYOND * top_hz)
+    low = min(max(low, _LEAST_PART ** (3 - power)), _MOST_PART) ** power
+    centre = (2 * (singular_hz / top_hz) ** power - 1 - low) / (1 - low)
+    ratio = 1 / (centre + math.sqrt(centre**2 - 1))
+    size = _SIZES[not is_supported(strip)]
+    count = max(math.ceil(math.log(size / rtol) / -math.log(ratio)), _FEWEST_NODES)
+    if rows.size <= _WORTH * count:
+        return None
+    return Parted(
+        rows=rows,
+        places=(2 * (some_hz / top_hz) ** power - 1 - low) / (1 - low),
+        top_hz=top_hz,
+        low=low,
+        power=power,
+        count=count,
+        counts=counts,
+        ratio=ratio,
+        alone=some_hz >= _LOWEST * supported_hz,
+    )
+
+
+def _pairs(strip: Strip, sign: int, top_hz: float) -> int:
+    """Return how many pairs of waves of a symmetry have to be taken out up to a frequency."""
+    count = 1 if sign > 0 else 0
+    while _singular_hz(strip, sign, count) < _ROOM * top_hz:
+        count += 1
+    return count
+
+
+def _singular_hz(strip: Strip, sign: int, count: int) -> float:
+    """Return up to where a field without so many pairs of waves is smooth: a cut-off, or (88)."""
+    supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
+    order = 2 * count + (1 if sign > 0 else 2)
+    if is_supported(strip):
+        return order**2 * supported_hz
+    if not count:
+        return strip.cutoff_hz(order)
+    meeting = 4.0 * count if sign > 0 else 4.0 * count + 2
+    if count == 1:
+        meeting += _LATER / (1 + _SOFTER * hold_at_rest(strip))
+    return meeting * supported_hz
+
+
+def swept(
+    strip: Strip,
+    way: Parted,
+    rtol: float,
+    jobs: tuple[Job, ...],
+    alone: Callable[[NDArray[np.bool_]], Answered],
+) -> tuple[Answered, Real, NDArray[np.bool_]]:
+    """Return D U of all jobs' pairs, the nodes, and which of the frequencies were solved alone."""
+    used_hz = np.zeros(0)
+    for some in (way, way.wider()):
+        nodes_hz, grid = some.nodes_hz, some.grid()
+        parts = [part for job in jobs for part in _parts(strip, job, nodes_hz, grid, rtol)]
+        used_hz = np.append(used_hz, nodes_hz[::2])
+        good = np.all([part.relative() <= rtol for part in parts], axis=0)
+        if np.count_nonzero(good) >= (1 - _FEW) * good.size:
+            break
+    found = Answered(
+        value=np.concatenate([part.value for part in parts], axis=1),
+        error=np.concatenate([part.error for part in parts], axis=1),
+    )
+    poor = way.alone & ~good
+    if np.any(poor):
+        better = alone(poor)
+        found.value[poor], found.error[poor] = better.value, better.error
+    return found, used_hz, poor
+
+
+def _parts(strip: Strip, job: Job, nodes_hz: Real, grid: Grid, rtol: float) -> Iterator[Answered]:
+    """Return D U of a job's pairs, in portions that fit the cache."""
+    question = job.question(*dimensionless(strip, nodes_hz.astype(np.complex128)), rtol)
+    size = job.distance.size
+    n_parts = math.ceil(size * max(nodes_hz.size / _NODES, grid.rest.size / _VALUES))
+    if n_parts == 1:
+        yield over_frequency(question, job.signs, grid)
+        return
+    for places in np.array_split(np.arange(size), n_parts):
+        yield over_frequency(question.at(places), job.signs, grid)
