@@ -9,6 +9,7 @@ from .field.synthesis import TransientWork
 from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from .fingers.fingertip import Fingertip, causal, felt
 from .fingers.level import WindowChoice, level_db, shortest_window
+from .fingers.work import FeltWork, felt_work
 from .load import (
     ForceRectangle,
     Load,
@@ -35,6 +36,7 @@ __all__ = [
     "DisplacementMap",
     "Drive",
     "ElasticEdge",
+    "FeltWork",
     "Fingertip",
     "ForceRectangle",
     "IdealEdge",
@@ -61,6 +63,7 @@ __all__ = [
     "displacement",
     "displacement_map",
     "felt",
+    "felt_work",
     "level_db",
     "load_per_volt",
     "response",

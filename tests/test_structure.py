@@ -29,7 +29,7 @@ LATER = {
     *("motion", "field/rational.py", "strip/patch.py"),
     *("integrity", "commands/verify.py"),
     *("field/parted.py", "solver/leading.py"),
-    *("study/sources.py", "sections/actuator.py", "commands/plate.py"),
+    *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
 }
 """Folders and modules of what the program could not do when the others were made."""
 

@@ -235,7 +235,8 @@ def _tell_window(found: Findings, condition: Condition) -> None:
 
 def _displacements(check: StudyCheck, one: ConditionCheck, gains: ConditionGains) -> Findings:
     """Tell what the fingers get at the highest level, and what that was computed with."""
-    from experiment.study.physics import field_strip
+    from experiment.study.physics import field_strip, fingertips_of, loads_of
+    from stimuli import felt_work
 
     strip, level_vpp = field_strip(check.study), check.study.design.highest_vpp
     of_strip = "an endless strip" if strip.length_m is None else "the plate with its free ends"
@@ -247,6 +248,8 @@ def _displacements(check: StudyCheck, one: ConditionCheck, gains: ConditionGains
         strip_length_m=strip.length_m,
     )
     study, columns = check.study, range(len(gains.actuators))
+    work = felt_work(strip, loads_of(study), fingertips_of(study), one.condition.drive)
+    found.tell("", f"computed by {work.words}", computed_by=asdict(work))
     found.parts("actuators", [_moved(study, one, gains, column) for column in columns])
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     _tell_loss(found, check, one)

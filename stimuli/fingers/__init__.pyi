@@ -1,8 +1,10 @@
 from .actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from .fingertip import Fingertip, causal, felt
 from .level import WindowChoice, level_db, shortest_window
+from .work import FeltWork, felt_work
 
 __all__ = [
+    "FeltWork",
     "Fingertip",
     "LoadPerVolt",
     "MeasuredDisplacement",
@@ -10,6 +12,7 @@ __all__ = [
     "WindowChoice",
     "causal",
     "felt",
+    "felt_work",
     "level_db",
     "load_per_volt",
     "shortest_window",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
+    from stimuli.motion.motion import Motion
 
 
 _LEAST_RINGS: Final = 3
@@ -207,11 +208,11 @@ def felt(
     >>> bool(peaks_m[1, 0] < 1e-3 * peaks_m[0, 0])
     True
     """
-    scene, places, far_m = _asked(strip, loads, fingertips, drive)
+    scene, places, far_m = asked(strip, loads, fingertips, drive)
     if strip.patches:
         return patched_peaks(scene, places, drive, wait_s=_wait_s(strip, far_m)).peak_m
-    found = _by_modes(scene, places, drive, rtol, far_m)
-    return _by_spectra(scene, places, drive, rtol, far_m) if found is None else found
+    found = by_modes(scene, places, drive, rtol, far_m)
+    return _by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
 
 
 def felt_error(
@@ -225,11 +226,11 @@ def felt_error(
 
     ValueError as for `felt`.
     """
-    scene, places, far_m = _asked(strip, loads, fingertips, drive)
+    scene, places, far_m = asked(strip, loads, fingertips, drive)
     return patched_peaks(scene, places, drive, wait_s=_wait_s(strip, far_m)).error_m
 
 
-def _asked(
+def asked(
     strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
 ) -> tuple[Scene, list[NDArray[np.intp]], float]:
     """Return what is looked at, the places of each fingertip in it, and the farthest."""
@@ -337,24 +338,23 @@ def _wait_s(strip: Strip, far_m: float) -> float:
     return min(far_m**2 / (2 * spread), far_m / slowest_m_s) + 1 / strip.cutoff_hz()
 
 
-def _by_modes(
+def by_modes(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
-) -> Real | None:
-    """Return the greatest absolute values by the plate's modes; none if they are not enough."""
+) -> tuple[Real, Motion, Scene] | None:
+    """Return the greatest absolute values and whose modes they are of; none if none are enough."""
     shorter: Real | None = None
     for section in sections(scene):
         wait_s = _wait_s(section.strip, far_m)
         for motion in motions(section, drive):
             found = peaks_of(motion, places, drive, wait_s=wait_s)
-            if np.all(found.error_m <= rtol * found.peak_m):
+            peak_m = found.peak_m
+            if np.all(found.error_m <= rtol * peak_m):
                 break
         else:
             return None
-        peak_m = found.peak_m
-        if section is scene:
-            return peak_m
-        if shorter is not None and np.all(np.abs(peak_m - shorter) <= AGREED * rtol * peak_m):
-            return peak_m
+        alike = shorter is not None and np.abs(peak_m - shorter) <= AGREED * rtol * peak_m
+        if section is scene or np.all(alike):
+            return peak_m, motion, section
         shorter = peak_m
     return None
 

@@ -28,6 +28,7 @@ from stimuli import (
     Scene,
     Strip,
     felt,
+    felt_work,
     level_db,
     transient,
     transient_work,
@@ -253,7 +254,7 @@ def test_modes_agree_with_the_spectra(
     loads, tips = pair(x_m, y_m)
     drive = burst(window, frequency_hz)
     by_modes = felt(strip, loads, tips, drive)
-    monkeypatch.setattr(fingertip, "_by_modes", lambda *_: None)
+    monkeypatch.setattr(fingertip, "by_modes", lambda *_: None)
     by_spectra = felt(strip, loads, tips, drive, rtol=1e-4)
     np.testing.assert_allclose(by_modes, by_spectra, rtol=5e-3)
 
@@ -339,6 +340,18 @@ def test_what_modes_do_not_reach_is_left_to_the_spectra(monkeypatch: pytest.Monk
         assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
     monkeypatch.setattr(MOTION, "_multiples", lambda *_: (1.2,))
     assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
+
+
+def test_the_work_of_a_finger_tells_what_was_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    short, long = (felt_work(plate(length_m=x), *pair(), burst()) for x in (0.2, 30.0))
+    assert (short.is_whole, short.length_m) == (True, 0.2)
+    assert short.modes > 10
+    assert short.words == f"{short.modes} modes up to 23.2 kHz"
+    assert not long.is_whole
+    assert 1.0 < (long.length_m or 0.0) < 3.0
+    assert long.words.endswith(" mm of it: no echo from farther away counts")
+    monkeypatch.setattr(MOTION, "MOST_WAVES", 10)
+    assert felt_work(plate(), *pair(), burst()).words.startswith("spectra, which take minutes")
 
 
 # --- long plates

@@ -1,0 +1,85 @@
+"""How what fingertips feel is computed: by modes of the plate or of a part of it, or by spectra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from stimuli.fingers.fingertip import RTOL, asked, by_modes
+from stimuli.motion.motion import motions
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stimuli.drive.sampled import Drive
+    from stimuli.fingers.fingertip import Fingertip
+    from stimuli.load import Load
+    from stimuli.strip.strip import Strip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeltWork:
+    """How `felt` computes.
+
+    Attributes
+    ----------
+    modes : int
+        How many modes of the plate take the place of the spectra; 0 where none do.
+    highest_hz : float
+        Up to where the modes go.
+    length_m : float or None
+        Length of the part of the plate that has these modes; none without ends.
+    is_whole : bool
+        Whether that is all of the plate.
+    """
+
+    modes: int
+    highest_hz: float
+    length_m: float | None
+    is_whole: bool
+
+    @property
+    def words(self) -> str:
+        """The same in words.
+
+        >>> FeltWork(modes=426, highest_hz=35760.0, length_m=1.58, is_whole=False).words
+        '426 modes up to 35.8 kHz, of 1580 mm of it: no echo from farther away counts'
+        """
+        if not self.modes:
+            return "spectra, which take minutes: no modes of the plate are enough"
+        words = f"{self.modes} modes up to {self.highest_hz / 1e3:.3g} kHz"
+        if self.is_whole or self.length_m is None:
+            return words
+        return f"{words}, of {self.length_m * 1e3:.4g} mm of it: no echo from farther away counts"
+
+
+def felt_work(
+    strip: Strip,
+    loads: Sequence[Load],
+    fingertips: Sequence[Fingertip],
+    drive: Drive,
+    rtol: float = RTOL,
+) -> FeltWork:
+    """Return how `felt` computes with the same arguments, without the spectra's minutes.
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, Fingertip, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc, finger = MomentDisc(x_m=0, y_m=0.0125, radius_m=0.0064), Fingertip(x_m=0, y_m=0.0125)
+    >>> felt_work(strip, [disc], [finger], Burst(frequency_hz=500.0, cycles=1)).modes > 100
+    True
+    """
+    scene, places, far_m = asked(strip, loads, fingertips, drive)
+    if strip.patches:
+        *_, motion = motions(scene, drive)
+        section = scene
+    else:
+        found = by_modes(scene, places, drive, rtol, far_m)
+        if found is None:
+            return FeltWork(modes=0, highest_hz=0.0, length_m=strip.length_m, is_whole=True)
+        _, motion, section = found
+    return FeltWork(
+        modes=motion.oscillators.poles.size,
+        highest_hz=motion.highest_hz,
+        length_m=section.strip.length_m,
+        is_whole=section is scene,
+    )
