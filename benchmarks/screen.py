@@ -8,8 +8,8 @@ import time
 import numpy as np
 
 from device.clock import MonotonicClock
-from experiment.operator.requests import Requests, StopSignal
 from experiment.participant.screen import ScreenResponder
+from experiment.participant.settings import ResponderSettings
 from experiment.participant.window import NoScreenError, Stage
 from experiment.study.sections.presentation import Keys, Screen, Texts
 from experiment.terms.responder import Progress, SessionPart
@@ -47,16 +47,10 @@ def _waiting(responder: ScreenResponder, clock: MonotonicClock) -> tuple[str, ..
 
 def _rows() -> tuple[str, ...]:
     clock, screen = MonotonicClock(), Screen(full_screen=False)
-    responder = ScreenResponder(
-        clock,
-        responses=("left", "right", "both"),
-        screen=screen,
-        keys=Keys(),
-        texts=Texts(),
-        requests=Requests(),
-        stop=StopSignal(),
+    settings = ResponderSettings(
+        responses=("left", "right", "both"), screen=screen, keys=Keys(), texts=Texts()
     )
-    with responder:
+    with ScreenResponder(settings, clock) as responder:
         waiting = _waiting(responder, clock)
     stage = Stage(screen)
     try:

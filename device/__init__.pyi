@@ -1,4 +1,5 @@
 from .clock import Clock, MonotonicClock, VirtualClock
+from .core.converter import Converter, converter_device
 from .core.output import Emission, OutputStage
 from .driver import (
     BurstDevice,
@@ -12,15 +13,17 @@ from .driver import (
     Rejected,
     StateError,
 )
-from .drivers import make_device
+from .drivers import DriverSettings, make_device
 from .emulate.mock import MockDevice
 from .limits import Limits
 
 __all__ = [
     "BurstDevice",
     "Clock",
+    "Converter",
     "Delivery",
     "DeviceError",
+    "DriverSettings",
     "Emission",
     "Identity",
     "LimitExceeded",
@@ -34,5 +37,6 @@ __all__ = [
     "Rejected",
     "StateError",
     "VirtualClock",
+    "converter_device",
     "make_device",
 ]

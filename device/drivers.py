@@ -1,14 +1,18 @@
-"""The drivers by name: what each needs, how it is made, and whether an emulator answers it."""
+"""The drivers by name: what each needs, how it is made, and whether an emulator answers it.
+
+Beside the built-in ones there are those of a lab's own, see `device.installed`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Final, Literal, TypeVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, TypeVar, cast
 
 from device.clock import MonotonicClock
 from device.core.output import OutputStage
 from device.driver import LinkError
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
+from device.installed import DRIVERS, Installed, lookup
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,40 +21,28 @@ if TYPE_CHECKING:
     from device.driver import BurstDevice
     from device.limits import Limits
 
-DriverName = Literal["mock", "serial", "generator", "audio"]
 MOCK: Final = "mock"
 MOCK_MODEL: Final = MODEL
-NEEDS: Final[Mapping[DriverName, tuple[str, ...]]] = {
+NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
     MOCK: (),
     "serial": ("port",),
     "generator": ("port", "amplifier_gain"),
     "audio": ("port", "volts_full_scale"),
 }
-"""Every driver by name, with the settings that it cannot do without."""
+"""Every built-in driver by name, with the settings that it cannot do without."""
+FIRST_TWO: Final = (1, 2)
 
 _Value = TypeVar("_Value")
 
 
-def make_device(
-    name: str,
-    *,
-    limits: Limits,
-    clock: Clock,
-    port: str | None = None,
-    sample_rate_hz: float = 48_000.0,
-    amplifier_gain: float | None = None,
-    volts_full_scale: float | None = None,
-) -> BurstDevice:
-    """Return a device by the name of its driver; nothing is sent before `open` is called.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriverSettings:
+    """What a driver is made from.
 
-    Parameters
+    Attributes
     ----------
-    name : str
-        mock, serial, generator or audio.
     limits : Limits
         Of the study: what the host refuses to send.
-    clock : Clock
-        The host's; the machine's for anything but the mock.
     port : str or None
         Of the serial line, a URL such as ``socket://host:5025``, or the name of the sound card.
     sample_rate_hz : float
@@ -60,6 +52,29 @@ def make_device(
     volts_full_scale : float or None
         Volts at the actuator, to both sides, for the sound card's largest sample: a measured
         calibration.
+    channels : tuple of int
+        Outputs of left and right, counted from 1, where the driver lets them be chosen.
+    """
+
+    limits: Limits
+    port: str | None = None
+    sample_rate_hz: float = 48_000.0
+    amplifier_gain: float | None = None
+    volts_full_scale: float | None = None
+    channels: tuple[int, int] = FIRST_TWO
+
+
+def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevice:
+    """Return a device by the name of its driver; nothing is sent before `open` is called.
+
+    Parameters
+    ----------
+    name : str
+        mock, serial, generator, audio, or that of an installed driver of a lab's own.
+    settings : DriverSettings
+        What it is made from.
+    clock : Clock
+        The host's; the machine's for anything but the mock.
 
     Returns
     -------
@@ -69,24 +84,33 @@ def make_device(
     Raises
     ------
     ValueError
-        There is no such driver, or one of its settings is missing or out of range.
+        There is no such driver, it cannot be loaded, or one of its settings is missing or out of
+        range.
 
     Examples
     --------
     >>> from device.clock import VirtualClock
     >>> from device.limits import Limits
-    >>> device = make_device("mock", limits=Limits(ceiling_vpp=200.0), clock=VirtualClock())
-    >>> device.open().emulated
+    >>> settings = DriverSettings(limits=Limits(ceiling_vpp=200.0))
+    >>> make_device("mock", settings, VirtualClock()).open().emulated
     True
-    >>> make_device("serial", limits=Limits(ceiling_vpp=200.0), clock=MonotonicClock())
+    >>> make_device("serial", settings, MonotonicClock())
     Traceback (most recent call last):
     ValueError: port must be given for the driver serial, got None
     """
     if name not in NEEDS:
-        raise ValueError(f"name must be one of {', '.join(NEEDS)}, got {name!r}")
+        factory = own_driver(name).load()
+        return cast("BurstDevice", factory(settings, clock))
+    if settings.channels != FIRST_TWO:
+        raise ValueError(
+            f"channels must be {list(FIRST_TWO)} for the driver {name}, got "
+            f"{list(settings.channels)}: the example sound_card_channels is a driver that takes "
+            "others"
+        )
+    limits, rate_hz = settings.limits, settings.sample_rate_hz
     if name == MOCK:
-        return make_mock(limits, clock, sample_rate_hz)
-    port = _given(port, "port", name)
+        return make_mock(limits, clock, rate_hz)
+    port = _given(settings.port, "port", name)
     if name == "serial":
         from device.wire.serial import serial_device
 
@@ -98,8 +122,8 @@ def make_device(
             port,
             limits=limits,
             clock=clock,
-            amplifier_gain=_given(amplifier_gain, "amplifier_gain", name),
-            sample_rate_hz=sample_rate_hz,
+            amplifier_gain=_given(settings.amplifier_gain, "amplifier_gain", name),
+            sample_rate_hz=rate_hz,
         )
     from device.sound.audio import audio_device
 
@@ -107,9 +131,14 @@ def make_device(
         port,
         limits=limits,
         clock=clock,
-        volts_full_scale=_given(volts_full_scale, "volts_full_scale", name),
-        sample_rate_hz=sample_rate_hz,
+        volts_full_scale=_given(settings.volts_full_scale, "volts_full_scale", name),
+        sample_rate_hz=rate_hz,
     )
+
+
+def own_driver(name: str) -> Installed:
+    """Return an installed driver by its name; ValueError with the names of those that there are."""
+    return lookup(DRIVERS, name, tuple(NEEDS))
 
 
 def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice:
@@ -126,9 +155,10 @@ def is_emulated(name: str, port: str | None) -> bool:
     """Ask what answers on a port whether it is an emulator; nothing is set or switched on.
 
     A `LinkError` says that nothing answers which this driver can drive. A sound card is never
-    emulated: what hangs behind it cannot be asked.
+    emulated: what hangs behind it cannot be asked. Nor can a driver of a lab's own before it is
+    opened.
     """
-    if name in {MOCK, "audio"}:
+    if name not in {"serial", "generator"}:
         return name == MOCK
     port = _given(port, "port", name)
     return _is_emulated_generator(port) if name == "generator" else _is_emulated_device(port)

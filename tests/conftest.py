@@ -260,6 +260,12 @@ def make_study() -> Callable[[str], Study]:
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add where real hardware is."""
     parser.addoption(
+        "--driver",
+        metavar="NAME",
+        help="run the contract of devices on an installed driver of your own, at --port",
+    )
+    parser.addoption("--port", metavar="P", help="of that driver's device")
+    parser.addoption(
         "--device-url",
         help="port or URL of a real device: tests/test_device/test_contract.py drives it. "
         "Its outputs go up to 200 Vpp: nobody may touch the plate.",

@@ -1,3 +1,4 @@
+from .converter import Converter, converter_device
 from .core import DeviceCore
 from .host import HostDriver
 from .local import HostedCore, LocalCore
@@ -25,6 +26,7 @@ __all__ = [
     "Arm",
     "Beat",
     "CodeArray",
+    "Converter",
     "DeviceCore",
     "Disarm",
     "Emission",
@@ -46,5 +48,6 @@ __all__ = [
     "State",
     "Stop",
     "check_slot",
+    "converter_device",
     "full_scale",
 ]

@@ -9,17 +9,25 @@ from __future__ import annotations
 import getpass
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import MonotonicClock, VirtualClock
-from device.drivers import MOCK, MOCK_MODEL, NEEDS, is_emulated, make_device, make_mock
+from device.drivers import (
+    MOCK,
+    MOCK_MODEL,
+    NEEDS,
+    DriverSettings,
+    is_emulated,
+    make_device,
+    make_mock,
+    own_driver,
+)
 from experiment.apparatus.slots import host_limits
 from experiment.study.study import StudyError
 
 if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice, Identity
-    from device.drivers import DriverName
     from device.emulate.mock import MockDevice
     from experiment.study.sections.equipment import DeviceSettings, Masking
     from experiment.study.study import Study
@@ -42,6 +50,12 @@ class Rig:
     device: BurstDevice
     clock: Clock
     settings: DeviceSettings
+
+    @property
+    def driver_from(self) -> str | None:
+        """Which distribution the driver is of, where it is a lab's own."""
+        name = self.settings.driver
+        return None if name in NEEDS else own_driver(name).distribution
 
     def is_emulated(self) -> bool:
         """Ask the device whether it is an emulator; nothing is set, loaded or switched on.
@@ -85,29 +99,41 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
         _require_another_card(settings, study.masking)
     real = settings.driver != MOCK or not simulated
     clock = MonotonicClock() if real else VirtualClock()
-    device = make_device(
-        settings.driver,
+    made_from = DriverSettings(
         limits=host_limits(settings),
-        clock=clock,
         port=settings.port,
         sample_rate_hz=settings.sample_rate_hz,
         amplifier_gain=settings.amplifier_gain,
         volts_full_scale=settings.volts_full_scale,
+        channels=settings.channels,
     )
+    try:
+        device = make_device(settings.driver, made_from, clock)
+    except ValueError as error:
+        raise StudyError(f"device: {error}") from error
     return Rig(device=device, clock=clock, settings=settings)
 
 
 def chosen_settings(
     settings: DeviceSettings, *, driver: str | None, port: str | None
 ) -> DeviceSettings:
-    """Return a study's device settings with another driver or port, where one is given."""
-    name = settings.driver if driver is None else cast("DriverName", driver)
+    """Return a study's device settings with another driver or port, where one is given.
+
+    StudyError where no driver has that name, built in or installed.
+    """
+    name = settings.driver if driver is None else driver
+    if name not in NEEDS:
+        try:
+            own_driver(name)
+        except ValueError as error:
+            key = "device.driver" if driver is None else "--driver"
+            raise StudyError(f"{key} {error}") from error
     return replace(settings, driver=name, port=settings.port if port is None else port)
 
 
 def require_complete(settings: DeviceSettings) -> None:
     """Refuse settings that lack what their driver needs, by `StudyError`."""
-    for key in NEEDS[settings.driver]:
+    for key in NEEDS.get(settings.driver, ()):
         if getattr(settings, key) is None:
             hint = "; --port gives it too" if key == "port" else ""
             raise StudyError(

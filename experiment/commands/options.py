@@ -27,8 +27,6 @@ _Command = TypeVar("_Command", bound="Callable[..., object]")
 
 def hardware_options(command: _Command) -> _Command:
     """Give a command the options ``--driver``, ``--port`` and ``--confirm-hardware``."""
-    # The drivers' names stand in device/drivers.py; that is not read here, for it loads numpy, and
-    # --help is to be instant. A test holds the two against each other.
     for option in (
         click.option(
             "--confirm-hardware",
@@ -38,8 +36,8 @@ def hardware_options(command: _Command) -> _Command:
         click.option("--port", metavar="P", help="Instead of the study's port."),
         click.option(
             "--driver",
-            type=click.Choice(["mock", "serial", "generator", "audio"]),
-            help="Instead of the study's driver.",
+            metavar="NAME",
+            help="Instead of the study's driver: mock, serial, generator, audio, or your own.",
         ),
     ):
         command = option(command)

@@ -6,7 +6,7 @@ import contextlib
 import secrets
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,7 +15,7 @@ from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, r
 from experiment.terms.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from device.clock import Clock
     from experiment.apparatus.noise import NoisePlayer
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiment.operator.requests import Monitor, Requests, StopSignal
     from experiment.session.setting import Ending
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder, ResponderName
+    from experiment.terms.responder import Responder
     from experiment.trial.plan import Plan
 
 
@@ -42,10 +42,11 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--responder",
-    type=click.Choice(RESPONDERS),
     default="terminal",
     show_default=True,
-    help="Who answers: a person in front of a window, one at this terminal, or nobody.",
+    metavar="NAME",
+    help="Who answers: screen, a person in front of a window; terminal, one here; simulated, "
+    "nobody; or an installed one of your own.",
 )
 @click.option("--operator", metavar="NAME", help="Who runs the session, for its header.")
 @click.option(
@@ -77,7 +78,7 @@ def run(
     participant: str,
     session: str,
     out: Path,
-    responder: ResponderName,
+    responder: str,
     operator: str | None,
     facts: tuple[str, ...],
     driver: str | None,
@@ -102,7 +103,8 @@ def run(
     from experiment.study.read import read_levels, study_from_canonical
 
     stop, requests = StopSignal(), Requests()
-    sitting = Sitting(responder=responder, operator=operator)
+    responder_from = _distribution(responder)
+    Sitting(operator=operator)  # refused before anything is done
     with stop.on_signals():
         if responder == "screen":
             from experiment.participant.window import require_window
@@ -121,6 +123,12 @@ def run(
             folder = replace(folder, facts=participant_facts(columns, facts))
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
+        sitting = Sitting(
+            responder=responder,
+            operator=operator,
+            responder_from=responder_from,
+            driver_from=rig.driver_from,
+        )
         with device_failures():
             confirmation = _confirmed(rig, stop, given=confirm_hardware)
         with (
@@ -143,6 +151,18 @@ def run(
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)
+
+
+def _distribution(responder: str) -> str | None:
+    """Return which distribution a responder of a lab's own is of."""
+    from experiment.participant.settings import own_responder
+
+    if responder in RESPONDERS:
+        return None
+    try:
+        return own_responder(responder).distribution
+    except ValueError as error:
+        raise CommandError(f"--responder {error}") from error
 
 
 def _confirmed(rig: Rig, stop: StopSignal, *, given: bool) -> Confirmation | None:
@@ -244,7 +264,7 @@ def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
 
 @contextlib.contextmanager
 def _responder(
-    name: ResponderName,
+    name: str,
     study: Study,
     plan: Plan,
     clock: Clock,
@@ -256,32 +276,44 @@ def _responder(
         from experiment.session.simulate import simulated_responder
 
         yield simulated_responder(study, plan, clock)
-    elif name == "screen":
+        return
+    from experiment.participant.settings import ResponderSettings
+    from experiment.trial.events import Task
+
+    settings = ResponderSettings(
+        responses=plan.responses,
+        screen=study.screen,
+        keys=study.keys,
+        texts=study.shown_texts,
+        parts=frozenset(Task(trial, 1).part for trial in plan.trials) | {SessionPart.WARM_UP},
+        requests=requests,
+        stop=stop,
+    )
+    someone = _factory(name)(settings, clock)
+    if hasattr(someone, "__enter__"):
+        with someone as entered:
+            yield entered
+    else:
+        yield someone
+
+
+def _factory(name: str) -> Callable[..., Any]:
+    """Return what makes a responder that is not simulated."""
+    if name == "screen":
         from experiment.participant.screen import ScreenResponder
 
-        with ScreenResponder(
-            clock,
-            responses=plan.responses,
-            screen=study.screen,
-            keys=study.keys,
-            texts=study.shown_texts,
-            requests=requests,
-            stop=stop,
-        ) as person:
-            yield person
-    else:
+        return ScreenResponder
+    if name == "terminal":
         from experiment.participant.terminal import TerminalResponder
-        from experiment.trial.events import Task
 
-        parts = {Task(trial, 1).part for trial in plan.trials} | {SessionPart.WARM_UP}
-        with TerminalResponder(
-            clock, responses=plan.responses, texts=study.shown_texts, parts=frozenset(parts)
-        ) as person_here:
-            yield person_here
+        return TerminalResponder
+    from experiment.participant.settings import own_responder
+
+    return own_responder(name).load()
 
 
 @contextlib.contextmanager
-def _monitor(name: ResponderName, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
+def _monitor(name: str, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
     """Show the operator how it goes, unless the terminal is the participant's."""
     if name == "terminal":
         from experiment.session.setting import NobodyLooks

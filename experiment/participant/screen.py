@@ -13,11 +13,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from device.clock import Clock
-    from experiment.operator.requests import Requests, StopSignal
     from experiment.participant.keys import KeyReader
     from experiment.participant.pages import Page, Pages
+    from experiment.participant.settings import ResponderSettings
     from experiment.participant.window import Stage
-    from experiment.study.sections.presentation import Keys, Screen, Texts
     from experiment.terms.responder import AwaitedAnswer, Progress
 
 
@@ -40,20 +39,10 @@ class ScreenResponder:
 
     Parameters
     ----------
+    settings : ResponderSettings
+        Window, keys and texts; a stop is asked for when the window is closed.
     clock : Clock
         The monotonic clock by which keys are timed.
-    responses : tuple of str
-        The answers offered. The session judges an answer that is not.
-    screen : Screen
-        The window.
-    keys : Keys
-        What each key means.
-    texts : Texts
-        What is read.
-    requests : Requests
-        The operator's wishes.
-    stop : StopSignal
-        Is asked for a stop when the window is closed; ends every wait.
 
     Raises
     ------
@@ -63,24 +52,12 @@ class ScreenResponder:
 
     simulated = False
 
-    def __init__(
-        self,
-        clock: Clock,
-        *,
-        responses: tuple[str, ...],
-        screen: Screen,
-        keys: Keys,
-        texts: Texts,
-        requests: Requests,
-        stop: StopSignal,
-    ) -> None:
+    def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
         self._clock = clock
-        self._responses = responses
-        self._screen = screen
-        self._keys = keys
-        self._texts = texts
-        self._requests = requests
-        self._stop = stop
+        self._settings = settings
+        self._keys = keys = settings.keys
+        self._requests = settings.requests
+        self._stop = settings.stop
         self._paused_by_key = False
         self._part = SessionPart.MAIN
         self._fingers_on = False
@@ -95,20 +72,21 @@ class ScreenResponder:
     def __enter__(self) -> Self:
         from experiment.participant.window import Stage
 
-        self._stage = Stage(self._screen)  # first: it tells what is missing
+        settings = self._settings
+        self._stage = Stage(settings.screen)  # first: it tells what is missing
         from experiment.participant.keys import KeyReader
         from experiment.participant.pages import Pages
 
         self._pages = Pages(
             self._stage,
-            screen=self._screen,
-            keys=self._keys,
-            texts=self._texts,
-            responses=self._responses,
+            screen=settings.screen,
+            keys=settings.keys,
+            texts=settings.texts,
+            responses=settings.responses,
         )
         self._reader = KeyReader(self._clock, keep=self._keys.pause, tell=self._tell)
         if not self._stage.has_font:
-            self._tell(f"font {self._screen.font} is not installed here: another one is shown")
+            self._tell(f"font {settings.screen.font} is not installed here: another one is shown")
         prompts = [self._pages.prompt(part) for part in SessionPart]
         for page in (*prompts, self._pages.ready):
             self._stage.show(page)  # what is drawn first is drawn slowly

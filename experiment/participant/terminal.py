@@ -15,6 +15,7 @@ from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
     from device.clock import Clock
+    from experiment.participant.settings import ResponderSettings
     from experiment.study.sections.presentation import Texts
     from experiment.terms.responder import AwaitedAnswer, Progress
 
@@ -54,14 +55,10 @@ class TerminalResponder:
 
     Parameters
     ----------
+    settings : ResponderSettings
+        What is read, and what may be answered; the keys are the terminal's own.
     clock : Clock
         The monotonic clock by which keys are timed.
-    responses : tuple of str
-        The answers offered.
-    texts : Texts
-        What is read.
-    parts : frozenset of SessionPart
-        The parts that may come.
 
     Raises
     ------
@@ -72,23 +69,16 @@ class TerminalResponder:
 
     simulated = False
 
-    def __init__(
-        self,
-        clock: Clock,
-        *,
-        responses: tuple[str, ...],
-        texts: Texts,
-        parts: frozenset[SessionPart],
-    ) -> None:
+    def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
         if os.name != "posix" or not sys.stdin.isatty():
             raise NoTerminalError(
                 "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
                 "use --responder simulated to try a study out without one"
             )
-        _require_encodable(texts, parts, sys.stdout.encoding)
+        _require_encodable(settings.texts, settings.parts, sys.stdout.encoding)
         self._clock = clock
-        self._responses = responses
-        self._texts = texts
+        self._responses = settings.responses
+        self._texts = settings.texts
         self._fingers_on = False
         self._asked: AwaitedAnswer | None = None
         self._input = sys.stdin.fileno()

@@ -1,4 +1,5 @@
 from .conduct import begin, resume
+from .run import run_session
 from .setting import Ending, NobodyLooks, Setting, Sitting
 from .simulate import SimulationError, simulate_study, simulated_responder
 
@@ -10,6 +11,7 @@ __all__ = [
     "Sitting",
     "begin",
     "resume",
+    "run_session",
     "simulate_study",
     "simulated_responder",
 ]

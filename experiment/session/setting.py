@@ -16,9 +16,8 @@ from experiment.archive.history import BROKEN
 from experiment.operator.requests import Requests
 from experiment.preview.check import check_study
 from experiment.study.sections.stimulus import stimulus_facts
-from experiment.terms.checks import is_line, require_word
+from experiment.terms.checks import is_line
 from experiment.terms.record import ANSWERS, NOT_AVAILABLE
-from experiment.terms.responder import RESPONDERS, ResponderName
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,14 +70,16 @@ class Sitting:
     Attributes
     ----------
     responder : str
-        A word of `RESPONDERS`.
+        A word of `RESPONDERS`, or the name of an installed one.
     operator : str or None
         The operator's name or sign, where it was given.
+    responder_from, driver_from : str or None
+        Which distributions they are of, and their versions, where they are a lab's own.
 
     Raises
     ------
     ValueError
-        If the responder is unknown, or the operator's name is no short line of text.
+        If the operator's name is no short line of text.
 
     Examples
     --------
@@ -87,11 +88,12 @@ class Sitting:
     ValueError: operator must be a name in one line of text, of at most 100 characters; got ' '
     """
 
-    responder: ResponderName = "simulated"
+    responder: str = "simulated"
     operator: str | None = None
+    responder_from: str | None = None
+    driver_from: str | None = None
 
     def __post_init__(self) -> None:
-        require_word("responder", self.responder, RESPONDERS)
         name = self.operator
         if name is not None and not (is_line(name) and len(name) <= LONGEST_NAME):
             raise ValueError(
@@ -104,25 +106,30 @@ class Sitting:
         return {
             "operator": NOT_AVAILABLE if self.operator is None else self.operator,
             "responder": self.responder,
+            "responder_distribution": _or_not(self.responder_from),
+            "driver_distribution": _or_not(self.driver_from),
             "response_mapping": _mapping(self.responder, study, plan) or NOT_AVAILABLE,
         }
 
     def header(self, study: Study, plan: Plan) -> dict[str, Any]:
         """List what a header keeps: the sitting, the consent form, what was shown."""
-        shown = self.responder == "screen"
+        screen, nobody = self.responder == "screen", self.responder == "simulated"
         return {
             **self.facts(study, plan),
             "consent_version": study.about.consent_version or NOT_AVAILABLE,
-            "screen": asdict(study.screen) if shown else NOT_AVAILABLE,
-            "texts": asdict(study.shown_texts) if shown else NOT_AVAILABLE,
+            "screen": asdict(study.screen) if screen else NOT_AVAILABLE,
+            "texts": NOT_AVAILABLE if nobody else asdict(study.shown_texts),
         }
 
 
-def _mapping(responder: ResponderName, study: Study, plan: Plan) -> dict[str, list[str]]:
-    """Return the keys of every answer that is accepted in some trial, and of the wishes."""
+def _mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]]:
+    """Return the keys of every answer that is accepted in some trial, and of the wishes.
+
+    None of a responder whose keys are its own business.
+    """
     from experiment.trial.plan import CONTROL
 
-    if responder == "simulated":
+    if responder not in {"screen", "terminal"}:
         return {}
     if responder == "terminal":
         from experiment.participant.terminal import TERMINAL_KEYS

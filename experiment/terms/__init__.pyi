@@ -24,16 +24,7 @@ from .record import (
     is_correct,
     trials_csv,
 )
-from .responder import (
-    ESCAPE,
-    RESPONDERS,
-    AwaitedAnswer,
-    Press,
-    Progress,
-    Responder,
-    ResponderName,
-    SessionPart,
-)
+from .responder import ESCAPE, RESPONDERS, AwaitedAnswer, Press, Progress, Responder, SessionPart
 
 __all__ = [
     "ANSWERS",
@@ -64,7 +55,6 @@ __all__ = [
     "Press",
     "Progress",
     "Responder",
-    "ResponderName",
     "SessionPart",
     "TrialRow",
     "draw_observer",

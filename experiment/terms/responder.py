@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, Literal, Protocol, get_args
+from typing import Final, Protocol
 
 ESCAPE = "escape"
 """What `Press.response` says when a pause is asked for."""
@@ -145,6 +145,5 @@ class Responder(Protocol):
         ...
 
 
-ResponderName = Literal["screen", "terminal", "simulated"]
-RESPONDERS: Final[tuple[ResponderName, ...]] = get_args(ResponderName)
-"""Who can answer, by name on the command line."""
+RESPONDERS: Final = ("screen", "terminal", "simulated")
+"""Who can answer, by name on the command line, beside installed ones of a lab's own."""

@@ -1,7 +1,8 @@
 """One contract for every device: whatever passes these tests can stand behind a session.
 
-Each test runs on every implementation that `IMPLEMENTATIONS` lists, and with ``--device-url`` on
-real hardware, whose bursts nobody can read: there the device's own answers stand for them. The
+Each test runs on every implementation that `IMPLEMENTATIONS` lists, with ``--device-url`` on real
+hardware, and with ``--driver NAME --port P`` on an installed driver of a lab's own. Of the last two
+nobody can read the bursts: there the device's own answers stand for them. The
 device's ceiling and the study's are 200 Vpp, the least interval is 10 ms, the largest duty a half.
 Where time is real, no test waits for more than a few seconds, and what has to happen in time has
 seconds to happen.
@@ -21,6 +22,7 @@ import numpy as np
 import pytest
 
 from device.clock import Clock, MonotonicClock, VirtualClock
+from device.core.converter import ConverterDevice, converter_device
 from device.core.core import DeviceCore
 from device.core.host import HostDriver
 from device.core.local import LocalCore
@@ -50,8 +52,11 @@ from device.driver import (
     Refusal,
     RefusedError,
 )
+from device.drivers import DriverSettings, make_device
 from device.emulate.generator import EmulatedGenerator
 from device.emulate.mock import MockDevice
+from device.scpi.generator import GeneratorDevice
+from device.sound.audio import AudioDevice
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
 from tests.test_device import bursts
@@ -290,6 +295,51 @@ def audio_rig(_: pytest.FixtureRequest) -> Rig:
     return Rig(device=audio_on(card), clock=card, silence=lambda: None, emitted=None)
 
 
+class Recorder:
+    """A converter that takes as long as its burst."""
+
+    name, serial_number, bits, emulated = "recorder", "1", 16, True
+    sample_rate_hz, full_scale_v = 48_000.0, 150.0
+    cannot: tuple[str, ...] = ()
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+
+    def connect(self) -> None: ...
+
+    def play(self, left_v: FloatArray, right_v: FloatArray) -> Outcome:
+        self._clock.wait(len(left_v) / self.sample_rate_hz)
+        return Outcome.FIRED
+
+    def zero(self) -> None: ...
+
+    def disconnect(self) -> None: ...
+
+
+def converter_rig(_: pytest.FixtureRequest) -> Rig:
+    clock = VirtualClock(start_s=3.0)
+    device = converter_device(Recorder(clock), limits=LIMITS, clock=clock)
+    return Rig(device=device, clock=clock, silence=lambda: None, emitted=None)
+
+
+def own_rig(request: pytest.FixtureRequest) -> Rig:
+    clock = MonotonicClock()
+    settings = DriverSettings(
+        limits=LIMITS, port=request.config.getoption("--port"),
+        amplifier_gain=20.0, volts_full_scale=150.0,
+    )  # fmt: skip
+    return Rig(
+        device=make_device(request.config.getoption("--driver"), settings, clock),
+        clock=clock,
+        silence=lambda: None,
+        emitted=None,
+        in_real_time=True,
+        long_s=1.2,
+        idle_s=1.2,
+        time_to_live_s=5.0,
+    )
+
+
 EMULATED_RATE_HZ = 4000.0
 """Low, so that a long burst has few samples to upload."""
 
@@ -300,7 +350,10 @@ IMPLEMENTATIONS = {
     "tcp": emulator_rig("tcp"),
     "generator": generator_rig,
     "audio": audio_rig,
+    "converter": converter_rig,
 }
+OTHERS = {"--device-url": hardware_rig, "--driver": own_rig}
+"""What runs where the command line has it."""
 
 LANES = {"pty": pytest.mark.process, "tcp": pytest.mark.process}
 SLOW = {("audio", "test_the_same_token_again_gives_the_same_record_and_no_other_burst")}
@@ -319,8 +372,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run every test of this file on every implementation."""
     if "implementation" in metafunc.fixturenames:
         names = list(IMPLEMENTATIONS)
-        if metafunc.config.getoption("--device-url"):
-            names.append("hardware")
+        names += [option for option in OTHERS if metafunc.config.getoption(option)]
         test = metafunc.function.__name__
         slow = {name: pytest.mark.slow for name in names if (name, test) in SLOW}
         lanes = {name: (LANES | slow).get(name, ()) for name in names}
@@ -331,11 +383,11 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def rig(implementation: str, request: pytest.FixtureRequest) -> Iterator[Rig]:
-    if implementation in {"generator", "audio"}:
+    made = (IMPLEMENTATIONS | OTHERS)[implementation](request)
+    if isinstance(made.device, GeneratorDevice | AudioDevice | ConverterDevice):
         playing = WAITS if "playing" in request.node.name else None
         if reason := HOSTED.get(request.function.__name__, playing):
             pytest.skip(reason)
-    made = IMPLEMENTATIONS.get(implementation, hardware_rig)(request)
     identity = made.device.open()
     longest = min(made.longest, identity.longest_waveform)
     yield replace(made, rate_hz=identity.sample_rate_hz, longest=longest)

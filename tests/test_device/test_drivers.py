@@ -8,7 +8,7 @@ import device
 from device.clock import MonotonicClock, VirtualClock
 from device.core.host import HostDriver
 from device.driver import LinkError
-from device.drivers import NEEDS, DriverName, is_emulated, make_device
+from device.drivers import NEEDS, DriverSettings, is_emulated, make_device
 from device.emulate.mock import MockDevice
 from device.limits import Limits
 from device.scpi.generator import GeneratorDevice
@@ -24,30 +24,38 @@ KINDS = {
 }
 
 
-def needed(name: DriverName) -> dict[str, Any]:
-    return {key: SETTINGS[key] for key in NEEDS[name]}
+def needed(name: str, **others: Any) -> DriverSettings:
+    needs: dict[str, Any] = {key: SETTINGS[key] for key in NEEDS[name]}
+    return DriverSettings(limits=LIMITS, **needs | others)
 
 
 @pytest.mark.parametrize("name", NEEDS)
-def test_each_driver_is_made_from_what_it_needs(name: DriverName) -> None:
-    made = make_device(name, limits=LIMITS, clock=MonotonicClock(), **needed(name))
+def test_each_driver_is_made_from_what_it_needs(name: str) -> None:
+    made = make_device(name, needed(name), MonotonicClock())
     assert type(made) is KINDS[name]
 
 
+@pytest.mark.parametrize("name", NEEDS)
+def test_a_built_in_driver_has_the_first_two_channels(name: str) -> None:
+    with pytest.raises(ValueError, match=rf"channels must be \[1, 2\] for the driver {name}, got"):
+        make_device(name, needed(name, channels=(3, 4)), MonotonicClock())
+
+
 @pytest.mark.parametrize(("name", "key"), [(name, key) for name in NEEDS for key in NEEDS[name]])
-def test_a_setting_that_is_missing_is_named(name: DriverName, key: str) -> None:
-    settings = needed(name) | {key: None}
+def test_a_setting_that_is_missing_is_named(name: str, key: str) -> None:
+    settings = needed(name, **{key: None})
     with pytest.raises(ValueError, match=f"{key} must be given for the driver {name}, got None"):
-        make_device(name, limits=LIMITS, clock=MonotonicClock(), **settings)
+        make_device(name, settings, MonotonicClock())
 
 
 def test_a_driver_that_does_not_exist_is_refused_with_the_list() -> None:
-    with pytest.raises(ValueError, match="mock, serial, generator, audio, got 'gpib'"):
-        make_device("gpib", limits=LIMITS, clock=VirtualClock())
+    with pytest.raises(ValueError, match="mock, serial, generator, audio; got 'gpib'"):
+        make_device("gpib", DriverSettings(limits=LIMITS), VirtualClock())
 
 
 def test_the_mock_plays_at_the_rate_it_is_given() -> None:
-    mock = device.make_device("mock", limits=LIMITS, clock=VirtualClock(), sample_rate_hz=96_000.0)
+    settings = DriverSettings(limits=LIMITS, sample_rate_hz=96_000.0)
+    mock = device.make_device("mock", settings, VirtualClock())
     assert mock.open().sample_rate_hz == 96_000.0
 
 

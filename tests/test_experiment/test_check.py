@@ -9,14 +9,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import click
 import pytest
 from click.testing import CliRunner
 
 from device.driver import Lack
-from device.drivers import NEEDS, DriverName
 from experiment.commands.check import check
 from experiment.commands.init import write_study_text
 from experiment.participant.window import window_lacks
@@ -270,10 +269,17 @@ def test_the_help_imports_neither_numpy_nor_pydantic() -> None:
     assert found.stdout.strip() == "[]"
 
 
-def test_the_drivers_to_choose_from_are_those_that_can_be_made() -> None:
-    (option,) = (option for option in check.params if option.name == "driver")
-    assert isinstance(option.type, click.Choice)
-    assert tuple(option.type.choices) == tuple(NEEDS) == get_args(DriverName)
+@pytest.mark.parametrize("said", ["[device] driver", "--driver"])
+def test_a_driver_that_nobody_has_is_refused_by_name(tmp_path: Path, said: str) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text('[device]\ndriver = "gpib"\n' if said.startswith("[") else "", "utf-8")
+    more = [] if said.startswith("[") else ["--device", "--driver", "gpib"]
+    result = CliRunner().invoke(check, [str(study), *more])
+    assert result.exit_code == 2
+    assert result.stderr.endswith(
+        "must be one of mock, serial, generator, audio; got 'gpib', which no installed "
+        "distribution offers\n"
+    )
 
 
 def displacements(text: str) -> dict[str, dict[str, Any]]:

@@ -11,6 +11,7 @@ import pytest
 
 from experiment.study.read import read_study, study_from_text
 from experiment.study.study import StudyError
+from experiment.terms.checks import NAME_RULE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,7 +57,7 @@ REPEATED = "{name = 'hand', description = 'preferred', levels = ['left', 'left']
         ("burst.frequency_hz", "1" + "0" * 400, " must be a finite number >="),
         ("burst.window", "'hamming'", " must be 'none', 'hann', 'tukey', 'gaussian' or 'auto'"),
         ("burst.accept_unfit", "' '", " must be a reason"),
-        ("device.driver", "'x'", " must be 'mock', 'serial', 'generator' or 'audio'; got 'x'"),
+        ("device.driver", "'my card'", f" must be {NAME_RULE}; got 'my card'"),
         ("study.name", "2024-01-01", " must be text; got datetime.date(2024, 1, 1)"),
         ("study.name", "'my study'", " must be 1 to 32"),
         ("study.consent_version", "''", " must be a name in one line"),

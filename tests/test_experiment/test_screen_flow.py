@@ -13,6 +13,7 @@ from device.clock import VirtualClock
 from experiment.operator.requests import Requests, StopRequested, StopSignal
 from experiment.participant.keys import Stroke
 from experiment.participant.screen import END_S, ScreenResponder
+from experiment.participant.settings import ResponderSettings
 from experiment.study.sections.presentation import Keys, Screen, Texts
 from experiment.terms.responder import ESCAPE, AwaitedAnswer, Press, Progress, SessionPart
 
@@ -94,8 +95,7 @@ class Room:
         self.stop = StopSignal()
         self.stage = Stage()
         self.keyboard = Keyboard(self.clock)
-        self.responder = ScreenResponder(
-            self.clock,
+        settings = ResponderSettings(
             responses=("left", "right"),
             screen=Screen(),
             keys=Keys(left=("left", "a")),
@@ -103,6 +103,7 @@ class Room:
             requests=self.requests,
             stop=self.stop,
         )
+        self.responder = ScreenResponder(settings, self.clock)
         parts = {"_stage": self.stage, "_pages": Pages(), "_reader": self.keyboard}
         for name, part in parts.items():
             setattr(self.responder, name, part)

@@ -106,7 +106,9 @@ def test_a_range_ends_where_its_key_says(
     listed: bool,
 ) -> None:
     def table(value: object) -> dict[str, Any]:
-        several = [value] * (2 if key == "foreperiod_s" else 1)
+        # these are of two
+        beside: dict[str, list[object]] = {"foreperiod_s": [value], "channels": [100]}
+        several = [value, *beside.get(key, [])]
         return companions(name, key) | {key: several if listed else value}
 
     section_of(name)(**table(inside))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import pytest
 
-from experiment.session.setting import LONGEST_NAME, Sitting
+from experiment.session.setting import LONGEST_NAME
 from experiment.study.sections.presentation import Screen, Texts
 from experiment.terms.responder import Press
 from tests.test_experiment.lab import FakeNoise, Scripted, Watching
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from experiment.operator.requests import Requests
+    from experiment.participant.settings import ResponderSettings
     from experiment.study.sections.equipment import Masking
     from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
 
@@ -47,13 +48,13 @@ class FakeScreen(Scripted):
     """A person in front of a window that nobody sees."""
 
     simulated = False
-    asked: ClassVar[dict[str, Any]] = {}
+    asked: ClassVar[ResponderSettings]
     log: ClassVar[list[str]] = []
     refusal: ClassVar[str] = ""
 
-    def __init__(self, clock: Clock, **asked: Any) -> None:
+    def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
         super().__init__(clock)
-        type(self).asked, type(self).log = asked, []
+        type(self).asked, type(self).log = settings, []
 
     def __enter__(self) -> Self:
         if self.refusal:
@@ -126,9 +127,8 @@ def test_header_and_window_get_what_is_given(sessions: Sessions, screen: type[Fa
     assert header["screen"]["full_screen"] is False
     assert header["texts"]["welcome"] == "\u200fأهلاً"
     assert header["texts"]["prompt"] == Texts().prompt
-    assert set(screen.asked) == {"responses", "screen", "keys", "texts", "requests", "stop"}
-    assert screen.asked["screen"] == Screen(full_screen=False)
-    assert screen.asked["responses"] == ("left", "right", "both")
+    assert screen.asked.screen == Screen(full_screen=False)
+    assert screen.asked.responses == ("left", "right", "both")
     assert screen.log == ["audibility", "main", "control", "closed"]
     assert {(row["kind"], row["response"]) for row in sessions.rows()} == {
         ("control", "none"),
@@ -170,10 +170,14 @@ def test_an_operator_without_a_name_begins_nothing(sessions: Sessions, name: str
     assert not sessions.out.exists()
 
 
-def test_an_unknown_responder_is_refused() -> None:
-    robot: Any = "robot"
-    with pytest.raises(ValueError, match="responder must be one of screen, terminal, simulated"):
-        Sitting(responder=robot)
+def test_an_unknown_responder_is_refused(sessions: Sessions) -> None:
+    result = sessions.run("--responder", "robot")
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "error: --responder must be one of screen, terminal, simulated; got 'robot', which no "
+        "installed distribution offers\n"
+    )
+    assert not sessions.out.exists()
 
 
 def test_a_machine_without_a_window_is_told_before_anything_else(
@@ -243,7 +247,7 @@ def test_the_operator_sees_it_unless_the_terminal_is_the_participants(
     vars(module)["OperatorView"] = View
     monkeypatch.setitem(sys.modules, "experiment.operator.view", module)
     sessions.run("--responder", "screen")
-    assert seen == [screen.asked["requests"]]
+    assert seen == [screen.asked.requests]
     sessions.run("--session", "02", "--responder", "terminal")
     assert len(seen) == 1
 

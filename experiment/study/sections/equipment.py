@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from device.drivers import DriverName
 from experiment.study.sections.table import section
-from experiment.terms.checks import is_line
+from experiment.terms.checks import NAME, NAME_RULE, is_line
 from stimuli.checks import finite
 from stimuli.drive.noise import LEAST_LEVEL_DBFS
 
 Noise = Literal["pink", "none"]
 ContactControl = Literal["not stated", "none", "instructed", "held", "measured"]
+_Output = Annotated[int, Field(ge=1, le=256)]
 
 MAX_MASKING_LEVEL_DBA = 80.0
 """Loudest masking noise, dB(A) re 20 uPa, that a person may hear for the length of a session."""
@@ -25,7 +25,10 @@ MAX_LEVEL_DBFS = -18.0
 class DeviceSettings:
     """What drives the actuators, and what it may do."""
 
-    driver: DriverName = "mock"
+    driver: str = Field(
+        default="mock",
+        description="mock | serial | generator | audio, or an installed one of your own",
+    )
     sample_rate_hz: float = Field(
         default=48_000.0, ge=1_000, le=10_000_000, description="of its output"
     )
@@ -42,8 +45,15 @@ class DeviceSettings:
     volts_full_scale: float | None = Field(
         default=None, gt=0, le=1_000, description="at the actuator, to both sides, of a sound card"
     )
+    channels: tuple[_Output, _Output] = Field(
+        default=(1, 2), strict=False, description="outputs of left and right, of a driver of yours"
+    )
 
     def __post_init__(self) -> None:
+        if not NAME.fullmatch(self.driver):
+            raise ValueError(f"driver must be {NAME_RULE}; got {self.driver!r}")
+        if self.channels[0] == self.channels[1]:
+            raise ValueError(f"channels must be two outputs; got {list(self.channels)}")
         if self.port is not None and not is_line(self.port):
             raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
 

@@ -1,0 +1,97 @@
+"""Drivers and responders of a lab's own: found among what is installed, loaded when they are used.
+
+A distribution offers them as entry points of the group `DRIVERS` or `RESPONDERS`, a name and a
+factory each, which is called with settings and the clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from importlib.metadata import EntryPoint
+
+DRIVERS: Final = "tactstrip.drivers"
+RESPONDERS: Final = "tactstrip.responders"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Installed:
+    """A factory that some distribution offers.
+
+    Attributes
+    ----------
+    name : str
+        By which it is asked for.
+    distribution : str
+        Which one offers it, and its version.
+    entry : EntryPoint
+        Where it is.
+    """
+
+    name: str
+    distribution: str
+    entry: EntryPoint
+
+    def load(self) -> Callable[..., Any]:
+        """Import the factory; ValueError where that fails, in one line."""
+        try:
+            factory = self.entry.load()
+        except Exception as error:
+            raise ValueError(
+                f"{self.name} of {self.distribution} cannot be loaded from {self.entry.value}: "
+                f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no text'}"
+            ) from error
+        if not callable(factory):
+            raise ValueError(  # noqa: TRY004 - the fault is of the distribution, not of a caller
+                f"{self.name} of {self.distribution} must be a factory that can be called; got "
+                f"{self.entry.value}, a {type(factory).__name__}"
+            )
+        return factory  # type: ignore[no-any-return]
+
+
+def installed(group: str, built_in: tuple[str, ...]) -> dict[str, Installed]:
+    """Return what is offered in a group, by name.
+
+    ValueError where two offer the same name, or one that is built in: nobody could tell which of
+    them drove a session.
+
+    >>> installed("tactstrip.nothing", ())
+    {}
+    """
+    found: dict[str, Installed] = {}
+    for entry in sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)):
+        from_ = entry.dist
+        distribution = "unknown" if from_ is None else f"{from_.name} {from_.version}"
+        offered = Installed(name=entry.name, distribution=distribution, entry=entry)
+        if entry.name in built_in:
+            raise ValueError(
+                f"{entry.name} of {distribution} has the name of a built-in one; give it another "
+                f"in its entry points, {group}"
+            )
+        if entry.name in found and found[entry.name].entry != entry:
+            raise ValueError(
+                f"{entry.name} is offered by {found[entry.name].distribution} and by "
+                f"{distribution}; uninstall one of them"
+            )
+        found[entry.name] = offered
+    return found
+
+
+def lookup(group: str, name: str, built_in: tuple[str, ...]) -> Installed:
+    """Return what is offered by a name; ValueError with the names that there are.
+
+    >>> lookup("tactstrip.nothing", "lab", ("mock",))
+    Traceback (most recent call last):
+    ValueError: must be one of mock; got 'lab', which no installed distribution offers
+    """
+    offered = installed(group, built_in)
+    if name not in offered:
+        names = ", ".join((*built_in, *offered))
+        raise ValueError(
+            f"must be one of {names}; got {name!r}, which no installed distribution offers"
+        )
+    return offered[name]

@@ -1,0 +1,55 @@
+"""What a responder is made from, and how one of a lab's own is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from device.installed import RESPONDERS as GROUP
+from device.installed import Installed, lookup
+from experiment.operator.requests import Requests, StopSignal
+from experiment.terms.responder import RESPONDERS, SessionPart
+
+if TYPE_CHECKING:
+    from experiment.study.sections.presentation import Keys, Screen, Texts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ResponderSettings:
+    """What a responder is made from.
+
+    Attributes
+    ----------
+    responses : tuple of str
+        The answers that the study offers; `SessionPart.answers` tells which count in a part.
+    screen : Screen
+        The window.
+    keys : Keys
+        What each key means.
+    texts : Texts
+        What is read.
+    parts : frozenset of SessionPart
+        The parts that may come.
+    requests : Requests
+        The operator's wishes; notes that are left there come into the journal.
+    stop : StopSignal
+        May be asked to stop the session; ends every wait.
+    """
+
+    responses: tuple[str, ...]
+    screen: Screen
+    keys: Keys
+    texts: Texts
+    parts: frozenset[SessionPart] = frozenset(SessionPart)
+    requests: Requests = field(default_factory=Requests)
+    stop: StopSignal = field(default_factory=StopSignal)
+
+
+def own_responder(name: str) -> Installed:
+    """Return an installed responder by its name, or refuse with the names of those there are.
+
+    >>> own_responder("robot")
+    Traceback (most recent call last):
+    ValueError: must be one of screen, terminal, simulated; got 'robot', which no installed ...
+    """
+    return lookup(GROUP, name, RESPONDERS)

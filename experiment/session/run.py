@@ -1,0 +1,142 @@
+"""A session from Python, with a device and a responder of one's own."""
+
+from __future__ import annotations
+
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from device.clock import MonotonicClock
+from experiment.apparatus.noise import noise_player
+from experiment.apparatus.rig import confirmed_now
+from experiment.archive.folders import SessionFolder
+from experiment.operator.requests import StopSignal
+from experiment.preview.check import require_fit
+from experiment.session.conduct import begin, resume
+from experiment.session.setting import Setting, Sitting
+from experiment.study.read import study_from_canonical
+from experiment.trial.draw import draw_plan
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from device.driver import BurstDevice
+    from experiment.session.setting import Ending
+    from experiment.study.study import Study
+    from experiment.terms.responder import Responder
+
+
+def run_session(
+    study: Study,
+    participant: str,
+    device: BurstDevice,
+    responder: Responder,
+    *,
+    session: str = "01",
+    out: Path | str = "results",
+    clock: Clock | None = None,
+    seed: int | None = None,
+    resuming: bool = False,
+    hardware_confirmed: bool = False,
+    operator: str | None = None,
+) -> Ending:
+    r"""Run one session with a device and a responder of one's own, or go on with it.
+
+    Parameters
+    ----------
+    study : Study
+        The study; of a session that goes on, its plan counts.
+    participant, session : str
+        1 to 32 letters or digits each.
+    device : BurstDevice
+        Not yet open, made with `clock`.
+    responder : Responder
+        Who answers, on the same clock.
+    out : Path or str
+        The study's folder of results.
+    clock : Clock, optional
+        The machine's monotonic one by default.
+    seed : int, optional
+        Of the plan; random by default.
+    resuming : bool
+        Go on with a session that was interrupted.
+    hardware_confirmed : bool
+        Your word that what docs/hardware.md lists is so; a real device is refused without it.
+    operator : str, optional
+        Who runs the session, for its header.
+
+    Returns
+    -------
+    Ending
+        Whether every trial is answered, and where trials.csv is.
+
+    Raises
+    ------
+    ValueError
+        If the study's stimuli are unfit for its plate, the session exists already, or the device
+        cannot do what the study asks; no session is begun then.
+    DeviceError
+        If the device cannot be opened.
+
+    Notes
+    -----
+    A Ctrl-C ends the program as a kill does: nothing is lost, and `resuming` goes on.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from device import DriverSettings, Limits, VirtualClock, make_device
+    >>> from experiment.study.read import study_from_text
+    >>> study = study_from_text(
+    ...     '[design]\ntrials_per_side = 2\nboth_trials = 0\n[burst]\nwindow = "hann"\n'
+    ...     '[masking]\nnoise = "none"', "study.toml")
+    >>> class Left:
+    ...     simulated = True
+    ...     def begin(self, progress): return True
+    ...     def introduce(self, part, progress): return True
+    ...     def cue(self, progress): pass
+    ...     def wait(self, until_s): clock.wait(until_s - clock.now_s())
+    ...     def ask(self, question):
+    ...         clock.wait(0.5)
+    ...         return Press("left", clock.now_s())
+    ...     def feedback(self, *, correct): pass
+    ...     def pause(self, progress, *, paused, minimum_s): return True
+    ...     def end(self, progress, *, finished): pass
+    >>> from experiment import Press
+    >>> clock = VirtualClock()
+    >>> settings = DriverSettings(limits=Limits(ceiling_vpp=200.0, least_interval_s=0.05))
+    >>> device = make_device("mock", settings, clock)
+    >>> with tempfile.TemporaryDirectory() as out:
+    ...     ending = run_session(study, "01", device, Left(), out=out, clock=clock, seed=1)
+    >>> ending.finished
+    True
+    """
+    clock = MonotonicClock() if clock is None else clock
+    folder = SessionFolder(Path(out), participant, session)
+    if resuming:
+        plan = folder.read_plan()
+        study = study_from_canonical(plan.study)
+    else:
+        folder.refuse_existing()
+        gains = require_fit(study).gains
+        plan = draw_plan(
+            study,
+            participant=participant,
+            session=session,
+            seed=secrets.randbits(32) if seed is None else seed,
+            gains=gains,
+        )
+    setting = Setting(
+        device=device,
+        responder=responder,
+        noise=noise_player(study.masking, clock, simulated=responder.simulated),
+        clock=clock,
+        stop=StopSignal(),
+        confirmation=confirmed_now("run_session") if hardware_confirmed else None,
+        sitting=Sitting(
+            responder=type(responder).__name__,
+            operator=operator,
+            responder_from=type(responder).__module__,
+            driver_from=type(device).__module__,
+        ),
+    )
+    return resume(folder, setting) if resuming else begin(folder, plan, setting)

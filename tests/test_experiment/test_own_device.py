@@ -1,0 +1,405 @@
+"""Devices and responders of a lab's own: by name, from Python, and what is wrong with them."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+import pytest
+
+from device.clock import VirtualClock
+from device.core.converter import converter_device
+from device.driver import LimitExceeded, LinkError, Outcome
+from device.drivers import DriverSettings, make_device
+from device.limits import Limits
+from experiment.session.run import run_session
+from experiment.study.read import study_from_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+DOCS = Path(__file__).parents[2] / "docs"
+OWN = DOCS / "examples" / "own_device"
+STUDY = """
+[design]
+levels_vpp = [80, 160]
+trials_per_side = 2
+both_trials = 0
+foreperiod_s = [0.01, 0.02]
+minimum_break_s = 0
+[burst]
+window = "hann"
+[masking]
+noise = "none"
+[device]
+volts_full_scale = 100
+"""
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.02)
+SINE = np.append(np.sin(2 * np.pi * np.arange(96) / 96), 0.0)
+
+
+def offer(folder: Path, entries: str, modules: dict[str, str], name: str = "lab_device") -> None:
+    """Lay a distribution where Python finds it, as pip does."""
+    info = folder / f"{name}-0.1.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1\n")
+    (info / "entry_points.txt").write_text(entries)
+    for module, text in modules.items():
+        (folder / f"{module}.py").write_text(text, encoding="utf-8")
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    """A folder with the example's distribution."""
+    offer(
+        tmp_path / "site",
+        "[tactstrip.drivers]\nprinter = lab_device:printer\n"
+        "[tactstrip.responders]\nimpatient = lab_device:Impatient\n",
+        {"lab_device": (OWN / "lab_device.py").read_text(encoding="utf-8")},
+    )
+    return tmp_path
+
+
+def tactstrip(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", "from tactstrip import main; main()", *words],
+        cwd=folder, capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": f"{folder / 'site'}:{Path.cwd()}"},
+    )  # fmt: skip
+
+
+def test_the_page_shows_the_example_and_keeps_its_promise_of_lines() -> None:
+    page = (DOCS / "own-device.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```\w+\n(.*?)```", page, flags=re.DOTALL)
+    files = ("lab_device.py", "pyproject.toml")
+    assert blocks == [(OWN / name).read_text(encoding="utf-8") for name in files]
+    device, responder = blocks[0].split("class Impatient:")
+    assert sum(map(bool, device.split("\n"))) <= 40
+    assert sum(map(bool, responder.split("\n"))) <= 30
+
+
+@pytest.mark.process
+def test_a_session_is_run_by_name_from_the_command_line(lab: Path) -> None:
+    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
+    words = ("run", "study.toml", "--participant", "01", "--seed", "1")
+    done = tactstrip(lab, *words, "--driver", "printer", "--responder", "impatient",
+                     "--confirm-hardware")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert len(re.findall(r"^\d+ V left, \d+ V right$", done.stdout, flags=re.MULTILINE)) == 4
+    session = lab / "results" / "sub-01" / "ses-01"
+    header = json.loads((session / "header.json").read_text(encoding="utf-8"))
+    assert header["driver_distribution"] == header["responder_distribution"] == "lab_device 0.1"
+    assert (header["responder"], header["device"]) == ("impatient", "printer")
+    with (session / "trials.csv").open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    assert [row["response"] for row in rows] == ["left"] * 4
+    assert {row["status"] for row in rows} == {"ok"}
+    assert {float(row["rt_s"]) // 0.01 for row in rows} <= {33.0, 34.0, 35.0, 36.0}
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("entries", "module", "said"),
+    [
+        (
+            "printer = nowhere:printer",
+            "",
+            "printer of lab_device 0.1 cannot be loaded from nowhere",
+        ),
+        ("printer = broken:printer", "1 / 0", "ZeroDivisionError: division by zero"),
+        ("printer = broken:printer", "printer = 3", "must be a factory that can be called"),
+        ("audio = broken:printer", "", "audio of lab_device 0.1 has the name of a built-in one"),
+    ],
+)
+def test_a_driver_that_cannot_be_loaded_is_refused_in_one_line(
+    tmp_path: Path, entries: str, module: str, said: str
+) -> None:
+    offer(tmp_path / "site", f"[tactstrip.drivers]\n{entries}\n", {"broken": module})
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    done = tactstrip(tmp_path, "run", "study.toml", "--participant", "01", "--driver", "printer",
+                     "--responder", "simulated", "--confirm-hardware")  # fmt: skip
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert said in line
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.process
+def test_a_name_that_two_distributions_offer_is_refused(lab: Path) -> None:
+    offer(lab / "site", "[tactstrip.drivers]\nprinter = other:printer\n", {}, name="other_lab")
+    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
+    done = tactstrip(lab, "check", "study.toml", "--device", "--driver", "printer")
+    assert done.returncode == 2
+    assert "printer is offered by lab_device 0.1 and by other_lab 0.1; uninstall one" in done.stderr
+
+
+@pytest.fixture
+def lab_device(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.syspath_prepend(str(OWN))
+    yield importlib.import_module("lab_device")
+    sys.modules.pop("lab_device")
+
+
+def test_a_session_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
+    clock = VirtualClock()
+    settings = DriverSettings(limits=LIMITS)
+    study = study_from_text(STUDY, "study.toml")
+    someone = lab_device.Impatient(None, clock)
+    ending = run_session(
+        study, "01", lab_device.printer(settings, clock), someone, out=tmp_path, clock=clock, seed=1
+    )
+    assert ending.finished
+    assert ending.trials_path.read_text(encoding="utf-8").count(",left,0.33,") == 4
+    again = lab_device.printer(settings, clock)
+    with pytest.raises(ValueError, match="exists"):
+        run_session(study, "01", again, someone, out=tmp_path, clock=clock)
+    ended = run_session(study, "01", again, someone, out=tmp_path, clock=clock, resuming=True)
+    assert ended.finished
+
+
+class Faulty:
+    """A converter that fails in one way or another."""
+
+    name, serial_number, bits, emulated = "faulty", "1", 16, True
+    cannot: tuple[str, ...] = ()
+    sample_rate_hz, full_scale_v = 48_000.0, 60.0
+
+    def __init__(self, outcome: Any) -> None:
+        self.outcome = outcome
+        self.played: list[tuple[float, float]] = []
+
+    def connect(self) -> None: ...
+
+    def play(self, left_v: Any, right_v: Any) -> Outcome:
+        self.played.append((abs(left_v).max(), abs(right_v).max()))
+        if isinstance(self.outcome, Exception):
+            raise self.outcome
+        return self.outcome  # type: ignore[no-any-return]
+
+    def zero(self) -> None: ...
+
+    def disconnect(self) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("outcome", "told"),
+    [
+        (Outcome.NOT_FIRED, Outcome.NOT_FIRED),
+        (RuntimeError("the cable is out"), Outcome.INDETERMINATE),
+        ("no outcome", Outcome.INDETERMINATE),
+    ],
+)
+def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice(
+    outcome: Any, told: Outcome
+) -> None:
+    converter = Faulty(outcome)
+    device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
+    device.open()
+    device.load(0, SINE, SINE)
+    device.enable()
+    device.set_levels(100.0, 50.0)
+    device.arm(1, 0, time_to_live_s=1.0)
+    for _ in range(3):
+        assert device.fire(1).outcome is device.query(1).outcome is told
+    assert converter.played == [pytest.approx((50.0, 25.0), rel=1e-4)]
+    if told is Outcome.INDETERMINATE:
+        with pytest.raises(LinkError, match=r"^faulty: "):
+            device.enable()
+
+
+def test_no_burst_is_above_what_the_converter_reaches() -> None:
+    device = converter_device(Faulty(Outcome.FIRED), limits=LIMITS, clock=VirtualClock())
+    assert device.open().ceiling_vpp == 120.0
+    device.load(0, SINE, SINE)
+    with pytest.raises(LimitExceeded):
+        device.set_levels(121.0, 0.0)
+
+
+# --- the larger examples, against stand-ins ------------------------------------------------------
+
+
+def example(name: str) -> Any:
+    path = DOCS / "examples" / f"{name}.py"
+    module = ModuleType(name)
+    exec(compile(path.read_text(encoding="utf-8"), path, "exec"), vars(module))
+    return module
+
+
+def burst_on(device: Any, level_vpp: float = 100.0) -> Any:
+    device.open()
+    device.load(0, SINE, 0 * SINE)
+    device.enable()
+    device.set_levels(level_vpp, level_vpp)
+    device.arm(1, 0, time_to_live_s=1.0)
+    return device.fire(1)
+
+
+class Tasks:
+    """A stand-in for nidaqmx with the signatures of its release 1.7, and only what is used."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Any, ...]] = []
+        self.error: Exception | None = None
+
+    def task(self) -> Task:
+        return Task(self)
+
+
+class Task:
+    def __init__(self, tasks: Tasks) -> None:
+        self._tasks, self._calls = tasks, tasks.calls
+        self.ao_channels = self.timing = self
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._calls.append(("closed",))
+
+    def add_ao_voltage_chan(self, physical_channel: str, *, min_val: float, max_val: float) -> None:
+        assert (min_val, max_val) == (-10.0, 10.0)
+        self._calls.append(("channel", physical_channel))
+
+    def cfg_samp_clk_timing(self, rate: float, *, sample_mode: str, samps_per_chan: int) -> None:
+        self._calls.append(("clock", rate, sample_mode, samps_per_chan))
+
+    def write(self, data: Any, *, auto_start: bool) -> None:
+        if self._tasks.error is not None:
+            raise self._tasks.error
+        volts = np.array(data)
+        assert volts.shape[0] == 2
+        assert volts.dtype == np.float64
+        assert abs(volts).max() <= 10.0
+        self._calls.append(("write", volts, auto_start))
+
+    def start(self) -> None:
+        self._calls.append(("start",))
+
+    def wait_until_done(self, timeout: float) -> None:
+        self._calls.append(("waited", timeout))
+
+    def stop(self) -> None:
+        self._calls.append(("stop",))
+
+
+@pytest.fixture
+def nidaqmx(monkeypatch: pytest.MonkeyPatch) -> Tasks:
+    tasks = Tasks()
+    module, constants, errors = (ModuleType(f"nidaqmx{part}") for part in
+                                 ("", ".constants", ".errors"))  # fmt: skip
+    vars(module).update(Task=tasks.task, constants=constants, errors=errors)
+    vars(constants)["AcquisitionType"] = SimpleNamespace(FINITE="finite")
+    vars(errors)["Error"] = RuntimeError
+    for part in (module, constants, errors):
+        monkeypatch.setitem(sys.modules, part.__name__, part)
+    return tasks
+
+
+def test_the_daq_plays_a_burst_once_from_its_buffer_and_rests_at_zero(nidaqmx: Tasks) -> None:
+    settings = DriverSettings(limits=LIMITS, port="Dev1", amplifier_gain=20.0, channels=(1, 3))
+    device = example("ni_daq").ni_daq(settings, VirtualClock())
+    assert burst_on(device).outcome is Outcome.FIRED
+    opened = [("channel", "Dev1/ao0"), ("channel", "Dev1/ao2"), ("write",), ("closed",)]
+    played = [
+        ("channel", "Dev1/ao0"), ("channel", "Dev1/ao2"), ("clock", 48_000.0, "finite", 97),
+        ("write",), ("start",), ("waited", 2.0), ("stop",), ("closed",),
+    ]  # fmt: skip
+    calls = [call if call[0] != "write" else call[:1] for call in nidaqmx.calls]
+    assert calls == opened + played
+    zeros, burst = (call[1:] for call in nidaqmx.calls if call[0] == "write")
+    assert (zeros[0].tolist(), zeros[1]) == ([0.0, 0.0], True)
+    assert burst[1] is False
+    assert abs(burst[0]).max(axis=1) == pytest.approx([50.0 / 20.0, 0.0], abs=1e-3)
+    assert burst[0][:, [0, -1]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert device.fire(1).outcome is Outcome.FIRED
+    assert len(nidaqmx.calls) == len(calls), "played twice"
+    device.close()
+    assert nidaqmx.calls[-2][1].tolist() == [0.0, 0.0]
+
+
+def test_a_daq_that_is_not_there_is_told(nidaqmx: Tasks) -> None:
+    nidaqmx.error = RuntimeError("Device identifier is invalid.\nStatus Code: -200220")
+    settings = DriverSettings(limits=LIMITS, port="Dev9", amplifier_gain=20.0)
+    device = example("ni_daq").ni_daq(settings, VirtualClock())
+    with pytest.raises(LinkError, match=r"^Dev9: Device identifier is invalid\.$"):
+        device.open()
+
+
+@pytest.fixture
+def sounddevice(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    played: list[Any] = []
+
+    def play(data: Any, **how: Any) -> None:
+        played.append((data, how))
+
+    def query_devices(device: str, kind: str) -> dict[str, Any]:
+        assert kind == "output"
+        if device != "card":
+            raise ValueError(f"No output device matching {device!r}")
+        return {"name": "card", "max_output_channels": 4}
+
+    card = SimpleNamespace(status=None, played=played)
+    module = ModuleType("sounddevice")
+    vars(module).update(
+        play=play, query_devices=query_devices, PortAudioError=OSError,
+        stop=lambda: None, get_status=lambda: card.status,
+    )  # fmt: skip
+    monkeypatch.setitem(sys.modules, "sounddevice", module)
+    return card
+
+
+def card(**settings: Any) -> Any:
+    chosen: dict[str, Any] = {
+        "port": "card",
+        "volts_full_scale": 100.0,
+        "channels": (3, 4),
+    } | settings
+    module = example("sound_card_channels")
+    return module.sound_card_channels(DriverSettings(limits=LIMITS, **chosen), VirtualClock())
+
+
+def test_the_sound_card_plays_on_the_chosen_outputs(sounddevice: SimpleNamespace) -> None:
+    assert burst_on(card()).outcome is Outcome.FIRED
+    ((frames, how),) = sounddevice.played
+    assert frames.shape == (97, 2)
+    assert abs(frames).max(axis=0) == pytest.approx([0.5, 0.0], abs=1e-4)
+    expected = {"samplerate": 48_000.0, "device": "card", "mapping": [3, 4], "blocking": True}
+    assert how == expected
+
+
+def test_a_gap_leaves_it_open_whether_the_burst_came_out(sounddevice: SimpleNamespace) -> None:
+    sounddevice.status = "output underflow"
+    assert burst_on(card()).outcome is Outcome.INDETERMINATE
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"channels": (3, 5)}, r"channels must be at most 4 on card, got \[3, 5\]"),
+        ({"port": "none"}, "the sound card none: No output device matching"),
+    ],
+)
+def test_a_card_without_these_outputs_is_refused(
+    sounddevice: SimpleNamespace, settings: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(LinkError, match=said):
+        card(**settings).open()
+
+
+def test_settings_that_an_example_needs_are_asked_for(nidaqmx: Tasks) -> None:
+    for name, factory in (("ni_daq", "ni_daq"), ("sound_card_channels", "sound_card_channels")):
+        with pytest.raises(ValueError, match="must be given for the driver"):
+            getattr(example(name), factory)(DriverSettings(limits=LIMITS), VirtualClock())
+
+
+def test_built_in_names_need_nothing_installed() -> None:
+    assert make_device("mock", DriverSettings(limits=LIMITS), VirtualClock()).open().emulated
