@@ -154,6 +154,7 @@ def test_whoever_resumes_is_noted_anew(sessions: Sessions) -> None:
     lines = folder.journal_path.read_text("utf-8").splitlines(keepends=True)
     folder.journal_path.write_text("".join(lines[:6]), encoding="utf-8")
     folder.trials_path.unlink()
+    (folder.path.parent / "sessions.tsv").unlink()
     assert sessions.run(*by_screen, "second", "--resume").exit_code == 0
     (resumed,) = sessions.entries("session_resume")
     assert (resumed.facts["operator"], resumed.facts["responder"]) == ("second", "screen")
