@@ -31,6 +31,7 @@ from experiment.archive.participants import (
     check_facts,
     check_people,
     enter_person,
+    next_number,
     read_people,
     refuse_withdrawn,
 )
@@ -217,6 +218,21 @@ class SessionFolder:
         check_people(self.root, columns)
         names = [column.name for column in columns]
         read_people(self.root).with_person(self.participant, names, self.facts)
+
+    def participant_number(self) -> int:
+        """Return the number of the participant: that of their earlier sessions, or by their place.
+
+        Raises
+        ------
+        ArchiveError
+            If participants.tsv is no such table.
+        PlanError
+            If the plan of an earlier session was changed after it was sealed.
+        """
+        for path in sorted(self.path.parent.glob("ses-*/plan.json")):
+            if (number := _read_plan(path).participant_number) is not None:
+                return number
+        return next_number(self.root, self.participant)
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.

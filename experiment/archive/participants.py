@@ -323,6 +323,19 @@ def check_people(root: Path, columns: Sequence[ParticipantColumn]) -> None:
                 raise ArchiveError(f"{path}:{number}: {error}; correct the table") from error
 
 
+def next_number(root: Path, participant: str) -> int:
+    """Return the number of a person by their place in participants.tsv, counted from 1.
+
+    Who is not in it yet comes last. Each person who withdrew counts for one, so that the number of
+    a person who is entered at the end is nobody else's.
+    """
+    names = [row[0] for row in read_people(root).rows]
+    name = f"sub-{participant}"
+    place = names.index(name) if name in names else len(names)
+    gone = {path.stem for path in (root / FOLDER).glob("sub-*.json")} - {*names, name}
+    return place + len(gone) + 1
+
+
 def enter_person(
     root: Path,
     participant: str,

@@ -65,6 +65,12 @@ if TYPE_CHECKING:
     help="Levels placed for this participant, instead of the study's.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the plan; random by default.")
+@click.option(
+    "--participant-number",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="For a balanced order of conditions; by default the place in participants.tsv.",
+)
 @click.option("--resume", "resuming", is_flag=True, help="Go on with an interrupted session.")
 @click.option(
     "--resume-anyway",
@@ -86,6 +92,7 @@ def run(
     confirm_hardware: bool,
     levels_file: Path | None,
     seed: int | None,
+    participant_number: int | None,
     resuming: bool,
     resume_anyway: bool,
 ) -> None:
@@ -115,8 +122,11 @@ def run(
         resuming = resuming or resume_anyway
         if resuming:
             plan = _plan_to_resume(folder, study_file, seed, levels_vpp, facts)
+            _refuse_another_number(participant_number, plan)
         else:
-            plan = _new_plan(folder, study_file, seed, levels_vpp, driver)
+            plan = _new_plan(
+                folder, study_file, seed, levels_vpp, driver, participant_number=participant_number
+            )
         study = study_from_canonical(plan.study)
         if facts:
             columns = study.participants.columns
@@ -181,6 +191,8 @@ def _new_plan(
     seed: int | None,
     levels_vpp: tuple[float, ...] | None,
     driver: str | None,
+    *,
+    participant_number: int | None,
 ) -> Plan:
     from experiment.preview.check import require_fit
     from experiment.study.read import read_study
@@ -190,6 +202,14 @@ def _new_plan(
     with working("Checking"):
         study = read_study(study_file)
         gains = require_fit(study, driver=driver).gains
+    balanced = study.design.condition_order == "balanced"
+    if balanced and participant_number is None:
+        participant_number = folder.participant_number()
+    elif participant_number is not None and not balanced:
+        raise CommandError(
+            f'--participant-number needs condition_order = "balanced" in [design]; got '
+            f"{study.design.condition_order!r}"
+        )
     seed = secrets.randbits(32) if seed is None else seed
     plan = draw_plan(
         study,
@@ -198,8 +218,12 @@ def _new_plan(
         seed=seed,
         levels_vpp=levels_vpp,
         gains=gains,
+        participant_number=participant_number,
     )
     click.echo(f"seed {seed}")
+    if balanced:
+        order = ", ".join(plan.condition_order)
+        click.echo(f"participant number {participant_number}: conditions in the order {order}")
     return plan
 
 
@@ -233,6 +257,14 @@ def _plan_to_resume(
             f"--levels must be those of the session, {planned_vpp}; got {levels_vpp}"
         )
     return plan
+
+
+def _refuse_another_number(given: int | None, plan: Plan) -> None:
+    if given not in {None, plan.participant_number}:
+        sealed = plan.participant_number
+        raise CommandError(
+            f"--participant-number must be that of the session, {sealed or 'none'}; got {given}"
+        )
 
 
 @contextlib.contextmanager

@@ -20,6 +20,7 @@ from experiment.study.sources import (
 )
 from experiment.terms.gains import OWN_FINGERS, significant
 from experiment.trial.draw import block_lengths, block_words
+from experiment.trial.order import order_count
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst, ElasticEdge
 
 if TYPE_CHECKING:
@@ -363,6 +364,9 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     found.tell("blocks", first + per_condition, block_trials=block_lengths(design))
     for words in others:
         found.tell("", words)
+    if design.condition_order == "balanced":
+        orders = order_count(len(study.conditions))
+        found.tell("order", f"of conditions balanced over each {orders} participants in a row")
     found.note(audibility_trials=check.audibility_trials, control_trials=check.control_trials)
     if check.audibility_trials or check.control_trials:
         found.tell(

@@ -161,6 +161,8 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "hardware_confirmed": _confirmed(setting, identity),
         "limits": asdict(host_limits(study.device)),
         "responses": plan.responses,
+        "participant_number": _or_not(plan.participant_number),
+        "condition_order": plan.condition_order,
         **noise_facts(setting.noise.facts),
         "stimuli": {c.name: stimulus_facts(c) for c in study.conditions},
         "unfit_stimuli_accepted": {c.name: c.accept_unfit for c in accepted},

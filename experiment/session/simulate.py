@@ -171,6 +171,7 @@ def simulate_study(
             session=folder.session,
             seed=int(child.generate_state(1)[0]),
             gains=gains,
+            participant_number=number,
         )
         clock = VirtualClock()
         setting = Setting(

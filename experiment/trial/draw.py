@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
     AUDIBILITY_BLOCK,
     CONTROL,
@@ -19,7 +20,7 @@ from experiment.trial.plan import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from experiment.study.sections.design import Design
     from experiment.study.sections.stimulus import Condition
@@ -39,6 +40,7 @@ def draw_plan(
     seed: int,
     levels_vpp: Sequence[float] | None = None,
     gains: tuple[ConditionGains, ...] = (),
+    participant_number: int | None = None,
 ) -> Plan:
     """Draw and seal a session's trials.
 
@@ -54,6 +56,8 @@ def draw_plan(
         Seed, 0 or more; the same seed gives the same plan.
     gains : tuple of ConditionGains
         The study's gain matrix, to be sealed with the trials; without it no displacement is told.
+    participant_number : int, optional
+        Counted from 1; needed where the order of conditions is balanced, else it says nothing.
 
     Raises
     ------
@@ -64,13 +68,20 @@ def draw_plan(
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise PlanError(f"seed must be a whole number >= 0; got {seed!r}")
+    number = participant_number if study.design.condition_order == "balanced" else None
+    if study.design.condition_order == "balanced" and (number is None or number < 1):
+        raise PlanError(
+            "participant_number must be a whole number >= 1 where design.condition_order is "
+            f"balanced; got {number}"
+        )
     file_sha256 = study.sha256
     if levels_vpp is not None:
         from experiment.study.read import with_levels
 
         study = with_levels(study, levels_vpp)
     rng = np.random.Generator(np.random.PCG64(seed))
-    trials = tuple(_number(_draw_trials(study, rng, _off_plate_generator(seed))))
+    order = _order(study, number, rng)
+    trials = tuple(_number(_draw_trials(study.design, order, rng, _off_plate_generator(seed))))
     return seal(
         Plan(
             participant=participant,
@@ -85,6 +96,7 @@ def draw_plan(
             trials=trials,
             warm_up=_warm_up(study, trials),
             gains=gains,
+            participant_number=number,
         )
     )
 
@@ -196,15 +208,25 @@ def _off_plate_generator(seed: int) -> np.random.Generator:
 _OFF_PLATE_STREAM = 1
 
 
+def _order(study: Study, number: int | None, rng: np.random.Generator) -> list[Condition]:
+    """Return the conditions in the order of their blocks; only a random one draws from `rng`."""
+    places: Iterable[int] = range(len(study.conditions))
+    if study.design.condition_order == "random":
+        places = rng.permutation(len(study.conditions))
+    elif number is not None:
+        places = balanced_order(len(study.conditions), number)
+    return [study.conditions[place] for place in places]
+
+
 def _draw_trials(
-    study: Study, rng: np.random.Generator, off_plate: np.random.Generator
+    design: Design,
+    conditions: Sequence[Condition],
+    rng: np.random.Generator,
+    off_plate: np.random.Generator,
 ) -> Iterator[Trial]:
     # The order of the draws is part of what a seed means: one draw more from `rng`, or two in
     # another order, and the whole plan is another. Hence the trials off the plate, which a study
     # may add or leave out without touching the others, draw from a stream of their own.
-    design, conditions = study.design, list(study.conditions)
-    if design.condition_order == "random":
-        conditions = [conditions[i] for i in rng.permutation(len(conditions))]
     yield from _off_plate(design, conditions, AUDIBILITY_BLOCK, design.audibility_trials, off_plate)
     yield from _practice(design, conditions[0], rng)
     next_block = 1

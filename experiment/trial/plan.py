@@ -95,6 +95,8 @@ class Plan:
         The trials presented to a person again after a resume.
     gains : tuple of ConditionGains
         The gain matrix of every condition; empty where displacements are not known.
+    participant_number : int or None
+        By which the order of conditions was chosen, where it is balanced.
     sha256 : str
         Checksum over the canonical form of everything above.
     """
@@ -111,6 +113,7 @@ class Plan:
     trials: tuple[Trial, ...]
     warm_up: tuple[Trial, ...]
     gains: tuple[ConditionGains, ...] = ()
+    participant_number: int | None = None
     sha256: str = ""
 
     def answers_to(self, trial: Trial) -> tuple[str, ...]:
@@ -132,6 +135,12 @@ class Plan:
                 return gains.fingers()
         return OWN_FINGER_ONLY
 
+    @property
+    def condition_order(self) -> tuple[str, ...]:
+        """The conditions in the order of their blocks."""
+        blocks = (t for t in self.trials if t.block > PRACTICE_BLOCK and t.kind != CONTROL)
+        return tuple(dict.fromkeys(trial.condition for trial in blocks))
+
     def to_json(self) -> str:
         """Write the plan as the text of plan.json, checksum included."""
         return (
@@ -144,6 +153,8 @@ def _contents(plan: Plan) -> dict[str, Any]:
     """List what the checksum covers."""
     contents = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
     del contents["sha256"]
+    if plan.participant_number is None:  # it says nothing, nor did it in plans before there was one
+        del contents["participant_number"]
     contents["study"] = json.loads(plan.study)
     for name in ("trials", "warm_up"):  # by hand: asdict takes ten times as long
         contents[name] = [{f: getattr(t, f) for f in _TRIAL_FIELDS} for t in contents[name]]
@@ -197,6 +208,7 @@ def plan_from_json(text: str) -> Plan:
         contents = json.loads(text)
         if contents["schema"] != SCHEMA:
             raise PlanError(f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}")
+        contents.setdefault("participant_number", None)
         fields = {name: contents[name] for name in Plan.__dataclass_fields__}
         fields["study"] = json.dumps(
             contents["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False

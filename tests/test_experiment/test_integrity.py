@@ -134,7 +134,7 @@ def resealed(results: Path) -> None:
 
 
 def plan_of(contents: dict[str, Any], study: str) -> str:
-    made = {name: contents[name] for name in Plan.__dataclass_fields__}
+    made: dict[str, Any] = {name: contents.get(name) for name in Plan.__dataclass_fields__}
     for name in ("trials", "warm_up"):
         made[name] = tuple(Trial(**trial) for trial in contents[name])
     return seal(Plan(**made | {"study": study, "gains": ()})).to_json()

@@ -14,7 +14,7 @@ from experiment.terms.record import ANSWERS
 from stimuli.checks import finite
 
 Order = Literal["random", "balanced"]
-ConditionOrder = Literal["random", "listed"]
+ConditionOrder = Literal["random", "listed", "balanced"]
 Anticipated = Literal["requeue", "keep"]
 
 MAX_TRIALS = 10_000
@@ -79,7 +79,9 @@ class Design:
         description="fingers off, at the end: the task as before; even",
     )
     order: Order = Field(default="random", description="balanced: each level equally often")
-    condition_order: ConditionOrder = "random"
+    condition_order: ConditionOrder = Field(
+        default="random", description="balanced: over participants, by their numbers"
+    )
     responses: tuple[str, ...] = Field(
         default=("left", "right", "both"), strict=False, description="of left, right, both, none"
     )
