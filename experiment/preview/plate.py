@@ -9,7 +9,7 @@ import numpy as np
 
 from experiment.study.physics import (
     ASSUMED_LOSS,
-    field_strip,
+    bare_strip,
     fingertips_of,
     loads_of,
     loads_per_volt,
@@ -76,7 +76,8 @@ def drive_of(study: Study) -> DriveLevels:
     """
     units = tuple(load.unit for load in loads_of(study))
     names = tuple(actuator.label for actuator in study.actuators)
-    known = [(load, basis) for load, basis in loads_per_volt(study) if load and basis]
+    strip = bare_strip(study)
+    known = [(load, basis) for load, basis in loads_per_volt(study, strip) if load and basis]
     if len(known) < len(units):
         ones = tuple(1.0 for _ in units)
         return DriveLevels(names=names, units=units, amplitudes=ones, bases=(), level_vpp=None)
@@ -117,9 +118,12 @@ class PlatePreview:
     @property
     def basis(self) -> str:
         """What the displacements rest on."""
-        if self.study.plate.is_loss_stated:
-            return self.drive.basis
-        return f"{self.drive.basis}; loss factor {ASSUMED_LOSS:g} assumed"
+        words = self.drive.basis
+        if not self.study.plate.is_loss_stated:
+            words += f"; loss factor {ASSUMED_LOSS:g} assumed"
+        if any(actuator.patch_counts for actuator in self.study.actuators):
+            words += "; patches neither stiffen nor load the plate here (patch_counts)"
+        return words
 
     @property
     def remark(self) -> str:
@@ -175,7 +179,7 @@ def plate_of(study: Study) -> PlatePreview:
     """
     return PlatePreview(
         study=study,
-        strip=field_strip(study),
+        strip=bare_strip(study),
         loads=loads_of(study),
         drive=drive_of(study),
         fingertips=fingertips_of(study),

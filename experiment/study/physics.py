@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from experiment.study.study import StudyError
 from experiment.terms.gains import ConditionGains, significant
 from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from experiment.study.sections.actuator import Actuator
@@ -71,13 +73,17 @@ def study_gains(study: Study, loss_factor: float = ASSUMED_LOSS) -> tuple[Condit
     )
 
 
-def loads_per_volt(study: Study) -> list[tuple[float | None, str | None]]:
+def loads_per_volt(
+    study: Study, strip: Strip | None = None
+) -> list[tuple[float | None, str | None]]:
     """Return the unit loads per volt of amplitude of every actuator, and what they rest on.
 
     Parameters
     ----------
     study : Study
         The study.
+    strip : Strip, optional
+        Its plate, such as the one without patches; `field_strip(study)` by default.
 
     Returns
     -------
@@ -97,7 +103,7 @@ def loads_per_volt(study: Study) -> list[tuple[float | None, str | None]]:
     """
     from stimuli import load_per_volt
 
-    strip = field_strip(study)
+    strip = field_strip(study) if strip is None else strip
     found: list[tuple[float | None, str | None]] = []
     for actuator, load in zip(study.actuators, loads_of(study), strict=True):
         if actuator.basis is None:
@@ -215,7 +221,7 @@ def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
 
 
 def field_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
-    """Return the plate of a study, with an assumed loss where it states none.
+    """Return the plate of a study with the patches that count, and a loss where it states none.
 
     Parameters
     ----------
@@ -231,9 +237,39 @@ def field_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
     >>> strip.length_m, strip.material.loss_factor
     (0.2, 0.01)
     """
+    counted = tuple(actuator.patch for actuator in study.actuators if actuator.patch is not None)
+    return replace(bare_strip(study, loss_factor), patches=counted)
+
+
+def bare_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
+    """Return the same plate without its patches' stiffness and mass."""
     if study.plate.is_loss_stated:
         return study.strip
     return replace(study.strip, material=replace(study.strip.material, loss_factor=loss_factor))
+
+
+def patch_errors(study: Study, condition: Condition) -> dict[str, float] | None:
+    """Return how well the displacements of a plate are known whose patches count; else none.
+
+    Of the own fingers as a part, of the levels at the other ones in dB, the worst of each.
+    """
+    from stimuli import felt
+    from stimuli.fingers.fingertip import felt_error
+
+    strip = field_strip(study)
+    if not strip.patches:
+        return None
+    scene = strip, loads_of(study), fingertips_of(study), condition.drive
+    part = felt_error(*scene) / felt(*scene)
+    alone = np.eye(len(part), dtype=bool)
+    own, other = float(np.max(part[alone])), float(np.max(part[~alone]))
+    return {"own": own, "level_db": 20 * math.log10((1 + other) * (1 + own))}
+
+
+def patch_error_words(errors: dict[str, float]) -> str:
+    """Say the same."""
+    own, level_db = errors["own"], errors["level_db"]
+    return f"patches counted: own fingers known within {own:.1%}, levels within {level_db:.2g} dB"
 
 
 def _load(actuator: Actuator) -> Load:

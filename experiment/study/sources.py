@@ -5,17 +5,25 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from experiment.study.sections.actuator import MEASURED_KEYS, PIEZO_KEYS, paper_actuators
+from experiment.study.sections.actuator import (
+    CARRIER_PATCH_KEYS,
+    MEASURED_KEYS,
+    PATCH_KEYS,
+    PIEZO_KEYS,
+    paper_actuators,
+)
 from experiment.study.sections.plate import PAPER_CUTOFF_HZ, Plate
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
 from experiment.study.sections.table import file_keys
 from stimuli import MATERIALS
+from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from experiment.study.sections.actuator import Actuator
     from experiment.study.study import Study
+    from stimuli import BondedPatch, Strip
 
 Origin = Literal["paper", "yours", "measured", "handbook", "computed", "assumed"]
 
@@ -110,6 +118,10 @@ def plate_sources(study: Study) -> tuple[Source, ...]:
             if value is not None:
                 found.append(_source(f"{path}.{key}", value, *stated))
         found.append(_default(f"{path}.finger_diameter_mm", actuator.finger_diameter_mm, 10.0))
+        if actuator.patch_counts:
+            layers = (*PATCH_KEYS, *CARRIER_PATCH_KEYS)
+            given = [(key, getattr(actuator, key)) for key in layers]
+            found += [_source(f"{path}.{k}", v, *_YOURS) for k, v in given if v is not None]
         displacement = displacement_source(study, place)
         found += [displacement] if displacement else []
     return tuple(found)
@@ -175,7 +187,7 @@ def displacement_source(study: Study, place: int) -> Source | None:
     actuator = study.actuators[place]
     path = f"actuator[{place}]"
     if actuator.measured_displacement_um is None:
-        if actuator.piezo_thickness_mm is None:
+        if actuator.piezo_d31_pm_v is None:
             return None
         layers = [getattr(actuator, key) for key in PIEZO_KEYS]
         return _source(f"{path}.piezo", layers, "computed", "computed from its layers, yours")
@@ -186,6 +198,16 @@ def displacement_source(study: Study, place: int) -> Source | None:
         where = "" if _is_as_measured(study.plate) else ", on its own plate, not on this one"
         return _source(key, um, "paper", f"{at}, measured by the paper (section III-B){where}")
     return _source(key, um, "measured", f"{at}, {_measured(actuator)}")
+
+
+def patch_words(strip: Strip, patch: BondedPatch) -> str:
+    """Say what a patch that counts does to its plate."""
+    plate = layer_of(strip.material, strip.thickness_m)
+    alone, both = laminate([plate]), laminate([plate, *patch.layers])
+    return (
+        f"its layers, yours, make the plate {both.biaxial_n_m / alone.biaxial_n_m:.3g} times as "
+        f"stiff and {both.mass_kg_m2 / alone.mass_kg_m2:.3g} times as heavy there, without glue"
+    )
 
 
 def _strip(plate: Plate) -> Iterator[Source]:

@@ -241,6 +241,7 @@ def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
         raise ValueError(f"actuator names must be distinct; got {', '.join(map(str, names))}")
     left, right, *_ = actuators
     for actuator in actuators:
+        _check_patch(actuator, strip)
         _check_span(actuator, "y_m", actuator.span_y_m, (0.0, strip.width_m))
         if strip.length_m is not None:
             limits_m = (-strip.length_m / 2, strip.length_m / 2)
@@ -262,6 +263,15 @@ def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
                 f"the actuators {one.label} and {two.label} must not overlap; got centres at "
                 f"x = {_mm(one.x_m)} and {_mm(two.x_m)}"
             )
+
+
+def _check_patch(actuator: Actuator, strip: Strip) -> None:
+    """Refuse a patch that counts on a plate without ends, of which no modes are sought."""
+    if actuator.patch_counts and strip.length_m is None:
+        raise ValueError(
+            f"the {actuator.label} actuator's patch_counts needs a plate with ends: "
+            'strip.length_mm must be a number; got "endless"'
+        )
 
 
 def _overlap(one_m: tuple[float, float], two_m: tuple[float, float]) -> bool:

@@ -1,5 +1,5 @@
 from .actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
-from .fingertip import Fingertip, causal, felt
+from .fingertip import Fingertip, causal, felt, felt_error
 from .level import WindowChoice, level_db, shortest_window
 from .work import FeltWork, felt_work
 
@@ -12,6 +12,7 @@ __all__ = [
     "WindowChoice",
     "causal",
     "felt",
+    "felt_error",
     "felt_work",
     "level_db",
     "load_per_volt",

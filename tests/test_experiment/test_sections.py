@@ -35,6 +35,11 @@ LAYERS = {
     "carrier_youngs_modulus_gpa": 105.0,
     "carrier_poisson_ratio": 0.35,
 }
+DENSITIES = {
+    "patch_counts": True,
+    "piezo_density_kg_m3": 7800.0,
+    "carrier_density_kg_m3": 8530.0,
+}
 METAL = {"youngs_modulus_gpa": 200.0, "poisson_ratio": 0.3, "density_kg_m3": 7900.0}
 ALL_ANSWERS = ["left", "right", "both", "none"]
 
@@ -44,6 +49,8 @@ def companions(section: str, key: str) -> dict[str, Any]:
     if section == "actuator":
         if key.startswith("length"):
             return RECTANGLE
+        if key.endswith("density_kg_m3"):
+            return DISC | LAYERS | DENSITIES
         groups = {"measured": MEASURED, "piezo": LAYERS, "carrier": LAYERS}
         return DISC | groups.get(key.split("_", maxsplit=1)[0], {})
     if key in {"wanted_level_db", "auto_cycles"}:

@@ -1,4 +1,12 @@
-from .actuator import MEASURED_KEYS, PIEZO_KEYS, SIDES, Actuator, paper_actuators
+from .actuator import (
+    CARRIER_PATCH_KEYS,
+    MEASURED_KEYS,
+    PATCH_KEYS,
+    PIEZO_KEYS,
+    SIDES,
+    Actuator,
+    paper_actuators,
+)
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import Contact, DeviceSettings, Masking
@@ -18,11 +26,13 @@ from .table import ASKED_FOR, FromTable, file_keys, section
 __all__ = [
     "ASKED_FOR",
     "ASSUMED_ANSWER_S",
+    "CARRIER_PATCH_KEYS",
     "EARLIEST_ANSWER_S",
     "LEAST_LEVEL_VPP",
     "MEASURED_KEYS",
     "PAPER_CUTOFF_HZ",
     "PAPER_THRESHOLD_UM",
+    "PATCH_KEYS",
     "PIEZO_KEYS",
     "SIDES",
     "THRESHOLD_VPP",

@@ -12,7 +12,7 @@ from pydantic_core import ArgsKwargs
 from experiment.study.sections.plate import Line, Modulus, dated, refuse_orphans
 from experiment.study.sections.table import refuse_incomplete, section
 from experiment.terms.checks import NAME, NAME_RULE
-from stimuli import MeasuredDisplacement, PiezoLayers
+from stimuli import BondedPatch, MeasuredDisplacement, PiezoLayers
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -22,6 +22,7 @@ SIDES: Final[tuple[str, ...]] = get_args(Side)
 Shape = Literal["disc", "rectangle", "motor"]
 
 _Layer = Annotated[float, Field(gt=1e-6, le=100)]
+_Density = Annotated[float, Field(ge=10, le=1e5)]
 _LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
 
 MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
@@ -36,6 +37,10 @@ CARRIER_KEYS: Final = (
     "carrier_youngs_modulus_gpa",
     "carrier_poisson_ratio",
 )
+PATCH_KEYS: Final = (*PIEZO_KEYS[:-1], "piezo_density_kg_m3")
+"""What a patch has to have to stiffen and load the plate; and a carrier, if there is one:"""
+
+CARRIER_PATCH_KEYS: Final = (*CARRIER_KEYS, "carrier_density_kg_m3")
 _SIZES: Final[dict[Shape, tuple[str, ...]]] = {
     "disc": ("diameter_mm",),
     "rectangle": ("length_x_mm", "length_y_mm"),
@@ -89,6 +94,11 @@ class Actuator:
     )
     carrier_youngs_modulus_gpa: Modulus | None = None
     carrier_poisson_ratio: _LayerRatio | None = None
+    patch_counts: bool = Field(
+        default=False, description="its layers stiffen and load the plate, which must have ends"
+    )
+    piezo_density_kg_m3: _Density | None = Field(default=None, description="with patch_counts")
+    carrier_density_kg_m3: _Density | None = Field(default=None, description="with patch_counts")
 
     @model_validator(mode="before")
     @classmethod
@@ -117,15 +127,33 @@ class Actuator:
 
     def _check_basis(self) -> None:
         """Refuse half a basis, two, or one that the shape cannot have."""
-        basis = refuse_incomplete(self, MEASURED_KEYS, PIEZO_KEYS)
+        self._check_patch()
+        as_patch = self.patch_counts and self.piezo_d31_pm_v is None
+        bases = (MEASURED_KEYS,) if as_patch else (MEASURED_KEYS, PIEZO_KEYS)
+        basis = refuse_incomplete(self, *bases)
         refuse_orphans(self, MEASURED_KEYS[0])
         carrier = refuse_incomplete(self, CARRIER_KEYS)
-        if carrier is not None and basis != PIEZO_KEYS[0]:
+        if carrier is not None and self.piezo_thickness_mm is None:
             raise ValueError(f"{PIEZO_KEYS[0]} is missing; {carrier} needs it")
         if self.shape == "motor" and basis == PIEZO_KEYS[0]:
             raise ValueError(f"{basis} is for patches only; got shape = motor")
         if self.piezo_d31_pm_v == 0:
             raise ValueError("piezo_d31_pm_v must not be 0; got 0")
+
+    def _check_patch(self) -> None:
+        """Refuse a patch that counts without its layers, and what only such a patch has."""
+        densities = (PATCH_KEYS[-1], CARRIER_PATCH_KEYS[-1])
+        if not self.patch_counts:
+            given = [key for key in densities if getattr(self, key) is not None]
+            if given:
+                raise ValueError(f"patch_counts = true is missing; {given[0]} needs it")
+            return
+        if self.shape == "motor":
+            raise ValueError("patch_counts is for patches only; got shape = motor")
+        missing = [key for key in PATCH_KEYS if getattr(self, key) is None]
+        if missing:
+            raise ValueError(f"{missing[0]} is missing; patch_counts needs it")
+        refuse_incomplete(self, CARRIER_PATCH_KEYS)
 
     @property
     def label(self) -> str:
@@ -180,14 +208,34 @@ class Actuator:
             return MeasuredDisplacement(
                 displacement_m=displacement_um / 1e6, level_vpp=level_vpp, frequency_hz=frequency_hz
             )
-        if self.piezo_thickness_mm is None:
+        if self.piezo_d31_pm_v is None:
             return None
-        thickness_mm, modulus_gpa, poisson_ratio, d31_pm_v = self._given(PIEZO_KEYS)
+        return replace(self._layers, d31_m_v=self.piezo_d31_pm_v / 1e12)
+
+    @property
+    def patch(self) -> BondedPatch | None:
+        """What stiffens and loads the plate, if it counts."""
+        if not self.patch_counts:
+            return None
+        return BondedPatch(
+            x_m=self.x_m,
+            y_m=self.y_m,
+            length_x_m=self.diameter_m or self.length_x_m or 0.0,
+            length_y_m=self.diameter_m or self.length_y_m or 0.0,
+            layers=self._layers.layers,
+            is_disc=self.shape == "disc",
+        )
+
+    @property
+    def _layers(self) -> PiezoLayers:
+        """The layers, with a piezo that strains by 1 m/m in a field of 1 MV/m."""
+        thickness_mm, modulus_gpa, poisson_ratio = self._given(PIEZO_KEYS[:-1])
         layers = PiezoLayers(
             thickness_m=thickness_mm / 1e3,
             youngs_modulus_pa=modulus_gpa * 1e9,
             poisson_ratio=poisson_ratio,
-            d31_m_v=d31_pm_v / 1e12,
+            d31_m_v=1e-6,
+            density_kg_m3=self.piezo_density_kg_m3 or 0.0,
         )
         if self.carrier_thickness_mm is None:
             return layers
@@ -197,6 +245,7 @@ class Actuator:
             carrier_thickness_m=carrier_mm / 1e3,
             carrier_youngs_modulus_pa=carrier_gpa * 1e9,
             carrier_poisson_ratio=carrier_ratio,
+            carrier_density_kg_m3=self.carrier_density_kg_m3 or 0.0,
         )
 
     def _given(self, keys: Iterable[str]) -> list[float]:

@@ -1,0 +1,134 @@
+"""What the fingers get, as a check tells it: micrometres, levels, and how they are computed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final
+
+from experiment.preview.findings import Findings
+from experiment.study.sources import displacement_source
+from experiment.terms.gains import OWN_FINGERS, significant
+from stimuli import ElasticEdge
+
+if TYPE_CHECKING:
+    from experiment.preview.check import ConditionCheck, StudyCheck
+    from experiment.study.study import Study
+    from experiment.terms.gains import ConditionGains
+
+
+def displacement_findings(
+    check: StudyCheck, one: ConditionCheck, gains: ConditionGains
+) -> Findings:
+    """Tell what the fingers get at the highest level, and what that was computed with."""
+    from experiment.study.physics import (
+        field_strip,
+        fingertips_of,
+        loads_of,
+        patch_error_words,
+        patch_errors,
+    )  # fmt: skip
+    from stimuli import felt_work
+
+    strip, level_vpp = field_strip(check.study), check.study.design.highest_vpp
+    of_strip = "an endless strip" if strip.length_m is None else "the plate with its free ends"
+    found = Findings()
+    found.tell(
+        "displacement",
+        f"peak of the burst over the fingertip's contact area at {level_vpp:g} Vpp, of {of_strip}",
+        level_vpp=level_vpp,
+        strip_length_m=strip.length_m,
+    )
+    study, columns = check.study, range(len(gains.actuators))
+    work = felt_work(strip, loads_of(study), fingertips_of(study), one.condition.drive)
+    found.tell("", f"computed by {work.words}", computed_by=asdict(work))
+    found.parts("actuators", [_moved(study, one, gains, column) for column in columns])
+    found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
+    errors = patch_errors(study, one.condition)
+    found.note(patch_error=errors)
+    if errors is not None:
+        found.tell("", patch_error_words(errors))
+    _tell_loss(found, check, one)
+    return found
+
+
+def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int) -> Findings:
+    """Tell what one actuator gives its own finger and the others."""
+    level_vpp = study.design.highest_vpp
+
+    def peak_um(finger: int) -> float | None:
+        known = gains if finger == column else one.worst(finger, column)
+        if gains.bases[column] is None:
+            return None
+        return significant(known.per_vpp[finger][column] * level_vpp)
+
+    name, basis, own_um = gains.actuators[column], gains.bases[column], peak_um(column)
+    others: list[dict[str, Any]] = [
+        {"finger": side, "peak_um": peak_um(row), "level_db": one.level_db(row, column)}
+        for row, side in enumerate(OWN_FINGERS)
+        if row != column
+    ]
+    told = [
+        f"{_micrometres(at['peak_um'])}{at['level_db']:.1f} dB at the {at['finger']} finger"
+        for at in others
+    ]
+    source = displacement_source(study, column)
+    words = _UNKNOWN if source is None else _RESTS_ON[source.origin]
+    found = Findings()
+    found.tell(
+        f"  {name}",
+        f"{_micrometres(own_um)}{words}; {'; '.join(told)}",
+        name=name,
+        basis=basis,
+        source=None if source is None else source.origin,
+        own_um=own_um,
+        fingers=others,
+    )
+    return found
+
+
+_RESTS_ON: Final = {
+    "paper": "from the paper's measurement",
+    "measured": "from your measurement",
+    "computed": "predicted from its layers",
+}
+_UNKNOWN: Final = "n/a, its displacement is not stated"
+
+
+def _micrometres(peak_um: float | None) -> str:
+    return "" if peak_um is None else f"{peak_um:.3g} um, "
+
+
+def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
+    """Tell what loss the displacements have, whose it is, and its Kelvin-Voigt time."""
+    from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, field_strip
+    from stimuli import causal
+
+    plate, strip = check.study.plate, field_strip(check.study)
+    material = strip.material
+    viscous_s = causal(strip, one.condition.drive).material.viscous_time_s
+    if not plate.is_loss_stated:
+        found.tell(
+            "",
+            f"no loss is stated: the levels are the worse of loss factors {LEAST_LOSS:g} and "
+            f"{MOST_LOSS:g}",
+        )
+        found.tell(
+            "", f"(assumed); micrometres, plan and simulated people have {ASSUMED_LOSS:g} (assumed)"
+        )
+    found.note(
+        loss_basis="stated" if plate.is_loss_stated else "assumed",
+        loss_factors=[LEAST_LOSS, MOST_LOSS] if not plate.is_loss_stated else [plate.loss_factor],
+        edge_loss=plate.edge_loss if isinstance(strip.edge, ElasticEdge) else None,
+        viscous_time_s=viscous_s,
+    )
+    if material.loss_factor:
+        same_hz = material.loss_factor / (2 * math.pi * (viscous_s - material.viscous_time_s))
+        found.tell(
+            "",
+            f"loss factor {material.loss_factor:g} computed as the viscous time of the same loss",
+        )
+        found.tell("", f"at {same_hz:.0f} Hz: {viscous_s * 1e6:.3g} us in all")
+    if isinstance(strip.edge, ElasticEdge) and strip.length_m is not None:
+        springs = "have the plate's loss" if plate.edge_loss == "plate" else "have no loss"
+        found.tell("", f"the springs of the edges {springs} (edge_loss = {plate.edge_loss})")
