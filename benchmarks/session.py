@@ -167,7 +167,8 @@ def _waiting() -> str:
     ):
         study, out = _study(Path(name), PATIENT_DESIGN), str(Path(name) / "out")
         link = ["--responder", "terminal", "--driver", "serial", "--port", port, "--out", out]
-        command = [*COMMAND, "run", str(study), "--participant", "01", *link]
+        person = ["--participant", "01", "--practice-without-device"]
+        command = [*COMMAND, "run", str(study), *person, *link]
         with subprocess.Popen(
             command, cwd=ROOT, stdin=near, stdout=near, stderr=near, start_new_session=True
         ) as process:

@@ -9,6 +9,7 @@ from .rig import (
     device_kind,
     mock_device,
     require_confirmed,
+    require_device,
 )
 from .slots import (
     SLOTS,
@@ -41,6 +42,7 @@ __all__ = [
     "noise_player",
     "onset_interval_s",
     "require_confirmed",
+    "require_device",
     "require_playable",
     "require_suitable",
 ]

@@ -178,6 +178,43 @@ def device_kind(identity: Identity) -> str:
     return "mock" if identity.model == MOCK_MODEL else "emulated"
 
 
+class NoDeviceError(ValueError):
+    """A person in front of a device that moves nothing."""
+
+
+def require_device(kind: str, *, simulated: bool, practice: bool) -> None:
+    """Refuse a person on a device that moves nothing, unless it is to be practice.
+
+    Parameters
+    ----------
+    kind : str
+        As `device_kind` returns it.
+    simulated : bool
+        Whether the participant is.
+    practice : bool
+        The operator's word that the session is for trying out.
+
+    Raises
+    ------
+    NoDeviceError
+        If a person would sit before a mock device or an emulator.
+
+    Examples
+    --------
+    >>> require_device("mock", simulated=False, practice=False)
+    Traceback (most recent call last):
+    experiment.apparatus.rig.NoDeviceError: the device is a mock: nothing moves, and a person ...
+    """
+    if kind == "real" or simulated or practice:
+        return
+    what = {"mock": "a mock", "emulated": "an emulator"}[kind]
+    raise NoDeviceError(
+        f"the device is {what}: nothing moves, and a person would feel nothing; give --driver and "
+        "--port of a real one, or --practice-without-device to try it out: no analysis counts "
+        "such a session by itself"
+    )
+
+
 QUESTION: Final = (
     "the amplifier's enable has a switch within the participant's and the operator's reach",
     "a current limit stands between the amplifier and the actuators",

@@ -32,7 +32,7 @@ from experiment.archive.participants import (
     read_people,
 )
 from experiment.study.read import study_from_canonical
-from experiment.terms.record import format_value
+from experiment.terms.record import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,6 +61,17 @@ class ExportedSession:
     answered: int
     simulated: bool | None  # none for a session without a first line
     head_sha256: str | None  # of the journal's last line
+    device_kinds: tuple[str, ...]  # of its sittings that presented a trial, by name
+
+    @property
+    def practice(self) -> bool:
+        """Whether a person was presented with a device that moves nothing."""
+        return self.simulated is False and not {*self.device_kinds} <= {"real", NOT_AVAILABLE}
+
+    @property
+    def device_kind(self) -> str | None:
+        """The one kind of device, or that there were several; none without a trial."""
+        return "mixed" if len(self.device_kinds) > 1 else next(iter(self.device_kinds), None)
 
     @property
     def name(self) -> str:
@@ -86,6 +97,11 @@ class Export:
         return tuple(session for session in self.sessions if session.simulated)
 
     @property
+    def practice(self) -> tuple[ExportedSession, ...]:
+        """The sessions of a person on a device that moves nothing."""
+        return tuple(session for session in self.sessions if session.practice)
+
+    @property
     def last(self) -> ExportedSession:
         """The session that was begun last: its study describes the data set."""
         return max(self.sessions, key=lambda session: session.begun)
@@ -96,7 +112,9 @@ class Export:
         return len({session.study.dataset for session in self.sessions})
 
 
-def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Export:
+def export_bids(
+    root: Path, out: Path, *, with_sourcedata: bool = False, allow_simulated: bool = False
+) -> Export:
     """Write all sessions of a study's folder as a BIDS data set.
 
     Parameters
@@ -107,12 +125,15 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
         The data set's folder: new, empty, or an unchanged export, which is replaced as a whole.
     with_sourcedata : bool
         Whether plans, headers and journals go with it; they name host and operator.
+    allow_simulated : bool
+        Whether sessions of people on a device that moves nothing are exported, with a mark.
 
     Raises
     ------
     ArchiveError
         If there is no session, one is being run, or belongs to a person whose withdrawal has begun;
-        if participants.tsv has a value that no study declares; if `out` may not be replaced.
+        if a person had a device that moves nothing, unless that is allowed; if participants.tsv has
+        a value that no study declares; if `out` may not be replaced.
         Nothing is changed then.
     JournalError, PlanError, StudyError
         If a session's record cannot be trusted; nothing is changed then.
@@ -127,6 +148,13 @@ def export_bids(root: Path, out: Path, *, with_sourcedata: bool = False) -> Expo
                 _write_session(new, folder, plan, with_sources=with_sourcedata)
                 for folder, plan in zip(folders, plans, strict=True)
             )
+            for session in sessions:
+                if session.practice and not allow_simulated:
+                    raise ArchiveError(
+                        f"{root / session.name}: a person on a device of the kind "
+                        f"{session.device_kind}, who felt nothing; --allow-simulated exports it, "
+                        "with a mark: nothing was written"
+                    )
             for person in people if with_sourcedata else ():
                 file = root / f"sub-{person}" / HEADS
                 if file.is_file():
@@ -154,6 +182,7 @@ def _write_session(
         planned=len(plan.trials),
         answered=len(plan.trials) - len(history.pending),
         simulated=history.opening.get("simulated"),
+        device_kinds=tuple(sorted({row.device_kind or NOT_AVAILABLE for row in history.rows})),
         head_sha256=read_journal(folder.journal_path).head_sha256 if history.opening else None,
     )
     durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
@@ -213,6 +242,8 @@ def _write_about(new: NewFolder, sessions: tuple[ExportedSession, ...], people: 
     if export.simulated:
         part = "" if len(export.simulated) == len(sessions) else "partly "
         name = f"{name} ({part}simulated)"
+    if export.practice:
+        name = f"{name} (practice without a device)"
     description = dataset_description(name, export.last.study.dataset, version=version("tactstrip"))
     new.write("dataset_description.json", json_text(description))
     new.write("README", _readme(export, name))
@@ -222,7 +253,7 @@ def _write_about(new: NewFolder, sessions: tuple[ExportedSession, ...], people: 
 def _session_cells(session: ExportedSession) -> tuple[str, ...]:
     facts = (
         *(session.finished, session.planned, session.answered),
-        *(session.simulated, session.head_sha256),
+        *(session.simulated, session.device_kind, session.head_sha256),
     )
     return (f"ses-{session.session}", *map(format_value, facts))
 
@@ -261,6 +292,9 @@ def _readme(export: Export, name: str) -> str:
     if export.simulated:
         which = ", ".join(session.name for session in export.simulated)
         paragraphs.append(f"SIMULATED, without a person: {which}")
+    if export.practice:
+        which = ", ".join(session.name for session in export.practice)
+        paragraphs.append(f"PRACTICE, a person on a device that moves nothing: {which}")
     if export.unfinished:
         which = ", ".join(describe(session) for session in export.unfinished)
         paragraphs.append(f"Not finished: {which}")

@@ -280,6 +280,11 @@ SESSION_COLUMNS: Final[Mapping[str, Mapping[str, object]]] = MappingProxyType(
             "Description": "Whether the participant is a simulation and not a person",
             "Levels": dict(_YES_NO),
         },
+        "device_kind": {
+            "Description": "What drove the actuators; with a person and nothing that moves, the "
+            "session was practice",
+            "Levels": dict(MEANINGS["device_kind"], mixed="of some trials one, of others another"),
+        },
         "head_sha256": {
             "Description": "SHA-256 that stands for the whole record of the session: its plan, its "
             "header and every event; the record itself stays where the session was run"

@@ -23,11 +23,16 @@ from experiment.terms.exits import CommandError, refusals
     is_flag=True,
     help="With --bids: plans, headers and journals too, which name host and operator.",
 )
+@click.option(
+    "--allow-simulated",
+    is_flag=True,
+    help="With --bids: accept sessions of people on the mock device or an emulator.",
+)
 @refusals
-def export(*, folder: Path, out: Path | None, with_sourcedata: bool) -> None:
+def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simulated: bool) -> None:
     """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set."""
     if out is not None:
-        _export_bids(folder, out, with_sourcedata=with_sourcedata)
+        _export_bids(folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated)
     elif with_sourcedata:
         raise CommandError("--with-sourcedata goes with --bids; got it alone")
     else:
@@ -62,7 +67,7 @@ def _export_tables(folder: Path) -> None:
             raise CommandError(refused[0] + others)
 
 
-def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool) -> None:
+def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simulated: bool) -> None:
     from experiment.archive.bids import describe, export_bids
     from experiment.archive.folders import session_folders
 
@@ -71,12 +76,16 @@ def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool) -> None:
         each.read_plan()
     for each in folders:
         _refuse_differences(each.path)
-    exported = export_bids(folder, out, with_sourcedata=with_sourcedata)
+    exported = export_bids(
+        folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
+    )
     click.echo(f"{out}: {len(exported.sessions)} sessions")
     for session in exported.unfinished:
         click.echo(f"not finished: {describe(session)}")
     if exported.simulated:
         click.echo(f"simulated: {len(exported.simulated)} of {len(exported.sessions)} sessions")
+    for session in exported.practice:
+        click.echo(f"practice without a device: {session.name}")
     if exported.descriptions > 1:
         click.echo(
             f"the sessions' studies give {exported.descriptions} different [dataset] sections: "

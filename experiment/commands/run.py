@@ -77,6 +77,12 @@ if TYPE_CHECKING:
     is_flag=True,
     help="The same on another host or device, or after more than 30 minutes.",
 )
+@click.option(
+    "--practice-without-device",
+    "practice",
+    is_flag=True,
+    help="Let a person try it out on the mock device or an emulator, where nothing moves.",
+)
 @refusals
 def run(
     *,
@@ -95,13 +101,15 @@ def run(
     participant_number: int | None,
     resuming: bool,
     resume_anyway: bool,
+    practice: bool,
 ) -> None:
     """Run one session with a participant.
 
     Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
     in any way goes on with --resume.
     """
-    from experiment.apparatus.rig import assemble
+    from device.drivers import MOCK
+    from experiment.apparatus.rig import assemble, require_device
     from experiment.archive.folders import SessionFolder
     from experiment.archive.participants import participant_facts
     from experiment.operator.requests import Requests, StopSignal
@@ -141,6 +149,9 @@ def run(
         )
         with device_failures():
             confirmation = _confirmed(rig, stop, given=confirm_hardware)
+        if confirmation is None:  # before a window opens; a device that was confirmed is asked then
+            kind = "mock" if rig.settings.driver == MOCK else "emulated"
+            require_device(kind, simulated=simulated, practice=practice)
         with (
             _failures(),
             _responder(responder, study, plan, rig.clock, requests=requests, stop=stop) as someone,
@@ -154,6 +165,7 @@ def run(
                 stop=stop,
                 resume_anyway=resume_anyway,
                 confirmation=confirmation,
+                practice=practice,
                 tell=click.echo,
                 requests=requests,
                 monitor=monitor,

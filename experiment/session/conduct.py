@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from device.clock import elapsed_s, machine_time
 from device.driver import Outcome
-from experiment.apparatus.rig import require_confirmed
+from experiment.apparatus.rig import device_kind, require_confirmed, require_device
 from experiment.apparatus.slots import require_suitable
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.journal import JournalWriteError
@@ -127,6 +127,8 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     ------
     ArchiveError
         If the session exists already, or another process holds it.
+    NoDeviceError
+        If a person would sit before a device that moves nothing, and it is not to be practice.
     NotConfirmedError, SuitabilityError
         If nobody confirmed that a real device is safe, or it cannot do what the study asks; no
         session is created then.
@@ -164,6 +166,8 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
         If there is no session, another process holds it, or it may not go on here and now.
     JournalError, PlanError
         If journal or plan cannot be trusted; nothing is changed then.
+    NoDeviceError
+        If a person would sit before a device that moves nothing, and it is not to be practice.
     NotConfirmedError, SuitabilityError
         If nobody confirmed that a real device is safe, or it cannot do what the study asks.
     DeviceError, NoiseError
@@ -193,6 +197,11 @@ def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
     device = setting.device
     identity = device.open()
     try:
+        require_device(
+            device_kind(identity),
+            simulated=setting.responder.simulated,
+            practice=setting.practice,
+        )
         require_confirmed(identity, setting.confirmation)
         require_suitable(study, identity)
         for promise in device.cannot:

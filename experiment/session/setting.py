@@ -275,6 +275,8 @@ class Setting:
         went by.
     confirmation : Confirmation or None
         The operator's word that a real device is safe; an emulator needs none.
+    practice : bool
+        The operator's word that a person tries it out on a device that moves nothing.
     tell : callable
         Is given, before the first trial, each line about what the device cannot promise.
     requests : Requests
@@ -292,6 +294,7 @@ class Setting:
     stop: StopSignal
     resume_anyway: bool = False
     confirmation: Confirmation | None = None
+    practice: bool = False
     tell: Callable[[str], object] = _tell_nobody
     requests: Requests = field(default_factory=Requests)
     monitor: Monitor = field(default_factory=NobodyLooks)

@@ -35,6 +35,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 class Sessions:
     """Sessions of participant 01 of one study; what is asked for is of session 01."""
 
+    practice = True
+
     def __init__(self, folder: Path, text: str) -> None:
         folder.mkdir(exist_ok=True)
         self.study = folder / "study.toml"
@@ -49,8 +51,10 @@ class Sessions:
         self.study.write_text(text, encoding="utf-8")
 
     def words(self, *more: str) -> list[str]:
-        """Return what is typed to run a session."""
-        return ["run", str(self.study), "--participant", "01", "--out", str(self.out), *more]
+        """Return what is typed to run a session; people are let onto devices that move nothing."""
+        options = ["--participant", "01", "--out", str(self.out)]
+        practice = ["--practice-without-device"] if self.practice else []
+        return ["run", str(self.study), *options, *practice, *more]
 
     def run(self, *more: str, typed: str | None = None) -> Result:
         return CliRunner().invoke(main, self.words(*more), input=typed)

@@ -399,6 +399,12 @@ def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
 ) -> None:
     _, port = start("--pty")
     assert tiny.run(*over("serial", port, *given)).exit_code == 0
+    assert {row["device_kind"] for row in tiny.rows()} == {"emulated"}
+    tiny.practice = False
+    person = ("--responder", "terminal", "--driver", "serial", "--port", port, "--session", "02")
+    refused = tiny.run(*person)
+    assert (refused.exit_code, "the device is an emulator" in refused.stderr) == (2, True)
+    assert not tiny.folder("02").path.exists()
     header = tiny.header()
     assert (header["hardware_confirmed"], header["device_cannot"]) == ("n/a", [])
     assert header["device_identity"]["emulated"] is True

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import subprocess
 import sys
 from types import ModuleType
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from experiment.participant.settings import ResponderSettings
     from experiment.study.sections.equipment import Masking
     from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
+    from tests.test_experiment.conftest import Run
 
 STUDY = """
 [study]
@@ -265,3 +268,76 @@ def test_sessions_without_a_window_never_import_psychopy(sessions: Sessions) -> 
     command = [sys.executable, "-c", program, *sessions.words("--responder", "simulated")]
     done = subprocess.run(command, capture_output=True, check=True, text=True)
     assert done.stdout.strip() == ""
+
+
+@pytest.mark.usefixtures("screen")
+@pytest.mark.parametrize("responder", ["screen", "terminal"])
+def test_a_person_on_the_mock_is_refused_by_the_name_of_the_option(
+    sessions: Sessions, responder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FakeScreen, "log", [])
+    sessions.practice = False
+    result = sessions.run("--responder", responder)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "the device is a mock: nothing moves" in result.stderr
+    assert "--practice-without-device" in result.stderr
+    assert not sessions.out.exists()
+    assert FakeScreen.log == []
+
+
+@pytest.mark.usefixtures("screen")
+def test_practice_goes_on_only_as_practice(sessions: Sessions) -> None:
+    assert sessions.run("--responder", "screen").exit_code == 0
+    sessions.practice = False
+    result = sessions.run("--responder", "screen", "--resume")
+    assert (result.exit_code, "--practice-without-device" in result.stderr) == (2, True)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("screen")
+def test_practice_is_analysed_and_exported_only_when_asked_for_and_marked(
+    sessions: Sessions, run: Run, tmp_path: Path
+) -> None:
+    assert sessions.run("--responder", "screen").exit_code == 0
+    assert sessions.header()["device_kind"] == "mock"
+    assert {row["device_kind"] for row in sessions.rows()} == {"mock"}
+    assert {row["simulated"] for row in sessions.rows()} == {"false"}
+    out, bids = tmp_path / "analysis", tmp_path / "bids"
+    commands = (("analyze", "--out", out), ("export", "--bids", bids))
+    for command, option, target in commands:
+        result = run(command, sessions.out, option, target)
+        assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+        assert "device of the kind mock" in result.stderr
+        assert "--allow-simulated" in result.stderr
+        assert not out.exists()
+        assert not bids.exists()
+    done = run("analyze", sessions.out, "--out", out, "--allow-simulated")
+    assert done.exit_code == 0, done.output
+    trials = len(sessions.rows())
+    mark = f"{trials} trials of people without a device: practice"
+    assert mark in done.stdout
+    summary = json.loads((out / "summary.json").read_bytes())
+    assert (summary["mark"], summary["devices"]) == (mark, {"mock": trials})
+    assert summary["counts"]["without_device"] == trials
+    page = (out / "report.html").read_text("utf-8")
+    assert mark in page
+    assert f"Trials by kind of device: mock {trials}." in page
+    for name in ("levels.csv", "participants.csv", "trials_clean.csv"):
+        with (out / name).open(encoding="utf-8", newline="") as file:
+            assert {row["device_kind"] for row in csv.DictReader(file)} == {"mock"}
+    exported = run("export", sessions.out, "--bids", bids, "--allow-simulated")
+    assert exported.exit_code == 0, exported.output
+    assert "practice without a device: sub-01/ses-01" in exported.stdout
+    assert "PRACTICE, a person on a device that moves nothing: sub-01/ses-01" in (
+        bids / "README"
+    ).read_text("utf-8")
+    for name in ("sub-01/sub-01_sessions.tsv", "sub-01/ses-01/beh/*_events.tsv"):
+        (table,) = bids.glob(name)
+        with table.open(encoding="utf-8", newline="") as file:
+            assert {row["device_kind"] for row in csv.DictReader(file, delimiter="\t")} == {"mock"}
+
+
+def test_a_simulated_session_on_the_mock_needs_no_word(sessions: Sessions, run: Run) -> None:
+    sessions.practice = False
+    assert sessions.run("--responder", "simulated").exit_code == 0
+    assert {row["device_kind"] for row in sessions.rows()} == {"mock"}

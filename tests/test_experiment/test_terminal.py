@@ -114,7 +114,11 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
         assert terminal.ended() == 0, terminal.shown
     recorded = sessions.rows()
     assert [row["response"] for row in recorded] == ["left", "right", "both", "left", "right"]
-    assert {row["simulated"] for row in recorded} == {"false"}
+    assert {(row["simulated"], row["device_kind"]) for row in recorded} == {("false", "mock")}
+    told = subprocess.run(
+        [*COMMAND, "analyze", sessions.out], capture_output=True, text=True, check=False
+    )
+    assert (told.returncode, "--allow-simulated" in told.stderr) == (2, True)
     assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
     assert b"160" not in terminal.shown.replace(str(sessions.study.parent).encode(), b"")
 
@@ -255,3 +259,12 @@ def test_texts_that_the_terminal_never_shows_are_no_reason_to_refuse(sessions: S
         terminal.answer(LEFT, ESCAPE)
         terminal.press(ESCAPE)
         assert terminal.ended() == 4, terminal.shown
+
+
+def test_at_a_terminal_the_mock_needs_the_word_that_it_is_practice(sessions: Sessions) -> None:
+    sessions.practice = False
+    with Terminal(sessions) as terminal:
+        assert terminal.ended() == 2, terminal.shown
+    assert b"--practice-without-device" in terminal.shown
+    assert b"Enter goes on" not in terminal.shown
+    assert not sessions.out.exists()
