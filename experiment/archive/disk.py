@@ -86,7 +86,8 @@ class SystemDisk:
             return
         handle = os.open(folder, os.O_RDONLY)
         try:
-            os.fsync(handle)
+            with _named(folder):
+                os.fsync(handle)
         finally:
             os.close(handle)
 
@@ -96,12 +97,23 @@ DISK: Final = SystemDisk()
 UNWAITED: Final = SystemDisk(waits=False)
 
 
+@contextlib.contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Give a failure the name of its file, which the system leaves out of one on an open file."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+
+
 def write_new(path: Path, data: bytes, disk: Disk) -> None:
     """Write a new file, all of it on the disk when this returns; its name is not yet."""
     file = disk.open(path, new=True)
     try:
-        disk.write(file, data)
-        disk.sync(file)
+        with _named(path):
+            disk.write(file, data)
+            disk.sync(file)
     finally:
         disk.close(file)
 

@@ -193,6 +193,8 @@ class SessionFolder:
         ArchiveError
             If the session exists already, or a fact of the participant is not one that the study
             declares or differs from what is known.
+        JournalWriteError
+            If the plan stands, yet nobody can tell whether it would outlive a power cut.
         """
         self.refuse_existing()
         columns = study_from_canonical(plan.study).participants.columns
@@ -202,7 +204,14 @@ class SessionFolder:
             write_new(self.journal_path, b"", self.disk)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
         write_atomically(self.header_path, header_text, disk=self.disk)
-        write_atomically(self.plan_path, plan.to_json(), disk=self.disk)
+        try:
+            write_atomically(self.plan_path, plan.to_json(), disk=self.disk)
+        except OSError as error:
+            if not self.plan_path.exists():
+                raise
+            raise JournalWriteError(
+                f"{self.plan_path}: cannot be synced ({error.strerror})"
+            ) from error
 
     def check_people(self, study: Study) -> None:
         """Refuse a participants.tsv in which this person, or another, could not be entered.
