@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from benchmarks import plates
 from benchmarks.plate_fem import MODES, direct, modal, model
 from benchmarks.timing import duration, median_s
 from stimuli import (
@@ -320,6 +321,7 @@ def section() -> str:
                 "1e-6, d from the patch's end), in one `numpy.exp` of complex numbers."
             ),
             "",
+            *plates.table(),
             "How the time grows (endless, clamped, rtol 1e-6; slope fitted to the upper half):",
             "",
             "| number of | times | exponent |",
