@@ -28,7 +28,7 @@ def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
 LATER = {
     *("motion", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
-    *("field/parted.py", "solver/leading.py"),
+    *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
 }

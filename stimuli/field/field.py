@@ -12,10 +12,10 @@ from stimuli.checks import instance
 from stimuli.field.jobs import Job, dimensionless, stiffness_factors, unit_scale
 from stimuli.field.parted import swept as without_waves
 from stimuli.field.rational import swept
-from stimuli.field.scene import LEAST_RTOL, Scene, Work
-from stimuli.solver.endless import solved
-from stimuli.solver.ends import ResonanceError, faintness, reflected
-from stimuli.solver.source import Answered, Question
+from stimuli.field.scene import Scene, Work
+from stimuli.solver.endless import Waves, n_waves, solved, summed
+from stimuli.solver.ends.ends import ResonanceError, end_waves, with_ends
+from stimuli.solver.source import LEAST_RTOL, Answered
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
@@ -24,23 +24,16 @@ if TYPE_CHECKING:
     from stimuli.arrays import Complex, Real
     from stimuli.field.parted import Parted
     from stimuli.field.sweep import Band, Rational
-    from stimuli.solver.source import Ends
 
 
 _CHUNK: Final = 300
 """Pairs of a frequency and a place that are solved at once: more do not fit the cache."""
 
-_ROWS: Final = 8
-"""Frequencies at which the ends are solved at once."""
-
-_POOR: Final = 10.0
-"""Estimated part of the wanted error above which the ends are solved again."""
-
-_FINER: Final = 1e-3
-"""Part of the wanted error that is asked for then."""
-
 _STEADY: Final = 0.1
 """Part of the wanted error that is asked of what a quotient goes through: it makes more of it."""
+
+_SHARED: Final = 8
+"""Waves that the field of the endless strip may have beyond its own, if the ends need them."""
 
 _AT_CUTOFF: Final = 4e-15
 
@@ -67,6 +60,13 @@ class Response:
     displacement_m: Complex
     error_m: Real
     work: Work
+
+
+@dataclass(slots=True)
+class _Tally:
+    """What was computed, counted on the way."""
+
+    reflections: int = 0
 
 
 def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Complex:
@@ -144,9 +144,10 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
     frequencies, rtol = scene.checked(frequencies_hz, rtol)
     jobs = scene.jobs()
     _refuse_cutoffs(scene, frequencies, jobs)
-    table, bands = _swept(scene, frequencies, rtol, jobs)
+    tally = _Tally()
+    table, bands = _swept(scene, frequencies, rtol, jobs, tally=tally)
     found = _assembled(scene, frequencies.astype(np.complex128), jobs, table)
-    work = scene.counted(frequencies.size, rtol, jobs, bands)
+    work = scene.counted(frequencies.size, rtol, jobs, bands, reflections=tally.reflections)
     return Response(displacement_m=found.value, error_m=found.error, work=work)
 
 
@@ -156,6 +157,7 @@ def _swept(
     rtol: float,
     jobs: tuple[Job, ...],
     *,
+    tally: _Tally,
     rational: bool = True,
 ) -> tuple[Answered, tuple[Band, ...]]:
     """Return D U of all jobs' pairs, and the bands with the frequencies that were solved."""
@@ -169,13 +171,14 @@ def _swept(
             done.append(replace(band, solved_hz=solved_hz))
         elif band.rational is None:
             try:
-                part = _between(band, _tabled(scene, band.solved_hz, rtol, jobs))
+                part = _between(band, _tabled(scene, band.solved_hz, rtol, jobs, tally))
             except ResonanceError:
                 _refuse_resonances(scene, band.solved_hz, rtol, jobs)
                 raise
             done.append(band)
         else:
-            part, solved = _quotients(scene, band.solved_hz, band.rational, rtol, jobs)
+            found = _quotients(scene, band.solved_hz, band.rational, rtol, jobs, tally=tally)
+            part, solved = found
             done.append(replace(band, solved_hz=band.solved_hz[solved]))
         value[band.rows], error[band.rows] = part.value, part.error
     return Answered(value=value, error=error), tuple(done)
@@ -187,14 +190,20 @@ def _without_waves(
     """Return D U of all jobs' pairs with the first waves taken out, and what was solved."""
 
     def alone(rows: NDArray[np.bool_]) -> Answered:
-        return _tabled(scene, frequencies_hz[rows], rtol, jobs)
+        return _tabled(scene, frequencies_hz[rows], rtol, jobs, _Tally())
 
     found, nodes_hz, poor = without_waves(scene.strip, way, rtol, jobs, alone)
     return found, np.append(nodes_hz, frequencies_hz[poor])
 
 
 def _quotients(
-    scene: Scene, frequencies_hz: Real, way: Rational, rtol: float, jobs: tuple[Job, ...]
+    scene: Scene,
+    frequencies_hz: Real,
+    way: Rational,
+    rtol: float,
+    jobs: tuple[Job, ...],
+    *,
+    tally: _Tally,
 ) -> tuple[Answered, NDArray[np.intp]]:
     """Return D U of all jobs' pairs by quotients, and which frequencies were solved."""
     finer = max(_STEADY * rtol, LEAST_RTOL)
@@ -203,8 +212,9 @@ def _quotients(
 
     def some(rows: NDArray[np.intp]) -> Answered:
         if np.any(rows < least):
-            return _swept(scene, frequencies_hz[at[rows]], finer, jobs, rational=False)[0]
-        return _tabled(scene, frequencies_hz[at[rows]], finer, jobs)
+            hz = frequencies_hz[at[rows]]
+            return _swept(scene, hz, finer, jobs, rational=False, tally=tally)[0]
+        return _tabled(scene, frequencies_hz[at[rows]], finer, jobs, tally)
 
     ends = np.cumsum([0, *(job.n_pairs for job in jobs)]).tolist()
     groups = tuple(slice(*pair) for pair in pairwise(ends))
@@ -233,15 +243,20 @@ def solve(
     True
     """
     jobs = scene.jobs() if jobs is None else jobs
-    return _assembled(scene, frequencies_hz, jobs, _tabled(scene, frequencies_hz, rtol, jobs))
+    table = _tabled(scene, frequencies_hz, rtol, jobs, _Tally())
+    return _assembled(scene, frequencies_hz, jobs, table)
 
 
 def _tabled(
-    scene: Scene, frequencies_hz: Complex | Real, rtol: float, jobs: tuple[Job, ...]
+    scene: Scene,
+    frequencies_hz: Complex | Real,
+    rtol: float,
+    jobs: tuple[Job, ...],
+    tally: _Tally,
 ) -> Answered:
     """Return D U of all jobs' pairs in units of the width, side by side."""
     complex_hz = frequencies_hz.astype(np.complex128)
-    parts = [_solved_at(scene, job, complex_hz, rtol) for job in jobs]
+    parts = [_solved_at(scene, job, complex_hz, rtol, tally) for job in jobs]
     empty = np.zeros((frequencies_hz.size, 0))
     return Answered(
         value=np.concatenate([empty + 0j, *(part.value for part in parts)], axis=1),
@@ -282,61 +297,37 @@ def _between(band: Band, part: Answered) -> Answered:
     return Answered(value=band.matrix @ value, error=error)
 
 
-def _solved_at(scene: Scene, job: Job, frequencies_hz: Complex, rtol: float) -> Answered:
+def _solved_at(
+    scene: Scene, job: Job, frequencies_hz: Complex, rtol: float, tally: _Tally
+) -> Answered:
     """Return D U in units of the width for a job, in portions that fit the cache."""
     k, hold = dimensionless(scene.strip, frequencies_hz, skip=scene.skip)
     size = (frequencies_hz.size, job.distance.size)
     value, error = np.zeros(size, dtype=np.complex128), np.zeros(size)
     order = np.argsort(frequencies_hz.real)
     question = job.question(k, hold, rtol)
+    waves = None
+    if job.ends is not None:
+        waves = end_waves(question.at(job.ends.direct), job.ends, job.signs)
     for places in np.array_split(np.arange(size[1]), -(-size[1] // _CHUNK)):
         n_rows = max(1, _CHUNK // places.size)
         for rows in np.array_split(order, -(-size[0] // n_rows)):
             some = replace(question.at(places), exact_k=k[rows], exact_hold=hold[rows])
-            part = solved(some, job.signs, skip=scene.skip)
+            if waves is not None and waves[0].p.shape[1] <= n_waves(some.k) + _SHARED:
+                known = [Waves.driven(some, one.at(rows)) for one in waves]
+                part = summed(some, known, skip=scene.skip)
+            else:
+                part = solved(some, job.signs, skip=scene.skip)
             value[np.ix_(rows, places)] = part.value
             error[np.ix_(rows, places)] = part.error
     endless = Answered(value=value, error=error)
-    return (
-        endless
-        if job.ends is None
-        else _with_ends(question, job, job.ends, endless, skip=scene.skip)
+    if job.ends is None or waves is None:
+        return endless
+    found, n_reflecting = with_ends(
+        question.at(job.ends.direct), job.ends, waves, endless, skip=scene.skip
     )
-
-
-def _with_ends(
-    question: Question, job: Job, ends: Ends, endless: Answered, *, skip: bool
-) -> Answered:
-    """Return the field of a finite strip from that of the endless one, in portions."""
-    value, error = endless.value[:, ends.direct], endless.error[:, ends.direct]
-    question = question.at(ends.direct)
-    order = np.argsort(np.abs(question.k))
-    if skip:
-        faint = faintness(question, ends, job.signs)
-        used = np.any(faint > question.rtol, axis=1)
-        error[~used] += faint[~used] * np.abs(value[~used])
-        order = order[used[order]]
-    for rows in np.array_split(order, max(-(-order.size // _ROWS), 1)):
-        if not rows.size:
-            break
-        some = replace(
-            question, exact_k=question.exact_k[rows], exact_hold=question.exact_hold[rows]
-        )
-        part = reflected(some, ends, job.signs)
-        value[rows] += part.value
-        error[rows] += part.error
-        again = _POOR * some.rtol < Answered(value=value[rows], error=part.error).relative()
-        if np.any(again) and some.rtol > LEAST_RTOL:
-            finer = replace(
-                some,
-                exact_k=some.exact_k[again],
-                exact_hold=some.exact_hold[again],
-                rtol=max(some.rtol * _FINER, LEAST_RTOL),
-            )
-            better = reflected(finer, ends, job.signs)
-            value[rows[again]] += better.value - part.value[again]
-            error[rows[again]] += better.error - part.error[again]
-    return Answered(value=value, error=error)
+    tally.reflections += job.n_pairs * n_reflecting
+    return found
 
 
 def _refuse_resonances(

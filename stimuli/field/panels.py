@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.field.field import solve
-from stimuli.field.scene import LEAST_RTOL
 from stimuli.field.tail import Tail, limits_hz, probes, tail
+from stimuli.solver.source import LEAST_RTOL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,8 +12,8 @@ from stimuli.checks import finite, finite_array, instance
 from stimuli.field.jobs import Job, dimensionless, is_supported, jobs
 from stimuli.field.sweep import Band, bands
 from stimuli.load import DISCS, LOADS, Load
-from stimuli.solver.ends import faintness
-from stimuli.solver.source import far_clearance
+from stimuli.solver.ends.ends import end_waves, faintness
+from stimuli.solver.source import LEAST_RTOL, far_clearance
 from stimuli.strip.strip import Strip
 from stimuli.strip.waves import supported_cutoff_hz
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from stimuli.arrays import Real
 
 
-LEAST_RTOL: Final = 1e-12
 MOST_RTOL: Final = 0.1
 MOST_CUTOFFS: Final = 5000.0
 """Highest frequency that is computed, in first cut-offs of the supported strip."""
@@ -156,12 +155,28 @@ class Scene:
         return self.counted(frequencies.size, rtol, jobs, self.bands(frequencies, rtol, jobs))
 
     def counted(
-        self, n_frequencies: int, rtol: float, jobs: tuple[Job, ...], found: tuple[Band, ...]
+        self,
+        n_frequencies: int,
+        rtol: float,
+        jobs: tuple[Job, ...],
+        found: tuple[Band, ...],
+        *,
+        reflections: int | None = None,
     ) -> Work:
-        """Return the work that jobs and bands of frequencies are."""
+        """Return the work that jobs and bands of frequencies are.
+
+        `reflections` were counted on the way; before it they are sought.
+        """
         n_pairs = len(self.loads) * len(self.points_m)
         near = [self.near(job, rtol) for job in jobs]
         n_solved = sum(band.solved_hz.size for band in found)
+        asked = n_solved * n_pairs if self.strip.length_m is not None else 0
+        if reflections is None:
+            reflections = sum(
+                job.n_pairs * self._reflecting(job, band.solved_hz, rtol)
+                for job in jobs
+                for band in found
+            )
         work = Work(
             frequencies_asked=n_frequencies,
             frequencies_solved=n_solved,
@@ -171,12 +186,8 @@ class Scene:
             symmetries_solved=sum(len(job.signs) for job in jobs),
             integrals_asked=2 * n_pairs,
             integrals_solved=sum(n * len(j.signs) for n, j in zip(near, jobs, strict=True)),
-            reflections_asked=n_solved * n_pairs if self.strip.length_m is not None else 0,
-            reflections_solved=sum(
-                job.n_pairs * self.reflecting(job, band.solved_hz, rtol)
-                for job in jobs
-                for band in found
-            ),
+            reflections_asked=asked,
+            reflections_solved=min(reflections, asked),
             wall_correction=not (self.skip and self.is_supported),
             skipped=(),
         )
@@ -239,13 +250,14 @@ class Scene:
         clearance = job.distance - job.source.half_length - job.source.radius
         return int(np.count_nonzero(clearance < far_clearance(rtol)))
 
-    def reflecting(self, job: Job, solved_hz: Real, rtol: float) -> int:
+    def _reflecting(self, job: Job, solved_hz: Real, rtol: float) -> int:
         """Return at how many frequencies the ends of the strip count for a job."""
         if job.ends is None or not self.skip:
             return 0 if job.ends is None else int(solved_hz.size)
         k, hold = dimensionless(self.strip, solved_hz.astype(np.complex128))
-        question = job.question(k, hold, rtol)
-        faint = faintness(question.at(job.ends.direct), job.ends, job.signs)
+        question = job.question(k, hold, rtol).at(job.ends.direct)
+        waves = end_waves(question, job.ends, job.signs)
+        faint = faintness(question, job.ends, waves)
         return int(np.count_nonzero(np.any(faint > rtol, axis=1)))
 
     def jobs(self) -> tuple[Job, ...]:

@@ -1,23 +1,23 @@
 from .across import Span
-from .endless import solved
-from .ends import ResonanceError, faintness, reflected
+from .endless import Waves, n_waves, solved, summed
 from .guided import PI
 from .leading import Grid, grid_nodes, over_frequency
-from .source import Answered, Ends, Question, Source, far_clearance
+from .source import LEAST_RTOL, Answered, Ends, Question, Source, far_clearance
 
 __all__ = [
+    "LEAST_RTOL",
     "PI",
     "Answered",
     "Ends",
     "Grid",
     "Question",
-    "ResonanceError",
     "Source",
     "Span",
-    "faintness",
+    "Waves",
     "far_clearance",
     "grid_nodes",
+    "n_waves",
     "over_frequency",
-    "reflected",
     "solved",
+    "summed",
 ]

@@ -26,7 +26,7 @@ _LEAST_DISTANCE: Final = 1e-8
 """Distances from a disc's centre are kept above this part of its radius: the two logarithms that
 cancel there differ by less than rounding."""
 
-_EXTRA_WAVES: Final = 6
+EXTRA_WAVES: Final = 6
 _FAINTEST: Final = 30.0
 """Nepers over which a wave that comes in from afar dies out before it counts."""
 
@@ -69,9 +69,14 @@ class Waves:
     @classmethod
     def of(cls, question: Question, sign: int, least: int = 0) -> Waves:
         """Return the waves of a load, no fewer than `least`."""
-        k = question.k[:, np.newaxis]
         count = max(n_waves(question.k), least)
         known = guided(question.exact_k, question.exact_hold, count, sign)
+        return cls.driven(question, known)
+
+    @classmethod
+    def driven(cls, question: Question, known: Guided) -> Waves:
+        """Return what a load makes of waves."""
+        k = question.k[:, np.newaxis]
         every = known.followed(k, _FOLLOWING)
         strength = every.strengths(k, question.source, known.p.shape[1])
         return cls(known=known, every=every, strength=strength)
@@ -170,7 +175,7 @@ def summed(question: Question, found: Iterable[Waves], *, skip: bool = True) -> 
 
 def n_waves(k: Complex) -> int:
     """Return how many guided waves of one symmetry are found: all that propagate and some."""
-    return int(np.max(k.real) / (2 * np.pi)) + _EXTRA_WAVES
+    return int(np.max(k.real) / (2 * np.pi)) + EXTRA_WAVES
 
 
 def _far(question: Question, waves: Waves) -> _Sum:

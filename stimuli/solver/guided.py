@@ -84,7 +84,7 @@ class Guided:
         """Return i Phi / N of (47), what a load makes of each wave; as `excited` and `norms`."""
         return 1j * self.excited(k, source) / self.norms(k, n_exact)
 
-    def at(self, rows: slice) -> Guided:
+    def at(self, rows: NDArray[np.intp] | slice) -> Guided:
         """Return the waves at some of the frequencies."""
         p, g1, g2 = self.p[rows], self.g1[rows], self.g2[rows]
         branch = None if self.branch is None else self.branch[rows]

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from stimuli.arrays import Complex, Exact, Real
 
 
+LEAST_RTOL: Final = 1e-12
+"""Least relative error that may be asked for."""
+
 _SERIES_TERMS: Final = 12
 _SERIES_REACH: Final = 3.0
 """Largest |k R| of the power series."""

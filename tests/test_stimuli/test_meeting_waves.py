@@ -33,7 +33,7 @@ from tests.test_stimuli.plates import Edge, disc, force, patch, scene_of
 
 if TYPE_CHECKING:
     from stimuli import Response
-    from stimuli.arrays import Complex, Real
+    from stimuli.solver.ends.reflection import Reflection
     from stimuli.solver.guided import Guided
 
 FREE, HELD = SIMPLY_SUPPORTED, CLAMPED
@@ -318,16 +318,20 @@ def test_a_resonance_without_loss_is_refused_where_the_field_is_infinite(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """To the last digit no resonance is met by a number: one is put in."""
-    import stimuli.solver.ends
+    import stimuli.solver.ends.ends
 
-    inside, k = stimuli.solver.ends._works, math.pi * math.sqrt(1.1)
+    inside, k = stimuli.solver.ends.ends._works, math.pi * math.sqrt(1.1)
 
-    def resonant(waves: Guided, poisson_ratio: float) -> tuple[Complex, Complex, Real]:
-        leaving, arriving, scale = inside(waves, poisson_ratio)
+    def resonant(waves: Guided, poisson_ratio: float) -> Reflection:
+        found = inside(waves, poisson_ratio)
         here = np.abs(waves.g2**2 - waves.g1**2 - 2 * k * k)[:, :1, np.newaxis] < 1e-6
-        return np.where(here, 0, leaving), np.where(here, 0, arriving), scale
+        return dataclasses.replace(
+            found,
+            leaving=np.where(here, 0, found.leaving),
+            arriving=np.where(here, 0, found.arriving),
+        )
 
-    monkeypatch.setattr(stimuli.solver.ends, "_works", resonant)
+    monkeypatch.setattr(stimuli.solver.ends.ends, "_works", resonant)
     scene = scene_of(dataclasses.replace(STEEL, length_m=0.09), force(0.003, 0.008), (0.02, 0.009))
     f_hz = 1.1 * F1_HZ
     with pytest.raises(ValueError, match=f"{REFUSED} finite strip without loss.*{f_hz!r}"):

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.solver.corners import EndFunctions, end_functions
-from stimuli.solver.images import Arriving, Images, images, is_near
+from stimuli.solver.ends.corners import EndFunctions, end_functions
+from stimuli.solver.ends.images import Arriving, Images, images, is_near
 from stimuli.solver.source import Answered, Question
 
 if TYPE_CHECKING:

@@ -12,14 +12,14 @@ import numpy as np
 
 from stimuli.solver.across import lag, shape, shape_integral, supported_kernel
 from stimuli.solver.contour import Contour, contour
-from stimuli.solver.corners import RING, close_pairs, ring
+from stimuli.solver.ends.corners import RING, close_pairs, ring
 from stimuli.solver.source import far_clearance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
-    from stimuli.solver.corners import EndFunctions
+    from stimuli.solver.ends.corners import EndFunctions
     from stimuli.solver.source import Source
 
 

@@ -1,0 +1,366 @@
+"""What the two free short ends of a finite strip add to the field, in units of its width.
+
+Each end turns the waves of a load back: those that leave it and those that arrive leave no bending
+moment and no shear force there. Between simple supports the guided waves are enough, each order
+across the strip by itself; between edges that are held the corners need more, see
+`stimuli.solver.ends.reflection`, and next to an end `stimuli.solver.ends.fitted`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.solver.endless import EXTRA_WAVES, n_waves
+from stimuli.solver.ends.corners import close_pairs
+from stimuli.solver.ends.fitted import fitted
+from stimuli.solver.ends.reflection import FINE, Reflection, reflection
+from stimuli.solver.guided import Guided, guided
+from stimuli.solver.source import LEAST_RTOL, Answered, Ends, Question
+
+if TYPE_CHECKING:
+    from stimuli.arrays import Complex, Real
+
+
+_EPS: Final = float(np.finfo(np.float64).eps)
+_MOST_WAVES: Final = 48
+"""Most waves of one symmetry that decay and are summed; nearer to an end they are not used."""
+
+_STEP: Final = math.pi
+"""Least mean increase of the decay from one wave of a symmetry to the next."""
+
+_SPARE: Final = 6.0
+_SOFTEST: Final = 1e18
+"""1 / (kappa W) that stands for a simple support where the guided waves are not enough."""
+
+_HELD_WAVES: Final = 2
+"""Guided waves between held edges beyond those of the endless strip."""
+
+_FINER_WAVES: Final = 4
+"""And so many more where the wanted error is small."""
+
+_MOST_SEEN: Final = 24
+"""Most of them that come to a point between held edges; nearer to an end fields are fitted."""
+
+_BEHIND: Final = 1
+"""Waves that are taken at an end and come from nowhere, at the least."""
+
+_DOUBT: Final = 2.0
+"""What the difference from a model with fewer waves is multiplied with."""
+
+_STRONGEST: Final = 30.0
+"""Bound of what the ends make of a wave that decays, relative to it."""
+
+_NO_NULL: Final = 0.3
+"""Distance from a load in widths below which the field has no nulls."""
+
+
+_ROWS: Final = 8
+"""Frequencies at which the ends are solved at once."""
+
+_POOR: Final = 10.0
+"""Estimated part of the wanted error above which the ends are solved again."""
+
+_FINER: Final = 1e-3
+"""Part of the wanted error that is asked for then."""
+
+
+class ResonanceError(ValueError):
+    """A strip without loss has no finite field, to the last digit of its frequency."""
+
+
+def with_ends(
+    question: Question, ends: Ends, waves: tuple[Guided, ...], endless: Answered, *, skip: bool
+) -> tuple[Answered, int]:
+    """Return the field of a finite strip from that of the endless one, in portions.
+
+    Beside it stands at how many frequencies the ends count.
+    """
+    value, error = endless.value[:, ends.direct], endless.error[:, ends.direct]
+    order = np.argsort(np.abs(question.k))
+    if skip:
+        faint = faintness(question, ends, waves)
+        used = np.any(faint > question.rtol, axis=1)
+        error[~used] += faint[~used] * np.abs(value[~used])
+        order = order[used[order]]
+    for rows in np.array_split(order, max(-(-order.size // _ROWS), 1)):
+        if not rows.size:
+            break
+        some = replace(
+            question, exact_k=question.exact_k[rows], exact_hold=question.exact_hold[rows]
+        )
+        part = reflected(some, ends, tuple(one.at(rows) for one in waves))
+        value[rows] += part.value
+        error[rows] += part.error
+        again = _POOR * some.rtol < Answered(value=value[rows], error=part.error).relative()
+        if np.any(again) and some.rtol > LEAST_RTOL:
+            finer = replace(
+                some,
+                exact_k=some.exact_k[again],
+                exact_hold=some.exact_hold[again],
+                rtol=max(some.rtol * _FINER, LEAST_RTOL),
+            )
+            signs = tuple(one.sign for one in waves)
+            better = reflected(finer, ends, end_waves(finer, ends, signs))
+            value[rows[again]] += better.value - part.value[again]
+            error[rows[again]] += better.error - part.error[again]
+    return Answered(value=value, error=error), int(order.size)
+
+
+def end_waves(question: Question, ends: Ends, signs: tuple[int, ...]) -> tuple[Guided, ...]:
+    """Return the guided waves of some symmetries that `faintness` and `reflected` take.
+
+    Parameters
+    ----------
+    question : Question
+        Load, places across, wavenumbers and wanted error; its distances are not used.
+    ends : Ends
+        The ends, and where the pairs are along the strip.
+    signs : tuple of int
+        Symmetries about the centre line that are computed.
+
+    Returns
+    -------
+    tuple of Guided
+    """
+    if np.all(np.isinf(question.hold)):
+        wanted = _wanted(question, ends)
+        wanted = _HELD_WAVES if wanted > _MOST_WAVES else wanted
+    else:
+        nearest = float(np.min([np.minimum(*way) for way in _ways(question, ends)]))
+        seen = int(min(_digits(question.rtol) / (_STEP * max(nearest, 1e-9)), _MOST_SEEN))
+        wanted = max(_HELD_WAVES, seen + 2 + _BEHIND - EXTRA_WAVES)
+        wanted += _FINER_WAVES * (question.rtol < FINE)
+    count = n_waves(question.k) + wanted
+    return tuple(guided(question.exact_k, question.exact_hold, count, sign) for sign in signs)
+
+
+def _digits(rtol: float) -> float:
+    """Return the nepers over which a wave is gone that is left out."""
+    return math.log(1 / rtol) + _SPARE
+
+
+def _ways(question: Question, ends: Ends) -> list[tuple[Real, Real]]:
+    """Return how far load and point of each pair are from the right and from the left end."""
+    half, reach = ends.length / 2, question.source.half_length
+    return [(half - side * ends.load - reach, half - side * ends.point) for side in (1, -1)]
+
+
+def reflected(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Answered:
+    """Return what the ends add to D U / W^2, equations (54) to (58) and (89).
+
+    Parameters
+    ----------
+    question : Question
+        Load, places across, wavenumbers and wanted error; its distances are not used.
+    ends : Ends
+        The ends, and where the pairs are along the strip.
+    waves : tuple of Guided
+        Those of `end_waves`.
+
+    Returns
+    -------
+    Answered
+        Shape (n_frequencies, n_pairs).
+
+    Examples
+    --------
+    A load and a point may be exchanged:
+
+    >>> from stimuli.solver.source import Source
+    >>> from stimuli.solver.across import Span
+    >>> def at(y0, y, x0, x):
+    ...     question = Question(exact_k=np.array([2 + 0j]), exact_hold=np.array([0j]), rtol=1e-8,
+    ...                 source=Source(span=Span(centre=y0)), distance=np.array([abs(x - x0)]),
+    ...                 across=np.array([y]))
+    ...     ends = Ends(length=2.0, poisson_ratio=0.3, load=np.array([x0]), point=np.array([x]),
+    ...                 direct=np.array([0]))
+    ...     return reflected(question, ends, end_waves(question, ends, (1, -1))).value
+    >>> bool(abs(at(0.1, -0.3, 0.2, 0.7) / at(-0.3, 0.1, 0.7, 0.2) - 1) < 1e-6)
+    True
+    """
+    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
+    error = np.zeros(value.shape)
+    for some in waves:
+        part = _returned(question, ends, some)
+        value, error = value + part.value, error + part.error
+    return Answered(value=value, error=error)
+
+
+def _returned(question: Question, ends: Ends, waves: Guided) -> Answered:
+    """Return what `reflected` does of one symmetry: by waves, if they are enough."""
+    if waves.branch is not None:
+        if _wanted(question, ends) <= _MOST_WAVES:
+            return _turned_back(question, ends, waves, _works(waves, ends.poisson_ratio))
+        soft = replace(question, exact_hold=np.full_like(question.exact_hold, _SOFTEST))
+        return fitted(soft, ends, waves)
+    count = _felt(question, ends, waves)
+    if not count:
+        return fitted(question, ends, waves)
+    back = reflection(
+        question.k, question.hold, waves, ends.poisson_ratio, rtol=question.rtol, count=count
+    )
+    return _turned_back(question, ends, waves.first(count), back)
+
+
+def _felt(question: Question, ends: Ends, waves: Guided) -> int:
+    """Return how many waves are felt at a point after a way over an end, 0 if too many are.
+
+    The last one is fainter than the slowest on the direct way by all that is wanted: it tells
+    what those beyond it would add.
+    """
+    if close_pairs(waves):
+        return 0
+    decay, straight = waves.p.imag[..., np.newaxis], np.abs(ends.load - ends.point)
+    slowest, least = decay[:, :1], np.full(waves.p.shape[1], np.inf)
+    for way in _ways(question, ends):
+        for one, other in (way, way[::-1]):  # an end makes any wave of any other
+            fainter = decay * one + slowest * (other - straight)
+            least = np.minimum(least, np.min(fainter, axis=(0, 2)))
+    count = max(int(np.count_nonzero(least < _digits(question.rtol))), 1) + 1
+    return count if count <= waves.p.shape[1] - _BEHIND else 0
+
+
+def faintness(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Real:
+    """Return how much the ends can add to the field as a part of it.
+
+    Section 7 of docs/model.md: 30 exp(-d), d the decay of the slowest wave over the detour.
+
+    Parameters
+    ----------
+    question : Question
+        As for `reflected`, with the distance of each pair.
+    ends : Ends
+        The ends, and where the pairs are along the strip.
+    waves : tuple of Guided
+        Those of `end_waves`.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_frequencies, n_pairs)
+        Where waves propagate without loss, at least 30.
+
+    Examples
+    --------
+    Waves that decay over several widths to either end are not worth the trouble:
+
+    >>> from stimuli.solver.source import Source
+    >>> from stimuli.solver.across import Span
+    >>> middle, source = np.array([0.0]), Source(span=Span(centre=0.0))
+    >>> question = Question(exact_k=np.array([1 + 0j]), exact_hold=np.array([0j]), rtol=1e-6,
+    ...                     source=source, distance=middle, across=middle)
+    >>> def faint(length):
+    ...     ends = Ends(length=length, poisson_ratio=0.3, load=middle, point=middle,
+    ...                 direct=np.array([0]))
+    ...     return faintness(question, ends, end_waves(question, ends, (1,)))
+    >>> bool(faint(1.0) > 0.1), bool(faint(5.0) < 1e-6)
+    (True, True)
+    """
+    detour = ends.detours(question.source.half_length + question.source.radius)
+    decay = np.min([some.p.imag[:, 0] for some in waves], axis=0)
+    nulls = np.maximum(math.log(1e3) - decay[:, np.newaxis] * question.distance, 0.0)
+    nulls[:, question.distance < _NO_NULL] = 0.0
+    return np.asarray(_STRONGEST * np.exp(nulls - decay[:, np.newaxis] * detour))
+
+
+def _wanted(question: Question, ends: Ends) -> int:
+    """Return how many waves that decay reach the wanted error between supported edges."""
+    source = question.source
+    way = float(np.min(ends.length - np.abs(ends.load + ends.point)))
+    way = max(way - source.half_length, 1e-9)
+    return int(min(_digits(question.rtol) / (_STEP * way), 1e6))
+
+
+def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection) -> Answered:
+    """Return the waves that the ends turn back, at the points, of one symmetry."""
+    loads, which = np.unique(ends.load, return_inverse=True)
+    p = waves.p[..., np.newaxis]
+    k, scale = question.k[:, np.newaxis], back.scale
+    strength = 1j * waves.excited(k, question.source) / waves.norms(k) / scale
+    right, left = (
+        strength[..., np.newaxis] * question.source.along(p, ends.length / 2 + side * loads)
+        for side in (-1, 1)
+    )
+    across = waves.shapes(question.across) * scale[..., np.newaxis]
+    passed = np.exp(1j * p * ends.length)
+    towards = np.exp(1j * p * (ends.length / 2 - ends.point))
+    away = np.exp(1j * p * (ends.length / 2 + ends.point))
+    fewer = back.coarse[0].shape[1]
+    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
+    rough, size, lost = value.copy(), np.zeros(value.shape), np.zeros(value.shape)
+    over = np.swapaxes(passed, 1, 2)
+    shaky = _EPS * (
+        np.abs(back.leaving) + np.abs(back.arriving * over) * (1 + np.abs(p) * ends.length)
+    )
+    for mirror in (1, -1):
+        comes = (right + mirror * left) / 2
+        inverse, strengths = _solved(
+            back.leaving + mirror * back.arriving * over, -back.arriving @ comes
+        )
+        seen = across * (towards + mirror * away)
+        terms = strengths[..., which] * seen
+        value += terms.sum(axis=1)
+        size += np.abs(terms).sum(axis=1)
+        met = np.abs(comes) + np.abs(passed * strengths)
+        shaken = np.abs(inverse) @ (shaky @ np.abs(strengths) + back.error @ met)
+        lost += (shaken[..., which] * np.abs(seen)).sum(axis=1)
+        leaving, arriving = back.coarse
+        _, some = _solved(
+            leaving + mirror * arriving[..., :fewer] * over[..., :fewer],
+            -arriving @ comes[:, : arriving.shape[2]],
+        )
+        rough += (some[..., which] * seen[:, :fewer]).sum(axis=1)
+    # beside a resonance without loss what rounding makes of the matrix counts, not the sum's own
+    error = _DOUBT * np.abs(value - rough) + 1e2 * _EPS * size + 4 * lost
+    return Answered(value=value, error=error)
+
+
+def _solved(matrix: Complex, pushed: Complex) -> tuple[Complex, Complex]:
+    """Return the inverses of matrices and the solutions, or tell that there is none."""
+    try:
+        inverse: Complex = np.linalg.inv(matrix).astype(np.complex128)
+        return inverse, np.linalg.solve(matrix, pushed).astype(np.complex128)
+    except np.linalg.LinAlgError as error:
+        raise ResonanceError("the ends turn back as much as arrives") from error
+
+
+def _fewer(count: int) -> int:
+    """Return the number of waves of the coarser model: even, not to part a pair."""
+    return 2 * max(int(0.375 * count), 1)
+
+
+def _works(waves: Guided, poisson_ratio: float) -> Reflection:
+    """Return the virtual works of leaving and arriving waves on leaving ones.
+
+    Row n, column m: int (V_m phi_n + i p_n M_m phi_n) dY at an end, equation (55).
+    """
+    p = waves.p
+    nodes, weights = _rule(2 * (p.shape[1] + 12) + 16)
+    across, weights = (nodes + 1) / 4, weights / 2
+    shapes, slopes = waves.shapes(across), waves.slopes(across)
+    scale = 1 / np.sqrt(np.abs(shapes) ** 2 @ weights)
+    shapes, slopes = shapes * scale[..., np.newaxis], slopes * scale[..., np.newaxis]
+    mass = (shapes * weights) @ np.swapaxes(shapes, 1, 2)
+    bent = -(slopes * weights) @ np.swapaxes(slopes, 1, 2)
+    row, column = p[..., np.newaxis], p[:, np.newaxis]
+    shear = 1j * column * ((2 - poisson_ratio) * bent - column**2 * mass)
+    moment = poisson_ratio * bent - column**2 * mass
+    leaving, arriving = 1j * row * moment - shear, 1j * row * moment + shear
+    n = _fewer(p.shape[1])
+    return Reflection(
+        leaving=leaving,
+        arriving=arriving,
+        coarse=(leaving[:, :n, :n], arriving[:, :n]),
+        error=np.zeros(leaving.shape),
+        scale=scale,
+    )
+
+
+@lru_cache(maxsize=4)
+def _rule(n_nodes: int) -> tuple[Real, Real]:
+    nodes, weights = np.polynomial.legendre.leggauss(n_nodes)
+    return nodes, weights
