@@ -186,6 +186,7 @@ class Lab:
             stop=self.stop,
             requests=self.requests,
             monitor=self.monitor,
+            practice=True,  # for scripts in which the participant is a person
         )
 
     def begin(self, **script: Mapping[int, object]) -> Ending:

@@ -14,7 +14,7 @@ import pytest
 from device.clock import VirtualClock
 from device.driver import LinkError, Outcome, Refusal, rejection
 from experiment.apparatus.noise import NoiseError, NoiseHealth
-from experiment.apparatus.rig import mock_device
+from experiment.apparatus.rig import NoDeviceError, mock_device
 from experiment.apparatus.slots import SuitabilityError
 from experiment.archive.files import ArchiveError
 from experiment.archive.journal import Journal, JournalError
@@ -752,3 +752,14 @@ def test_killed_after_any_line_a_lively_session_loses_nothing(
             assert (attempts[-1].status, attempts[-1].noise_ok) == ("ok", True)
         assert {row.status for row in lab.rows if row.noise_ok is False} <= {"voided", "aborted"}
     assert kills > 5 * len(lab.plan.trials)
+
+
+def test_a_person_on_a_silent_device_begins_nothing_without_the_word_that_it_is_practice(
+    lab: Lab,
+) -> None:
+    setting = lab.setting()
+    lab.responder.simulated = False
+    with pytest.raises(NoDeviceError, match="--practice-without-device"):
+        begin(lab.folder, lab.plan, replace(setting, practice=False))
+    assert not lab.folder.path.exists()
+    assert lab.noise.calls == []
