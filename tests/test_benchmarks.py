@@ -16,6 +16,7 @@ from benchmarks import (
     screen,
     skipping,
     stability,
+    sweep,
     timing,
 )
 from benchmarks.exact import exact
@@ -51,6 +52,12 @@ def test_the_evaluator_gives_values_known_from_other_methods(
     strip: Strip, load: Load, place: tuple[float, float, float], known_m: complex, rel: float
 ) -> None:
     assert float(abs(exact(strip, load, *place) / known_m - 1)) < rel
+
+
+def test_a_sweep_tells_its_error_and_that_it_was_told() -> None:
+    case = next(sweep.cases())
+    cells = sweep.row(case, lambda *runs: [1.0] * len(runs)).split("|")
+    assert float(cells[5]) < float(cells[6]) < sweep.RTOL
 
 
 def test_a_stability_section_tells_error_and_estimate(

@@ -57,7 +57,7 @@ loss its square, since the band is not stretched there."""
 
 _MOST_PART: Final = 0.9
 
-_SIZES: Final = (0.3, 1.0)
+_SIZES: Final = (0.3, 1.5)
 """Size of its coefficients over that of the field and the powers of their ratio: between simple
 supports and other edges."""
 

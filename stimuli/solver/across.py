@@ -126,6 +126,12 @@ class Crossing:
     end: Complex  # `shape` at the edge; these three up to a common factor
     lag: Complex  # `lag`
 
+    def split(self) -> tuple[Crossing, Crossing]:
+        """Return two branches that were computed together, side by side along the first axis."""
+        parts = self.kernel, self.shape, self.load, self.end, self.lag
+        one, two = (Crossing(*(part[i] for part in parts)) for i in (0, 1))
+        return one, two
+
 
 def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     """Return what `supported_kernel`, `shape` and `shape_integral` give, with shared exponentials.
@@ -246,15 +252,31 @@ def _images(
     """
     (up, down), (above, below) = places, ends
     right = across >= span.high
+    inside = (across > span.low) & ~right if span.length else np.zeros_like(right)
+    if inside.all():
+        return _within(g, across, span, places=places, ends=ends)
     beyond = np.maximum(np.maximum(across - span.high, span.low - across), 0.0)
     near: Complex = np.exp(-g * beyond) * whole
     far: Complex = np.where(right, up * below, down * above) * whole
-    inside = (across > span.low) & ~right
-    if span.length and np.any(inside):
+    if inside.any():
         inside = np.broadcast_to(inside, near.shape)
+        some = [np.broadcast_to(a, near.shape)[inside] for a in (g, up, down, above, below)]
         place = np.broadcast_to(across, near.shape)[inside]
-        slow, above, below = (np.broadcast_to(a, near.shape)[inside] for a in (g, above, below))
-        left, rest = (np.expm1(-slow * w) / slow for w in (place - span.low, span.high - place))
-        near[inside] = -left - rest
-        far[inside] = -up[inside] * below * left - down[inside] * above * rest
+        near[inside], far[inside] = _within(
+            some[0], place, span, places=(some[1], some[2]), ends=(some[3], some[4])
+        )
     return near, far
+
+
+def _within(
+    g: Complex,
+    across: Real,
+    span: Span,
+    *,
+    places: tuple[Complex, Complex],
+    ends: tuple[Complex, Complex],
+) -> tuple[Complex, Complex]:
+    """Return the same for places within the span."""
+    (up, down), (above, below) = places, ends
+    left, rest = (np.expm1(-g * w) / g for w in (across - span.low, span.high - across))
+    return -left - rest, -up * below * left - down * above * rest

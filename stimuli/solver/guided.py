@@ -29,6 +29,9 @@ _SPARE: Final = 1
 """Waves sought beyond those asked for: the last may be one of a pair. More would only cost time,
 since what their order hides lies where the waves are faint."""
 
+_SETTLED: Final = 1e-14
+"""What the faintest wave may lack of its p^2; the others are known better."""
+
 _NORM_NODES: Final = 48
 _END: Final = np.array(0.5)
 _ARCH: Final = 0.7
@@ -214,11 +217,18 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
     if np.all(np.isinf(hold)):
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
-    x = section_roots((rough_k / 2) ** 2, 2 * rough_hold, n_modes, symmetric=sign > 0, spare=_SPARE)
+    x = section_roots(
+        (rough_k / 2) ** 2,
+        2 * rough_hold,
+        n_modes,
+        symmetric=sign > 0,
+        spare=_SPARE,
+        settled=_SETTLED,
+    )
     z = _near_cutoff(-4 * x, k, hold, sign)
     p = _outgoing(z)
-    order = _slowest_first(p)[:, :n_modes]
-    z, p = (np.take_along_axis(a, order, axis=1) for a in (z, p))
+    order = np.arange(len(p))[:, np.newaxis], _slowest_first(p)[:, :n_modes]
+    z, p = z[order], p[order]
     k2 = (rough_k * rough_k)[:, np.newaxis]
     return Guided(p=p, g1=np.sqrt(z - k2), g2=np.sqrt(z + k2), sign=sign)
 
@@ -262,19 +272,17 @@ def supported(k: Exact | Complex, n_orders: int, sign: int) -> Guided:
 def _supported(k: Exact | Complex, n_modes: int, sign: int) -> Guided:
     """Return the waves of simply supported edges with the slowest decay."""
     found = supported(k, n_modes, sign)
-    order = _slowest_first(found.p)[:, :n_modes]
+    order = np.arange(len(k))[:, np.newaxis], _slowest_first(found.p)[:, :n_modes]
     names: dict[str, Any] = {
-        name: np.take_along_axis(getattr(found, name), order, axis=1)
-        for name in ("p", "g1", "g2", "branch")
+        name: getattr(found, name)[order] for name in ("p", "g1", "g2", "branch")
     }
     return Guided(sign=sign, **names)
 
 
 def _outgoing(z: Complex) -> Complex:
     """Return the root with Im > 0, or Im = 0 and Re > 0, whatever the sign of a zero."""
-    p: Complex = np.sqrt(z)
-    p = np.where((p.imag < 0) | ((p.imag == 0) & (p.real < 0)), -p, p)
-    return p + 0j
+    p: Complex = np.sqrt(z)  # Re >= 0
+    return np.where(p.imag < 0, -p, p) + 0j
 
 
 def _slowest_first(p: Complex) -> NDArray[np.intp]:

@@ -55,7 +55,7 @@ _SHORTEST: Final = 1e-3
 _CAUTION: Final = 3.0
 """What the first coefficient left out is multiplied with."""
 
-_LOOSER: Final = 10.0
+_LOOSER: Final = 3.0
 """Times the wanted error that is asked of the rest: what it errs by lies 1e3 and more below."""
 
 _MOST_RTOL: Final = 0.1
@@ -184,8 +184,9 @@ def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
     first = found[:, :width].reshape(shape) * mean
     second = found[:, width:].reshape(shape) * slope
 
-    amount, steep = np.abs(first) + np.abs(second), _steepness(question, p)
-    steep = np.maximum(steep[:, :count], steep[:, count:])
+    size = np.abs(p)
+    amount = np.abs(first) + np.abs(second)
+    steep = _steepness(question, np.minimum(size[:, :count], size[:, count:]))
     missing, size = grid.left_out(squares), 1 + np.abs(middle)
     about = (missing[:count] + _EPS * size)[..., np.newaxis]
     about = about + (missing[count:] + _EPS * size**2)[..., np.newaxis] * steep
@@ -264,7 +265,7 @@ def _block(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
     alone = (nearest / (nearest + _APART))[..., np.newaxis]
     moved = float(np.sum(grid.left_out(coefficients))) + count * _EPS
     missing = grid.left_out(numerators).reshape(count, -1).sum(axis=0)
-    error = amount * alone**2 * scale * moved / np.abs(slope) * _steepness(question, p)
+    error = amount * alone**2 * scale * moved / np.abs(slope) * _steepness(question, np.abs(p))
     error += np.abs(wave) * alone * missing + _EPS * amount
     error[np.any(nearest < _TOUCHING, axis=1)] = np.inf
     return Answered(value=terms.sum(axis=1), error=error.sum(axis=1))
@@ -276,9 +277,9 @@ def _outgoing(z: Complex) -> Complex:
     return np.where(p.imag < -_BACKWARD * p.real, -p, p)
 
 
-def _steepness(question: Question, p: Complex) -> Real:
-    """Return how much waves vary with p^2, relative to themselves."""
-    size = np.abs(p)[..., np.newaxis]
+def _steepness(question: Question, size: Real) -> Real:
+    """Return how much waves of some |p| vary with p^2, relative to themselves."""
+    size = size[..., np.newaxis]
     reach = question.distance + question.source.half_length
     return np.asarray(0.5 * (reach + 1 / size) / size)
 

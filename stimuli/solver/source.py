@@ -170,9 +170,9 @@ def transformed(
     summed, for every fourth s: what rounding counts.
     """
     k2 = k * k
-    g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)
+    g1, g2 = both = np.sqrt(s * s + np.multiply.outer([-1, 1], k2))
     one, two = source.branch_weights(k)
-    first, second = (crossing(g, across, source.span, sign) for g in (g1, g2))
+    first, second = crossing(both, across, source.span, sign).split()
     part1, part2 = one * first.kernel, two * second.kernel
     value: Complex = part1 - part2
     terms: Real = np.abs(part1[..., ::4, :]) + np.abs(part2[..., ::4, :])

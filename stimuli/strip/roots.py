@@ -71,16 +71,23 @@ def decays_squared(section: Section, count: int) -> Complex:
 
 
 def section_roots(
-    bending: Complex, compliance: Complex, count: int, *, symmetric: bool, spare: int = _SPARE
+    bending: Complex,
+    compliance: Complex,
+    count: int,
+    *,
+    symmetric: bool,
+    spare: int = _SPARE,
+    settled: float = _SETTLED,
 ) -> Complex:
     """Return what `decays_squared` does for many sections, shape (n_sections, count).
 
     `spare` roots are sought beyond those, and half of them polished: the poles of the last ones.
+    The others are `settled` where the next step would move them by no more than about that part.
     """
     found = starting_values(bending, compliance, count + spare, symmetric=symmetric)
     start = _ordered(found)[:, : count + (spare + 1) // 2]
     sections = _Sections(bending=bending, compliance=compliance, symmetric=symmetric)
-    x = _polished(sections, start)
+    x = _polished(sections, start, count, settled)
     if not (np.any(bending.imag) or np.any(compliance.imag)):
         x = _mirrored(x, np.abs(bending)[:, np.newaxis])
     return _ordered(x)[:, :count]
@@ -88,7 +95,7 @@ def section_roots(
 
 def _ordered(x: Complex) -> Complex:
     p = outgoing_root(-x)
-    return np.take_along_axis(x, np.lexsort((-p.real, p.imag), axis=1), axis=1)
+    return x[np.arange(len(x))[:, np.newaxis], np.lexsort((-p.real, p.imag), axis=1)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -188,7 +195,7 @@ def _tail_rule() -> tuple[Real, Real]:
     return np.polynomial.legendre.leggauss(5)
 
 
-def _polished(sections: _Sections, x: Complex) -> Complex:
+def _polished(sections: _Sections, x: Complex, count: int, settled: float) -> Complex:
     """Return the roots next to starting values, no two of which find the same one.
 
     Newton's step with the other values as poles (Ehrlich, Aberth), started a little beside the
@@ -205,8 +212,8 @@ def _polished(sections: _Sections, x: Complex) -> Complex:
         x[rows] = some - step
         nearest = np.min(np.abs(between), axis=2)
         bending = np.abs(sections.bending[rows])[:, np.newaxis]
-        moved = np.abs(step) ** 2 > _SETTLED * nearest * (np.abs(x[rows]) + bending)
-        rows = rows[np.any(moved, axis=1)]
+        moved = np.abs(step) ** 2 > settled * nearest * (np.abs(x[rows]) + bending)
+        rows = rows[np.any(moved[:, :count], axis=1)]
         if not rows.size:
             break
     return _merged(sections, x)
@@ -262,6 +269,9 @@ def _near_pairs(
     between = np.abs(x[:, :, np.newaxis] - x[:, np.newaxis, :])
     place = np.arange(x.shape[1])
     between[:, place, place] = math.inf
+    if not (between < distance[..., np.newaxis]).any():
+        none = np.zeros(0, dtype=np.intp)
+        return none, none, none
     partner = np.argmin(between, axis=2)
     mutual = np.take_along_axis(partner, partner, axis=1) == place
     near = mutual & (place < partner) & (np.min(between, axis=2) < distance)

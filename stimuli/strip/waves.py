@@ -93,8 +93,8 @@ def outgoing_root(square: Complex) -> Complex:
     >>> outgoing_root(np.array([complex(-4.0, -0.0), 4.0]))
     array([0.+2.j, 2.+0.j])
     """
-    root: Complex = np.sqrt(square)
-    return np.where((root.imag < 0) | ((root.imag == 0) & (root.real < 0)), -root, root) + 0j
+    root: Complex = np.sqrt(square)  # Re >= 0
+    return np.where(root.imag < 0, -root, root) + 0j
 
 
 def scaled_sinc(angle: Complex) -> Complex:
