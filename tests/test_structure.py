@@ -31,6 +31,7 @@ LATER = {
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
+    "session/markers.py",
 }
 """Folders and modules of what the program could not do when the others were made."""
 
@@ -91,6 +92,7 @@ ONLY = {
     "serial": {"device.wire", "device.commands.devices"},
     "sounddevice": {"device.sound"},
     "psychopy": {"experiment.participant"},
+    "pylsl": {"experiment.session.markers"},
     "click": {
         *("device.commands", "experiment.commands", "analysis.commands"),
         "experiment.terms.exits",

@@ -12,6 +12,7 @@ from filelock import Timeout
 
 from experiment.archive.bids_tables import (
     SESSION_COLUMNS,
+    aligned,
     dataset_description,
     events_sidecar,
     events_tsv,
@@ -192,7 +193,8 @@ def _write_session(
         simulated=bool(session.simulated),
     )
     file = f"{session.name}/beh/sub-{folder.participant}_ses-{folder.session}_task-{_label(study)}"
-    new.write(f"{file}_events.tsv", events_tsv(history.rows, durations_s))
+    rows = [aligned(row, history.recording_start_s) for row in history.rows]
+    new.write(f"{file}_events.tsv", events_tsv(rows, durations_s))
     new.write(f"{file}_events.json", json_text(sidecar))
     return session
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -107,6 +107,8 @@ def _event_column(column: Column) -> EventColumn:
     levels = _YES_NO if column.type == "bool" else MEANINGS.get(column.name)
     unit = next((unit for end, unit in _UNITS.items() if column.name.endswith(end)), None)
     missing = f"; {NOT_AVAILABLE} where there is none" if column.optional else ""
+    if column.name == "onset_s":
+        missing += "; from the marker recording_start, where markers were sent"
     return EventColumn(
         name=_NAMES.get(column.name, column.name),
         description=column.description[0].upper() + column.description[1:] + missing,
@@ -151,6 +153,13 @@ def events_tsv(rows: Iterable[TrialRow], durations_s: Mapping[str, float]) -> st
             ]
         )
     return tsv(lines)
+
+
+def aligned(row: TrialRow, recording_start_s: float) -> TrialRow:
+    """Return a trial with its onset counted from the marker by which recordings are aligned."""
+    if row.onset_s is None:
+        return row
+    return replace(row, onset_s=round(row.onset_s - recording_start_s, 6))
 
 
 def _duration_s(row: TrialRow, durations_s: Mapping[str, float]) -> float | None:

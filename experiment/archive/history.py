@@ -75,6 +75,9 @@ class History:
         The largest token of a stimulus so far, 0 before the first.
     onset_clock : int
         1, and one more for every time that the session's clock was broken.
+    recording_start_s : float
+        When other recordings were first told that the session begins, on its clock; 0 where none
+        were.
     """
 
     rows: tuple[TrialRow, ...]
@@ -87,6 +90,7 @@ class History:
     last: MachineTime
     last_token: int
     onset_clock: int
+    recording_start_s: float
 
     def due(self, *, warm_up: bool) -> tuple[Task, ...]:
         """Return what is to be presented in the next sitting, in its order.
@@ -148,6 +152,7 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
         last=_last(entries),
         last_token=max((p.token for p in shown if p.token is not None), default=0),
         onset_clock=1 + sum(_breaks_clock(entry) for entry in entries),
+        recording_start_s=next((e.facts["at_s"] for e in entries if e.event == "marker"), 0.0),
     )
 
 

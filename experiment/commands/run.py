@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from experiment.apparatus.rig import Confirmation, Rig
     from experiment.archive.folders import SessionFolder
     from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.session.markers import Markers
     from experiment.session.setting import Ending
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
@@ -64,6 +65,9 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Levels placed for this participant, instead of the study's.",
 )
+@click.option(
+    "--lsl", is_flag=True, help="Send markers to EEG and MEG recordings: Lab Streaming Layer."
+)
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the plan; random by default.")
 @click.option(
     "--participant-number",
@@ -97,6 +101,7 @@ def run(
     port: str | None,
     confirm_hardware: bool,
     levels_file: Path | None,
+    lsl: bool,
     seed: int | None,
     participant_number: int | None,
     resuming: bool,
@@ -114,6 +119,7 @@ def run(
     from experiment.archive.participants import participant_facts
     from experiment.operator.requests import Requests, StopSignal
     from experiment.session.conduct import begin, resume
+    from experiment.session.markers import NoMarkers
     from experiment.session.setting import Setting, Sitting
     from experiment.study.read import read_levels, study_from_canonical
 
@@ -141,6 +147,7 @@ def run(
             folder = replace(folder, facts=participant_facts(columns, facts))
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
+        markers = _markers(folder, rig.clock) if lsl else NoMarkers()
         sitting = Sitting(
             responder=responder,
             operator=operator,
@@ -170,9 +177,16 @@ def run(
                 requests=requests,
                 monitor=monitor,
                 sitting=sitting,
+                markers=markers,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)
+
+
+def _markers(folder: SessionFolder, clock: Clock) -> Markers:
+    from experiment.session.markers import LslMarkers
+
+    return LslMarkers(clock, participant=folder.participant, session=folder.session)
 
 
 def _distribution(responder: str) -> str | None:

@@ -1,10 +1,14 @@
 from .conduct import begin, resume
+from .markers import LslMarkers, Markers, NoMarkers
 from .run import run_session
 from .setting import Ending, NobodyLooks, Setting, Sitting
 from .simulate import SimulationError, simulate_study, simulated_responder
 
 __all__ = [
     "Ending",
+    "LslMarkers",
+    "Markers",
+    "NoMarkers",
     "NobodyLooks",
     "Setting",
     "SimulationError",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from device.driver import DeviceError
+from device.driver import DeviceError, Outcome
 from experiment.operator.requests import StopRequested
+from experiment.session.markers import RECORDING_START, response_marker, stimulus_marker
 from experiment.session.outputs import NoiseWatch, StimulusOut
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
@@ -157,6 +158,7 @@ class Session:
         self._monitor = setting.monitor
         self._stop = setting.stop
         self._tell = setting.tell
+        self._markers = setting.markers
         self._due_s = 0.0
         self._emission = StimulusOut(setting, study, journal, last_token=history.last_token)
         self._noise = NoiseWatch(setting.noise, journal)
@@ -202,6 +204,7 @@ class Session:
             # exists yet, so that only the fault is written, and the trial is one that was never
             # cued. Whatever ends the loop, a full disk and a fault of the program included, the
             # outputs are at zero afterwards.
+            self._mark_start()
             event = self._look_around()
             while self._state.phase not in (events.Phase.FINISHED, events.Phase.STOPPED):
                 event = self._step(event)
@@ -211,6 +214,24 @@ class Session:
         finally:
             self._device.stop()
         return self._state.phase is events.Phase.FINISHED
+
+    def _mark_start(self) -> None:
+        """Send the first marker of a sitting; by its time the record is aligned to others."""
+        if self._markers.words is None:
+            return
+        now_s = self._clock.now_s()
+        self._markers.send(RECORDING_START, now_s)
+        told = {"marker": RECORDING_START, "at_s": round(now_s - self._origin_s, 6)}
+        self._journal.append("marker", told, sync=True)
+
+    def _mark_trial(self, end: events.EndTrial) -> None:
+        """Send the markers of a trial whose stimulus surely went out."""
+        delivery, onset_s = self._emission.delivery, self._emission.onset_s
+        if delivery is None or delivery.outcome is not Outcome.FIRED:
+            return
+        self._markers.send(stimulus_marker(end.task, delivery), onset_s)
+        if end.response is not None and end.rt_s is not None:
+            self._markers.send(response_marker(end.task, end.response), onset_s + end.rt_s)
 
     def _step(self, event: Happening) -> Happening:
         self._state, effects = step(self._state, event)
@@ -334,6 +355,7 @@ class Session:
             answer = {"response": effect.response, "rt_s": effect.rt_s}
             self._journal.append("response", name | answer | how)
         self._journal.append("trial_end", name | {"status": effect.status} | how, sync=True)
+        self._mark_trial(effect)
         self._standing.trial_ends(effect, self._clock.now_s())
 
     def _feedback(self, effect: events.Feedback) -> None:

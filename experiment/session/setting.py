@@ -15,6 +15,7 @@ from experiment.apparatus.slots import host_limits
 from experiment.archive.history import BROKEN
 from experiment.operator.requests import Requests
 from experiment.preview.check import check_study
+from experiment.session.markers import Markers, NoMarkers
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.terms.checks import is_line
 from experiment.terms.record import ANSWERS, NOT_AVAILABLE
@@ -158,6 +159,7 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         **setting.sitting.header(study, plan),
         "device_identity": asdict(identity),
         "device_cannot": list(setting.device.cannot),
+        "markers": _or_not(setting.markers.words),
         "hardware_confirmed": _confirmed(setting, identity),
         "limits": asdict(host_limits(study.device)),
         "responses": plan.responses,
@@ -285,6 +287,8 @@ class Setting:
         Is shown how it stands.
     sitting : Sitting
         Who answers and who operates, for the record.
+    markers : Markers
+        Where markers for other recordings go.
     """
 
     device: BurstDevice
@@ -299,6 +303,7 @@ class Setting:
     requests: Requests = field(default_factory=Requests)
     monitor: Monitor = field(default_factory=NobodyLooks)
     sitting: Sitting = field(default_factory=Sitting)
+    markers: Markers = field(default_factory=NoMarkers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
