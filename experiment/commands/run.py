@@ -6,26 +6,25 @@ import contextlib
 import secrets
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from experiment.commands.options import confirmed, device_failures, hardware_options, working
+from experiment.commands.responders import distribution_of, monitor_beside, responder_named
 from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
-from experiment.terms.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from device.clock import Clock
     from experiment.apparatus.noise import NoisePlayer
     from experiment.apparatus.rig import Confirmation, Rig
     from experiment.archive.folders import SessionFolder
-    from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.operator.requests import StopSignal
     from experiment.session.markers import Markers
     from experiment.session.setting import Ending
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder
     from experiment.trial.plan import Plan
 
 
@@ -124,7 +123,7 @@ def run(
     from experiment.study.read import read_levels, study_from_canonical
 
     stop, requests = StopSignal(), Requests()
-    responder_from = _distribution(responder)
+    responder_from = distribution_of(responder)
     Sitting(operator=operator)  # refused before anything is done
     with stop.on_signals():
         if responder == "screen":
@@ -161,8 +160,10 @@ def run(
             require_device(kind, simulated=simulated, practice=practice)
         with (
             _failures(),
-            _responder(responder, study, plan, rig.clock, requests=requests, stop=stop) as someone,
-            _monitor(responder, requests, stop) as monitor,
+            responder_named(
+                responder, study, plan, rig.clock, requests=requests, stop=stop
+            ) as someone,
+            monitor_beside(responder, requests, stop) as monitor,
         ):
             setting = Setting(
                 device=rig.device,
@@ -187,18 +188,6 @@ def _markers(folder: SessionFolder, clock: Clock) -> Markers:
     from experiment.session.markers import LslMarkers
 
     return LslMarkers(clock, participant=folder.participant, session=folder.session)
-
-
-def _distribution(responder: str) -> str | None:
-    """Return which distribution a responder of a lab's own is of."""
-    from experiment.participant.settings import own_responder
-
-    if responder in RESPONDERS:
-        return None
-    try:
-        return own_responder(responder).distribution
-    except ValueError as error:
-        raise CommandError(f"--responder {error}") from error
 
 
 def _confirmed(rig: Rig, stop: StopSignal, *, given: bool) -> Confirmation | None:
@@ -318,70 +307,6 @@ def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
     from experiment.apparatus.noise import noise_player
 
     return noise_player(study.masking, clock, simulated=simulated)
-
-
-@contextlib.contextmanager
-def _responder(
-    name: str,
-    study: Study,
-    plan: Plan,
-    clock: Clock,
-    *,
-    requests: Requests,
-    stop: StopSignal,
-) -> Iterator[Responder]:
-    if name == "simulated":
-        from experiment.session.simulate import simulated_responder
-
-        yield simulated_responder(study, plan, clock)
-        return
-    from experiment.participant.settings import ResponderSettings
-    from experiment.trial.events import Task
-
-    settings = ResponderSettings(
-        responses=plan.responses,
-        screen=study.screen,
-        keys=study.keys,
-        texts=study.shown_texts,
-        parts=frozenset(Task(trial, 1).part for trial in plan.trials) | {SessionPart.WARM_UP},
-        requests=requests,
-        stop=stop,
-    )
-    someone = _factory(name)(settings, clock)
-    if hasattr(someone, "__enter__"):
-        with someone as entered:
-            yield entered
-    else:
-        yield someone
-
-
-def _factory(name: str) -> Callable[..., Any]:
-    """Return what makes a responder that is not simulated."""
-    if name == "screen":
-        from experiment.participant.screen import ScreenResponder
-
-        return ScreenResponder
-    if name == "terminal":
-        from experiment.participant.terminal import TerminalResponder
-
-        return TerminalResponder
-    from experiment.participant.settings import own_responder
-
-    return own_responder(name).load()
-
-
-@contextlib.contextmanager
-def _monitor(name: str, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
-    """Show the operator how it goes, unless the terminal is the participant's."""
-    if name == "terminal":
-        from experiment.session.setting import NobodyLooks
-
-        yield NobodyLooks()
-    else:
-        from experiment.operator.view import OperatorView
-
-        with OperatorView(requests, stop) as view:
-            yield view
 
 
 def _report(ending: Ending, plan: Plan) -> None:

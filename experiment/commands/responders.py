@@ -1,0 +1,95 @@
+"""Who answers in a session, by name: a person, nobody, or a responder of a lab's own."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+from experiment.terms.exits import CommandError
+from experiment.terms.responder import RESPONDERS, SessionPart
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from device.clock import Clock
+    from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.study.study import Study
+    from experiment.terms.responder import Responder
+    from experiment.trial.plan import Plan
+
+
+def distribution_of(responder: str) -> str | None:
+    """Return which distribution a responder of a lab's own is of."""
+    from experiment.participant.settings import own_responder
+
+    if responder in RESPONDERS:
+        return None
+    try:
+        return own_responder(responder).distribution
+    except ValueError as error:
+        raise CommandError(f"--responder {error}") from error
+
+
+@contextlib.contextmanager
+def responder_named(
+    name: str,
+    study: Study,
+    plan: Plan,
+    clock: Clock,
+    *,
+    requests: Requests,
+    stop: StopSignal,
+) -> Iterator[Responder]:
+    """Make a responder and, if it is a context manager, enter it."""
+    if name == "simulated":
+        from experiment.session.simulate import simulated_responder
+
+        yield simulated_responder(study, plan, clock)
+        return
+    from experiment.participant.settings import ResponderSettings
+    from experiment.trial.events import Task
+
+    settings = ResponderSettings(
+        responses=plan.responses,
+        screen=study.screen,
+        keys=study.keys,
+        texts=study.shown_texts,
+        parts=frozenset(Task(trial, 1).part for trial in plan.trials) | {SessionPart.WARM_UP},
+        requests=requests,
+        stop=stop,
+    )
+    someone = _factory(name)(settings, clock)
+    if hasattr(someone, "__enter__"):
+        with someone as entered:
+            yield entered
+    else:
+        yield someone
+
+
+def _factory(name: str) -> Callable[..., Any]:
+    """Return what makes a responder that is not simulated."""
+    if name == "screen":
+        from experiment.participant.screen import ScreenResponder
+
+        return ScreenResponder
+    if name == "terminal":
+        from experiment.participant.terminal import TerminalResponder
+
+        return TerminalResponder
+    from experiment.participant.settings import own_responder
+
+    return own_responder(name).load()
+
+
+@contextlib.contextmanager
+def monitor_beside(name: str, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
+    """Show the operator how it goes, unless the terminal is the participant's."""
+    if name == "terminal":
+        from experiment.session.setting import NobodyLooks
+
+        yield NobodyLooks()
+    else:
+        from experiment.operator.view import OperatorView
+
+        with OperatorView(requests, stop) as view:
+            yield view
