@@ -207,6 +207,42 @@ def test_measured_amplitudes_lie_between_those_of_a_free_and_of_a_held_patch() -
     assert centre_um(ONE_DISC) > 1.0
 
 
+@pytest.mark.parametrize(
+    ("figure", "plate", "load", "layers", "frequency_hz", "level_vpp"),
+    [
+        (9, "SECOND", "UPRIGHT_PATCH", "PIC255", 700.0, 100.0),
+        (10, "SECOND", "FLAT_PATCH", "PIC255", 700.0, 100.0),
+        (6, "FIRST", "DISC", "BUZZER", 300.0, 100.0),
+        (5, "FIRST", "DISC", "BUZZER", 300.0, 50.0),
+    ],
+)
+def test_the_patch_in_the_plate_gives_what_the_page_tells(
+    figure: int, plate: str, load: str, layers: str, frequency_hz: float, level_vpp: float
+) -> None:
+    paper = script("paper_plate")
+    what = [getattr(paper, name) for name in (plate, load, layers)]
+    per_v_m, _ = paper.with_patch(*what, np.array([frequency_hz]))
+    told = re.search(rf"\| {figure}, [^|]*\| ([\d.]+) um \| [^|]*\| ([\d.]+) um", section_10())
+    assert told is not None
+    assert per_v_m[0] * level_vpp / 2 * 1e6 == pytest.approx(float(told[2]), abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("figure", "plate", "load", "layers"),
+    [(8, "SECOND", "UPRIGHT_PATCH", "PIC255"), (4, "FIRST", "DISC", "BUZZER")],
+)
+def test_the_mean_level_with_the_patch_is_what_the_page_tells(
+    figure: int, plate: str, load: str, layers: str
+) -> None:
+    paper = script("paper_plate")
+    what = [getattr(paper, name) for name in (plate, load, layers)]
+    frequencies_hz = np.linspace(10.0, what[0].cutoff_hz() - 100.0, 60)
+    centre, beside = paper.with_patch(paper.lossy(what[0]), *what[1:], frequencies_hz)
+    told = re.search(rf"\| {figure}, mean level [^|]*\|[^|]*\|[^|]*\| (\d+) dB", section_10())
+    assert told is not None
+    assert np.mean(20 * np.log10(centre / beside)) == pytest.approx(float(told[1]), abs=0.5)
+
+
 def test_the_motor_s_mass_does_not_matter_at_90_hz() -> None:
     """Per gram: mass times omega squared over the plate's stiffness under it."""
     stiffness_n_m = force_n(clamped=False) / 0.5e-6

@@ -5,7 +5,8 @@ moment of the patch from PI Ceramic's data for PIC255, 0.25 mm thick, by equal f
 second plate (edge from its cut-off of 2.5 kHz), endless and without loss. Nothing is fitted.
 
 The number: 1.57 um, less than the paper's by 1.8. The moment is that of a patch whose rim is free;
-held by the plate around it, it acts more strongly (up to 3.2 times, see docs/model.md 10).
+held by the plate around it, it acts more strongly: 2.33 um with the patch in the plate, see
+docs/model.md 10.
 
 Usage: python docs/gallery/figure_09_upright_patch_map.py [OUT.png]
 """

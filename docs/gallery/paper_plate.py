@@ -15,6 +15,7 @@ from stimuli import (
     ALUMINIUM,
     CLAMPED,
     SIMPLY_SUPPORTED,
+    BondedPatch,
     ForceRectangle,
     Load,
     MomentDisc,
@@ -26,6 +27,7 @@ from stimuli import (
     displacement_map,
     load_per_volt,
 )
+from stimuli.motion.motion import steady
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     Real = NDArray[np.float64]
 
 WIDTH_M: Final = 0.025
+LENGTH_M: Final = 0.2
 MIDDLE_M: Final = WIDTH_M / 2
 
 # Section II-B: aluminium, 25 x 0.5 mm. Section III: the same plate on edges that gave it a first
@@ -52,9 +55,14 @@ UPRIGHT_PATCH: Final = MomentRectangle(x_m=0.0, y_m=MIDDLE_M, length_x_m=0.006, 
 FLAT_PATCH: Final = MomentRectangle(x_m=0.0, y_m=MIDDLE_M, length_x_m=0.010, length_y_m=0.003)
 MOTOR: Final = ForceRectangle(x_m=0.0, y_m=MIDDLE_M, length_x_m=0.010, length_y_m=0.010)
 
-# PI Ceramic, "Piezo Material Data": d31 = -180 pm/V, S11E = 16.1e-12 m2/N, Poisson's ratio 0.34.
+# PI Ceramic, "Piezo Material Data": d31 = -180 pm/V, S11E = 16.1e-12 m2/N, Poisson's ratio 0.34,
+# 7.80 g/cm3.
 PIC255: Final = PiezoLayers(
-    thickness_m=0.25e-3, youngs_modulus_pa=1 / 16.1e-12, poisson_ratio=0.34, d31_m_v=-180e-12
+    thickness_m=0.25e-3,
+    youngs_modulus_pa=1 / 16.1e-12,
+    poisson_ratio=0.34,
+    d31_m_v=-180e-12,
+    density_kg_m3=7800.0,
 )
 # muRata 7BB-20-3, thicknesses of section III-A. No data of its ceramic are published; those of a
 # usual soft PZT stand for it: an assumption that moves the prediction by a tenth or two.
@@ -64,6 +72,8 @@ BUZZER: Final = PiezoLayers(
     poisson_ratio=0.31,
     d31_m_v=-200e-12,
     carrier_thickness_m=0.10e-3,
+    density_kg_m3=7800.0,
+    carrier_density_kg_m3=8530.0,
 )
 
 LOSS_FACTOR: Final = 0.01
@@ -189,6 +199,32 @@ def patch_map(
 def predicted_moment_n(strip: Strip, load: Load, layers: PiezoLayers, level_vpp: float) -> float:
     """Return the amplitude of a patch's edge moment from catalogue data: N m/m."""
     return load_per_volt(strip, load, layers).load_per_v * level_vpp / 2
+
+
+def bearing(strip: Strip, load: Load, layers: PiezoLayers) -> Strip:
+    """Return 200 mm of a plate with the patch of a load, which stiffens and loads it."""
+    half_x_m, half_y_m = load.half_size_m
+    patch = BondedPatch(
+        x_m=load.x_m,
+        y_m=load.y_m,
+        length_x_m=2 * half_x_m,
+        length_y_m=2 * half_y_m,
+        layers=layers.layers,
+        is_disc=isinstance(load, MomentDisc),
+    )
+    return replace(strip, length_m=LENGTH_M, patches=(patch,))
+
+
+def with_patch(
+    strip: Strip, load: Load, layers: PiezoLayers, frequencies_hz: Real
+) -> tuple[Real, Real]:
+    """Compute amplitudes per volt at the centre of a load and 20 mm along, with its patch."""
+    plate = bearing(strip, load, layers)
+    per_v = load_per_volt(plate, load, layers).load_per_v
+    points_m = ((load.x_m, load.y_m), (load.x_m + 0.02, load.y_m))
+    scene = Scene(strip=plate, loads=(load,), points_m=points_m)
+    moved_m = np.abs([steady(scene, frequency_hz)[0] for frequency_hz in frequencies_hz.tolist()])
+    return per_v * moved_m[:, 0], per_v * moved_m[:, 1]
 
 
 def draw_frequencies(

@@ -70,6 +70,10 @@ def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
     """
     times, rtol = checked_times(scene, burst, times_s, rtol)
     found = _by_modes(scene, burst, times, rtol)
+    if found is None and scene.strip.patches:
+        raise ValueError(
+            f"rtol must be larger where the strip has patches, which only modes know, got {rtol!r}"
+        )
     return synthesized(scene, burst, times, rtol) if found is None else found[0]
 
 
