@@ -144,6 +144,7 @@ def run(
         if facts:
             columns = study.participants.columns
             folder = replace(folder, facts=participant_facts(columns, facts))
+        folder.check_people(study)  # before a window is opened or the operator is asked
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
         markers = _markers(folder, rig.clock) if lsl else NoMarkers()

@@ -263,6 +263,16 @@ def test_a_bad_table_of_participants_is_told_before_the_device_is_opened(
     assert not opened
 
 
+def test_a_bad_table_of_participants_is_told_before_a_port_is_sought(sessions: Sessions) -> None:
+    sought = ("--driver", "serial", "--port", "/no/such/port")
+    assert sessions.run(*SIMULATED, *sought).exit_code == 3
+    sessions.out.mkdir(exist_ok=True)
+    (sessions.out / "participants.tsv").write_text("who\n", encoding="utf-8")
+    result = sessions.run(*SIMULATED, *sought)
+    assert result.exit_code == 2
+    assert "participants.tsv:1: the first column must be participant_id" in result.stderr
+
+
 def test_a_table_that_went_bad_meanwhile_is_told_before_a_session_goes_on(stopped: Lab) -> None:
     path = stopped.folder.root / "participants.tsv"
     path.write_text("participant_id\thand\nsub-01\tboth\n", encoding="utf-8")
