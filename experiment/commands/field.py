@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -122,7 +123,11 @@ def _content(found: PlateMap | PlateBand, ending: str) -> bytes:
 def _animated(found: PlateMotion, ending: str, step: Step) -> bytes:
     from experiment.preview.field_figure import animate
 
-    return animate(found, "gif" if ending == ".gif" else "mp4", step)
+    try:
+        return animate(found, "gif" if ending == ".gif" else "mp4", step)
+    except (BrokenPipeError, subprocess.CalledProcessError) as error:
+        # the ffmpeg that is there may lack the codec
+        raise CommandError("ffmpeg cannot write an MP4 here; let --out end in .gif") from error
 
 
 def _write_new(path: Path, content: bytes) -> None:

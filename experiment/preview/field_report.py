@@ -11,6 +11,7 @@ import numpy as np
 from experiment.preview.check_report import burst_words
 from experiment.preview.field import PlateBand, PlateMap, PlateMotion
 from experiment.preview.findings import Findings
+from experiment.study.sources import cutoff_source, in_short
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -50,7 +51,7 @@ def field_csv(field: PlateMap | PlateBand) -> str:
     >>> head, first, *_ = field_csv(found).splitlines()
     >>> head.split(",")[:2]
     ['frequency_hz', 'left_driven_at_left_re_um']
-    >>> first.split(",")[0], "measured, at 200 Vpp; loss factor 0.01 assumed" in first
+    >>> first.split(",")[0], "measured by the paper, at 200 Vpp; loss factor" in first
     ('100.0', True)
     """
     table = io.StringIO()
@@ -208,12 +209,13 @@ def strip_text(plate: PlatePreview) -> str:
     >>> from experiment.preview.plate import plate_of
     >>> from experiment.study.read import paper_study
     >>> strip_text(plate_of(paper_study()))
-    'cut-off 2900 Hz (measured), elastic edges'
+    'cut-off 2900 Hz (measured by the paper), elastic edges'
     """
     cutoff = f"cut-off {hertz(plate.strip.cutoff_hz())}"
     basis = plate.study.plate.edge
     if basis == "measured-cutoff":
-        return f"{cutoff} (measured), elastic edges"
+        told = in_short(cutoff_source(plate.study.plate), plate.study.plate)
+        return f"{cutoff} ({told}), elastic edges"
     return f"{cutoff}, {basis} edges".replace("simply-", "simply ")
 
 

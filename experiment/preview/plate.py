@@ -14,6 +14,7 @@ from experiment.study.physics import (
     loads_of,
     loads_per_volt,
 )
+from experiment.study.sources import displacement_source, in_short
 from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement
 
 if TYPE_CHECKING:
@@ -34,14 +35,14 @@ class DriveLevels:
     """How strongly each actuator of a study is driven, in the study's order.
 
     >>> DriveLevels(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
-    ...       bases=("measured", "predicted"), level_vpp=200.0).basis
-    'left measured, right predicted, at 200 Vpp'
+    ...       bases=("your measurement", "computed"), level_vpp=200.0).basis
+    'left: your measurement, right: computed, at 200 Vpp'
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]  # of each one's load
     amplitudes: tuple[float, ...]  # in that unit; unit loads where no level is stated
-    bases: tuple[str, ...]  # how each amplitude is known; empty for unit loads
+    bases: tuple[str, ...]  # who measured each, or that it is computed; empty for unit loads
     level_vpp: float | None  # none for unit loads
 
     @property
@@ -50,7 +51,7 @@ class DriveLevels:
         if self.level_vpp is None:
             units = [f"1 {unit}" for unit in dict.fromkeys(self.units)]
             return f"per unit load of {' or '.join(units)}"
-        each = [f"{name} {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
+        each = [f"{name}: {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
         words = ", ".join(each) if len(set(self.bases)) > 1 else self.bases[0]
         return f"{words}, at {self.level_vpp:g} Vpp"
 
@@ -72,12 +73,13 @@ def drive_of(study: Study) -> DriveLevels:
     --------
     >>> from experiment.study.read import paper_study
     >>> drive_of(paper_study()).basis
-    'measured, at 200 Vpp'
+    'measured by the paper, at 200 Vpp'
     """
     units = tuple(load.unit for load in loads_of(study))
     names = tuple(actuator.label for actuator in study.actuators)
     strip = bare_strip(study)
-    known = [(load, basis) for load, basis in loads_per_volt(study, strip) if load and basis]
+    known = [load for load, _ in loads_per_volt(study, strip) if load]
+    sources = [displacement_source(study, place) for place in range(len(units))]
     if len(known) < len(units):
         ones = tuple(1.0 for _ in units)
         return DriveLevels(names=names, units=units, amplitudes=ones, bases=(), level_vpp=None)
@@ -85,8 +87,12 @@ def drive_of(study: Study) -> DriveLevels:
     return DriveLevels(
         names=names,
         units=units,
-        amplitudes=tuple(load_per_v * level_vpp / 2 for load_per_v, _ in known),
-        bases=tuple(basis for _, basis in known),
+        amplitudes=tuple(load_per_v * level_vpp / 2 for load_per_v in known),
+        bases=tuple(
+            in_short(source, actuator)
+            for source, actuator in zip(sources, study.actuators, strict=True)
+            if source is not None
+        ),
         level_vpp=level_vpp,
     )
 

@@ -255,6 +255,21 @@ def cutoff_source(plate: Plate) -> Source:
     return _source(key, value, "measured", _measured(plate))
 
 
+def in_short(source: Source, one: Plate | Actuator) -> str:
+    """Say in a few words who measured a value, or that it is computed: for titles and tables.
+
+    >>> from experiment.study.read import paper_study
+    >>> plate = paper_study().plate
+    >>> in_short(cutoff_source(plate), plate)
+    'measured by the paper'
+    """
+    if source.origin == "paper":
+        return "measured by the paper"
+    if source.origin == "measured":
+        return f"measured by {one.measured_by}" if one.measured_by else "your measurement"
+    return "computed"
+
+
 def _measured(one: Plate | Actuator) -> str:
     by, on = one.measured_by or "not stated", one.measured_on or "not stated"
     return f"measured (by: {by}; on: {on})"

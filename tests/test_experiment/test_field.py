@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,7 +18,7 @@ from PIL import Image
 
 from experiment.preview.field import PlateBand, level_db, plate_band, plate_map, plate_motion
 from experiment.preview.field_figure import render
-from experiment.preview.field_report import field_csv, field_text, metres
+from experiment.preview.field_report import field_csv, field_text, metres, strip_text
 from experiment.preview.plate import DriveLevels, plate_of
 from experiment.study.physics import field_strip, loads_of, study_gains
 from experiment.study.read import paper_study, study_from_text
@@ -163,7 +164,7 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Ru
     assert not missing(
         result.stdout,
         "map            500 Hz",
-        "measured, at 200 Vpp",
+        "measured by the paper, at 200 Vpp",
         "loss factor 0.01 assumed",
         "5.25 um at x = -35, y = 12.5 mm; right finger -90.8 dB",
         "field.png written",
@@ -188,7 +189,9 @@ def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
             assert complex(re_um, im_um) == pytest.approx(u_um, rel=1e-4)
             assert abs_um == pytest.approx(abs(u_um), rel=1e-4)
     assert {row["frequency_hz"] for row in rows} == {"3300.0"}
-    assert {row["basis"] for row in rows} == {"measured, at 200 Vpp; loss factor 0.01 assumed"}
+    assert {row["basis"] for row in rows} == {
+        "measured by the paper, at 200 Vpp; loss factor 0.01 assumed"
+    }
 
 
 def test_the_table_of_a_band_has_the_librarys_values_in_full_precision(run: Run) -> None:
@@ -236,10 +239,10 @@ MAP_TOLD = (
     "−20 dB, the masking limit",
 )
 BAND_TOLD = (
-    "displacement at the fingers; cut-off 2900 Hz (measured), elastic edges",
+    "displacement at the fingers; cut-off 2900 Hz (measured by the paper), elastic edges",
     "Frequency (Hz)",
     "|u| (µm)",
-    "measured, at 200 Vpp",
+    "measured by the paper, at 200 Vpp",
     "above the actuator",
     "other finger",
     "2900 Hz",
@@ -249,7 +252,10 @@ BAND_TOLD = (
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "basis", "unit"),
-    [("", "measured, at 200 Vpp", "µm"), (OFF_CENTRE, "per unit load of 1 N m/m", "µm per N m/m")],
+    [
+        ("", "measured by the paper, at 200 Vpp", "µm"),
+        (OFF_CENTRE, "per unit load of 1 N m/m", "µm per N m/m"),
+    ],
     ids=["paper", "off-centre"],
 )
 def test_a_map_names_its_axes_its_unit_its_cutoff_and_its_basis(
@@ -277,7 +283,7 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
         names=("left", "right"),
         units=("N m/m", "N m/m"),
         amplitudes=(0.13, 0.13),
-        bases=("measured", "predicted"),
+        bases=("your measurement", "computed"),
         level_vpp=200.0,
     )
     found = plate_map(replace(plate(), drive=drive), 500.0)
@@ -285,8 +291,17 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
     assert "left_driven_abs_um," in head
     assert "per_unit_load" not in head
     for text in (first, field_text(found, "study.toml"), render(found, "svg").decode()):
-        assert "left measured, right predicted, at 200 Vpp" in text
+        assert "left: your measurement, right: computed, at 200 Vpp" in text
         assert "N m/m" not in text
+
+
+@pytest.mark.parametrize(
+    ("keys", "whose"),
+    [("", "your measurement"), ('measured_by = "A. Meier"\n', "measured by A. Meier")],
+)
+def test_a_measurement_says_whose_it_is(keys: str, whose: str) -> None:
+    study = study_from_text(f"[strip]\nmeasured_cutoff_hz = 2500\n{keys}", "s.toml")
+    assert strip_text(plate_of(study)) == f"cut-off 2500 Hz ({whose}), elastic edges"
 
 
 @pytest.mark.parametrize(
@@ -407,6 +422,28 @@ def test_animate_writes_a_gif_of_both_actuators_and_leaves_files_alone(
         assert (getattr(film, "n_frames", 0), film.info["duration"]) == (2 * 41, 50)
     assert Path("burst.gif").stat().st_size < 5e6
     assert "burst.gif exists" in refused("field", "study.toml", "--animate")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
+def test_animate_writes_an_mp4(run: Run) -> None:
+    result = run("field", "study.toml", "--animate", "--out", "b.mp4")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert Path("b.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+@pytest.mark.slow
+def test_an_ffmpeg_that_cannot_is_one_line(
+    refused: Refused, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = tmp_path / "bin" / "ffmpeg"
+    broken.parent.mkdir()
+    broken.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
+    broken.chmod(0o700)
+    monkeypatch.setenv("PATH", str(broken.parent), prepend=os.pathsep)
+    told = refused("field", "study.toml", "--animate", "--out", "b.mp4")
+    assert told.endswith("ffmpeg cannot write an MP4 here; let --out end in .gif\n")
+    assert not Path("b.mp4").exists()
 
 
 @pytest.mark.parametrize(
