@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stimuli import CLAMPED, BondedPatch, ElasticEdge, MomentRectangle, Strip
+from stimuli.motion.oscillators import followed, moved, poles
 from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
@@ -149,6 +150,15 @@ def direct(plate: Model, frequencies_hz: Real) -> Complex:
 
 def modal(n_modes: int, plate: Model, frequencies_hz: Real) -> Complex:
     """Return the same from the lowest modes and what the others do at rest."""
+    squares, seen, others = _modes(n_modes, plate)
+    lossy = 1 - 1j * plate.loss_factor
+    omega2 = (2 * np.pi * frequencies_hz) ** 2
+    value: Complex = (1 / (squares * lossy - omega2[:, np.newaxis])) @ seen.T + others / lossy
+    return value
+
+
+def _modes(n_modes: int, plate: Model) -> tuple[Real, Real, Real]:
+    """Return the lowest modes' squares, what each moves of the points, and the others at rest."""
     from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
     at_rest = splu(plate.stiffness, **_SYMMETRIC)
@@ -159,8 +169,34 @@ def modal(n_modes: int, plate: Model, frequencies_hz: Real) -> Complex:
     )
     driven = shapes.T @ plate.load
     seen = (plate.points @ shapes) * driven
-    others = plate.points @ at_rest.solve(plate.load) - (seen / squares).sum(axis=1)
-    lossy = 1 - 1j * plate.loss_factor
-    omega2 = (2 * np.pi * frequencies_hz) ** 2
-    value: Complex = (1 / (squares * lossy - omega2[:, np.newaxis])) @ seen.T + others / lossy
-    return value
+    return squares, seen, plate.points @ at_rest.solve(plate.load) - (seen / squares).sum(axis=1)
+
+
+def newmark(plate: Model, samples: Real, step_s: float, viscous_s: float) -> Real:
+    """Return the displacement over time under a drive, (n_points, n_samples), by Newmark's method.
+
+    Its constant mean acceleration adds no loss; the plate's is viscous.
+    """
+    from scipy.sparse.linalg import splu
+
+    damping = viscous_s * plate.stiffness
+    whole = plate.mass + step_s / 2 * damping + step_s**2 / 4 * plate.stiffness
+    solved = splu(whole.tocsc(), **_SYMMETRIC)
+    place_m, speed, push = (np.zeros(plate.unknowns) for _ in range(3))
+    found = np.zeros((plate.points.shape[0], samples.size))
+    for n in range(1, samples.size):
+        ahead = place_m + step_s * speed + step_s**2 / 4 * push
+        halfway = speed + step_s / 2 * push
+        forces = samples[n] * plate.load - plate.stiffness @ ahead - damping @ halfway
+        push = solved.solve(forces)
+        place_m, speed = ahead + step_s**2 / 4 * push, halfway + step_s / 2 * push
+        found[:, n] = plate.points @ place_m
+    return found
+
+
+def in_modes(n_modes: int, plate: Model, samples: Real, step_s: float, viscous_s: float) -> Real:
+    """Return the same by the lowest modes, each exactly, and what the others do at rest."""
+    squares, seen, others = _modes(n_modes, plate)
+    rates, modes, drives = poles(squares, squares, viscous_s)
+    answers = followed(rates, samples, step_s, np.zeros_like(rates), held=False)
+    return moved(seen @ modes * np.diag(drives), others, answers, samples)
