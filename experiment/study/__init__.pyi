@@ -22,6 +22,7 @@ from .read import (
 from .sources import (
     cutoff_source,
     displacement_source,
+    in_short,
     measured_beside,
     patch_words,
     plate_sources,
@@ -42,6 +43,7 @@ __all__ = [
     "displacement_source",
     "field_strip",
     "fingertips_of",
+    "in_short",
     "is_recorded",
     "loads_of",
     "loads_per_volt",
