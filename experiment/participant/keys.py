@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.clock import Clock
+    from experiment.participant.buttons import ButtonReader
 
 
 LARGEST_JUMP_S = 1e-3
@@ -33,7 +34,12 @@ class KeyReader:
     """
 
     def __init__(
-        self, clock: Clock, *, keep: tuple[str, ...], tell: Callable[[str], object]
+        self,
+        clock: Clock,
+        *,
+        keep: tuple[str, ...],
+        tell: Callable[[str], object],
+        buttons: ButtonReader | None = None,
     ) -> None:
         from psychopy import logging
         from psychopy.hardware.keyboard import Keyboard
@@ -42,6 +48,7 @@ class KeyReader:
         self._clock = clock
         self._keep = keep
         self._tell = tell
+        self._buttons = buttons
         self._keyboard_s: Callable[[], float] = GetSecs
         self._zero_s: Callable[[], float] = logging.defaultClock.getLastResetTime
         self._keyboard: Any = Keyboard(backend="ptb")
@@ -52,6 +59,8 @@ class KeyReader:
     def close(self) -> None:
         """Stop listening."""
         self._keyboard.stop()
+        if self._buttons is not None:
+            self._buttons.close()
 
     def drop_all(self) -> None:
         """Forget the strokes so far."""
@@ -86,6 +95,8 @@ class KeyReader:
                 continue
             time_s = press.tDown + self._zero_s() + self._offset_s
             self._waiting.append(Stroke(press.name, now_s if jumped else min(time_s, now_s)))
+        if self._buttons is not None:
+            self._waiting.extend(Stroke(*press) for press in self._buttons.take())
 
     def _was_held(self, press: Any) -> bool:
         """Tell whether this is the release of a key whose stroke was read before."""

@@ -168,14 +168,15 @@ class Artist:
 def labelled(keys: tuple[str, ...]) -> str:
     """Return the keys of an answer as they are named in a text, in any language.
 
-    >>> labelled(("left", "num_4")), labelled(("space",))
-    ('← / 4', 'Space')
+    >>> labelled(("left", "num_4")), labelled(("space",)), labelled(("button_2",))
+    ('← / 4', 'Space', 'B2')
     """
     return " / ".join(_SIGNS.get(key) or _label(key) for key in keys)
 
 
 def _label(key: str) -> str:
-    return _NAMES.get(key, key.upper() if len(key) == 1 else key.removeprefix("num_"))
+    short = key.removeprefix("num_").replace("button_", "B")
+    return _NAMES.get(key, key.upper() if len(key) == 1 else short)
 
 
 _EACH_WAY = (SessionPart.MAIN, SessionPart.CONTROL)

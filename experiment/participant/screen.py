@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Self
 
 from experiment.operator.requests import StopRequested
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from device.clock import Clock
+    from experiment.participant.buttons import ButtonReader
     from experiment.participant.keys import KeyReader
     from experiment.participant.pages import Page, Pages
     from experiment.participant.settings import ResponderSettings
@@ -84,7 +86,9 @@ class ScreenResponder:
             texts=settings.texts,
             responses=settings.responses,
         )
-        self._reader = KeyReader(self._clock, keep=self._keys.pause, tell=self._tell)
+        self._reader = KeyReader(
+            self._clock, keep=self._keys.pause, tell=self._tell, buttons=self._buttons()
+        )
         if not self._stage.has_font:
             self._tell(f"font {settings.screen.font} is not installed here: another one is shown")
         prompts = [self._pages.prompt(part) for part in SessionPart]
@@ -92,6 +96,15 @@ class ScreenResponder:
             self._stage.show(page)  # what is drawn first is drawn slowly
         self._stage.show(())
         return self
+
+    def _buttons(self) -> ButtonReader | None:
+        """Listen to controllers where any button means anything."""
+        from experiment.participant.buttons import PREFIX, ButtonReader
+
+        named = (key for keys in asdict(self._keys).values() for key in keys)
+        if not any(key.startswith(PREFIX) for key in named):
+            return None
+        return ButtonReader(self._clock)
 
     def __exit__(self, *_: object) -> None:
         self._reader.close()

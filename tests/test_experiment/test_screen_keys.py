@@ -5,11 +5,14 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 
 from device.clock import VirtualClock
+from experiment.participant.buttons import ButtonReader
 from experiment.participant.keys import KeyReader, Stroke
+from experiment.participant.window import NoScreenError
 
 WALL_S = 1_000_000.0
 """How far the keyboard's clock is ahead of the session's."""
@@ -32,7 +35,11 @@ class Keyboard:
 
     ahead_s: float = WALL_S
     found: list[Press] = field(default_factory=list)
+    stopped: bool = False
     clock: VirtualClock = field(default_factory=lambda: VirtualClock(5.0))
+
+    def stop(self) -> None:
+        self.stopped = True
 
     def down(self, name: str, *, ago_s: float = 0.0) -> Press:
         press = Press(name, self.clock.now_s() - ago_s + self.ahead_s - ZERO_S)
@@ -75,6 +82,40 @@ def told() -> list[str]:
 @pytest.fixture
 def reader(keyboard: Keyboard, told: list[str]) -> KeyReader:
     return KeyReader(keyboard.clock, keep=("escape",), tell=told.append)
+
+
+@dataclass(slots=True)
+class Box:
+    """A controller as pyglet has one: its presses come while its event loop takes a step."""
+
+    handlers: dict[str, Any] = field(default_factory=dict)
+    coming: list[int] = field(default_factory=list)
+    opened: bool = False
+
+    def open(self) -> None:
+        self.opened = True
+
+    def push_handlers(self, **handlers: Any) -> None:
+        self.handlers |= handlers
+
+    def close(self) -> None:
+        self.opened = False
+
+    def step(self, timeout: float) -> None:
+        assert timeout == 0.0
+        for button in self.coming if self.opened else []:
+            self.handlers["on_joybutton_press"](self, button)
+        self.coming = []
+
+
+@pytest.fixture
+def box(monkeypatch: pytest.MonkeyPatch) -> Box:
+    box = Box()
+    pyglet = ModuleType("pyglet")
+    vars(pyglet)["app"] = SimpleNamespace(platform_event_loop=box)
+    vars(pyglet)["input"] = SimpleNamespace(get_joysticks=lambda: [box])
+    monkeypatch.setitem(sys.modules, "pyglet", pyglet)
+    return box
 
 
 def heard(reader: KeyReader) -> tuple[str, float]:
@@ -144,3 +185,33 @@ def test_a_smaller_step_is_no_jump(keyboard: Keyboard, reader: KeyReader, told: 
     keyboard.down("left", ago_s=0.002)
     assert heard(reader) == ("left", 4.998)
     assert told == []
+
+
+def test_a_button_is_a_key_timed_by_when_it_was_read(keyboard: Keyboard, box: Box) -> None:
+    buttons = ButtonReader(keyboard.clock)
+    reader = KeyReader(keyboard.clock, keep=("button_7",), tell=print, buttons=buttons)
+    keyboard.down("left", ago_s=0.003)
+    box.coming = [3]
+    assert heard(reader) == ("left", 4.997)
+    assert heard(reader) == ("button_3", 5.0)
+    assert reader.next() is None
+    box.coming = [2, 7]
+    reader.drop_earlier()
+    assert heard(reader) == ("button_7", 5.0)
+    assert box.opened
+    reader.close()
+    assert keyboard.stopped
+    assert not box.opened
+
+
+def no_input() -> list[Box]:
+    raise FileNotFoundError("/dev/input")
+
+
+@pytest.mark.parametrize("found", [list, no_input])
+def test_buttons_without_a_controller_are_refused(
+    keyboard: Keyboard, box: Box, monkeypatch: pytest.MonkeyPatch, found: Any
+) -> None:
+    monkeypatch.setattr(sys.modules["pyglet"], "input", SimpleNamespace(get_joysticks=found))
+    with pytest.raises(NoScreenError, match="no game controller or button box is plugged in"):
+        ButtonReader(keyboard.clock)

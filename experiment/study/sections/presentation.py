@@ -30,10 +30,11 @@ KEY_NAMES: Final = frozenset(
         *_NAMED.split(),
         *(f"num_{digit}" for digit in string.digits),
         *(f"f{number}" for number in range(1, 20)),
+        *(f"button_{number}" for number in range(32)),
     )
 )
 """The names that PsychoPy 2026.2's keyboard has for keys on Linux, macOS and Windows, locks left
-out."""
+out, and buttons of game controllers."""
 
 _WITH_KEYS: Final = (
     *("instructions", "audibility", "practice", "warm_up", "main", "control"),
@@ -75,8 +76,8 @@ class Screen:
 class Keys:
     """The keys of each answer and wish, by PsychoPy's names.
 
-    They are a-z, 0-9, left, space, return, num_4, f1 and such; a pedal types keys. Several keys may
-    mean the same, no key two things.
+    They are a-z, 0-9, left, space, return, num_4, f1 and such, and button_0 to button_31 of a game
+    controller; a pedal types keys. Several keys may mean the same, no key two things.
     """
 
     left: tuple[str, ...] = Field(default=("left",), strict=False)
