@@ -159,7 +159,7 @@ def against_time(scene: Scene) -> tuple[list[tuple[float, float]], float]:
     for multiple in (40.0, *MULTIPLES):
         motion_of.cache_clear()
         began_s = time.process_time()
-        with patch("stimuli.motion.motion._multiples", return_value=(multiple,)):
+        with patch("stimuli.motion.motion.multiples_of", return_value=(multiple,)):
             level = level_db(felt(*scene, rtol=0.5), own=0, other=1)
         found.append((time.process_time() - began_s, level))
     (_, true), *others = found

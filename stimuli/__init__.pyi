@@ -9,6 +9,7 @@ from .field.synthesis import TransientWork
 from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from .fingers.fingertip import Fingertip, causal, felt
 from .fingers.level import WindowChoice, level_db, shortest_window
+from .fingers.pressed import Impedance
 from .fingers.work import FeltWork, felt_work
 from .load import (
     ForceRectangle,
@@ -40,6 +41,7 @@ __all__ = [
     "Fingertip",
     "ForceRectangle",
     "IdealEdge",
+    "Impedance",
     "Layer",
     "Load",
     "LoadPerVolt",

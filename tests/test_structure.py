@@ -26,6 +26,7 @@ def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
 
 
 LATER = {
+    *("fingers/pressed.py", "sections/finger.py"),
     *("motion", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),

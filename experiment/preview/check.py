@@ -33,7 +33,8 @@ class ConditionCheck:
     condition: Condition
     burst: BurstCheck
     gains: ConditionGains | None  # none where nobody computed it
-    # with the least and the greatest loss assumed, where the study states none
+    # with the least and the greatest loss assumed, where the study states none; with and without
+    # the load of the fingers, where it states one
     bracket: tuple[ConditionGains, ...]
     # by how much the level at the other finger must lie below that at the own
     masking_limit_db: float
@@ -57,7 +58,7 @@ class ConditionCheck:
     def worst(self, place: int, actuator: int) -> ConditionGains:
         """Return the gains with the greatest level above another actuator.
 
-        Where the loss is assumed, these are not those that a plan takes.
+        Where the loss is assumed or fingers load the plate, these are not those of a plan.
 
         Parameters
         ----------
@@ -68,7 +69,7 @@ class ConditionCheck:
         return max(found, key=lambda gains: gains.level_db(place, actuator))
 
     def level_db(self, place: int, actuator: int) -> float:
-        """Return the level above another actuator: the worst, where the loss is assumed."""
+        """Return the level above another actuator: the worst of those in `bracket`."""
         return self.worst(place, actuator).level_db(place, actuator)
 
     @property
@@ -172,11 +173,18 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         raise StudyError(f"study {study.name}: {error}") from error
     bracket: tuple[tuple[ConditionGains, ...], ...] = ()
     if gains is None:
-        from experiment.study.physics import LEAST_LOSS, MOST_LOSS, study_gains
+        from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, study_gains
 
         gains = study_gains(study)
-        if not study.plate.is_loss_stated:
-            bracket = tuple(study_gains(study, loss) for loss in (LEAST_LOSS, MOST_LOSS))
+        stated, load = study.plate.is_loss_stated, study.finger_load.impedance
+        losses = (ASSUMED_LOSS,) if stated else (LEAST_LOSS, MOST_LOSS)
+        rests = load is not None and any(load.holds_for(one.drive) for one in study.conditions)
+        if rests or not stated:
+            bracket = tuple(
+                study_gains(study, loss, bare=bare)
+                for loss in losses
+                for bare in ((False, True) if rests else (True,))
+            )
     gains_of = {one.condition: one for one in gains}
     conditions = tuple(
         ConditionCheck(

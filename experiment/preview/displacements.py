@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.findings import Findings
-from experiment.study.sources import displacement_source
+from experiment.study.sources import displacement_source, finger_words
 from experiment.terms.gains import OWN_FINGERS, significant
 from stimuli import ElasticEdge
 
@@ -49,6 +49,11 @@ def displacement_findings(
     if errors is not None:
         found.tell("", patch_error_words(errors))
     _tell_loss(found, check, one)
+    load = study.finger_load
+    rests = load.impedance is not None and load.impedance.holds_for(one.condition.drive)
+    found.note(finger_load=asdict(load) | {"applied": rests} if load.impedance else None)
+    for words in finger_words(study, one.condition):
+        found.tell("", words)
     return found
 
 

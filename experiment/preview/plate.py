@@ -129,6 +129,8 @@ class PlatePreview:
             words += f"; loss factor {ASSUMED_LOSS:g} assumed"
         if any(actuator.patch_counts for actuator in self.study.actuators):
             words += "; patches neither stiffen nor load the plate here (patch_counts)"
+        if self.study.finger_load.impedance is not None:
+            words += "; without the finger load"
         return words
 
     @property

@@ -22,6 +22,7 @@ from .read import (
 from .sources import (
     cutoff_source,
     displacement_source,
+    finger_words,
     in_short,
     measured_beside,
     patch_words,
@@ -42,6 +43,7 @@ __all__ = [
     "cutoff_source",
     "displacement_source",
     "field_strip",
+    "finger_words",
     "fingertips_of",
     "in_short",
     "is_recorded",

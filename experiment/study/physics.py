@@ -28,7 +28,9 @@ LEAST_LOSS, MOST_LOSS = 0.005, 0.02
 """Between these it is likely to lie; a stimulus has to be fit with both."""
 
 
-def study_gains(study: Study, loss_factor: float = ASSUMED_LOSS) -> tuple[ConditionGains, ...]:
+def study_gains(
+    study: Study, loss_factor: float = ASSUMED_LOSS, *, bare: bool = False
+) -> tuple[ConditionGains, ...]:
     """Return the gain matrix of every condition of a study, equation (71).
 
     Parameters
@@ -37,6 +39,8 @@ def study_gains(study: Study, loss_factor: float = ASSUMED_LOSS) -> tuple[Condit
         The study.
     loss_factor : float
         Of a plate with ends whose study states no loss.
+    bare : bool
+        Whether the load of the fingers is left out, if the study states one.
 
     Returns
     -------
@@ -61,13 +65,14 @@ def study_gains(study: Study, loss_factor: float = ASSUMED_LOSS) -> tuple[Condit
     """
     labels = tuple(actuator.label for actuator in study.actuators)
     strip = field_strip(study, loss_factor)
-    per_volt = loads_per_volt(study)
+    per_volt = loads_per_volt(study)  # of the bare plate, as it was measured
+    tips = fingertips_of(study, bare=bare)
     return tuple(
         ConditionGains(
             condition=condition.name,
             actuators=labels,
             bases=tuple(basis for _, basis in per_volt),
-            per_vpp=_per_vpp(study, strip, condition, [one for one, _ in per_volt]),
+            per_vpp=_per_vpp(_felt_m(study, strip, tips, condition), [one for one, _ in per_volt]),
         )
         for condition in study.conditions
     )
@@ -120,10 +125,9 @@ def loads_per_volt(
 
 
 def _per_vpp(
-    study: Study, strip: Strip, condition: Condition, loads_per_v: list[float | None]
+    per_load_m: NDArray[np.float64], loads_per_v: list[float | None]
 ) -> tuple[tuple[float, ...], ...]:
     """Return the matrix of a condition; a column without a load per volt is relative."""
-    per_load_m = _felt_m(study, strip, condition)
     columns = []
     for place, load_per_v in enumerate(loads_per_v):
         column = per_load_m[:, place]
@@ -133,13 +137,15 @@ def _per_vpp(
     return tuple(zip(*columns, strict=True))
 
 
-def _felt_m(study: Study, strip: Strip, condition: Condition) -> NDArray[np.float64]:
+def _felt_m(
+    study: Study, strip: Strip, tips: tuple[Fingertip, ...], condition: Condition
+) -> NDArray[np.float64]:
     """Return the peaks of unit loads driven by the burst as it is played: with a peak of 1."""
     from experiment.study.sections.stimulus import unscaled_peak
     from stimuli import felt
 
     try:
-        peaks_m = felt(strip, loads_of(study), fingertips_of(study), condition.drive)
+        peaks_m = felt(strip, loads_of(study), tips, condition.drive)
     except ValueError as error:
         raise StudyError(
             f"study {study.name}: condition {condition.name}: the displacement: {error}"
@@ -200,13 +206,15 @@ def loads_of(study: Study) -> tuple[Load, ...]:
     return tuple(_load(actuator) for actuator in study.actuators)
 
 
-def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
+def fingertips_of(study: Study, *, bare: bool = False) -> tuple[Fingertip, ...]:
     """Return the fingertip above the centre of each actuator: left, right, then the others.
 
     Parameters
     ----------
     study : Study
         The study.
+    bare : bool
+        Whether the load of the two fingers is left out, if the study states one.
 
     Examples
     --------
@@ -214,8 +222,14 @@ def fingertips_of(study: Study) -> tuple[Fingertip, ...]:
     >>> [(finger.x_m, finger.radius_m) for finger in fingertips_of(paper_study())]
     [(-0.035, 0.005), (0.035, 0.005)]
     """
+    load = None if bare else study.finger_load.impedance
     return tuple(
-        Fingertip(x_m=one.x_m, y_m=one.y_m, radius_m=one.finger_diameter_m / 2)
+        Fingertip(
+            x_m=one.x_m,
+            y_m=one.y_m,
+            radius_m=one.finger_diameter_m / 2,
+            impedance=None if one.side == "other" else load,
+        )
         for one in study.actuators
     )
 

@@ -12,6 +12,7 @@ from experiment.study.sections.actuator import (
     PIEZO_KEYS,
     paper_actuators,
 )
+from experiment.study.sections.finger import FINGER_KEYS
 from experiment.study.sections.plate import PAPER_CUTOFF_HZ, Plate
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
 from experiment.study.sections.table import file_keys
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from experiment.study.sections.actuator import Actuator
+    from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
     from stimuli import BondedPatch, Strip
 
@@ -92,7 +94,7 @@ def study_sources(study: Study) -> tuple[Source, ...]:
     """
     found = [*plate_sources(study)]
     for name, table in study.sections().items():
-        if name not in {"strip", "actuator"}:
+        if name not in {"strip", "actuator", "finger_load"}:
             tables = table if isinstance(table, tuple) else (table,)
             for place, one in enumerate(tables):
                 path = f"{name}[{place}]" if isinstance(table, tuple) else name
@@ -124,7 +126,46 @@ def plate_sources(study: Study) -> tuple[Source, ...]:
             found += [_source(f"{path}.{k}", v, *_YOURS) for k, v in given if v is not None]
         displacement = displacement_source(study, place)
         found += [displacement] if displacement else []
-    return tuple(found)
+    return (*found, *finger_sources(study))
+
+
+def finger_sources(study: Study) -> Iterator[Source]:
+    """Yield the sources of what the fingers oppose to the plate; none where they do not."""
+    load = study.finger_load
+    if load.impedance is None:
+        return
+    for key in FINGER_KEYS[:-1]:
+        yield _source(f"finger_load.{key}", getattr(load, key), "yours", f"yours: {load.source}")
+    above = [one.name for one in study.conditions if not load.impedance.holds_for(one.drive)]
+    if above:
+        words = "left out: their bursts reach above the band of its values"
+        yield _source("finger_load", tuple(above), "computed", words)
+
+
+def finger_words(study: Study, condition: Condition) -> tuple[str, ...]:
+    """Say what the fingers oppose to the plate under a condition's burst, and how far that goes.
+
+    >>> from experiment.study.read import paper_study
+    >>> study = paper_study()
+    >>> finger_words(study, study.conditions[0])
+    ()
+    """
+    load = study.finger_load
+    if load.impedance is None:
+        return ()
+    told = (
+        f"finger load: {load.mass_g:g} g, {load.stiffness_n_m:g} N/m, {load.damping_n_s_m:g} N s/m "
+        f"(yours: {load.source})"
+    )
+    upto = f"{load.holds_up_to_hz:g} Hz"
+    if not load.impedance.holds_for(condition.drive):
+        upper_hz = condition.drive.band_hz()[1]
+        return told, f"left out: it holds up to {upto}, the burst's band reaches {upper_hz:.0f} Hz"
+    return (
+        told,
+        f"it holds up to {upto}; the other finger gets what lies above the cut-off, so that the",
+        "levels are the worse of those with and without it",
+    )
 
 
 def plate_words(plate: Plate) -> str:
@@ -154,7 +195,7 @@ def words_of_the_others(study: Study) -> str:
     origins: list[str] = [
         one.origin
         for one in study_sources(study)
-        if not one.key.startswith(("strip.", "actuator["))
+        if not one.key.startswith(("strip.", "actuator[", "finger_load"))
     ]
     return ", ".join(f"{origins.count(origin)} {words}" for origin, words in _WHOSE.items())
 

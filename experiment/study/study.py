@@ -16,6 +16,7 @@ from experiment.study.sections.actuator import SIDES, Actuator, paper_actuators
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import Contact, DeviceSettings, Masking
+from experiment.study.sections.finger import FingerLoad
 from experiment.study.sections.plate import Plate, is_papers_plate
 from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
@@ -61,6 +62,7 @@ class Study:
     actuators: tuple[FromTable[Actuator], ...] = Field(
         default_factory=paper_actuators, alias="actuator", strict=False, validate_default=True
     )
+    finger_load: FromTable[FingerLoad] = Field(default_factory=FingerLoad)
     burst: FromTable[SharedStimulus] = Field(default_factory=SharedStimulus)
     conditions: tuple[FromTable[Condition], ...] = Field(
         default_factory=_one_condition, alias="condition", strict=False, validate_default=True
@@ -150,9 +152,29 @@ class Study:
                 "simulation.threshold_um needs the displacement or the layers of the left and the "
                 "right actuator; give threshold_vpp"
             )
+        self._check_fingers()
         self._check_levels()
         self._check_drives()
         self.texts.check_answers(self.design.responses)
+
+    def _check_fingers(self) -> None:
+        """Refuse fingers that press on a plate without ends, or beside the plate."""
+        if self.finger_load.impedance is None:
+            return
+        length_m, width_m = self.strip.length_m, self.strip.width_m
+        if length_m is None:
+            raise ValueError(
+                "strip.length_mm must be a number where [finger_load] is given, as its fingers "
+                'couple the modes of a plate with ends; got "endless"'
+            )
+        for one in self.actuators[:2]:
+            room_m = min(length_m / 2 - abs(one.x_m), one.y_m, width_m - one.y_m)
+            if one.finger_diameter_m / 2 > room_m + _ROUNDING_M:
+                raise ValueError(
+                    f"finger_diameter_mm of the {one.label} actuator must be at most "
+                    f"{2e3 * room_m:.6g} where [finger_load] is given, so that the fingertip rests "
+                    f"on the strip; got {one.finger_diameter_mm:g}"
+                )
 
     def _check_levels(self) -> None:
         ceiling_vpp = self.device.ceiling_vpp

@@ -13,9 +13,10 @@ from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
 from stimuli.field.synthesis import MOST_TIME_S, synthesized
+from stimuli.fingers.pressed import Impedance, Pressed, pressed_peaks, pressing
 from stimuli.load import LOADS, Load
 from stimuli.motion.motion import motions, reference_of
-from stimuli.motion.peaks import LOOKS, crests, patched_peaks, peaks_of
+from stimuli.motion.peaks import LOOKS, crests, patched_peaks, peaks_of, wait_of
 from stimuli.motion.section import AGREED, sections
 from stimuli.strip.strip import Strip
 
@@ -50,6 +51,9 @@ class Fingertip:
     radius_m : float
         Radius, up to 0.1 m; 0 is a point. A fingertip at rest covers about 1 cm2, with some
         dependence on its owner and on how hard it presses.
+    impedance : Impedance or None
+        What it opposes to the mean displacement of that area; none: the plate moves as if no
+        finger touched it. Only a plate with ends can be pressed on, by a whole disc.
 
     Raises
     ------
@@ -58,9 +62,8 @@ class Fingertip:
 
     Notes
     -----
-    The plate moves as if no finger touched it: neither the load nor the damping of the skin is
-    in the model. Dzidek et al., J. R. Soc. Interface 14 (2017) 20160935, measured how the area
-    of a finger pad on glass grows with force; 5 mm is a round value for light touch, no fit.
+    Dzidek et al., J. R. Soc. Interface 14 (2017) 20160935, measured how the area of a finger pad
+    on glass grows with force; 5 mm is a round value for light touch, no fit.
 
     Examples
     --------
@@ -77,8 +80,11 @@ class Fingertip:
     x_m: float
     y_m: float
     radius_m: float = 0.005
+    impedance: Impedance | None = None
 
     def __post_init__(self) -> None:
+        if self.impedance is not None:
+            instance("impedance", self.impedance, Impedance, "an Impedance or None")
         ranges = {"x_m": (-1e3, 1e3), "y_m": (0.0, 1e3), "radius_m": (0.0, 0.1)}
         for name, (least, most) in ranges.items():
             size_m = finite(name, getattr(self, name), least=least, most=most)
@@ -149,8 +155,6 @@ _LATE: Final = 0.75
 """A largest value beyond this part of the time after the drive asks for twice that time."""
 
 _MOST_DOUBLINGS: Final = 3
-_SLOWEST: Final = 0.1
-"""Slowest wave that is waited for, as a part of 2 pi / W times 2 sqrt(D / (rho h))."""
 
 
 def felt(
@@ -169,12 +173,14 @@ def felt(
     loads : tuple or list of Load
         Loads, each driven by itself.
     fingertips : tuple or list of Fingertip
-        Fingertips; beside their own points the centres of loads under them are looked at.
+        Fingertips; beside their own points the centres of loads under them are looked at. Those
+        with an impedance that holds for the drive rest on the plate, whichever load is driven.
     drive : Drive
         A burst or any other drive, with the amplitude 1.
     rtol : float
         Wanted relative error of the displacement over time; bursts without a window take much
-        longer where it is small. On a strip with patches see `felt_error`.
+        longer where it is small. On a strip with patches see `felt_error`; with impedances, levels
+        below -50 dB are known less well.
 
     Returns
     -------
@@ -185,7 +191,8 @@ def felt(
     Raises
     ------
     ValueError
-        If an argument is not what it should be, or a load or fingertip is not on the strip.
+        If an argument is not what it should be, or a load or fingertip is not on the strip; with
+        impedances, if it is endless, too long for its modes, or a disc is not wholly on it.
 
     Notes
     -----
@@ -209,8 +216,12 @@ def felt(
     True
     """
     scene, places, far_m = asked(strip, loads, fingertips, drive)
+    pressed, wait_s = pressed_of(strip, fingertips, drive), wait_of(strip, far_m)
+    if pressed:
+        return pressed_peaks(scene, places, drive, pressed, rtol=rtol, wait_s=wait_s)[0].peak_m
     if strip.patches:
-        return patched_peaks(scene, places, drive, wait_s=_wait_s(strip, far_m)).peak_m
+        sizes = motions(scene, drive)
+        return patched_peaks(strip, sizes, places, drive, wait_s=wait_s).peak_m
     found = by_modes(scene, places, drive, rtol, far_m)
     return _by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
 
@@ -227,7 +238,20 @@ def felt_error(
     ValueError as for `felt`.
     """
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    return patched_peaks(scene, places, drive, wait_s=_wait_s(strip, far_m)).error_m
+    pressed, wait_s = pressed_of(strip, fingertips, drive), wait_of(strip, far_m)
+    if pressed:
+        return pressed_peaks(scene, places, drive, pressed, rtol=RTOL, wait_s=wait_s)[0].error_m
+    found = motions(scene, drive)
+    return patched_peaks(strip, found, places, drive, wait_s=wait_s).error_m
+
+
+def pressed_of(strip: Strip, tips: Sequence[Fingertip], drive: Drive) -> tuple[Pressed, ...]:
+    """Return what presses on the strip: the fingertips whose impedance holds for a drive."""
+    return tuple(
+        pressing(strip, (tip.x_m, tip.y_m), tip.radius_m, tip.impedance)
+        for tip in tips
+        if tip.impedance and tip.impedance.holds_for(drive)
+    )
 
 
 def asked(
@@ -324,27 +348,13 @@ def _centres(tip: Fingertip, loads: Sequence[Load]) -> tuple[tuple[float, float]
     return tuple(p for p in places if math.dist(p, (tip.x_m, tip.y_m)) <= tip.radius_m)
 
 
-def _wait_s(strip: Strip, far_m: float) -> float:
-    """Return how long after the drive the slow waves just above a cut-off may bring the peak.
-
-    They spread like heat: the longest waves have come when 2 sqrt(D / (rho h)) t is the square
-    of the distance. Far away the faster ones count. On a plate with ends the way over an end is
-    the longer one.
-    """
-    material = strip.material
-    spread = math.sqrt(strip.bending_stiffness_n_m / (material.density_kg_m3 * strip.thickness_m))
-    far_m += strip.length_m or 0.0
-    slowest_m_s = _SLOWEST * 4 * math.pi * spread / strip.width_m
-    return min(far_m**2 / (2 * spread), far_m / slowest_m_s) + 1 / strip.cutoff_hz()
-
-
 def by_modes(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> tuple[Real, Motion, Scene] | None:
     """Return the greatest absolute values and whose modes they are of; none if none are enough."""
     shorter: Real | None = None
     for section in sections(scene):
-        wait_s = _wait_s(section.strip, far_m)
+        wait_s = wait_of(section.strip, far_m)
         for motion in motions(section, drive):
             found = peaks_of(motion, places, drive, wait_s=wait_s)
             peak_m = found.peak_m
@@ -363,7 +373,7 @@ def _by_spectra(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> Real:
     """Return the greatest absolute values over time at the places of each fingertip."""
-    wait_s = _wait_s(scene.strip, far_m)
+    wait_s = wait_of(scene.strip, far_m)
     step_s = 1 / (LOOKS * reference_of(scene, drive))
     for doubling in range(_MOST_DOUBLINGS + 1):
         late_s = wait_s * 2**doubling

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +15,7 @@ from stimuli.drive.burst import Burst
 from stimuli.fingers.fingertip import checked_fingertips, felt
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -124,8 +125,8 @@ def shortest_window(
     Returns
     -------
     WindowChoice
-        The first one that is quiet enough: fewer cycles come first, and of equally many no
-        window before tukey, gaussian and hann.
+        The first one that is quiet enough, with the fingertips' impedances and without: fewer
+        cycles come first, and of equally many no window before tukey, gaussian and hann.
 
     Raises
     ------
@@ -159,8 +160,8 @@ def shortest_window(
         for window in _ORDER:
             tried = dataclasses.replace(burst, cycles=cycles, window=window)
             worst_db = -math.inf
-            for plate in (strip, *also):
-                worst_db = max(worst_db, _worst_db(felt(plate, loads, fingertips, tried)))
+            for plate, tips in product((strip, *also), _loading(fingertips, tried)):
+                worst_db = max(worst_db, _worst_db(felt(plate, loads, tips, tried)))
                 if worst_db > wanted_db:
                     break
             if worst_db <= wanted_db:
@@ -172,6 +173,13 @@ def shortest_window(
         f"wanted_db must be reached by a burst of at most {MOST_CYCLES} cycles, got "
         f"{wanted_db!r}: the lowest level found is {best_db:.2f} dB, of {best!r}"
     )
+
+
+def _loading(tips: Sequence[Fingertip], drive: Burst) -> Iterator[Sequence[Fingertip]]:
+    """Yield fingertips that do not load the strip, and then with their impedances that hold."""
+    yield [dataclasses.replace(tip, impedance=None) for tip in tips]
+    if any(tip.impedance and tip.impedance.holds_for(drive) for tip in tips):
+        yield tips
 
 
 def _worst_db(felt_m: Real) -> float:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stimuli.fingers.fingertip import RTOL, asked, by_modes
+from stimuli.fingers.fingertip import RTOL, asked, by_modes, pressed_of
+from stimuli.fingers.pressed import pressed_peaks
 from stimuli.motion.motion import motions
+from stimuli.motion.peaks import wait_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,7 +71,12 @@ def felt_work(
     True
     """
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    if strip.patches:
+    pressed = pressed_of(strip, fingertips, drive)
+    if pressed:
+        wait_s = wait_of(strip, far_m)
+        _, motion = pressed_peaks(scene, places, drive, pressed, rtol=rtol, wait_s=wait_s)
+        section = scene
+    elif strip.patches:
         *_, motion = motions(scene, drive)
         section = scene
     else:

@@ -77,6 +77,9 @@ class Motion:
     unsure_m : ndarray of float64 or None, shape (n_loads, n_points)
         What may be wrong of a plate with patches at rest: twice what the same functions miss of
         the exact field without patches.
+    coarser : Motion or None
+        The same without the modes of the upper half octave, where their inertia shifts the
+        others, as it does under fingers: by what that changes the error is more.
     """
 
     oscillators: Oscillators
@@ -86,12 +89,13 @@ class Motion:
     highest_hz: float
     viscous_s: float
     unsure_m: Real | None = None
+    coarser: Motion | None = None
 
 
 def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
-    for multiple in _multiples(drive, reference_hz, scene.strip):
+    for multiple in multiples_of(drive, reference_hz, scene.strip):
         if not is_enough(scene.strip, multiple * reference_hz):
             return
         yield motion_of(scene, reference_hz, multiple)
@@ -109,7 +113,7 @@ def reference_of(scene: Scene, drive: Drive) -> float:
     return max(scene.strip.cutoff_hz(), drive.band_hz()[1])
 
 
-def _multiples(drive: Drive, reference_hz: float, strip: Strip) -> tuple[float, float]:
+def multiples_of(drive: Drive, reference_hz: float, strip: Strip) -> tuple[float, float]:
     """Return up to which multiples of a frequency modes are kept, and if need be, after all.
 
     The images of samples about their rate would make modes just above the highest one swing.
@@ -136,8 +140,8 @@ def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
         Modes above so many times that frequency follow their load at once.
     """
     strip, highest_hz = scene.strip, multiple * reference_hz
-    bare = _bare(dataclasses.replace(scene, strip=_without_loss(strip)), highest_hz)
-    has_loss = not (isinstance(strip.edge, ElasticEdge) and strip.edge.lossless)
+    bare = bare_of(dataclasses.replace(scene, strip=without_loss(strip)), highest_hz)
+    has_loss = springs_lose(strip)
     found, at_points, of_loads = [], [], []
     for group, moved, pushed in zip(bare.groups, bare.moved, bare.pushed, strict=True):
         bent = group.squared if has_loss else group.bent
@@ -207,7 +211,7 @@ def unpatched(scene: Scene) -> Scene:
     return dataclasses.replace(scene, strip=dataclasses.replace(scene.strip, patches=()))
 
 
-class _Bare(NamedTuple):
+class Bare(NamedTuple):
     """What of a scene does not depend on its loss."""
 
     groups: Sequence[Modes | Waves | PatchedModes]
@@ -218,7 +222,7 @@ class _Bare(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _bare(scene: Scene, highest_hz: float) -> _Bare:
+def bare_of(scene: Scene, highest_hz: float) -> Bare:
     """Return the same for every loss: a study that states none is computed with three."""
     strip = scene.strip
     centred = all(load.y_m == strip.width_m / 2 for load in scene.loads)
@@ -243,7 +247,7 @@ def _bare(scene: Scene, highest_hz: float) -> _Bare:
         ]
         exact_m, (static_m, without_m) = static_m, np.sum(rests, axis=0)
         unsure_m = _UNSURE * np.abs(without_m - exact_m)
-    return _Bare(
+    return Bare(
         groups=groups,
         moved=[group.at(points_m) for group in groups],
         pushed=pushed,
@@ -284,7 +288,13 @@ def _pushed(scene: Scene, nodes: Sequence[tuple[Real, Real]], at: Callable[..., 
     )
 
 
-def _without_loss(strip: Strip) -> Strip:
+def springs_lose(strip: Strip) -> bool:
+    """Tell whether springs along the edges, if any, have the plate's loss."""
+    return not (isinstance(strip.edge, ElasticEdge) and strip.edge.lossless)
+
+
+def without_loss(strip: Strip) -> Strip:
+    """Return the strip of a material without any."""
     lossless = dataclasses.replace(strip.material, loss_factor=0.0, viscous_time_s=0.0)
     return dataclasses.replace(strip, material=lossless)
 

@@ -11,18 +11,17 @@ import numpy as np
 
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import MOST_TIME_S
-from stimuli.motion.motion import motions
 from stimuli.motion.oscillators import followed, moved, step_weights
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
     from stimuli.drive.sampled import Drive
-    from stimuli.field.scene import Scene
     from stimuli.motion.motion import Motion
+    from stimuli.strip.strip import Strip
 
 
 _STEPS: Final = 128
@@ -46,6 +45,9 @@ _PATCHED: Final = 0.03
 
 _SLOWLY: Final = 3.0
 """What more functions changed is multiplied with: as many again would still change some of it."""
+
+_SLOWEST: Final = 0.1
+"""Slowest wave that is waited for, as a part of 2 pi / W times 2 sqrt(D / (rho h))."""
 
 INTERPOLATED: Final = 2e-4
 """Part of a displacement that straight lines between the steps of a drive may cost."""
@@ -114,21 +116,29 @@ def peaks_of(
             break
     apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
     error_m = apart.max(axis=0).sum(axis=0) + INTERPOLATED * found
+    if motion.coarser is not None:
+        coarse = peaks_of(motion.coarser, groups, drive, wait_s=wait_s)
+        error_m = error_m + np.abs(coarse.peak_m - found)
     return Peaks(peak_m=found, error_m=error_m)
 
 
 def patched_peaks(
-    scene: Scene, groups: Sequence[NDArray[np.intp]], drive: Drive, *, wait_s: float
+    strip: Strip,
+    found: Iterable[Motion],
+    groups: Sequence[NDArray[np.intp]],
+    drive: Drive,
+    *,
+    wait_s: float,
 ) -> Peaks:
     """Return the same of a plate with patches, which only its modes know: in two sizes, (84).
 
     ValueError where the plate has too many modes, or its displacement is not known well enough.
     """
-    sizes = [peaks_of(motion, groups, drive, wait_s=wait_s) for motion in motions(scene, drive)]
+    sizes = [peaks_of(motion, groups, drive, wait_s=wait_s) for motion in found]
     if not sizes:
         raise ValueError(
             "the strip has too many modes for its patches to be counted, got "
-            f"length_m = {scene.strip.length_m!r}"
+            f"length_m = {strip.length_m!r}"
         )
     first, last = sizes[0], sizes[-1]
     error_m = last.error_m + _SLOWLY * np.abs(last.peak_m - first.peak_m)
@@ -139,9 +149,23 @@ def patched_peaks(
     if np.any(part > _PATCHED) or np.any(error_m > _PATCHED * np.max(last.peak_m, axis=0)):
         raise ValueError(
             f"the displacement with patches is not known to {_PATCHED:g}: they are too small "
-            f"for the strip's width, got {scene.strip.patches!r}"
+            f"for the strip's width, got {strip.patches!r}"
         )
     return Peaks(peak_m=last.peak_m, error_m=error_m)
+
+
+def wait_of(strip: Strip, far_m: float) -> float:
+    """Return how long after the drive the slow waves just above a cut-off may bring the peak.
+
+    They spread like heat: the longest waves have come when 2 sqrt(D / (rho h)) t is the square
+    of the distance. Far away the faster ones count. On a plate with ends the way over an end is
+    the longer one.
+    """
+    material = strip.material
+    spread = math.sqrt(strip.bending_stiffness_n_m / (material.density_kg_m3 * strip.thickness_m))
+    far_m += strip.length_m or 0.0
+    slowest_m_s = _SLOWEST * 4 * math.pi * spread / strip.width_m
+    return min(far_m**2 / (2 * spread), far_m / slowest_m_s) + 1 / strip.cutoff_hz()
 
 
 class LoadedRow:

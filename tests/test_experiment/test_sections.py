@@ -40,6 +40,13 @@ DENSITIES = {
     "piezo_density_kg_m3": 7800.0,
     "carrier_density_kg_m3": 8530.0,
 }
+FINGERS = {
+    "mass_g": 0.3,
+    "stiffness_n_m": 600.0,
+    "damping_n_s_m": 1.5,
+    "holds_up_to_hz": 800.0,
+    "source": "ours",
+}
 METAL = {"youngs_modulus_gpa": 200.0, "poisson_ratio": 0.3, "density_kg_m3": 7900.0}
 ALL_ANSWERS = ["left", "right", "both", "none"]
 
@@ -61,6 +68,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         return {"name": "a", "file": "a", "samples_base64": base64.b64encode(samples).decode()}
     others: dict[str, dict[str, Any]] = {
         "strip": {"edge": "elastic", "edge_stiffness_n": 100.0} | METAL,
+        "finger_load": FINGERS,
         "condition": {"name": "a"},
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
         "masking": {"max_level_dba": 0.0},

@@ -338,7 +338,7 @@ def test_what_modes_do_not_reach_is_left_to_the_spectra(monkeypatch: pytest.Monk
     with monkeypatch.context() as patch:
         patch.setattr(MOTION, "MOST_WAVES", 50)
         assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
-    monkeypatch.setattr(MOTION, "_multiples", lambda *_: (1.2,))
+    monkeypatch.setattr(MOTION, "multiples_of", lambda *_: (1.2,))
     assert felt(plate(), *pair(), burst(), rtol=1e-6) == "spectra"
 
 

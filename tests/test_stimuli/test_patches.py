@@ -284,15 +284,15 @@ def test_rectangles_are_as_in_finite_elements(size_m: tuple[float, float]) -> No
     ids=["mirrored", "different"],
 )
 def test_the_estimate_is_above_the_error(patches: tuple[BondedPatch, ...]) -> None:
-    from stimuli.fingers.fingertip import _wait_s, asked
-    from stimuli.motion.peaks import peaks_of
+    from stimuli.fingers.fingertip import asked
+    from stimuli.motion.peaks import peaks_of, wait_of
 
     strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *patches)
     loads = [moment(one) for one in patches]
     tips = [Fingertip(x_m=one.x_m, y_m=one.y_m) for one in patches]
     found, error = felt(strip, loads, tips, BURST), felt_error(strip, loads, tips, BURST)
     scene, places, far_m = asked(strip, loads, tips, BURST)
-    wait_s = _wait_s(strip, far_m)
+    wait_s = wait_of(strip, far_m)
     finer = peaks_of(motion_of(scene, 2900.0, 22.0), places, BURST, wait_s=wait_s).peak_m
     assert np.all(abs(found - finer) <= error)
     assert np.all(np.diag(error) < 0.01 * np.diag(found))

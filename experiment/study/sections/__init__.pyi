@@ -10,6 +10,7 @@ from .actuator import (
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import Contact, DeviceSettings, Masking
+from .finger import FINGER_KEYS, FingerLoad
 from .plate import PAPER_CUTOFF_HZ, MaterialName, Plate, is_papers_plate
 from .presentation import Keys, Screen, Texts, instructions_of, unsaid_in
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
@@ -28,6 +29,7 @@ __all__ = [
     "ASSUMED_ANSWER_S",
     "CARRIER_PATCH_KEYS",
     "EARLIEST_ANSWER_S",
+    "FINGER_KEYS",
     "LEAST_LEVEL_VPP",
     "MEASURED_KEYS",
     "PAPER_CUTOFF_HZ",
@@ -43,6 +45,7 @@ __all__ = [
     "Dataset",
     "Design",
     "DeviceSettings",
+    "FingerLoad",
     "FromTable",
     "Keys",
     "Masking",

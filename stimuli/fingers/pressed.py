@@ -1,0 +1,375 @@
+"""Fingertips that press on a plate: a mass, a spring and a damper each, which couple its modes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+
+from stimuli.checks import finite
+from stimuli.load import PointForce, PressureDisc
+from stimuli.motion.motion import (
+    Motion,
+    bare_of,
+    is_enough,
+    multiples_of,
+    reference_of,
+    springs_lose,
+    without_loss,
+)
+from stimuli.motion.oscillators import Oscillators, poles
+from stimuli.motion.peaks import patched_peaks, peaks_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.drive.sampled import Drive
+    from stimuli.field.scene import Scene
+    from stimuli.motion.motion import Bare
+    from stimuli.motion.peaks import Peaks
+    from stimuli.strip.strip import Strip
+
+_RINGS: Final = 6
+"""Rings of the mean over a contact area of a static field, which is smooth: within 1e-8 of it, or
+3e-4 where a small disc ends under the finger."""
+
+_DIGITS: Final = 12
+"""Places are rounded to a picometre, so that mirrored ones are equal."""
+
+_APART: Final = 1e-6
+"""Areas whose means differ by less, as a part of what the upper modes give, are the same."""
+
+_ROUNDING_M: Final = 1e-12
+
+_MORE: Final = 1.75
+"""Up to so much higher a frequency modes are kept in the end, as nobody else can be asked."""
+
+_QUIET: Final = 3e-3
+"""What a finger feels at less than this part of another one is known to `rtol` of that part only,
+0.3 dB at -70."""
+
+MOST_COUPLED: Final = 800
+"""Modes that fingers may couple: their poles take a few seconds then."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Impedance:
+    """What a fingertip opposes to the plate: Z = damping - i w mass + i stiffness / w.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Mass that goes with the plate, from 1e-7 to 1 kg.
+    stiffness_n_m : float
+        Spring between the plate and what does not move, from 0 to 1e8 N/m.
+    damping_n_s_m : float
+        Damper beside it, from 0 to 1e5 N s/m.
+    holds_up_to_hz : float
+        Upper end of the band in which these values were found, from 1e-3 to 1e6 Hz. They are
+        left out of the answer to a drive whose band at half power reaches above it.
+
+    Raises
+    ------
+    ValueError
+        If a value is not a number in its range.
+
+    Notes
+    -----
+    There are no values by default. They depend on the direction, the force and the posture, and
+    such a lumped model holds in a band: above it less and less of a finger goes with the plate,
+    while the force on a mass grows with the square of the frequency.
+
+    Examples
+    --------
+    A spring alone is not to be had, but a mass that does not count is:
+
+    >>> Impedance(mass_kg=0.0, stiffness_n_m=500.0, damping_n_s_m=1.0, holds_up_to_hz=800.0)
+    Traceback (most recent call last):
+    ValueError: mass_kg must be a finite number >= 1e-07 and <= 1, got 0.0
+    >>> spring = Impedance(
+    ...     mass_kg=1e-7, stiffness_n_m=500.0, damping_n_s_m=0.0, holds_up_to_hz=800.0
+    ... )
+    """
+
+    mass_kg: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+    holds_up_to_hz: float
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "mass_kg": (1e-7, 1.0),
+            "stiffness_n_m": (0.0, 1e8),
+            "damping_n_s_m": (0.0, 1e5),
+            "holds_up_to_hz": (1e-3, 1e6),
+        }
+        for name, (least, most) in ranges.items():
+            value = finite(name, getattr(self, name), least=least, most=most)
+            object.__setattr__(self, name, value)
+
+    def holds_for(self, drive: Drive) -> bool:
+        """Tell whether a drive's band at half power lies within that of the values."""
+        return drive.band_hz()[1] <= self.holds_up_to_hz
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pressed:
+    """An impedance on the mean displacement of an area: that of its pressure, or a point."""
+
+    over: PressureDisc | PointForce
+    impedance: Impedance
+
+    @property
+    def area_m2(self) -> float:
+        """What turns a force into the load's unit."""
+        return 1.0 if isinstance(self.over, PointForce) else math.pi * self.over.radius_m**2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loaded:
+    """A plate as q'' + damping q' + squared q = pushed s(t), and what follows at once.
+
+    Attributes
+    ----------
+    squared : ndarray of float64, shape (n_modes,)
+    damping : ndarray of float64, shape (n_modes, n_modes)
+    moved : ndarray of float64, shape (n_points, n_modes)
+    pushed : ndarray of float64, shape (n_loads, n_modes)
+    rest_m : ndarray of float64, shape (n_loads, n_points)
+    """
+
+    squared: Real
+    damping: Real
+    moved: Real
+    pushed: Real
+    rest_m: Real
+
+
+def pressing(strip: Strip, place_m: tuple[float, float], radius_m: float, z: Impedance) -> Pressed:
+    """Return an impedance on a disc or a point of a strip; ValueError if it is not wholly on it."""
+    x_m, y_m = place_m
+    end_m = math.inf if strip.length_m is None else strip.length_m / 2
+    room_m = min(end_m - abs(x_m), y_m, strip.width_m - y_m)
+    if radius_m > room_m + _ROUNDING_M:
+        raise ValueError(
+            "fingertips with an impedance must lie wholly on the strip, radius_m at most "
+            f"{room_m:g} at {place_m}, got {radius_m!r}"
+        )
+    if not radius_m:
+        return Pressed(over=PointForce(x_m=x_m, y_m=y_m), impedance=z)
+    return Pressed(over=PressureDisc(x_m=x_m, y_m=y_m, radius_m=radius_m), impedance=z)
+
+
+def pressed_peaks(
+    scene: Scene,
+    groups: Sequence[NDArray[np.intp]],
+    drive: Drive,
+    pressed: tuple[Pressed, ...],
+    *,
+    rtol: float,
+    wait_s: float,
+) -> tuple[Peaks, Motion]:
+    """Return the largest displacements with fingers on a plate, and the motion that gives them.
+
+    ValueError where they are not known to `rtol`, or the plate is not one for fingers: only modes
+    know them.
+    """
+    found = list(pressed_motions(scene, drive, pressed)) if scene.strip.patches else []
+    if found:
+        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1]
+    for motion in pressed_motions(scene, drive, pressed):
+        peaks = peaks_of(motion, groups, drive, wait_s=wait_s)
+        counts_m = np.maximum(peaks.peak_m, _QUIET * np.max(peaks.peak_m, axis=0))
+        if np.all(peaks.error_m <= rtol * counts_m):
+            return peaks, motion
+    raise ValueError(
+        f"fingertips must have no impedance where the plate's modes do not give rtol = {rtol:g}, "
+        f"got {pressed!r}"
+    )
+
+
+def pressed_motions(scene: Scene, drive: Drive, pressed: tuple[Pressed, ...]) -> Iterator[Motion]:
+    """Yield a scene with fingers as oscillators for a drive, then with more of them."""
+    reference_hz = reference_of(scene, drive)
+    multiples = list(multiples_of(drive, reference_hz, scene.strip))
+    if not scene.strip.patches:
+        multiples.append(_MORE * multiples[-1])
+    for multiple in multiples:
+        if not is_enough(scene.strip, multiple * reference_hz):
+            return
+        yield pressed_motion(scene, reference_hz, multiple, pressed)
+
+
+@lru_cache(maxsize=4)
+def pressed_motion(
+    scene: Scene, reference_hz: float, multiple: float, pressed: tuple[Pressed, ...]
+) -> Motion:
+    """Return a scene with fingers as oscillators, whatever the symmetry of its modes, (90), (91).
+
+    Parameters
+    ----------
+    scene : Scene
+        A plate with ends, loads and points; a loss must be viscous.
+    reference_hz : float
+        The first cut-off, or the upper edge of the drive's band if that is higher.
+    multiple : float
+        Modes above so many times that frequency follow their load at once.
+    pressed : tuple of Pressed
+        The fingers, all at once.
+
+    Raises
+    ------
+    ValueError
+        If the strip is endless or has too many modes, or two fingers press on one place.
+    """
+    strip, highest_hz = scene.strip, multiple * reference_hz
+    if strip.length_m is None:
+        raise ValueError(f"length_m must be a number where fingers press, got {strip!r}")
+    lossless = dataclasses.replace(with_areas(scene, pressed), strip=without_loss(strip))
+    bare = bare_of(lossless, highest_hz)
+    n_modes = sum(group.squared.size for group in bare.groups)
+    if n_modes > MOST_COUPLED:
+        raise ValueError(
+            f"length_m must be one whose modes below {highest_hz:.6g} Hz are at most "
+            f"{MOST_COUPLED} where fingers press, got {strip.length_m!r} and {n_modes} modes"
+        )
+    at_rest = len(scene.loads), len(scene.points_m)
+    unsure_m = None if bare.unsure_m is None else bare.unsure_m[: at_rest[0], : at_rest[1]]
+
+    def up_to(upper_hz: float, coarser: Motion | None) -> Motion:
+        oscillators = _coupled(bare, strip, pressed, upper_hz)
+        return Motion(
+            oscillators=oscillators,
+            late=np.abs(oscillators.poles) > 2 * math.pi * upper_hz / math.sqrt(2),
+            turned=None,
+            reference_hz=reference_hz,
+            highest_hz=upper_hz,
+            viscous_s=strip.material.viscous_time_s,
+            unsure_m=unsure_m,
+            coarser=coarser,
+        )
+
+    return up_to(highest_hz, up_to(highest_hz / math.sqrt(2), None))
+
+
+def _coupled(
+    bare: Bare, strip: Strip, pressed: tuple[Pressed, ...], highest_hz: float
+) -> Oscillators:
+    """Return the oscillators that the modes up to a frequency are with fingers on the plate."""
+    from scipy.linalg import block_diag
+
+    squared = np.concatenate([group.squared for group in bare.groups])
+    kept = squared <= (2 * math.pi * highest_hz) ** 2
+    viscous_s, has_loss = strip.material.viscous_time_s, springs_lose(strip)
+    bent = block_diag(*(np.diag(g.squared) if has_loss else g.bent for g in bare.groups))
+    moved, pushed = (np.concatenate(x, axis=2)[0][:, kept] for x in (bare.moved, bare.pushed))
+    plate = Loaded(
+        squared=squared[kept],
+        damping=viscous_s * bent[np.ix_(kept, kept)],
+        moved=moved,
+        pushed=pushed,
+        rest_m=bare.static_m - (pushed / squared[kept]) @ moved.T,
+    )
+    loaded = pressed_on(plate, pressed, viscous_s)
+    found, modes, drives = poles(loaded.squared, loaded.damping, 1.0)
+    return Oscillators(
+        poles=found,
+        at_points=(loaded.moved @ modes)[np.newaxis],
+        of_loads=(loaded.pushed @ drives.T)[np.newaxis],
+        rest_m=loaded.rest_m,
+    )
+
+
+def with_areas(scene: Scene, pressed: tuple[Pressed, ...]) -> Scene:
+    """Return a scene with the fingers' pressures as more loads, and nodes of their areas."""
+    nodes_m = [node for one in pressed for node in _nodes(one.over)]
+    driven = None if scene.driven is None else scene.driven + (True,) * len(pressed)
+    loads = scene.loads + tuple(one.over for one in pressed)
+    points_m = scene.points_m + tuple(nodes_m)
+    return dataclasses.replace(scene, loads=loads, points_m=points_m, driven=driven)
+
+
+def pressed_on(bare: Loaded, pressed: tuple[Pressed, ...], viscous_s: float) -> Loaded:
+    """Return a plate with fingers on it, equations (90) and (91).
+
+    Parameters
+    ----------
+    bare : Loaded
+        The plate without them, of a scene `with_areas`; `squared` are those of its modes.
+    pressed : tuple of Pressed
+        The fingers.
+    viscous_s : float
+        Relaxation time of the plate.
+
+    Raises
+    ------
+    ValueError
+        If two fingers press on the same place.
+    """
+    n = len(pressed)
+    n_loads, n_points = len(bare.rest_m) - n, bare.moved.shape[0] - n * _n_nodes(pressed)
+    areas_m2 = np.array([one.area_m2 for one in pressed])
+    shares = np.concatenate([_shares(one.over) for one in pressed]).reshape(n, -1)
+    rest_m = bare.rest_m.copy()
+    rest_m[n_loads:] /= areas_m2[:, np.newaxis]
+    at_nodes = rest_m[:, n_points:].reshape(len(rest_m), n, -1)
+    of_fingers_m, of_points_m = np.einsum("lfn,fn->lf", at_nodes, shares), rest_m[:, :n_points]
+    own = bare.pushed[n_loads:] / areas_m2[:, np.newaxis]  # the modes' means over the areas
+    flexible = (of_fingers_m[n_loads:] + of_fingers_m[n_loads:].T) / 2
+    least, most = np.linalg.eigvalsh(flexible)[[0, -1]]
+    if not least > _APART * most:
+        raise ValueError(f"fingertips must press on places apart, got {pressed!r}")
+    stiff = np.linalg.inv(flexible)
+    # the coordinates are the modes and the areas' means, these times the root of their masses
+    root = np.sqrt([one.impedance.mass_kg for one in pressed])
+    springs = np.array([one.impedance.stiffness_n_m for one in pressed])
+    dampers = np.array([one.impedance.damping_n_s_m for one in pressed])
+    stretch = np.concatenate([-own, np.diag(1 / root)], axis=1)  # of what bends beside the modes
+    beside = stretch.T @ stiff @ stretch
+    squared, turn = np.linalg.eigh(np.diag(np.append(bare.squared, springs / root**2)) + beside)
+    damping = viscous_s * beside
+    damping[:-n, :-n] += bare.damping
+    damping[-n:, -n:] += np.diag(dampers / root**2)
+    carried = stiff @ of_points_m[n_loads:]  # how points follow the stretch
+    drawn = of_fingers_m[:n_loads] @ stiff
+    pad = [(0, 0), (0, n)]
+    return Loaded(
+        squared=squared,
+        damping=turn.T @ damping @ turn,
+        moved=(np.pad(bare.moved[:n_points], pad) + carried.T @ stretch) @ turn,
+        pushed=(np.pad(bare.pushed[:n_loads], pad) + drawn @ stretch) @ turn,
+        rest_m=of_points_m[:n_loads] - of_fingers_m[:n_loads] @ carried,
+    )
+
+
+def _n_nodes(pressed: tuple[Pressed, ...]) -> int:
+    return len(_nodes(pressed[0].over))
+
+
+def _nodes(over: PressureDisc | PointForce) -> list[tuple[float, float]]:
+    """Return places that stand for an area; for a point as many, all the same."""
+    radius_m = 0.0 if isinstance(over, PointForce) else over.radius_m
+    nodes, _ = leggauss(_RINGS)
+    reach = radius_m * (nodes + 1) / 2
+    angle = math.pi / _RINGS * (np.arange(2 * _RINGS) + 0.5)
+    x = over.x_m + np.multiply.outer(reach, np.cos(angle))
+    y = over.y_m + np.multiply.outer(reach, np.sin(angle))
+    return [
+        (round(float(a), _DIGITS), round(float(b), _DIGITS))
+        for a, b in zip(x.ravel(), y.ravel(), strict=True)
+    ]
+
+
+def _shares(over: PressureDisc | PointForce) -> Real:
+    """Return the parts of the mean that the nodes have."""
+    nodes, weights = leggauss(_RINGS)
+    rings = weights * (nodes + 1) / 2 if isinstance(over, PressureDisc) else weights / 2
+    return np.repeat(rings / (2 * _RINGS), 2 * _RINGS)
