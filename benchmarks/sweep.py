@@ -175,5 +175,16 @@ def section() -> str:
             "|" + "---|" * len(titles),
             *(row(case) for case in cases()),
             "",
+            (
+                "Within five times: every sweep between simple supports, and clamped below cut-off "
+                "without loss. What the others take more: with loss the path of each solved "
+                "frequency has no half that mirrors the other; across a clamped cut-off four waves "
+                "are eigenvalues at each frequency; a load off the centre line moves two "
+                "symmetries, each with its own waves; above some eleven first cut-offs of the "
+                "supported strip the waves of other edges are not taken out, and each frequency "
+                "is solved. The exponentials take 0.4 to 0.8 ms here, with what else the machine "
+                "has to do."
+            ),
+            "",
         ]
     )

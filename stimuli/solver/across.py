@@ -22,6 +22,10 @@ _FLAT: Final = 0.3
 """|g| below which a branch is so flat across the strip that differences of exponentials lose its
 antisymmetric part, as g^-2, and products of hyperbolic functions are used."""
 
+_LONG: Final = 0.1
+"""Length of a span from which the difference of two exponentials loses no digit that counts, and
+takes half the time of `numpy.expm1`."""
+
 _EDGE: Final = np.array(0.5)
 
 
@@ -278,5 +282,10 @@ def _within(
 ) -> tuple[Complex, Complex]:
     """Return the same for places within the span."""
     (up, down), (above, below) = places, ends
-    left, rest = (np.expm1(-g * w) / g for w in (across - span.low, span.high - across))
+    less = _less_one if span.length > _LONG else np.expm1
+    left, rest = (less(-g * w) / g for w in (across - span.low, span.high - across))
     return -left - rest, -up * below * left - down * above * rest
+
+
+def _less_one(exponent: Complex) -> Complex:
+    return np.exp(exponent) - 1
