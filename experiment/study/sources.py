@@ -234,7 +234,7 @@ def displacement_source(study: Study, place: int) -> Source | None:
         return _source(f"{path}.piezo", layers, "computed", "computed from its layers, yours")
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
     key = f"{path}.{MEASURED_KEYS[0]}"
-    at = f"{um:g} um at {vpp:g} Vpp and {hz:g} Hz"
+    at = f"{um:g} um {actuator.measured_as} at {vpp:g} Vpp and {hz:g} Hz"
     if _is_the_papers(study, actuator):
         where = "" if _is_as_measured(study.plate) else ", on its own plate, not on this one"
         return _source(key, um, "paper", f"{at}, measured by the paper (section III-B){where}")
@@ -321,6 +321,7 @@ def _is_the_papers(study: Study, actuator: Actuator) -> bool:
     return (
         study.plate.is_the_papers
         and actuator.measured_by is None
+        and actuator.measured_as == "peak"
         and any(
             all(getattr(actuator, key) == value for key, value in disc.items())
             and actuator.y_mm == study.plate.width_mm / 2

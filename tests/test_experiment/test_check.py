@@ -103,7 +103,7 @@ def test_a_file_that_is_not_there_is_one_line(arguments: tuple[str, str], refuse
 PAPER_TOLD = (
     "sizes: the paper's; material: the paper's (section II-B)",
     "2900.0 Hz, measured by the paper (figure 4); as of elastic edges",
-    "2.6 um at 100 Vpp and 300 Hz, measured by the paper (section III-B)\n",
+    "2.6 um peak at 100 Vpp and 300 Hz, measured by the paper (section III-B)\n",
     "K = 141.72 N",
     "main: fit",
     "205.6 to 654.4 Hz",
@@ -526,5 +526,5 @@ def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -
     assert report(SECOND)["conditions"][0]["displacements"]["actuators"][0]["source"] == "paper"
     by = 'measured_by = "A. Person"\n'
     own = checked(NEAR.replace(MEASURED, MEASURED + by)).stdout
-    assert "2.6 um at 100 Vpp and 300 Hz, measured (by: A. Person; on: not stated)" in own
+    assert "2.6 um peak at 100 Vpp and 300 Hz, measured (by: A. Person; on: not stated)" in own
     assert "um, from your measurement; " in own

@@ -125,8 +125,44 @@ def test_a_window_is_chosen_that_is_quiet_with_and_without() -> None:
     assert all(gains.level_db(1, 0) <= -30 for gains in study_gains(loaded, bare=True))
 
 
+def measured(text: str) -> Study:
+    discs = "".join(
+        f'[[actuator]]\nside = "{side}"\nx_mm = {x}\ndiameter_mm = 12.8\n{text}\n'
+        for side, x in (("left", -35), ("right", 35))
+    )
+    return study_from_text(f"[strip]\nloss_factor = 0.01\n{discs}", "study.toml")
+
+
+AT = "measured_displacement_um = {um}\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n"
+
+
+def test_a_displacement_from_peak_to_peak_is_twice_the_amplitude() -> None:
+    peak = measured(AT.format(um=2.6))
+    whole = measured(AT.format(um=5.2) + 'measured_as = "peak-to-peak"')
+    assert loads_per_volt(whole) == loads_per_volt(peak)
+    told = [
+        next(one for one in plate_sources(study) if one.key.endswith("measured_displacement_um"))
+        for study in (peak, whole)
+    ]
+    assert [one.words.split(",")[0] for one in told] == [
+        "2.6 um peak at 100 Vpp and 300 Hz",
+        "5.2 um peak-to-peak at 100 Vpp and 300 Hz",
+    ]
+    assert [one.origin for one in told] == ["paper", "measured"]
+
+
+def test_the_papers_value_from_peak_to_peak_is_not_the_papers() -> None:
+    study = measured(AT.format(um=2.6) + 'measured_as = "peak-to-peak"')
+    assert [one.origin for one in plate_sources(study) if "x_mm" in one.key] == ["yours", "yours"]
+
+
+def test_how_nothing_was_measured_is_not_said() -> None:
+    with pytest.raises(StudyError, match="measured_displacement_um is missing; measured_as needs"):
+        measured('measured_as = "peak-to-peak"')
+
+
 def test_a_map_says_that_it_is_without_the_fingers() -> None:
-    assert plate_of(LOADED).basis == "measured, at 200 Vpp; without the finger load"
+    assert plate_of(LOADED).basis.endswith("at 200 Vpp; without the finger load")
 
 
 @pytest.mark.parametrize(
