@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,6 @@ from numpy.polynomial.legendre import Legendre, leggauss, legmul, legvander
 from numpy.polynomial.polynomial import polyder, polyval2d
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from stimuli.arrays import Real
     from stimuli.strip.patch import BondedPatch
 
@@ -139,14 +138,16 @@ class Around:
 
     def disc(self, points_m: Real, orders: tuple[int, int]) -> Real:
         """Return a derivative of a disc's own functions; a rectangle has none."""
+        if not self.patch.is_disc:
+            return np.zeros((len(points_m), 0))
         radius_m = self.patch.half_size_m[0]
         x, y = (points_m - (self.patch.x_m, self.patch.y_m)).T / radius_m
         inside = x * x + y * y < 1
         columns = [
             np.where(inside, polyval2d(x, y, series), 0.0) / radius_m ** sum(orders)
-            for series in self._series(orders)
+            for series in _disc_series(self.degree, self.odd, orders)
         ]
-        return np.array(columns).reshape(-1, len(points_m)).T
+        return np.stack(columns, axis=1)
 
     def cells(self, n_nodes: tuple[int, int]) -> tuple[Real, Real]:
         """Return nodes and weights over the cells, so many along and across each."""
@@ -181,20 +182,26 @@ class Around:
         x, y = np.cos(polar[:, 1]), np.sin(polar[:, 1])
         return centre_m + polar[:, :1] * np.stack([x, y], axis=1), share
 
-    def _series(self, orders: tuple[int, int]) -> Iterator[Real]:
-        rim = np.zeros((5, 5))  # (1 - x^2 - y^2)^2
-        rim[0, 0], rim[2, 0], rim[0, 2], rim[4, 0], rim[0, 4], rim[2, 2] = 1, -2, -2, 1, 1, 2
-        degrees = range(self.degree + 1) if self.patch.is_disc else ()
-        for i, j in product(degrees, degrees):
-            if i + j > self.degree or self.odd[0] == (i % 2 == 0) or self.odd[1] == (j % 2 == 0):
-                continue
-            shape = np.multiply.outer(*(_legendre(n).coef for n in (i, j)))
-            series = np.zeros((5 + i, 5 + j))
-            for (row, column), value in np.ndenumerate(shape):
-                series[row : row + 5, column : column + 5] += value * rim
-            for axis, order in enumerate(orders):
-                series = np.asarray(polyder(series, order, axis=axis), dtype=np.float64)
-            yield series
+
+@lru_cache(maxsize=64)
+def _disc_series(
+    degree: int, odd: tuple[bool | None, bool | None], orders: tuple[int, int]
+) -> tuple[Real, ...]:
+    """Return the coefficients of a derivative of a disc's functions, over its radius."""
+    rim = np.zeros((5, 5))  # (1 - x^2 - y^2)^2
+    rim[0, 0], rim[2, 0], rim[0, 2], rim[4, 0], rim[0, 4], rim[2, 2] = 1, -2, -2, 1, 1, 2
+    found = []
+    for i, j in product(range(degree + 1), range(degree + 1)):
+        if i + j > degree or odd[0] == (i % 2 == 0) or odd[1] == (j % 2 == 0):
+            continue
+        shape = np.multiply.outer(*(_legendre(n).coef for n in (i, j)))
+        series = np.zeros((5 + i, 5 + j))
+        for (row, column), value in np.ndenumerate(shape):
+            series[row : row + 5, column : column + 5] += value * rim
+        for axis, order in enumerate(orders):
+            series = np.asarray(polyder(series, order, axis=axis), dtype=np.float64)
+        found.append(series)
+    return tuple(found)
 
 
 def _legendre(degree: int) -> Polynomial:

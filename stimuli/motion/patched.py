@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Final
 
@@ -140,7 +141,8 @@ class _Functions:
         return np.asarray(sign[:, np.newaxis] * np.concatenate(parts, axis=1))
 
 
-def patched_modes(strip: Strip, highest_hz: float, *, centred: bool) -> list[PatchedModes]:
+@lru_cache(maxsize=4)
+def patched_modes(strip: Strip, highest_hz: float, *, centred: bool) -> tuple[PatchedModes, ...]:
     """Return the modes of a finite plate with patches up to a frequency, equation (84).
 
     Parameters
@@ -153,7 +155,7 @@ def patched_modes(strip: Strip, highest_hz: float, *, centred: bool) -> list[Pat
         Whether only modes that are even across the strip are asked for; they are a group of
         their own only where all patches are centred across.
     """
-    return [_group(strip, highest_hz, odd) for odd in _symmetries(strip, centred=centred)]
+    return tuple(_group(strip, highest_hz, odd) for odd in _symmetries(strip, centred=centred))
 
 
 def has_room(strip: Strip, highest_hz: float) -> bool:
