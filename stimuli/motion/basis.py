@@ -6,16 +6,19 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import Legendre, leggauss, legmul, legvander
 from numpy.polynomial.polynomial import polyder, polyval2d
 
+from stimuli.strip.edge import ElasticEdge
+
 if TYPE_CHECKING:
     from stimuli.arrays import Real
     from stimuli.strip.patch import BondedPatch
+    from stimuli.strip.strip import Strip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,6 +108,17 @@ def half_waves(wavenumber_rad_m: float, half_m: float) -> int:
     return math.ceil((x + 10 + 3 * math.cbrt(x)) / 2)
 
 
+# At the rim of a patch the curvature jumps, and beyond it the plate bends sharply: polynomials of
+# the whole plate would come near that as 1 / n only. So each patch has functions of its own, with a
+# jump of curvature at its rim, that end smoothly a little way outside it.
+
+_RING: Final = 2.0
+"""How far beyond a patch its functions reach, in its smaller half length."""
+
+_LEAST_RING: Final = 0.25
+"""Where an edge, an end or another patch leaves less room, they end at its rim."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Around:
     """The functions of one patch: piecewise polynomials on three by three cells about it.
@@ -121,20 +135,16 @@ class Around:
     def box(self, points_m: Real, orders: tuple[int, int]) -> Real:
         """Return a derivative of the functions on the cells: (n_points, n_functions)."""
         along, across = (
-            _steps((points_m[:, axis] - centre_m) / half_m, ring_m / half_m, order, odd=odd)
-            / half_m**order
-            for axis, (centre_m, half_m, ring_m, order, odd) in enumerate(
-                zip(
-                    (self.patch.x_m, self.patch.y_m),
-                    self.patch.half_size_m,
-                    self.ring_m,
-                    orders,
-                    self.odd,
-                    strict=True,
-                )
-            )
+            self.factor(axis, points_m[:, axis], order) for axis, order in enumerate(orders)
         )
         return products_of(along, across)
+
+    def factor(self, axis: int, places_m: Real, order: int) -> Real:
+        """Return a derivative of their factors along or across: (n_places, n_factors)."""
+        centre_m = (self.patch.x_m, self.patch.y_m)[axis]
+        half_m, ring_m = self.patch.half_size_m[axis], self.ring_m[axis]
+        place = (places_m - centre_m) / half_m
+        return _steps(place, ring_m / half_m, order, odd=self.odd[axis]) / half_m**order
 
     def disc(self, points_m: Real, orders: tuple[int, int]) -> Real:
         """Return a derivative of a disc's own functions; a rectangle has none."""
@@ -149,38 +159,26 @@ class Around:
         ]
         return np.stack(columns, axis=1)
 
-    def cells(self, n_nodes: tuple[int, int]) -> tuple[Real, Real]:
-        """Return nodes and weights over the cells, so many along and across each."""
-        found = []
-        centre_m = self.patch.x_m, self.patch.y_m
-        for at_m, half_m, ring_m, n in zip(
-            centre_m, self.patch.half_size_m, self.ring_m, n_nodes, strict=True
-        ):
-            steps_m = [-half_m - ring_m, -half_m, half_m, half_m + ring_m]
-            ends_m = at_m + np.array(steps_m if ring_m else steps_m[1:3])
-            nodes, weights = leggauss(n)
-            halves_m = np.diff(ends_m)[:, np.newaxis] / 2
-            places_m = ends_m[:-1, np.newaxis] + halves_m * (nodes + 1)
-            found.append((places_m.ravel(), (halves_m * weights).ravel()))
-        return _grid(found[0], found[1])
+    def line(self, axis: int, n_nodes: int, *, inside: bool) -> tuple[Real, Real]:
+        """Return nodes and weights along or across the cells, or the patch alone."""
+        centre_m = (self.patch.x_m, self.patch.y_m)[axis]
+        half_m, ring_m = self.patch.half_size_m[axis], self.ring_m[axis]
+        steps_m = np.array([-half_m - ring_m, -half_m, half_m, half_m + ring_m])
+        ends_m = centre_m + (steps_m if ring_m and not inside else steps_m[1:3])
+        nodes, weights = leggauss(n_nodes)
+        halves_m = np.diff(ends_m)[:, np.newaxis] / 2
+        places_m = ends_m[:-1, np.newaxis] + halves_m * (nodes + 1)
+        return places_m.ravel(), (halves_m * weights).ravel()
 
-    def area(self, n_nodes: tuple[int, int]) -> tuple[Real, Real]:
-        """Return the same over the patch."""
-        half_x_m, half_y_m = self.patch.half_size_m
-        centre_m = np.array([self.patch.x_m, self.patch.y_m])
-        if not self.patch.is_disc:
-            (x, along), (y, across) = (leggauss(n) for n in n_nodes)
-            points_m, weights = _grid(
-                (half_x_m * x, half_x_m * along), (half_y_m * y, half_y_m * across)
-            )
-            return centre_m + points_m, weights
-        n = max(n_nodes)
-        nodes, weights = leggauss(n)
-        reach_m = half_x_m * (nodes + 1) / 2
-        turns = np.full(2 * n, math.pi / n)
-        polar, share = _grid((reach_m, weights * reach_m * half_x_m / 2), (np.cumsum(turns), turns))
-        x, y = np.cos(polar[:, 1]), np.sin(polar[:, 1])
-        return centre_m + polar[:, :1] * np.stack([x, y], axis=1), share
+    def area(self, n_nodes: int) -> tuple[Real, Real]:
+        """Return nodes (n, 2) and weights over a disc."""
+        nodes, weights = leggauss(n_nodes)
+        reach_m = self.patch.half_size_m[0] * (nodes + 1) / 2
+        angle = math.pi / n_nodes * np.arange(2 * n_nodes)
+        x_m = self.patch.x_m + np.multiply.outer(reach_m, np.cos(angle))
+        y_m = self.patch.y_m + np.multiply.outer(reach_m, np.sin(angle))
+        share = weights * reach_m * self.patch.half_size_m[0] / 2 * math.pi / n_nodes
+        return np.stack([x_m.ravel(), y_m.ravel()], axis=1), np.repeat(share, 2 * n_nodes)
 
 
 @lru_cache(maxsize=64)
@@ -245,13 +243,39 @@ def _derived(one: Polynomial, order: int) -> Polynomial:
     return one.deriv(order) if order else one
 
 
-def _grid(along: tuple[Real, Real], across: tuple[Real, Real]) -> tuple[Real, Real]:
-    """Return the nodes of two integrals as points (n, 2), and their weights."""
-    points = np.meshgrid(along[0], across[0], indexing="ij")
-    weights = np.multiply.outer(along[1], across[1])
-    return np.stack([one.ravel() for one in points], axis=1), weights.ravel()
-
-
 def products_of(along: Real, across: Real) -> Real:
     """Return the products of functions along and across at the same points: (n_points, n)."""
     return np.asarray((along[:, :, np.newaxis] * across[:, np.newaxis]).reshape(len(along), -1))
+
+
+def ring_m(strip: Strip, patch: BondedPatch) -> tuple[float, float]:
+    """Return how far the functions of a patch reach beyond it along and across."""
+    half_m = patch.half_size_m
+    room_m = [
+        (strip.length_m or 0.0) / 2 - abs(patch.x_m) - half_m[0],
+        strip.width_m / 2 - abs(patch.y_m - strip.width_m / 2) - half_m[1],
+    ]
+    for other in strip.patches:
+        if other is not patch:
+            gaps_m = patch.gaps_m(other)
+            axis = 0 if gaps_m[0] >= gaps_m[1] else 1
+            room_m[axis] = min(room_m[axis], gaps_m[axis] / 2)
+    reach_m = [min(_RING * min(half_m), room) for room in room_m]
+    along, across = (one if one > _LEAST_RING * min(half_m) else 0.0 for one in reach_m)
+    return along, across
+
+
+def plate_energies(strip: Strip, along: Polynomials, across: Polynomials) -> tuple[Real, Real]:
+    """Return the matrices of the plate's strain energy and of the springs'."""
+    poisson, stiffness = strip.material.poisson_ratio, strip.bending_stiffness_n_m
+    one_x, one_y = np.eye(along.series.shape[0]), np.eye(across.series.shape[0])
+    coupled = np.kron(along.products(2, 0), across.products(0, 2))
+    plate = (
+        np.kron(along.products(2, 2), one_y)
+        + np.kron(one_x, across.products(2, 2))
+        + poisson * (coupled + coupled.T)
+        + 2 * (1 - poisson) * np.kron(along.products(1, 1), across.products(1, 1))
+    )
+    held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
+    slopes = across.values(np.array([-1.0, 1.0]), 1)
+    return stiffness * plate, np.asarray(held * np.kron(one_x, slopes.T @ slopes))

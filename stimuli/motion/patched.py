@@ -17,27 +17,18 @@ from stimuli.motion.basis import (
     free_basis,
     half_waves,
     held_basis,
+    plate_energies,
     products_of,
+    ring_m,
 )
 from stimuli.motion.standing_waves import wavenumber_rad_m
-from stimuli.strip.edge import CLAMPED, ElasticEdge
+from stimuli.strip.edge import CLAMPED
 from stimuli.strip.patch import Laminate, laminate, layer_of
 
 if TYPE_CHECKING:
     from stimuli.arrays import Real
-    from stimuli.strip.patch import BondedPatch
     from stimuli.strip.strip import Strip
 
-
-# At the rim of a patch the curvature jumps, and beyond it the plate bends sharply: polynomials of
-# the whole plate would come near that as 1 / n only. So each patch has functions of its own, with a
-# jump of curvature at its rim, that end smoothly a little way outside it.
-
-_RING: Final = 2.0
-"""How far beyond a patch its functions reach, in its smaller half length."""
-
-_LEAST_RING: Final = 0.25
-"""Where an edge, an end or another patch leaves less room, they end at its rim."""
 
 _DEGREE, _MOST_DEGREE = 3, 9
 """Of a disc's functions, beside a wave's phase from its centre to its rim; and at most."""
@@ -186,9 +177,10 @@ def _group(strip: Strip, highest_hz: float, odd: tuple[bool | None, bool | None]
     most = wavenumber_rad_m(strip, highest_hz)
     functions = _functions(strip, most, odd)
     springs, stiffness, bare_stiffness, mass = _matrices(strip, functions)
-    kept = _independent(mass, functions.n_global)
+    n = functions.n_global
+    kept = _independent(mass, n)
     springs, stiffness, bare_stiffness, mass = (
-        kept.T @ one @ kept for one in (springs, stiffness, bare_stiffness, mass)
+        _kept(one, n, kept) for one in (springs, stiffness, bare_stiffness, mass)
     )
     squared, vectors = eigh(
         stiffness,
@@ -196,11 +188,10 @@ def _group(strip: Strip, highest_hz: float, odd: tuple[bool | None, bool | None]
         subset_by_value=(-math.inf, (2 * math.pi * highest_hz) ** 2),
         check_finite=False,
     )
-    n = functions.n_global
     return PatchedModes(
         squared=squared,
         bent=vectors.T @ (stiffness - springs) @ vectors,
-        functions=dataclasses.replace(functions, kept=kept[n:, n:]),
+        functions=dataclasses.replace(functions, kept=kept),
         series=vectors,
         stiffness=stiffness,
         bare_stiffness=bare_stiffness,
@@ -222,7 +213,7 @@ def _functions(strip: Strip, most_rad_m: float, odd: tuple[bool | None, bool | N
         around.append(
             Around(
                 patch=patch,
-                ring_m=_ring_m(strip, patch),
+                ring_m=ring_m(strip, patch),
                 odd=(odd[0] if patch.x_m == 0 else None, odd[1]),
                 degree=min(degree, _MOST_DEGREE),
             )
@@ -243,28 +234,11 @@ def _sided(odd: bool | None, even: Polynomials, uneven: Polynomials) -> Polynomi
     return dataclasses.replace(even, series=np.concatenate([even.series, uneven.series]))
 
 
-def _ring_m(strip: Strip, patch: BondedPatch) -> tuple[float, float]:
-    """Return how far the functions of a patch reach beyond it along and across."""
-    half_m = patch.half_size_m
-    room_m = [
-        (strip.length_m or 0.0) / 2 - abs(patch.x_m) - half_m[0],
-        strip.width_m / 2 - abs(patch.y_m - strip.width_m / 2) - half_m[1],
-    ]
-    for other in strip.patches:
-        if other is not patch:
-            gaps_m = patch.gaps_m(other)
-            axis = 0 if gaps_m[0] >= gaps_m[1] else 1
-            room_m[axis] = min(room_m[axis], gaps_m[axis] / 2)
-    reach_m = [min(_RING * min(half_m), room) for room in room_m]
-    along, across = (one if one > _LEAST_RING * min(half_m) else 0.0 for one in reach_m)
-    return along, across
-
-
 def _matrices(strip: Strip, functions: _Functions) -> tuple[Real, Real, Real, Real]:
     """Return the matrices of springs, of plate and springs with and without patches, and mass."""
     plate = layer_of(strip.material, strip.thickness_m)
     bare = laminate([plate])
-    sheet, held = _stiffnesses(strip, functions.along, functions.across)
+    sheet, held = plate_energies(strip, functions.along, functions.across)
     n = functions.n_global
     blocks = [
         _Block(functions, one, bare, laminate([plate, *one.patch.layers]))
@@ -307,32 +281,74 @@ class _Block:
     def products(self) -> tuple[Real, Real, Real, Real]:
         """Return bending and mass of the plate alone, of its own functions; and what is added."""
         first = self._functions.n_global
-        box, every = first + self._n_box, first + self.n_local
-        bends, moves = np.zeros((every, every)), np.zeros((every, every))
-        nodes = self._nodes()
-        area = self._around.area(nodes)
-        parts = [
-            (self._around.cells(nodes), slice(first, box), box),
-            (area, slice(box, every), every),
-        ]
-        for (points_m, weights), mine, end in parts:
-            if mine.start == mine.stop:
-                continue
-            for matrix, rows in zip(
-                (bends, moves), self._rows(points_m, self._fold * weights, self._bare), strict=True
-            ):
-                crossed = rows[:, :end].T @ rows[:, mine]
-                matrix[:end, mine], matrix[mine, :end] = crossed, crossed.T
-        bent, moved = self._rows(area[0], self._fold * area[1], self._added)
-        return bends, moves, bent.T @ bent, moved.T @ moved
+        size = first + self.n_local
+        bends, moves, more_bends, more_moves = (np.zeros((size, size)) for _ in range(4))
+        plate, box = slice(0, first), slice(first, first + self._n_box)
+        pairs = [(plate, box, 0, 1), (box, box, 1, 1)]
+        self._on_lines(bends, moves, pairs, self._bare, inside=False)
+        if self._around.patch.is_disc:
+            self._on_disc((bends, moves), (more_bends, more_moves))
+        else:
+            pairs.append((plate, plate, 0, 0))
+            self._on_lines(more_bends, more_moves, pairs, self._added, inside=True)
+        return bends, moves, more_bends, more_moves
 
-    def _rows(self, points_m: Real, weights: Real, stiff: Laminate) -> tuple[Real, Real]:
-        """Return rows whose squares sum to twice the strain energy, and to that of a velocity."""
-        every = [self._values(points_m, orders) for orders in (*_BENDS, _VALUE)]
-        xx, yy, xy, value = (np.sqrt(weights)[:, np.newaxis] * one for one in every)
-        biaxial, opposed = math.sqrt(stiff.biaxial_n_m / 2), math.sqrt(stiff.opposed_n_m / 2)
-        bent = [biaxial * (xx + yy), opposed * (xx - yy), 2 * opposed * xy]
-        return np.concatenate(bent), math.sqrt(stiff.mass_kg_m2) * value
+    def _on_lines(
+        self,
+        bends: Real,
+        moves: Real,
+        pairs: list[tuple[slice, slice, int, int]],
+        stiff: Laminate,
+        *,
+        inside: bool,
+    ) -> None:
+        """Add integrals over the cells, or a rectangle, of functions that are products of two."""
+        functions, found = self._functions, []
+        for axis, (series, n) in enumerate(
+            zip((functions.along, functions.across), self._nodes(), strict=True)
+        ):
+            places_m, weights = self._around.line(axis, n, inside=inside)
+            place, orders = places_m / series.half_m - axis, range(3)
+            root = np.sqrt(weights)[:, np.newaxis]
+            plate = [root * series.values(place, order) for order in orders]
+            box = [root * self._around.factor(axis, places_m, order) for order in orders]
+            found.append((plate, box))
+        along, across = found
+        alike = self._fold * (stiff.biaxial_n_m + stiff.opposed_n_m) / 2
+        mixed = self._fold * (stiff.biaxial_n_m - stiff.opposed_n_m) / 2
+        twisting, mass = 2 * self._fold * stiff.opposed_n_m, self._fold * stiff.mass_kg_m2
+        for rows, columns, i, j in pairs:
+            one, other = (along[i], across[i]), (along[j], across[j])
+            bent = alike * (_both(one, other, (2, 0), (2, 0)) + _both(one, other, (0, 2), (0, 2)))
+            bent += mixed * (_both(one, other, (2, 0), (0, 2)) + _both(one, other, (0, 2), (2, 0)))
+            bent += twisting * _both(one, other, (1, 1), (1, 1))
+            for matrix, part in (
+                (bends, bent), (moves, mass * _both(one, other, _VALUE, _VALUE)),
+            ):  # fmt: skip
+                matrix[rows, columns] += part
+                if rows != columns:
+                    matrix[columns, rows] += part.T
+
+    def _on_disc(self, alone: tuple[Real, Real], more: tuple[Real, Real]) -> None:
+        """Add integrals over a disc: of its own functions, and what it adds to all."""
+        points_m, weights = self._around.area(max(self._nodes()))
+        root = np.sqrt(self._fold * weights)[:, np.newaxis]
+        every = [root * self._values(points_m, orders) for orders in (*_BENDS, _VALUE)]
+        xx, yy, xy, value = every
+        own = slice(self._functions.n_global + self._n_box, len(alone[0]))
+        kinds = (
+            ("biaxial_n_m", xx + yy, 0.5),
+            ("opposed_n_m", xx - yy, 0.5),
+            ("opposed_n_m", xy, 2.0),
+        )
+        terms = [(0, name, rows, share) for name, rows, share in kinds]
+        for which, name, rows, share in (*terms, (1, "mass_kg_m2", value, 1.0)):
+            squared = rows.T @ rows
+            more[which][:] += share * getattr(self._added, name) * squared
+            part = share * getattr(self._bare, name) * squared[:, own]
+            alone[which][:, own] += part
+            alone[which][own] += part.T
+            alone[which][own, own] -= part[own]
 
     def _values(self, points_m: Real, orders: tuple[int, int]) -> Real:
         around = self._around
@@ -352,6 +368,19 @@ class _Block:
         return along, across
 
 
+def _both(
+    one: tuple[list[Real], list[Real]],
+    other: tuple[list[Real], list[Real]],
+    orders: tuple[int, int],
+    others: tuple[int, int],
+) -> Real:
+    """Return the integrals of derivatives of products, each a factor along and one across."""
+    along, across = (
+        one[axis][orders[axis]].T @ other[axis][others[axis]] for axis in range(len(orders))
+    )
+    return np.asarray(np.kron(along, across), dtype=np.float64)
+
+
 def _independent(mass: Real, n_global: int) -> Real:
     """Return combinations of functions without those of patches that the plate's nearly have."""
     from scipy.linalg import solve
@@ -361,23 +390,10 @@ def _independent(mass: Real, n_global: int) -> Real:
     scale = 1 / np.sqrt(np.diag(mass)[n_global:])
     share, vectors = np.linalg.eigh(scale[:, np.newaxis] * left * scale)
     kept = share > _DEPENDENT
-    found = np.zeros((len(mass), n_global + int(np.count_nonzero(kept))))
-    found[:n_global, :n_global] = np.eye(n_global)
-    found[n_global:, n_global:] = scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(share[kept])
-    return found
+    return np.asarray(scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(share[kept]))
 
 
-def _stiffnesses(strip: Strip, along: Polynomials, across: Polynomials) -> tuple[Real, Real]:
-    """Return the matrices of the plate's strain energy and of the springs'."""
-    poisson, stiffness = strip.material.poisson_ratio, strip.bending_stiffness_n_m
-    one_x, one_y = np.eye(along.series.shape[0]), np.eye(across.series.shape[0])
-    coupled = np.kron(along.products(2, 0), across.products(0, 2))
-    plate = (
-        np.kron(along.products(2, 2), one_y)
-        + np.kron(one_x, across.products(2, 2))
-        + poisson * (coupled + coupled.T)
-        + 2 * (1 - poisson) * np.kron(along.products(1, 1), across.products(1, 1))
-    )
-    held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
-    slopes = across.values(np.array([-1.0, 1.0]), 1)
-    return stiffness * plate, np.asarray(held * np.kron(one_x, slopes.T @ slopes))
+def _kept(matrix: Real, n_global: int, kept: Real) -> Real:
+    """Return a matrix of all functions as one of the plate's and the combinations kept."""
+    crossed, own = matrix[:n_global, n_global:] @ kept, kept.T @ matrix[n_global:, n_global:] @ kept
+    return np.block([[matrix[:n_global, :n_global], crossed], [crossed.T, own]])
