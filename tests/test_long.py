@@ -27,7 +27,8 @@ from device.wire import codec
 from device.wire.endpoint import Endpoint
 from device.wire.frames import Decoder, Frame, encode
 from experiment.archive.folders import SessionFolder
-from experiment.archive.journal import JournalError, read_journal
+from experiment.archive.journal import JournalError, RecordSchemaError, read_journal
+from experiment.integrity.sessions import FILES, examine
 from experiment.session.simulate import simulate_study
 from experiment.study.study import StudyError
 from tactstrip import main
@@ -138,6 +139,8 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
             kills += 1
             if folder.plan_path.exists():
                 more = ["--resume"]
+                amiss = examine(folder.path).differences
+                assert {one.mended_by for one in amiss} <= {"resume"}, amiss
             if folder.journal_path.exists():
                 for entry in read_journal(folder.journal_path).entries:
                     if entry.event == "response":
@@ -145,6 +148,7 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
                         answered[key] = entry.facts["response"]
         with (folder.path / "trials.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
+        assert examine(folder.path).differences == ()
         ok = Counter(int(row["trial"]) for row in rows if row["status"] == "ok")
         assert ok == {trial.number: 1 for trial in folder.read_plan().trials}
         said = {(int(r["trial"]), int(r["attempt"])): r["response"] for r in rows}
@@ -202,6 +206,21 @@ def test_a_journal_of_any_bytes_is_a_beginning_or_refused(simulated: SessionFold
         assert entries == whole[: len(entries)]
 
     refused(path.read_bytes(), 20_000, read, JournalError)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_whatever_is_changed_in_a_record_is_found(simulated: SessionFolder, name: str) -> None:
+    path = simulated.path / name
+    whole = path.read_bytes()
+    assert examine(simulated.path).differences == ()
+    for number in range(rounds(3000)):
+        raw = damaged(whole, np.random.default_rng(number))
+        path.write_bytes(raw)
+        try:
+            found = bool(examine(simulated.path).differences)
+        except RecordSchemaError:
+            found = True
+        assert found == (raw != whole), number
 
 
 def test_a_table_of_any_bytes_is_read_or_refused(simulated: SessionFolder, tmp_path: Path) -> None:
