@@ -48,7 +48,10 @@ index = 0
 SHORT = STUDY.replace("_side = 3", "_side = 1").replace("practice_trials = 2", "")
 SHORT = SHORT.replace("[0.6, 0.7]", "[0.3, 0.4]").replace("response_window_s = 1.0", "")
 TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()", "run")
-AT_A_SCREEN = ("--participant", "01", "--responder", "screen", "--driver", "mock", "--out")
+AT_A_SCREEN = (
+    *("--participant", "01", "--responder", "screen", "--driver", "mock"),
+    *("--practice-without-device", "--out"),
+)
 
 
 def missing() -> str | None:

@@ -326,3 +326,11 @@ def test_an_analysis_without_the_person_is_not_listed(results: Path, run: Run) -
     assert done.exit_code == 0
     assert "is removed already" in done.stdout
     assert "Nothing else that was searched holds this person." in done.stdout
+
+
+def test_the_heads_of_sessions_go_with_the_person_and_are_no_session(results: Path) -> None:
+    assert look_up(results, "01").sessions == ("ses-01",)
+    done = withdraw(results)
+    assert "files in 1 sessions" in done.stderr
+    assert not [*results.rglob("sub-01/sessions.tsv")]
+    assert (results / "sub-02" / "sessions.tsv").is_file()
