@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -280,7 +279,7 @@ def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection
     loads, which = np.unique(ends.load, return_inverse=True)
     p = waves.p[..., np.newaxis]
     k, scale = question.k[:, np.newaxis], back.scale
-    strength = 1j * waves.excited(k, question.source) / waves.norms(k) / scale
+    strength = waves.strengths(k, question.source) / scale
     right, left = (
         strength[..., np.newaxis] * question.source.along(p, ends.length / 2 + side * loads)
         for side in (-1, 1)
@@ -296,11 +295,12 @@ def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection
     shaky = _EPS * (
         np.abs(back.leaving) + np.abs(back.arriving * over) * (1 + np.abs(p) * ends.length)
     )
+    same = np.broadcast_to(np.eye(p.shape[1], dtype=np.complex128), back.leaving.shape)
     for mirror in (1, -1):
         comes = (right + mirror * left) / 2
-        inverse, strengths = _solved(
-            back.leaving + mirror * back.arriving * over, -back.arriving @ comes
-        )
+        matrix = back.leaving + mirror * back.arriving * over
+        both = _solved(matrix, np.concatenate([-back.arriving @ comes, same], axis=2))
+        strengths, inverse = np.split(both, [loads.size], axis=2)
         seen = across * (towards + mirror * away)
         terms = strengths[..., which] * seen
         value += terms.sum(axis=1)
@@ -309,7 +309,7 @@ def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection
         shaken = np.abs(inverse) @ (shaky @ np.abs(strengths) + back.error @ met)
         lost += (shaken[..., which] * np.abs(seen)).sum(axis=1)
         leaving, arriving = back.coarse
-        _, some = _solved(
+        some = _solved(
             leaving + mirror * arriving[..., :fewer] * over[..., :fewer],
             -arriving @ comes[:, : arriving.shape[2]],
         )
@@ -319,11 +319,10 @@ def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection
     return Answered(value=value, error=error)
 
 
-def _solved(matrix: Complex, pushed: Complex) -> tuple[Complex, Complex]:
-    """Return the inverses of matrices and the solutions, or tell that there is none."""
+def _solved(matrix: Complex, pushed: Complex) -> Complex:
+    """Return the solutions, or tell that there is none."""
     try:
-        inverse: Complex = np.linalg.inv(matrix).astype(np.complex128)
-        return inverse, np.linalg.solve(matrix, pushed).astype(np.complex128)
+        return np.linalg.solve(matrix, pushed).astype(np.complex128)
     except np.linalg.LinAlgError as error:
         raise ResonanceError("the ends turn back as much as arrives") from error
 
@@ -334,21 +333,18 @@ def _fewer(count: int) -> int:
 
 
 def _works(waves: Guided, poisson_ratio: float) -> Reflection:
-    """Return the virtual works of leaving and arriving waves on leaving ones.
+    """Return the virtual works of leaving and arriving waves on leaving ones, of sines.
 
-    Row n, column m: int (V_m phi_n + i p_n M_m phi_n) dY at an end, equation (55).
+    Row n, column m: int (V_m phi_n + i p_n M_m phi_n) dY at an end, equation (55), each row by
+    itself to a factor: sines of other orders do no work on each other.
     """
     p = waves.p
-    nodes, weights = _rule(2 * (p.shape[1] + 12) + 16)
-    across, weights = (nodes + 1) / 4, weights / 2
-    shapes, slopes = waves.shapes(across), waves.slopes(across)
-    scale = 1 / np.sqrt(np.abs(shapes) ** 2 @ weights)
-    shapes, slopes = shapes * scale[..., np.newaxis], slopes * scale[..., np.newaxis]
-    mass = (shapes * weights) @ np.swapaxes(shapes, 1, 2)
-    bent = -(slopes * weights) @ np.swapaxes(slopes, 1, 2)
+    order = np.where(waves.branch == 1, waves.g1, waves.g2).imag
     row, column = p[..., np.newaxis], p[:, np.newaxis]
-    shear = 1j * column * ((2 - poisson_ratio) * bent - column**2 * mass)
-    moment = poisson_ratio * bent - column**2 * mass
+    same = np.abs(order[..., np.newaxis] - order[:, np.newaxis]) < 1
+    bent = -(order[:, np.newaxis] ** 2)
+    moment = same * (poisson_ratio * bent - column**2)
+    shear = same * (1j * column * ((2 - poisson_ratio) * bent - column**2))
     leaving, arriving = 1j * row * moment - shear, 1j * row * moment + shear
     n = _fewer(p.shape[1])
     return Reflection(
@@ -356,11 +352,5 @@ def _works(waves: Guided, poisson_ratio: float) -> Reflection:
         arriving=arriving,
         coarse=(leaving[:, :n, :n], arriving[:, :n]),
         error=np.zeros(leaving.shape),
-        scale=scale,
+        scale=math.sqrt(2) * (np.ones(order.shape) if waves.sign > 0 else order),
     )
-
-
-@lru_cache(maxsize=4)
-def _rule(n_nodes: int) -> tuple[Real, Real]:
-    nodes, weights = np.polynomial.legendre.leggauss(n_nodes)
-    return nodes, weights
