@@ -2,8 +2,8 @@
 
 Waves that begin to propagate or meet are what makes a field vary with frequency. Those up to a
 little above the highest frequency are taken out, see `stimuli.solver.leading`; how many nodes the
-rest needs follows from where its next singularity is. What the estimate of the error does not
-find good enough is solved with more nodes, single frequencies by themselves.
+rest needs follows from where its next singularity is. Places where the estimate of the error is
+too large have more nodes, single frequencies are solved by themselves.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stimuli.solver.source import Answered
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
@@ -86,6 +86,7 @@ class Parted:
     count: int  # how many nodes are enough
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
+    rtol: float
     alone: NDArray[np.bool_]  # which of the frequencies may be solved by themselves
 
     @property
@@ -150,6 +151,7 @@ def _up_to(
         count=count,
         counts=counts,
         ratio=ratio,
+        rtol=rtol,
         alone=some_hz >= _LOWEST * supported_hz,
     )
 
@@ -184,14 +186,17 @@ def swept(
     alone: Callable[[NDArray[np.bool_]], Answered],
 ) -> tuple[Answered, Real, NDArray[np.bool_]]:
     """Return D U of all jobs' pairs, the nodes, and which of the frequencies were solved alone."""
-    used_hz = np.zeros(0)
-    for some in (way, way.wider()):
-        nodes_hz, grid = some.nodes_hz, some.grid()
-        parts = [part for job in jobs for part in _parts(strip, job, nodes_hz, grid, rtol)]
-        used_hz = np.append(used_hz, nodes_hz[::2])
-        good = np.all([part.relative() <= rtol for part in parts], axis=0)
-        if np.count_nonzero(good) >= (1 - _FEW) * good.size:
-            break
+    used_hz, parts, good = [way.nodes_hz[::2]], [], way.places > -np.inf
+    for job in jobs:
+        part = _solved(strip, job, way, np.arange(job.distance.size))
+        fine = part.error <= rtol * part.sizes()
+        if np.count_nonzero(np.all(fine, axis=1)) < (1 - _FEW) * good.size:
+            places, wider = np.flatnonzero(~np.all(fine, axis=0)), way.wider()
+            better = _solved(strip, job, wider, places)
+            part.value[:, places], part.error[:, places] = better.value, better.error
+            used_hz.append(wider.nodes_hz[::2])
+        good &= part.relative() <= rtol
+        parts.append(part)
     found = Answered(
         value=np.concatenate([part.value for part in parts], axis=1),
         error=np.concatenate([part.error for part in parts], axis=1),
@@ -200,16 +205,21 @@ def swept(
     if np.any(poor):
         better = alone(poor)
         found.value[poor], found.error[poor] = better.value, better.error
-    return found, used_hz, poor
+    return found, np.unique(np.concatenate(used_hz)), poor
 
 
-def _parts(strip: Strip, job: Job, nodes_hz: Real, grid: Grid, rtol: float) -> Iterator[Answered]:
-    """Return D U of a job's pairs, in portions that fit the cache."""
-    question = job.question(*dimensionless(strip, nodes_hz.astype(np.complex128)), rtol)
-    size = job.distance.size
-    n_parts = math.ceil(size * max(nodes_hz.size / _NODES, grid.rest.size / _VALUES))
+def _solved(strip: Strip, job: Job, way: Parted, places: NDArray[np.intp]) -> Answered:
+    """Return D U of a job's pairs at some places, in portions that fit the cache."""
+    nodes_hz, grid = way.nodes_hz, way.grid()
+    question = job.question(*dimensionless(strip, nodes_hz.astype(np.complex128)), rtol=way.rtol)
+    n_parts = math.ceil(places.size * max(nodes_hz.size / _NODES, way.places.size / _VALUES))
     if n_parts == 1:
-        yield over_frequency(question, job.signs, grid)
-        return
-    for places in np.array_split(np.arange(size), n_parts):
-        yield over_frequency(question.at(places), job.signs, grid)
+        return over_frequency(question.at(places), job.signs, grid)
+    parts = [
+        over_frequency(question.at(some), job.signs, grid)
+        for some in np.array_split(places, n_parts)
+    ]
+    return Answered(
+        value=np.concatenate([part.value for part in parts], axis=1),
+        error=np.concatenate([part.error for part in parts], axis=1),
+    )

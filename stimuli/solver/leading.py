@@ -52,6 +52,9 @@ _BACKWARD: Final = 0.01
 _SHORTEST: Final = 1e-3
 """Half length of a load in widths from which exponentials may be subtracted."""
 
+_FEW: Final = 8
+"""Places among which equal distances are not looked for."""
+
 _CAUTION: Final = 3.0
 """What the first coefficient left out is multiplied with."""
 
@@ -286,6 +289,10 @@ def _steepness(question: Question, size: Real) -> Real:
 
 def _carried(source: Source, p: Complex, distance: Real) -> Complex:
     """Return `Source.along` over p, with fewer exponentials where no digit is lost by it."""
+    if distance.size > _FEW:
+        different, places = np.unique(distance, return_inverse=True)
+        if 2 * different.size < distance.size:
+            return _carried(source, p, different)[..., places]
     p, c = p[..., np.newaxis], source.half_length
     if c < _SHORTEST:
         return np.asarray(source.along(p, distance) / p)

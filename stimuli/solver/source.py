@@ -248,11 +248,14 @@ class Answered:
     value: Complex
     error: Real
 
+    def sizes(self) -> Real:
+        """Return what the errors are wanted relative to, of the shape of the values."""
+        size = np.abs(self.value)
+        return np.asarray(np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True)))
+
     def relative(self) -> Real:
         """Return the greatest error as a part of what it is wanted of, for each frequency."""
-        size = np.abs(self.value)
-        size = np.maximum(size, 1e-3 * np.max(size, axis=1, keepdims=True))
-        return np.asarray(np.max(self.error / np.maximum(size, 1e-300), axis=1))
+        return np.asarray(np.max(self.error / np.maximum(self.sizes(), 1e-300), axis=1))
 
 
 def far_clearance(rtol: float) -> float:
