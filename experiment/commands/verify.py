@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from experiment.commands.options import working
 from experiment.terms.exits import ANSWER_IS_NO, refusals
 
 
@@ -27,9 +28,13 @@ def verify(*, folder: Path) -> None:
     from experiment.integrity.sessions import examine, lost_sessions, people_of, session_paths
 
     sessions = session_paths(folder)
+    records = []
+    with working("Comparing") as step:
+        for session in sessions:
+            records.append(examine(session))
+            step(len(records), len(sessions))
     found = 0
-    for session in sessions:
-        examined = examine(session)
+    for session, examined in zip(sessions, records, strict=True):
         found += len(examined.differences)
         name = "/".join(session.resolve().parts[-2:])
         click.echo(f"{name}: {_verdict(len(examined.differences), ended=examined.ended)}")

@@ -308,11 +308,13 @@ def lost_sessions(person: Path) -> tuple[Difference, ...]:
     )
 
 
-def refuse_altered(folder: Path) -> None:
-    """Refuse to go on with a session whose record is not as it was written.
+def refuse_altered(folder: Path) -> tuple[Difference, ...]:
+    """Refuse a session whose record is not as it was written; return what a command mends.
 
-    Whatever is built anew from the journal is no reason. ArchiveError for the first difference.
+    ArchiveError for the first difference that the journal cannot put right.
     """
-    for difference in examine(folder).differences:
+    differences = examine(folder).differences
+    for difference in differences:
         if difference.mended_by is None:
             raise ArchiveError(f"{difference}; restore it from a copy: nothing was changed")
+    return differences

@@ -325,6 +325,18 @@ def test_an_edit_is_found_and_named(results: Path, run: Run, name: str) -> None:
     assert "\n" not in told
 
 
+@pytest.mark.parametrize("name", EDITS)
+def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(results: Path, name: str) -> None:
+    EDITS[name][0](results)
+    try:
+        loaded = read_inputs([results], accept_altered=True)
+    except ResultFileError as error:  # no table any more, or one that contradicts itself
+        assert name.split(":", maxsplit=1)[0] in {"trials.csv", "folder"}, error
+    else:
+        assert len(loaded.altered) == 1
+        assert analyse(loaded).mark.endswith("Altered after recording: 1 of 2 sessions")
+
+
 def test_analyze_names_what_verify_names_and_writes_nothing(results: Path, run: Run) -> None:
     answer(4)(results)
     table = results / SESSION / "trials.csv"
