@@ -328,10 +328,11 @@ def test_an_edit_is_found_and_named(results: Path, run: Run, name: str) -> None:
 @pytest.mark.parametrize("name", EDITS)
 def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(results: Path, name: str) -> None:
     EDITS[name][0](results)
-    try:
+    loaded = None
+    with contextlib.suppress(ResultFileError):
         loaded = read_inputs([results], accept_altered=True)
-    except ResultFileError as error:  # no table any more, or one that contradicts itself
-        assert name.split(":", maxsplit=1)[0] in {"trials.csv", "folder"}, error
+    if loaded is None:  # no table any more, or one that contradicts itself
+        assert name.split(":", maxsplit=1)[0] in {"trials.csv", "folder"}
     else:
         assert len(loaded.altered) == 1
         assert analyse(loaded).mark.endswith("Altered after recording: 1 of 2 sessions")
