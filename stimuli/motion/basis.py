@@ -115,6 +115,9 @@ def half_waves(wavenumber_rad_m: float, half_m: float) -> int:
 _RING: Final = 2.0
 """How far beyond a patch its functions reach, in its smaller half length."""
 
+_HUMPS: Final = 3
+"""How many humps there are where functions end at the rim."""
+
 _LEAST_RING: Final = 0.25
 """Where an edge, an end or another patch leaves less room, they end at its rim."""
 
@@ -210,7 +213,7 @@ def _steps(place: Real, reach: float, order: int, *, odd: bool | None) -> Real:
     """Return functions of a place over half a patch's length: (n_places, n_functions).
 
     Even or odd, or both: value and slope at the rim, and a hump outside and one inside. They end
-    with slope 0 at 1 + reach. Without any reach only the hump inside is left, which ends at 1.
+    with slope 0 at 1 + reach. Without any reach humps inside are left, which end at 1.
     """
     if odd is None:
         both = [_steps(place, reach, order, odd=one) for one in (False, True)]
@@ -219,7 +222,7 @@ def _steps(place: Real, reach: float, order: int, *, odd: bool | None) -> Real:
     s = Polynomial([0, 1])
     first = s if odd else Polynomial([1])
     hump = (1 - s**2) ** 2
-    pieces = [(hump * first, 0 * s)]
+    pieces = [(hump * first * s ** (2 * n), 0 * s) for n in range(1 if reach else _HUMPS)]
     if reach:
         value = s * (3 - s**2) / 2 if odd else first
         slope = (s**3 - s) / 2 if odd else (s**2 - 1) / 2

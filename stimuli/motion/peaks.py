@@ -147,9 +147,12 @@ def patched_peaks(
     part = error_m[most, columns] / last.peak_m[most, columns]
     error_m = np.maximum(error_m, part * last.peak_m)
     if np.any(part > _PATCHED) or np.any(error_m > _PATCHED * np.max(last.peak_m, axis=0)):
+        least_m = min(2 * min(patch.half_size_m) for patch in strip.patches)
         raise ValueError(
-            f"the displacement with patches is not known to {_PATCHED:g}: they are too small "
-            f"for the strip's width, got {strip.patches!r}"
+            f"the displacement with patches is known worse than to {_PATCHED:.0%}: the smallest, "
+            f"{least_m * 1e3:.3g} mm, is too small beside the width of "
+            f"{strip.width_m * 1e3:.3g} mm or too near to another one; "
+            "leave its stiffness and mass out"
         )
     return Peaks(peak_m=last.peak_m, error_m=error_m)
 

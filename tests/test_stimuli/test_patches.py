@@ -308,6 +308,31 @@ def test_what_knows_no_patches_refuses_them() -> None:
         transient(scene, BURST, [1e-3], rtol=1e-6)
 
 
+@pytest.mark.slow
+def test_patches_whose_effect_is_not_known_well_are_refused() -> None:
+    small = [rectangle(x_m, size_m=(0.0015, 0.0015)) for x_m in (-0.03, 0.03)]
+    tips = [Fingertip(x_m=one.x_m, y_m=W / 2) for one in small]
+    strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *small)
+    with pytest.raises(ValueError, match=r"worse than to 3%: the smallest, 1\.5 mm, is too small"):
+        felt(strip, [moment(one) for one in small], tips, BURST)
+
+
+@pytest.mark.slow
+def test_a_patch_of_the_whole_width_is_as_in_finite_elements() -> None:
+    from scipy.sparse.linalg import splu
+
+    from benchmarks.plate_fem import model
+
+    patch = rectangle(0.01, size_m=(0.012, W))
+    strip = bearing(on(CLAMPED, LENGTH_M), patch)
+    load, points_m = moment(patch), ((0.01, W / 2),)
+    assert isinstance(load, MomentRectangle)
+    plate = model(strip, load, points_m, 1e-3)
+    at_rest_m = plate.points @ splu(plate.stiffness).solve(plate.load)
+    scene = Scene(strip=strip, loads=(load,), points_m=points_m)
+    assert abs(steady(scene, 1.0)[0]) == pytest.approx(abs(at_rest_m), rel=5e-3)
+
+
 def test_an_endless_strip_has_no_patches() -> None:
     with pytest.raises(ValueError, match=r"patches need a strip with ends: length_m must be given"):
         bearing(PLATE, disc())
