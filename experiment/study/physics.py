@@ -114,6 +114,13 @@ def loads_per_volt(
         if actuator.basis is None:
             found.append((None, None))
             continue
+        cutoff_hz, at_hz = strip.cutoff_hz(), actuator.measured_at_hz
+        if at_hz is not None and at_hz >= cutoff_hz:
+            raise StudyError(
+                f"study {study.name}: the {actuator.label} actuator: measured_at_hz must lie below "
+                f"the plate's first cut-off, {cutoff_hz:.6g} Hz, from where on its ends count as "
+                f"much as the actuator; got {at_hz:g}: measure at a lower frequency"
+            )
         try:
             known = load_per_volt(strip, load, actuator.basis)
         except ValueError as error:
@@ -148,10 +155,29 @@ def _felt_m(
         peaks_m = felt(strip, loads_of(study), tips, condition.drive)
     except ValueError as error:
         raise StudyError(
-            f"study {study.name}: condition {condition.name}: the displacement: {error}"
+            f"study {study.name}: condition {condition.name}: the displacement: "
+            f"{_in_keys(study, condition, str(error))}"
         ) from error
     scaled: NDArray[np.float64] = peaks_m / unscaled_peak(condition, study.device)
     return scaled
+
+
+def _in_keys(study: Study, condition: Condition, error: str) -> str:
+    """Say what a field over time refuses by the keys of the study, with what helps."""
+    drive = condition.drive
+    if error.startswith("burst must have its peak"):
+        plate = study.plate
+        return (
+            f"a plate of width_mm = {plate.width_mm:g} and thickness_mm = {plate.thickness_mm:g} "
+            f"is too wide and thin for a drive with its peak at {drive.peak_hz():.6g} Hz; take a "
+            "lower frequency, or a narrower or thicker plate"
+        )
+    if error.startswith("rtol must"):
+        return (
+            f"the drive, with its peak at {drive.peak_hz():.6g} Hz, ends too sharply for this "
+            'plate; take a window such as "hann", fade the file out, or state a loss_factor'
+        )
+    return error
 
 
 def chosen_burst(study: Study, condition: Condition) -> Burst:

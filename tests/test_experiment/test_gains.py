@@ -223,7 +223,9 @@ def test_a_wider_fingertip_feels_at_least_as_much(paper: ConditionGains) -> None
 
 def test_a_displacement_measured_above_the_cutoff_tells_no_load() -> None:
     text = discs(MEASURED.format(2.6, 3000), KNOWN)
-    with pytest.raises(StudyError, match="displacement of the left actuator: frequency_hz must"):
+    with pytest.raises(
+        StudyError, match=r"the left actuator: measured_at_hz must lie below .* got 3000: measure"
+    ):
         study_gains(study_from_text(text, "s.toml"))
 
 
@@ -237,6 +239,28 @@ def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
     (plain,) = paper_study().conditions
     with pytest.raises(ValueError, match="condition main must have window = auto; got none"):
         chosen_burst(study, plain)
+
+
+def test_a_burst_too_high_for_the_plate_is_refused_in_the_studys_words() -> None:
+    text = '[strip]\nwidth_mm = 900\nlength_mm = 2000\nthickness_mm = 0.1\nmaterial = "steel"\n'
+    text += 'edge = "clamped"\n' + discs("", "")
+    with pytest.raises(StudyError) as caught:
+        study_gains(study_from_text(text, "s.toml"))
+    assert str(caught.value).endswith(
+        "the displacement: a plate of width_mm = 900 and thickness_mm = 0.1 is too wide and thin "
+        "for a drive with its peak at 418.736 Hz; take a lower frequency, or a narrower or thicker "
+        "plate"
+    )
+
+
+def test_a_drive_that_ends_too_sharply_is_told_what_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: Any) -> Any:
+        raise ValueError("rtol must be at least 0.1 for this drive and scene, got 0.003")
+
+    monkeypatch.setattr("stimuli.felt", refused)
+    with pytest.raises(StudyError, match=r"ends too sharply .* fade the file out") as caught:
+        study_gains(paper_study())
+    assert "rtol" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
