@@ -244,7 +244,7 @@ def pressed_motion(
     at_rest = len(scene.loads), len(scene.points_m)
     unsure_m = None if bare.unsure_m is None else bare.unsure_m[: at_rest[0], : at_rest[1]]
 
-    def up_to(upper_hz: float, coarser: Motion | None) -> Motion:
+    def up_to(upper_hz: float, *coarser: Motion) -> Motion:
         oscillators = _coupled(bare, strip, pressed, upper_hz)
         return Motion(
             oscillators=oscillators,
@@ -257,7 +257,8 @@ def pressed_motion(
             coarser=coarser,
         )
 
-    return up_to(highest_hz, up_to(highest_hz / math.sqrt(2), None))
+    coarser = (up_to(highest_hz / part) for part in (math.sqrt(2), 2.0))
+    return up_to(highest_hz, *coarser)
 
 
 def _coupled(

@@ -77,9 +77,9 @@ class Motion:
     unsure_m : ndarray of float64 or None, shape (n_loads, n_points)
         What may be wrong of a plate with patches at rest: twice what the same functions miss of
         the exact field without patches.
-    coarser : Motion or None
-        The same without the modes of the upper half octave, where their inertia shifts the
-        others, as it does under fingers: by what that changes the error is more.
+    coarser : tuple of (Motion, Motion)
+        The same without the modes of the upper half octave and of the upper octave, where their
+        inertia shifts the others, as it does under fingers; else empty.
     """
 
     oscillators: Oscillators
@@ -89,7 +89,7 @@ class Motion:
     highest_hz: float
     viscous_s: float
     unsure_m: Real | None = None
-    coarser: Motion | None = None
+    coarser: tuple[Motion, ...] = ()
 
 
 def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:

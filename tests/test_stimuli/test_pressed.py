@@ -29,6 +29,7 @@ from stimuli import (
 from stimuli.fingers.fingertip import causal
 from stimuli.fingers.pressed import Pressed, pressed_motion
 from stimuli.motion.motion import motion_of
+from stimuli.motion.peaks import peaks_of
 from tests.test_stimuli.plates import CYCLE, DISCS, FIRM, HANN, SOFT, TIPS, W, on
 
 if TYPE_CHECKING:
@@ -288,6 +289,26 @@ def test_fingers_couple_the_modes_of_random_plates_as_receptances_do() -> None:
 
 
 # --- what is felt
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, FIRM, CLAMPED], ids=["supported", "firm", "cl"])
+@pytest.mark.parametrize("drive", [CYCLE, HANN], ids=["cycle", "hann"])
+def test_the_estimate_holds_against_twice_as_many_modes(edge: Any, drive: Burst) -> None:
+    rng = np.random.default_rng(3)
+    strip = causal(on(edge, 0.12, loss=0.01), drive)
+    loads = tuple(MomentDisc(x_m=x, y_m=W / 2, radius_m=0.0055) for x in (-0.03, 0.03))
+    points = [(load.x_m + a, load.y_m + b) for load in loads for a in (0, 3e-3) for b in (0, 3e-3)]
+    scene, groups = scene_on(strip, loads, *points), [np.arange(4), np.arange(4, 8)]
+    for _ in range(4):
+        fingers = [finger(*10 ** rng.uniform([-5, 1, -2], [-2.5, 4.5, 1.5])) for _ in loads]
+        pressed = pressing(fingers[0], -0.03) + pressing(fingers[1], 0.03)
+        few, many = (
+            peaks_of(with_fingers(scene, 2900.0, n, pressed), groups, drive, wait_s=8e-3)
+            for n in (8.0, 17.0)
+        )
+        assert np.all(np.abs(few.peak_m - many.peak_m) <= few.error_m)
+        assert np.all(np.diag(few.error_m) < 0.02 * np.diag(few.peak_m))
 
 
 def test_a_heavy_finger_feels_less_and_no_finger_what_it_felt() -> None:
