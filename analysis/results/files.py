@@ -18,7 +18,7 @@ from analysis.answers.counting import clean_table
 from analysis.definitions import TOTAL
 from analysis.results.figures import figures
 from analysis.results.report import report_html
-from analysis.results.summary import summary_text
+from analysis.results.summary import devices, summary_text
 from experiment.archive import manifest
 from experiment.archive.disk import UNWAITED, LockError, lock_on, make_folder, write_new
 from experiment.archive.manifest import Manifest
@@ -209,7 +209,7 @@ def _marks(analysis: Analysis) -> tuple[pd.DataFrame, list[str]]:
     trials, counts = analysis.trials, analysis.counts
     marks = {
         "simulated": 0 < counts.simulated < counts.trials,
-        "device_kind": bool(counts.without_device),
+        "device_kind": bool(counts.without_device) or len(devices(trials)) > 1,
         "altered": bool(analysis.altered),
     }
     altered = trials["file"].isin([*analysis.altered])

@@ -135,7 +135,8 @@ class Analysis:
     @property
     def _practice(self) -> str:
         number = self.counts.without_device
-        return f"{number} trials of people without a device: practice" if number else ""
+        told = f"Practice without a device: {number} of {self.counts.trials} trials"
+        return told if number else ""
 
     @property
     def _altered(self) -> str:

@@ -23,7 +23,8 @@ from analysis.definitions import METHODS
 from analysis.results.files import NAMES
 from experiment.archive.disk import write_new
 from experiment.terms.record import COLUMNS
-from tests.test_analysis.shared import EXAMPLES, LEAST, files, put, run
+from tests.test_analysis.shared import EXAMPLES, LEAST, files, put, run, write
+from tests.test_analysis.shared import row as trial
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -519,3 +520,24 @@ def test_a_bar_is_shown_on_a_terminal_only(tmp_path: Path, monkeypatch: pytest.M
         write_analysis(paths, tmp_path / "out", columns=ColumnMap(), figures=False, bar=True)
         assert ("100%" in stream.getvalue()) == is_terminal
         assert bool(stream.getvalue()) == is_terminal
+
+
+@pytest.mark.slow
+def test_tables_of_several_kinds_of_device_say_which(tmp_path: Path, analyze: Analyze) -> None:
+    kinds = {"1": "real", "2": "emulated", "3": "emulated"}
+    paths = [
+        write(
+            tmp_path / f"{who}.csv", trial(participant=who, device_kind=kind, simulated=who == "2")
+        )
+        for who, kind in kinds.items()
+    ]
+    out = tmp_path / "out"
+    assert analyze(*paths, "--out", out, "--no-figures").exit_code == 2
+    result = analyze(*paths, "--out", out, "--no-figures", "--allow-simulated")
+    assert result.exit_code == 0, result.output
+    assert "Practice without a device: 1 of 3" in " ".join(result.stdout.split())
+    people = {line["participant"]: line["device_kind"] for line in rows(out / "participants.csv")}
+    assert people == kinds
+    assert [line["device_kind"] for line in rows(out / "levels.csv")] == ["mixed"]
+    summary = json.loads((out / "summary.json").read_bytes())
+    assert summary["devices"] == {"emulated": 2, "real": 1}

@@ -314,7 +314,7 @@ def test_practice_is_analysed_and_exported_only_when_asked_for_and_marked(
     done = run("analyze", sessions.out, "--out", out, "--allow-simulated")
     assert done.exit_code == 0, done.output
     trials = len(sessions.rows())
-    mark = f"{trials} trials of people without a device: practice"
+    mark = f"Practice without a device: {trials} of {trials} trials"
     assert mark in done.stdout
     summary = json.loads((out / "summary.json").read_bytes())
     assert (summary["mark"], summary["devices"]) == (mark, {"mock": trials})
