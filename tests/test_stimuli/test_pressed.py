@@ -14,10 +14,12 @@ from stimuli import (
     CLAMPED,
     MATERIALS,
     SIMPLY_SUPPORTED,
+    BondedPatch,
     Burst,
     ElasticEdge,
     Fingertip,
     Impedance,
+    Layer,
     MomentDisc,
     PointForce,
     PressureDisc,
@@ -320,6 +322,32 @@ def test_a_heavy_finger_feels_less_and_no_finger_what_it_felt() -> None:
     )
     np.testing.assert_allclose(light, bare, rtol=3e-3)
     assert np.all(np.diag(heavy) < 0.3 * np.diag(bare))
+
+
+@pytest.mark.slow
+def test_fingers_press_on_plates_with_patches_too() -> None:
+    layer = Layer(
+        thickness_m=2.5e-4, youngs_modulus_pa=62e9, poisson_ratio=0.34, density_kg_m3=7800.0
+    )
+    patches = tuple(
+        BondedPatch(
+            x_m=disc.x_m,
+            y_m=disc.y_m,
+            length_x_m=0.0128,
+            length_y_m=0.0128,
+            layers=(layer,),
+            is_disc=True,
+        )
+        for disc in DISCS
+    )
+    strip = dataclasses.replace(on(FIRM, 0.12, loss=0.01), patches=patches)
+    bare, light, heavy = (
+        felt(strip, DISCS, [dataclasses.replace(tip, impedance=z) for tip in TIPS], CYCLE)
+        for z in (None, finger(), finger(1e-7, 1e5, 5.0))
+    )
+    np.testing.assert_allclose(light, bare, rtol=5e-3)
+    # some 4 um/N of the area beside 10 um/N of the spring
+    assert np.all(np.diag(heavy) < 0.9 * np.diag(bare))
 
 
 def test_a_finger_that_rests_counts_for_every_load() -> None:
