@@ -155,6 +155,8 @@ _LATE: Final = 0.75
 """A largest value beyond this part of the time after the drive asks for twice that time."""
 
 _MOST_DOUBLINGS: Final = 3
+_ECHOED: Final = 2
+"""So many times is that doubled at once where ends send echoes on and on: they may add up late."""
 
 
 def felt(
@@ -375,7 +377,8 @@ def _by_spectra(
     """Return the greatest absolute values over time at the places of each fingertip."""
     wait_s = wait_of(scene.strip, far_m)
     step_s = 1 / (LOOKS * reference_of(scene, drive))
-    for doubling in range(_MOST_DOUBLINGS + 1):
+    first = 0 if scene.strip.length_m is None else _ECHOED
+    for doubling in range(first, _MOST_DOUBLINGS + 1):
         late_s = wait_s * 2**doubling
         end_s = min(drive.duration_s + late_s, MOST_TIME_S)
         times_s = np.append(np.arange(0.0, end_s, step_s), end_s)

@@ -452,3 +452,20 @@ def test_modes_are_not_taken_where_they_do_not_reach_what_is_wanted() -> None:
     assert (
         work.skipped[0] == f"all bins: {work.modes} modes up to {work.highest_hz:.6g} Hz are enough"
     )
+
+
+@pytest.mark.slow
+def test_echoes_that_add_up_late_are_in_the_spectra_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    # after the time of one way over an end, at which the spectra stopped, they are 1 dB quieter
+    acrylic = Material(youngs_modulus_pa=3.2e9, poisson_ratio=0.37, density_kg_m3=1180.0)
+    strip = plate(SIMPLY_SUPPORTED, 0.005, 0.17322, material=acrylic, width_m=0.02283)
+    strip = dataclasses.replace(strip, thickness_m=0.00079)
+    places, drive = (-0.02595, 0.02841), Burst(frequency_hz=608.6, cycles=2, window="tukey")
+    loads = [MomentDisc(x_m=x, y_m=0.01142, radius_m=0.00758) for x in places]
+    tips = [Fingertip(x_m=x, y_m=0.01142, radius_m=0.004) for x in places]
+    by_modes = felt(strip, loads, tips, drive)
+    monkeypatch.setattr(fingertip, "by_modes", lambda *_: None)
+    by_spectra = felt(strip, loads, tips, drive, rtol=1e-3)
+    np.testing.assert_allclose(by_modes, by_spectra, rtol=2e-3)
+    monkeypatch.setattr(fingertip, "_ECHOED", 0)
+    assert felt(strip, loads, tips, drive, rtol=1e-3)[1, 0] < 0.95 * by_spectra[1, 0]
