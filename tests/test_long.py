@@ -7,6 +7,7 @@ import json
 import math
 import os
 import signal
+import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,6 +33,8 @@ from experiment.integrity.sessions import FILES, examine
 from experiment.session.simulate import simulate_study
 from experiment.study.study import StudyError
 from tactstrip import main
+from tests.test_experiment.sessions import Sessions
+from tests.test_experiment.test_terminal import Terminal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -154,6 +157,62 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
         said = {(int(r["trial"]), int(r["attempt"])): r["response"] for r in rows}
         assert answered.items() <= said.items()
     print(f"{kills} kills in {session} sessions")
+
+
+STEPS = {b"Enter goes on": b"\n", b" ?": b"\x1b[D"}
+"""What a person at the terminal does about what is shown."""
+
+
+def sat_through(terminal: Terminal, kill_at_s: float) -> int | None:
+    """Press what is asked for; kill the process at a time, or return how it ended before."""
+    done = 0
+    while time.monotonic() < kill_at_s:
+        if not terminal.read(min(kill_at_s, time.monotonic() + 0.1)):
+            ended = terminal.process.poll()
+            if ended is not None:
+                return ended
+        for place, asked in sorted(
+            (place, asked)
+            for asked in STEPS
+            if (place := terminal.shown.find(asked, done)) >= 0
+        ):  # fmt: skip
+            time.sleep(0.11 if asked == b" ?" else 0.0)
+            terminal.press(STEPS[asked])
+            done = place + len(asked)
+    terminal.process.kill()
+    return None
+
+
+def test_a_person_at_a_terminal_who_is_killed_again_and_again_loses_nothing(
+    tmp_path: Path, quick_study_text: str
+) -> None:
+    """With the chain of hashes and markers on; killed at any time, not only at the disk's."""
+    kills = number = 0
+    while kills < rounds(60):
+        number += 1
+        rng = np.random.default_rng(number)
+        text = quick_study_text + 'minimum_break_s = 0\n[masking]\nnoise = "none"\n'
+        sessions = Sessions(tmp_path / f"{number}", text)
+        folder = sessions.folder()
+        more = ["--seed", str(number)]
+        ended = None
+        while ended is None:
+            with Terminal(sessions, "--lsl", *more) as terminal:
+                ended = sat_through(terminal, time.monotonic() + rng.uniform(0.8, 2.5))
+            kills += ended is None
+            if folder.plan_path.exists():
+                more = ["--resume"]
+                amiss = examine(folder.path).differences
+                assert {one.mended_by for one in amiss} <= {"resume"}, amiss
+        assert ended == 0
+        assert examine(folder.path).differences == ()
+        rows = sessions.rows()
+        ok = Counter(int(row["trial"]) for row in rows if row["status"] == "ok")
+        planned = {trial.number for trial in folder.read_plan().trials}
+        assert {trial: n for trial, n in ok.items() if trial in planned} == dict.fromkeys(
+            planned, 1
+        )
+    print(f"{kills} kills in {number} sessions at a terminal")
 
 
 # --- fuzzing

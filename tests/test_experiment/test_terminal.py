@@ -61,7 +61,7 @@ class Terminal:
             os.close(self._keyboard)
         self._keyboard = -1
 
-    def _read(self, until_s: float) -> bool:
+    def read(self, until_s: float) -> bool:
         ready, _, _ = select.select([self._keyboard], [], [], max(0.0, until_s - time.monotonic()))
         if not ready:
             return False
@@ -76,7 +76,7 @@ class Terminal:
     def expect(self, text: bytes) -> None:
         until_s = time.monotonic() + PATIENCE_S
         while text not in self._seen:
-            assert self._read(until_s), (text, self.shown)
+            assert self.read(until_s), (text, self.shown)
         self._seen = self._seen[self._seen.index(text) + len(text) :]
 
     def press(self, key: bytes) -> None:
@@ -100,7 +100,7 @@ class Terminal:
 
     def ended(self) -> int:
         until_s = time.monotonic() + PATIENCE_S
-        while self._read(until_s):
+        while self.read(until_s):
             pass
         return self.process.wait(PATIENCE_S)
 
