@@ -207,15 +207,16 @@ def test_measured_amplitudes_lie_between_those_of_a_free_and_of_a_held_patch() -
     assert centre_um(ONE_DISC) > 1.0
 
 
-@pytest.mark.parametrize(
-    ("figure", "plate", "load", "layers", "frequency_hz", "level_vpp"),
-    [
-        (9, "SECOND", "UPRIGHT_PATCH", "PIC255", 700.0, 100.0),
-        (10, "SECOND", "FLAT_PATCH", "PIC255", 700.0, 100.0),
-        (6, "FIRST", "DISC", "BUZZER", 300.0, 100.0),
-        (5, "FIRST", "DISC", "BUZZER", 300.0, 50.0),
-    ],
+PEAKS = (
+    (9, "SECOND", "UPRIGHT_PATCH", "PIC255", 700.0, 100.0),
+    (10, "SECOND", "FLAT_PATCH", "PIC255", 700.0, 100.0),
+    (6, "FIRST", "DISC", "BUZZER", 300.0, 100.0),
+    (5, "FIRST", "DISC", "BUZZER", 300.0, 50.0),
 )
+MEANS = ((8, "SECOND", "UPRIGHT_PATCH", "PIC255"), (4, "FIRST", "DISC", "BUZZER"))
+
+
+@pytest.mark.parametrize(("figure", "plate", "load", "layers", "frequency_hz", "level_vpp"), PEAKS)
 def test_the_patch_in_the_plate_gives_what_the_page_tells(
     figure: int, plate: str, load: str, layers: str, frequency_hz: float, level_vpp: float
 ) -> None:
@@ -227,10 +228,7 @@ def test_the_patch_in_the_plate_gives_what_the_page_tells(
     assert per_v_m[0] * level_vpp / 2 * 1e6 == pytest.approx(float(told[2]), abs=0.005)
 
 
-@pytest.mark.parametrize(
-    ("figure", "plate", "load", "layers"),
-    [(8, "SECOND", "UPRIGHT_PATCH", "PIC255"), (4, "FIRST", "DISC", "BUZZER")],
-)
+@pytest.mark.parametrize(("figure", "plate", "load", "layers"), MEANS)
 def test_the_mean_level_with_the_patch_is_what_the_page_tells(
     figure: int, plate: str, load: str, layers: str
 ) -> None:
@@ -321,8 +319,8 @@ def test_table_of_the_paper_s_values_says_what_the_scripts_return() -> None:
     wanted = [f"| {what} | {paper} | {ours} |" for what, paper, ours in rows()]
     assert [row for row in wanted if row not in section_10()] == []
     body = [line for line in section_10_lines() if line.startswith("|") and "---" not in line]
-    headings = 2
-    assert len(body) == headings + len(wanted) + len(distances_mm())
+    headings, with_patches, their_ratio = 3, len(PEAKS) + len(MEANS), 1
+    assert len(body) == (headings + len(wanted) + with_patches + their_ratio + len(distances_mm()))
 
 
 def test_table_of_20_db_says_what_the_script_returns() -> None:
