@@ -156,9 +156,11 @@ def run(
         )
         with device_failures():
             confirmation = _confirmed(rig, stop, given=confirm_hardware)
-        if confirmation is None:  # before a window opens; a device that was confirmed is asked then
+        if confirmation is None and responder in {"screen", "terminal"}:
+            # Before a window opens. A device that was confirmed is asked when it is opened, and a
+            # responder of one's own says itself whether it is a person.
             kind = "mock" if rig.settings.driver == MOCK else "emulated"
-            require_device(kind, simulated=simulated, practice=practice)
+            require_device(kind, simulated=False, practice=practice)
         with (
             _failures(),
             responder_named(

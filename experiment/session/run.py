@@ -37,6 +37,7 @@ def run_session(
     seed: int | None = None,
     resuming: bool = False,
     hardware_confirmed: bool = False,
+    practice_without_device: bool = False,
     operator: str | None = None,
 ) -> Ending:
     r"""Run one session with a device and a responder of one's own, or go on with it.
@@ -61,6 +62,9 @@ def run_session(
         Go on with a session that was interrupted.
     hardware_confirmed : bool
         Your word that what docs/hardware.md lists is so; a real device is refused without it.
+    practice_without_device : bool
+        Your word that a person only tries it out where the device says that it is emulated;
+        analyses leave such a session out unless they are told otherwise.
     operator : str, optional
         Who runs the session, for its header.
 
@@ -72,8 +76,8 @@ def run_session(
     Raises
     ------
     ValueError
-        If the study's stimuli are unfit for its plate, the session exists already, or the device
-        cannot do what the study asks; no session is begun then.
+        If the study's stimuli are unfit for its plate, the session exists already, the device
+        cannot do what the study asks, or moves nothing before a person; no session is begun then.
     DeviceError
         If the device cannot be opened.
 
@@ -132,6 +136,7 @@ def run_session(
         clock=clock,
         stop=StopSignal(),
         confirmation=confirmed_now("run_session") if hardware_confirmed else None,
+        practice=practice_without_device,
         sitting=Sitting(
             responder=type(responder).__name__,
             operator=operator,

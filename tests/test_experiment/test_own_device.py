@@ -166,6 +166,22 @@ def test_a_session_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
     assert ended.finished
 
 
+def test_a_person_on_an_emulated_device_of_ones_own_is_practice(
+    lab_device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
+    someone = lab_device.Impatient(None, clock)
+    device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
+    monkeypatch.setattr(type(someone), "simulated", False)
+    with pytest.raises(ValueError, match="--practice-without-device"):
+        run_session(study, "01", device, someone, out=tmp_path, clock=clock)
+    assert not (tmp_path / "sub-01").exists()
+    ending = run_session(
+        study, "01", device, someone, out=tmp_path, clock=clock, practice_without_device=True
+    )
+    assert ending.trials_path.read_text(encoding="utf-8").count(",false,emulated,") == 4
+
+
 class Faulty:
     """A converter that fails in one way or another."""
 
