@@ -116,7 +116,7 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     if found.differences and not accept_altered:
         first, *others = found.differences
         more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
-        message = f"{first.message}{more}; --accept-altered analyzes it with a mark"
+        message = f"{first.message}{more}; tactstrip analyze --accept-altered takes it, with a mark"
         raise ResultFileError(first.path, first.line, f"{message}{_mended(found)}")
     trusted = found.history is not None or not found.differences
     return SessionRecord(
