@@ -14,6 +14,7 @@ from stimuli import (
     Burst,
     ElasticEdge,
     ForceRectangle,
+    Impedance,
     MeasuredDisplacement,
     PiezoLayers,
     PointForce,
@@ -50,6 +51,7 @@ SHORT = change(PLATE, length_m=0.2)
 SCENE = Scene(strip=PLATE, loads=(force(),), points_m=((0.0, W / 2),))
 FINITE = change(SCENE, strip=SHORT)
 MOVING = change(SCENE, strip=SUPPORTED)
+PRESSING = Impedance(mass_kg=3e-4, stiffness_n_m=600.0, damping_n_s_m=1.5, holds_up_to_hz=1000.0)
 TIP = TIPS[1]
 MEASURED = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
 LAYERS = PiezoLayers(
@@ -230,7 +232,9 @@ REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     (lambda v: felt(PLATE, (v,), TIPS, BURST), (disc(y_m=0.004),), "y_m must lie from"),
     (lambda v: felt(PLATE, DISCS, (v,), BURST), (change(TIP, y_m=0.03),),
      "x_m and y_m must lie on the strip"),
-    *fields(TIP, "must be a finite number", (*NONE, 1e4)),
+    *fields(TIP, "must be a finite number", (*NONE, 1e4))[:-1],
+    (lambda value: change(TIP, impedance=value), (1.0, "soft"), "impedance must be an Impedance"),
+    *fields(PRESSING, "must be a finite number", (*NONE, 1e16, -1.0)),
     (lambda v: change(TIP, radius_m=v), (-0.001,), "radius_m must be a finite number >= 0"),
     (lambda v: v.points_m(SHORT), [change(TIP, **one) for one in
      ({"x_m": 0.11}, {"x_m": -0.1001}, {"y_m": 0.026})],
