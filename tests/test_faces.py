@@ -56,6 +56,7 @@ def folder(module: str) -> str:
     return module.rpartition(".")[0]
 
 
+@pytest.mark.slow
 def test_what_is_taken_from_a_folder_stands_in_its_face() -> None:
     hidden = [
         one

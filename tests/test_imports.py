@@ -57,6 +57,7 @@ def named(node: ast.AST, package: str, known: Container[str]) -> set[str]:
     return {full if full in known else base for full in wanted}
 
 
+@pytest.mark.slow
 def test_no_module_imports_what_imports_it() -> None:
     graph = imports(ROOT, PACKAGES)
     assert len(graph) > 150

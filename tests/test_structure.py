@@ -114,6 +114,7 @@ def test_a_library_is_forbidden_to_every_module_but_its_own(library: str) -> Non
         assert bool(above & refused) != bool(above & ONLY[library]), name
 
 
+@pytest.mark.slow
 def test_only_the_apparatus_makes_devices() -> None:
     makers = {"make_device", "make_mock", "is_emulated"}
     for module in MODULES:
