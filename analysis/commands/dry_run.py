@@ -54,8 +54,9 @@ def dry_run(
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
     from experiment.study.read import paper_study, read_study
+    from experiment.study.study import told_by_file
 
-    with working("Checking"):
+    with working("Checking"), told_by_file(study_file):
         study = paper_study() if study_file is None else read_study(study_file)
         check = require_fit(study)
     folder = _new_folder(out)

@@ -55,12 +55,13 @@ def check(
     from experiment.preview.check_report import check_findings
     from experiment.preview.device import device_findings, machine_findings
     from experiment.study.read import read_study
+    from experiment.study.study import told_by_file
 
     if not with_device and (driver is not None or port is not None or confirm_hardware):
         raise CommandError("--driver, --port and --confirm-hardware need --device")
-    with working("Checking"):
+    with working("Checking"), told_by_file(study_file):
         checked = check_study(read_study(study_file))
-    require_mock_suitable(checked.study, driver)
+        require_mock_suitable(checked.study, driver)
     machine = machine_findings(_machine_lacks(checked.study, driver, port))
     found = check_findings(checked, str(study_file), machine)
     if not as_json:

@@ -65,6 +65,7 @@ def field(
     """
     from experiment.preview.field_report import field_text
     from experiment.study.read import read_study
+    from experiment.study.study import told_by_file
 
     if frequency_hz is not None and band_hz is not None:
         raise CommandError("--frequency-hz gives a map and --band none; give one of them")
@@ -74,7 +75,7 @@ def field(
     out = out or Path("burst.gif" if animate else "field.png")
     _check_target(out, _MOVING_ENDINGS if animate else _ENDINGS)
     found: PlateMap | PlateBand | PlateMotion
-    with working("Computing the field") as step:
+    with working("Computing the field") as step, told_by_file(study_file):
         if animate:
             from experiment.preview.field import plate_motion
             from experiment.preview.plate import plate_of

@@ -214,10 +214,11 @@ def _new_plan(
 ) -> Plan:
     from experiment.preview.check import require_fit
     from experiment.study.read import read_study
+    from experiment.study.study import told_by_file
     from experiment.trial.draw import draw_plan
 
     folder.refuse_existing()
-    with working("Checking"):
+    with working("Checking"), told_by_file(study_file):
         study = read_study(study_file)
         gains = require_fit(study, driver=driver).gains
     balanced = study.design.condition_order == "balanced"

@@ -11,7 +11,7 @@ from device.drivers import MOCK
 from experiment.apparatus.rig import mock_device
 from experiment.apparatus.slots import require_playable, require_suitable
 from experiment.study.sections.design import ASSUMED_ANSWER_S
-from experiment.study.study import StudyError
+from experiment.study.study import UnusableStudyError
 from experiment.terms.exits import ANSWER_IS_NO, CommandError
 from experiment.terms.gains import OWN_FINGERS
 from experiment.trial.draw import block_count
@@ -170,7 +170,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         blocks = block_count(study.design) * len(study.conditions)
         require_playable(study)
     except ValueError as error:
-        raise StudyError(f"study {study.name}: {error}") from error
+        raise UnusableStudyError(study.name, str(error)) from error
     bracket: tuple[tuple[ConditionGains, ...], ...] = ()
     if gains is None:
         from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, study_gains
@@ -235,16 +235,17 @@ def require_mock_suitable(study: Study, driver: str | None = None) -> None:
     try:
         require_suitable(study, mock_device(study, VirtualClock()).open())
     except ValueError as error:
-        raise StudyError(f"study {study.name}: {error}") from error
+        raise UnusableStudyError(study.name, str(error)) from error
 
 
 def _check_burst(study: Study, condition: Condition) -> BurstCheck:
     try:
         return _check_drive(study, condition.drive)
     except ValueError as error:
-        raise StudyError(
-            f"study {study.name}: condition {condition.name}: [burst] and device.sample_rate_hz "
-            f"do not go together: {error}"
+        raise UnusableStudyError(
+            study.name,
+            f"condition {condition.name}: [burst] and device.sample_rate_hz "
+            f"do not go together: {error}",
         ) from error
 
 

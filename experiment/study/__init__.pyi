@@ -31,7 +31,7 @@ from .sources import (
     study_sources,
     words_of_the_others,
 )
-from .study import Study, StudyError
+from .study import Study, StudyError, UnusableStudyError, told_by_file
 
 __all__ = [
     "ASSUMED_LOSS",
@@ -39,6 +39,7 @@ __all__ = [
     "MOST_LOSS",
     "Study",
     "StudyError",
+    "UnusableStudyError",
     "bare_strip",
     "cutoff_source",
     "displacement_source",
@@ -61,6 +62,7 @@ __all__ = [
     "study_from_canonical",
     "study_gains",
     "study_sources",
+    "told_by_file",
     "with_levels",
     "words_of_the_others",
 ]

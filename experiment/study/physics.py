@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from experiment.study.study import StudyError
+from experiment.study.study import UnusableStudyError
 from experiment.terms.gains import ConditionGains, significant
 from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
 
@@ -116,16 +116,17 @@ def loads_per_volt(
             continue
         cutoff_hz, at_hz = strip.cutoff_hz(), actuator.measured_at_hz
         if at_hz is not None and at_hz >= cutoff_hz:
-            raise StudyError(
-                f"study {study.name}: the {actuator.label} actuator: measured_at_hz must lie below "
+            raise UnusableStudyError(
+                study.name,
+                f"the {actuator.label} actuator: measured_at_hz must lie below "
                 f"the plate's first cut-off, {cutoff_hz:.6g} Hz, from where on its ends count as "
-                f"much as the actuator; got {at_hz:g}: measure at a lower frequency"
+                f"much as the actuator; got {at_hz:g}: measure at a lower frequency",
             )
         try:
             known = load_per_volt(strip, load, actuator.basis)
         except ValueError as error:
-            raise StudyError(
-                f"study {study.name}: the displacement of the {actuator.label} actuator: {error}"
+            raise UnusableStudyError(
+                study.name, f"the displacement of the {actuator.label} actuator: {error}"
             ) from error
         found.append((known.load_per_v, known.basis))
     return found
@@ -154,9 +155,10 @@ def _felt_m(
     try:
         peaks_m = felt(strip, loads_of(study), tips, condition.drive)
     except ValueError as error:
-        raise StudyError(
-            f"study {study.name}: condition {condition.name}: the displacement: "
-            f"{_in_keys(study, condition, str(error))}"
+        raise UnusableStudyError(
+            study.name,
+            f"condition {condition.name}: the displacement: "
+            f"{_in_keys(study, condition, str(error))}",
         ) from error
     scaled: NDArray[np.float64] = peaks_m / unscaled_peak(condition, study.device)
     return scaled
@@ -204,7 +206,8 @@ def chosen_burst(study: Study, condition: Condition) -> Burst:
             also=also,
         )
     except ValueError as error:
-        raise ValueError(f"condition {condition.name}: window = auto: {error}") from error
+        told = str(error).replace("wanted_db", "wanted_level_db")
+        raise ValueError(f"condition {condition.name}: window = auto: {told}") from error
     return choice.burst
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cached_property
 from itertools import combinations
@@ -24,6 +25,9 @@ from experiment.study.sections.stimulus import Condition, SharedStimulus, comple
 from experiment.study.sections.table import ASKED_FOR, FromTable, file_keys, section
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
     from stimuli import Strip
 
 
@@ -33,6 +37,33 @@ _ROUNDING_M: Final = 1e-12
 
 class StudyError(ValueError):
     """A study file, or a file of levels, that cannot be used; the message is one line."""
+
+
+class UnusableStudyError(StudyError):
+    """A study that was read but cannot be computed or played, told by its name.
+
+    >>> UnusableStudyError("paper", "no device plays it").of_file("study.toml")
+    StudyError('study.toml: no device plays it')
+    """
+
+    def __init__(self, name: str, what: str) -> None:
+        super().__init__(f"study {name}: {what}")
+        self.what = what
+
+    def of_file(self, path: Path | str) -> StudyError:
+        """Return the same, told by the file of the study."""
+        return StudyError(f"{path}: {self.what}")
+
+
+@contextmanager
+def told_by_file(path: Path | str | None) -> Iterator[None]:
+    """Begin with its file what is refused of a study, where it is from one."""
+    try:
+        yield
+    except UnusableStudyError as error:
+        if path is None:
+            raise
+        raise error.of_file(path) from error
 
 
 def _one_condition() -> list[dict[str, Any]]:

@@ -171,7 +171,8 @@ def shortest_window(
                 best_db, best = worst_db, tried
     raise ValueError(
         f"wanted_db must be reached by a burst of at most {MOST_CYCLES} cycles, got "
-        f"{wanted_db!r}: the lowest level found is {best_db:.2f} dB, of {best!r}"
+        f"{wanted_db!r}: the lowest level found is {best_db:.2f} dB, of {best.cycles} "
+        f"cycles with window {best.window}"
     )
 
 

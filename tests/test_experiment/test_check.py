@@ -235,6 +235,13 @@ def test_json_says_the_same_to_other_programs() -> None:
     assert unfit["conditions"][0]["reasons"]
 
 
+DISC_AT_9_KHZ = "".join(
+    f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12\n'
+    "measured_displacement_um = 2\nmeasured_at_vpp = 100\nmeasured_at_hz = 9000\n"
+    for side, x_mm in (("left", -35), ("right", 35))
+)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -243,7 +250,11 @@ def test_json_says_the_same_to_other_programs() -> None:
         ("[device]\nsample_rate_hz = 1500", "do not go together: sample_rate_hz must be"),
         (
             '[design]\norder = "balanced"\nbreak_every = 2',
-            "study paper: design.break_every must be 0 or at least 11",
+            "study.toml: design.break_every must be 0 or at least 11",
+        ),
+        (
+            DISC_AT_9_KHZ,
+            "study.toml: the left actuator: measured_at_hz must lie below the plate's first",
         ),
     ],
 )
