@@ -10,11 +10,13 @@ from experiment.preview.findings import Findings
 from experiment.study.sources import displacement_source, finger_words
 from experiment.terms.gains import OWN_FINGERS, significant
 from stimuli import ElasticEdge
+from stimuli.strip.patch import cutoff_factor
 
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
+    from stimuli import Strip
 
 
 def displacement_findings(
@@ -104,6 +106,14 @@ def _micrometres(peak_um: float | None) -> str:
     return "" if peak_um is None else f"{peak_um:.3g} um, "
 
 
+def _where(strip: Strip, same_hz: float) -> str:
+    """Say that a loss is matched above the bare plate's cut-off for its patches' sake."""
+    cutoff_hz = strip.cutoff_hz()
+    factor = cutoff_factor(strip.material, strip.thickness_m, strip.patches)
+    above = factor > 1 and math.isclose(same_hz, factor * cutoff_hz)
+    return f", the cut-off of plate and patch ({cutoff_hz:.0f} Hz without)" if above else ""
+
+
 def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
     """Tell what loss the displacements have, whose it is, and its Kelvin-Voigt time."""
     from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, field_strip
@@ -133,7 +143,9 @@ def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
             "",
             f"loss factor {material.loss_factor:g} computed as the viscous time of the same loss",
         )
-        found.tell("", f"at {same_hz:.0f} Hz: {viscous_s * 1e6:.3g} us in all")
+        found.tell(
+            "", f"at {same_hz:.0f} Hz{_where(strip, same_hz)}: {viscous_s * 1e6:.3g} us in all"
+        )
     if isinstance(strip.edge, ElasticEdge) and strip.length_m is not None:
         springs = "have the plate's loss" if plate.edge_loss == "plate" else "have no loss"
         found.tell("", f"the springs of the edges {springs} (edge_loss = {plate.edge_loss})")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Final
@@ -195,6 +196,20 @@ def laminate(layers: Sequence[Layer]) -> Laminate:
         mass_kg_m2=sum(layer.density_kg_m3 * layer.thickness_m for layer in layers),
         reach_m=middle_m[-1] - neutral_m,
     )
+
+
+def cutoff_factor(material: Material, thickness_m: float, patches: Sequence[BondedPatch]) -> float:
+    """Return how many times higher a cut-off is at most where patches cover the strip, at least 1.
+
+    With the stiffer of the two bendings of (83); elastic edges do not stiffen, and give less.
+    """
+    plate = layer_of(material, thickness_m)
+    bare, factor = laminate([plate]), 1.0
+    for patch in patches:
+        whole = laminate([plate, *patch.layers])
+        stiffer = max(whole.biaxial_n_m / bare.biaxial_n_m, whole.opposed_n_m / bare.opposed_n_m)
+        factor = max(factor, math.sqrt(stiffer * bare.mass_kg_m2 / whole.mass_kg_m2))
+    return factor
 
 
 def checked_patches(

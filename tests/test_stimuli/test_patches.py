@@ -12,6 +12,7 @@ import pytest
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
+    SIMPLY_SUPPORTED,
     BondedPatch,
     Burst,
     Fingertip,
@@ -23,8 +24,10 @@ from stimuli import (
     PointForce,
     Scene,
     Strip,
+    causal,
     displacement,
     felt,
+    level_db,
     load_per_volt,
     transient,
 )
@@ -32,10 +35,12 @@ from stimuli.fingers.fingertip import felt_error
 from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of, steady
 from stimuli.motion.patched import patched_modes
+from stimuli.strip.material import MATERIALS
 from stimuli.strip.patch import laminate, layer_of
 from tests.test_stimuli.plates import FIRM, PLATE, SUPPORTED, W, on
 
 if TYPE_CHECKING:
+    from stimuli import IdealEdge
     from stimuli.arrays import Real
 
 LENGTH_M = 0.12
@@ -351,3 +356,23 @@ def test_patches_off_the_strip_or_on_each_other_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=said):
         bearing(SHORT, *patches)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED])
+def test_a_plate_that_a_patch_covers_loses_as_the_laminate(edge: IdealEdge) -> None:
+    # 0.3 mm of the plate's own brass on 0.5 mm: a plate of 0.8 mm with the same constant loss
+    brass = dataclasses.replace(MATERIALS["brass"].material, loss_factor=0.01)
+    bare = Strip(width_m=0.024, thickness_m=0.5e-3, material=brass, edge=edge, length_m=0.14)
+    layer = layer_of(brass, 0.3e-3)
+    whole = BondedPatch(x_m=0.0, y_m=0.012, length_x_m=0.14, length_y_m=0.024, layers=(layer,))
+    loads = [
+        ForceRectangle(x_m=x_m, y_m=0.012, length_x_m=0.012, length_y_m=0.016)
+        for x_m in (-0.033, 0.033)
+    ]
+    tips = [Fingertip(x_m=load.x_m, y_m=load.y_m) for load in loads]
+    covered, thick = bearing(bare, whole), dataclasses.replace(bare, thickness_m=0.8e-3)
+    times = [causal(one, BURST).material.viscous_time_s for one in (covered, thick)]
+    assert times[0] == pytest.approx(times[1], rel=1e-9)
+    first, second = (level_db(felt(one, loads, tips, BURST), 0, 1) for one in (covered, thick))
+    assert first == pytest.approx(second, abs=0.2)
