@@ -126,6 +126,8 @@ def plate_sources(study: Study) -> tuple[Source, ...]:
             found += [_source(f"{path}.{k}", v, *_YOURS) for k, v in given if v is not None]
         displacement = displacement_source(study, place)
         found += [displacement] if displacement else []
+        if displacement and displacement.origin == "measured" and actuator.measured_as is None:
+            found.append(_source(f"{path}.measured_as", "peak", "assumed", _TAKEN_AS_PEAK))
     return (*found, *finger_sources(study))
 
 
@@ -223,6 +225,9 @@ _NEAR: Final = 0.02
 """A cut-off that is off by more says that a size or an edge is not as stated."""
 
 
+_TAKEN_AS_PEAK: Final = "taken as peak (assumed; measured_as says otherwise)"
+
+
 def displacement_source(study: Study, place: int) -> Source | None:
     """Return where the displacement per volt of an actuator is from; none where it is not known."""
     actuator = study.actuators[place]
@@ -234,8 +239,10 @@ def displacement_source(study: Study, place: int) -> Source | None:
         return _source(f"{path}.piezo", layers, "computed", "computed from its layers, yours")
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
     key = f"{path}.{MEASURED_KEYS[0]}"
-    at = f"{um:g} um {actuator.measured_as} at {vpp:g} Vpp and {hz:g} Hz"
-    if _is_the_papers(study, actuator):
+    papers = _is_the_papers(study, actuator)
+    peak = "peak" if papers else _TAKEN_AS_PEAK
+    at = f"{um:g} um {actuator.measured_as or peak} at {vpp:g} Vpp and {hz:g} Hz"
+    if papers:
         where = "" if _is_as_measured(study.plate) else ", on its own plate, not on this one"
         return _source(key, um, "paper", f"{at}, measured by the paper (section III-B){where}")
     return _source(key, um, "measured", f"{at}, {_measured(actuator)}")
@@ -321,7 +328,7 @@ def _is_the_papers(study: Study, actuator: Actuator) -> bool:
     return (
         study.plate.is_the_papers
         and actuator.measured_by is None
-        and actuator.measured_as == "peak"
+        and actuator.measured_as in {None, "peak"}
         and any(
             all(getattr(actuator, key) == value for key, value in disc.items())
             and actuator.y_mm == study.plate.width_mm / 2

@@ -537,5 +537,7 @@ def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -
     assert report(SECOND)["conditions"][0]["displacements"]["actuators"][0]["source"] == "paper"
     by = 'measured_by = "A. Person"\n'
     own = checked(NEAR.replace(MEASURED, MEASURED + by)).stdout
-    assert "2.6 um peak at 100 Vpp and 300 Hz, measured (by: A. Person; on: not stated)" in own
+    taken = "taken as peak (assumed; measured_as says otherwise)"
+    of = "measured (by: A. Person; on: not stated)"
+    assert f"2.6 um {taken} at 100 Vpp and 300 Hz, {of}" in own
     assert "um, from your measurement; " in own

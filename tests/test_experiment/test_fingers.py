@@ -151,6 +151,26 @@ def test_a_displacement_from_peak_to_peak_is_twice_the_amplitude() -> None:
     assert [one.origin for one in told] == ["paper", "measured"]
 
 
+@pytest.mark.parametrize(
+    ("said", "assumed"),
+    [
+        ("", [("actuator[0].measured_as", "peak"), ("actuator[1].measured_as", "peak")]),
+        ('measured_as = "peak"', []),
+        ('measured_as = "peak-to-peak"', []),
+    ],
+)
+def test_a_peak_that_nobody_wrote_is_told_as_assumed(
+    said: str, assumed: list[tuple[str, str]]
+) -> None:
+    sources = plate_sources(measured(AT.format(um=2) + said))
+    found = [(one.key, one.value) for one in sources if one.key.endswith("measured_as")]
+    assert found == assumed
+    words = "2 um taken as peak (assumed; measured_as says otherwise) at 100 Vpp and 300 Hz, "
+    assert any(one.words.startswith(words) for one in sources) is bool(assumed)
+    papers = plate_sources(measured(AT.format(um=2.6) + said.replace("-to-peak", "")))
+    assert not [one for one in papers if one.key.endswith("measured_as")]
+
+
 def test_the_papers_value_from_peak_to_peak_is_not_the_papers() -> None:
     study = measured(AT.format(um=2.6) + 'measured_as = "peak-to-peak"')
     assert [one.origin for one in plate_sources(study) if "x_mm" in one.key] == ["yours", "yours"]

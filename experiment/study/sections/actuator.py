@@ -73,8 +73,9 @@ class Actuator:
     measured_displacement_um: float | None = Field(
         default=None, gt=0, le=1e6, description="at its centre, as measured, no finger on the plate"
     )
-    measured_as: Literal["peak", "peak-to-peak"] = Field(
-        default="peak", description="peak: the amplitude, half of peak-to-peak"
+    measured_as: Literal["peak", "peak-to-peak"] | None = Field(
+        default=None,
+        description='"peak", the amplitude, or "peak-to-peak"; without it peak is assumed',
     )
     measured_at_vpp: float | None = Field(
         default=None, gt=0, le=1e5, description="... with a sine of this level"
@@ -135,7 +136,7 @@ class Actuator:
         bases = (MEASURED_KEYS,) if as_patch else (MEASURED_KEYS, PIEZO_KEYS)
         basis = refuse_incomplete(self, *bases)
         refuse_orphans(self, MEASURED_KEYS[0])
-        if self.measured_as != "peak" and self.measured_displacement_um is None:
+        if self.measured_as is not None and self.measured_displacement_um is None:
             raise ValueError(f"{MEASURED_KEYS[0]} is missing; measured_as needs it")
         carrier = refuse_incomplete(self, CARRIER_KEYS)
         if carrier is not None and self.piezo_thickness_mm is None:
@@ -210,7 +211,7 @@ class Actuator:
         """What is known of its displacement per volt."""
         if self.measured_displacement_um is not None:
             displacement_um, level_vpp, frequency_hz = self._given(MEASURED_KEYS)
-            amplitude_um = displacement_um / (1 if self.measured_as == "peak" else 2)
+            amplitude_um = displacement_um / (2 if self.measured_as == "peak-to-peak" else 1)
             return MeasuredDisplacement(
                 displacement_m=amplitude_um / 1e6, level_vpp=level_vpp, frequency_hz=frequency_hz
             )
