@@ -27,6 +27,15 @@ Verdict = Literal["fit", "accepted", "unfit"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TriedGains:
+    """A gain matrix that the check tries beside the plan's, and what it was computed with."""
+
+    gains: ConditionGains
+    loss_factor: float | None  # none where the study states its loss
+    loaded: bool  # by the fingers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionCheck:
     """A condition and how its burst goes with the strip and the fingers."""
 
@@ -35,7 +44,7 @@ class ConditionCheck:
     gains: ConditionGains | None  # none where nobody computed it
     # with the least and the greatest loss assumed, where the study states none; with and without
     # the load of the fingers, where it states one
-    bracket: tuple[ConditionGains, ...]
+    bracket: tuple[TriedGains, ...]
     # by how much the level at the other finger must lie below that at the own
     masking_limit_db: float
 
@@ -55,22 +64,24 @@ class ConditionCheck:
                 )
         return tuple(reasons)
 
-    def worst(self, place: int, actuator: int) -> ConditionGains:
-        """Return the gains with the greatest level above another actuator.
-
-        Where the loss is assumed or fingers load the plate, these are not those of a plan.
+    def worst(self, place: int, actuator: int) -> TriedGains | None:
+        """Return what of `bracket` has the greatest level above another actuator.
 
         Parameters
         ----------
         place, actuator : int
-            Row and column of the gain matrix, which must have been computed.
+            Row and column of the gain matrix.
         """
-        found = self.bracket or ((self.gains,) if self.gains is not None else ())
-        return max(found, key=lambda gains: gains.level_db(place, actuator))
+        levels = self.bracket
+        return max(levels, key=lambda one: one.gains.level_db(place, actuator), default=None)
 
     def level_db(self, place: int, actuator: int) -> float:
-        """Return the level above another actuator: the worst of those in `bracket`."""
-        return self.worst(place, actuator).level_db(place, actuator)
+        """Return the level above another actuator: the worst of those in `bracket`, if any."""
+        worst = self.worst(place, actuator)
+        gains = self.gains if worst is None else worst.gains
+        if gains is None:
+            raise ValueError(f"condition {self.condition.name} must have gains; got none")
+        return gains.level_db(place, actuator)
 
     @property
     def verdict(self) -> Verdict:
@@ -171,19 +182,23 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         require_playable(study)
     except ValueError as error:
         raise UnusableStudyError(study.name, str(error)) from error
-    bracket: tuple[tuple[ConditionGains, ...], ...] = ()
+    bracket: tuple[TriedGains, ...] = ()
     if gains is None:
         from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, study_gains
 
         gains = study_gains(study)
         stated, load = study.plate.is_loss_stated, study.finger_load.impedance
         losses = (ASSUMED_LOSS,) if stated else (LEAST_LOSS, MOST_LOSS)
-        rests = load is not None and any(load.holds_for(one.drive) for one in study.conditions)
+        loaded = [load is not None and load.holds_for(one.drive) for one in study.conditions]
+        rests = any(loaded)
         if rests or not stated:
             bracket = tuple(
-                study_gains(study, loss, bare=bare)
+                TriedGains(
+                    gains=one, loss_factor=None if stated else loss, loaded=holds and not bare
+                )
                 for loss in losses
                 for bare in ((False, True) if rests else (True,))
+                for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
     gains_of = {one.condition: one for one in gains}
     conditions = tuple(
@@ -191,9 +206,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
             condition=condition,
             burst=burst,
             gains=gains_of.get(condition.name),
-            bracket=tuple(
-                one for found in bracket for one in found if one.condition == condition.name
-            ),
+            bracket=tuple(one for one in bracket if one.gains.condition == condition.name),
             masking_limit_db=study.burst.masking_limit_db,
         )
         for condition, burst in zip(study.conditions, bursts, strict=True)

@@ -64,14 +64,14 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
     level_vpp = study.design.highest_vpp
 
     def peak_um(finger: int) -> float | None:
-        known = gains if finger == column else one.worst(finger, column)
         if gains.bases[column] is None:
             return None
-        return significant(known.per_vpp[finger][column] * level_vpp)
+        return significant(gains.per_vpp[finger][column] * level_vpp)
 
     name, basis, own_um = gains.actuators[column], gains.bases[column], peak_um(column)
     others: list[dict[str, Any]] = [
         {"finger": side, "peak_um": peak_um(row), "level_db": one.level_db(row, column)}
+        | _level_of(one, row, column)
         for row, side in enumerate(OWN_FINGERS)
         if row != column
     ]
@@ -92,6 +92,14 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
         fingers=others,
     )
     return found
+
+
+def _level_of(one: ConditionCheck, row: int, column: int) -> dict[str, Any]:
+    """Tell which of the plates that were tried has the level; the micrometres are the plan's."""
+    worst = one.worst(row, column)
+    if worst is None:
+        return {"level_of": None}
+    return {"level_of": {"finger_load": worst.loaded, "loss_factor": worst.loss_factor}}
 
 
 _RESTS_ON: Final = {

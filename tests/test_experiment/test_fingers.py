@@ -104,6 +104,21 @@ def test_the_check_takes_the_worse_of_with_and_without() -> None:
     }
 
 
+@pytest.mark.slow
+def test_the_micrometres_of_the_check_are_those_of_the_plan() -> None:
+    check = check_study(LOADED)
+    (gains,) = check.gains
+    facts = check_findings(check, "study.toml").facts["conditions"][0]["displacements"]
+    level_vpp = LOADED.design.highest_vpp
+    for column, one in enumerate(facts["actuators"]):
+        (at,) = one["fingers"]
+        for row, um in ((column, one["own_um"]), (1 - column, at["peak_um"])):
+            assert um == pytest.approx(gains.per_vpp[row][column] * level_vpp, rel=1e-3)
+        # the level is the bare plate's, which is the worse one
+        assert at["level_of"] == {"finger_load": False, "loss_factor": None}
+        assert at["level_db"] >= gains.level_db(1 - column, column)
+
+
 def test_without_a_load_the_check_says_nothing_of_it() -> None:
     found = check_findings(check_study(study_of()), "study.toml")
     assert "finger load" not in found.text
