@@ -83,6 +83,46 @@ def test_waves_turned_back_agree_with_fitted_ends(
     assert np.all(np.abs(waves.value - fitted.value) <= waves.error + fitted.error)
 
 
+@pytest.mark.parametrize("to_clamped", [0.3, 0.9, 0.97, 0.99999])
+@pytest.mark.parametrize("nu", [-0.2, 0.0, 1e-12, 1e-6, 0.02, 0.0355, 0.499999])
+def test_powers_that_meet_in_a_corner_leave_a_finite_field(
+    nu: float, to_clamped: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # at 0 and towards 0.5 a clamp and a spring share powers; at 0.0355 two of a clamp's meet
+    material = dataclasses.replace(ALUMINIUM, poisson_ratio=nu)
+    clamped = dataclasses.replace(PLATE, material=material)
+    least = dataclasses.replace(clamped, edge=SIMPLY_SUPPORTED).cutoff_hz()
+    strip = clamped.with_cutoff(least + (clamped.cutoff_hz() - least) * to_clamped)
+    scene = Scene(
+        strip=strip,
+        loads=(MomentDisc(x_m=-0.035, y_m=0.0125, radius_m=0.006),),
+        points_m=((0.0, 0.0125), (0.035, 0.0125)),
+    )
+    for part in (1.001, 1.125, 2.0):
+        both = fitted_and_turned_back(scene, strip.cutoff_hz(2) * part, 1e-6, monkeypatch)
+        assert both is not None
+        fitted, waves = both
+        assert np.all(np.isfinite(waves.value))
+        assert np.all(waves.error < 1e-4 * np.max(np.abs(fitted.value)))
+        assert np.all(np.abs(waves.value - fitted.value) <= waves.error + fitted.error)
+
+
+def test_fields_that_depend_on_each_other_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    scene = Scene(
+        strip=PLATE,
+        loads=(MomentDisc(x_m=-0.035, y_m=0.0125, radius_m=0.006),),
+        points_m=((0.035, 0.0125),),
+    )
+    at_hz = np.array([complex(5100.0)])
+    waves = solve(scene, at_hz, 1e-6)
+    monkeypatch.setattr(ends, "reflection", twice)
+    fitted = solve(scene, at_hz, 1e-6)
+    assert np.all(np.abs(waves.value - fitted.value) <= waves.error + fitted.error)
+
+
 @pytest.mark.parametrize("edge", EDGES)
 @pytest.mark.parametrize("sign", [1, -1])
 def test_without_loss_waves_that_propagate_come_back_whole(edge: str, sign: int) -> None:

@@ -200,9 +200,12 @@ def _returned(question: Question, ends: Ends, waves: Guided) -> Answered:
     count = _felt(question, ends, waves)
     if not count:
         return fitted(question, ends, waves)
-    back = reflection(
-        question.k, question.hold, waves, ends.poisson_ratio, rtol=question.rtol, count=count
-    )
+    try:
+        back = reflection(
+            question.k, question.hold, waves, ends.poisson_ratio, rtol=question.rtol, count=count
+        )
+    except np.linalg.LinAlgError:  # fields that depend on each other: a least-squares fit bears it
+        return fitted(question, ends, waves)
     return _turned_back(question, ends, waves.first(count), back)
 
 

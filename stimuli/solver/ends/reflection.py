@@ -38,6 +38,9 @@ _POWER, _FINE_POWER = 4.5, 7.0
 _STEPS, _MET, _ALIKE = 30, 1e-9, 1e-6
 """Newton's steps to those powers; what counts as met, and as the same."""
 
+_DISTINCT: Final = 0.1
+"""Difference between powers of a clamp and of a spring below which the first serves for both."""
+
 _SPANNED: Final = 4.0
 """Half of the phase of a wave across a panel of nodes, at most."""
 
@@ -245,12 +248,21 @@ def _corner(hold: float, poisson_ratio: float, *, fine: bool) -> _Corner:
     roots = [z for z in corner_powers(poisson_ratio) if z.real < (_FINE_POWER if fine else _POWER)]
     springs = (2 + 2 * fine) * (hold > _RIGID)
     return _Corner(
-        turned=(*roots, *(complex(n) for n in range(springs))),
-        displaced=(*(z + 1 for z in roots), *(complex(n + 2) for n in range(springs))),
+        turned=_apart(roots, range(springs)),
+        displaced=_apart([z + 1 for z in roots], range(2, springs + 2)),
         least=1e-5 if springs else 1e-4 if fine else 1e-3,
         nearest=1e-7 if springs else 1e-6 if fine else 2e-5,
         path_rtol=path_rtol,
     )
+
+
+def _apart(roots: list[complex], whole: range) -> tuple[complex, ...]:
+    """Return the powers of a clamp and those of a spring that are not near one of them.
+
+    A field taken twice makes the works singular: at nu = 0 a clamp has the powers 1 and 2 too,
+    towards 0.5 also 3 and 4.
+    """
+    return (*roots, *(complex(n) for n in whole if all(abs(n - z) > _DISTINCT for z in roots)))
 
 
 @lru_cache(maxsize=8)
