@@ -304,12 +304,15 @@ def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
         r"  left +5\.\d+ um, from the paper's measurement; 0\.\d+ um, -\d+\.\d dB at the right ",
         checked("").stdout,
     )
-    left = displacements("")["left"]
-    (right_finger,) = left["fingers"]
-    assert right_finger["finger"] == "right"
-    assert right_finger["level_db"] == pytest.approx(
-        20 * math.log10(right_finger["peak_um"] / left["own_um"]), abs=0.05
-    )
+    stated, assumed = (displacements(text)["left"] for text in ("[strip]\nloss_factor = 0.01", ""))
+    (at,), (worst,) = stated["fingers"], assumed["fingers"]
+    assert (at["finger"], at["level_of"]) == ("right", None)
+    level_db = 20 * math.log10(at["peak_um"] / stated["own_um"])
+    assert at["level_db"] == pytest.approx(level_db, abs=0.01)
+    # where no loss is stated the micrometres are those of 0.01, the level is the worst one
+    assert (assumed["own_um"], worst["peak_um"]) == (stated["own_um"], at["peak_um"])
+    assert worst["level_of"] == {"finger_load": False, "loss_factor": 0.005}
+    assert worst["level_db"] > at["level_db"]
 
 
 @pytest.mark.slow
