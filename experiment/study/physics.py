@@ -11,6 +11,7 @@ import numpy as np
 from experiment.study.study import UnusableStudyError
 from experiment.terms.gains import ConditionGains, significant
 from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
+from stimuli.motion.peaks import TOO_MANY_FOR_PATCHES, PatchesUnknownError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -125,8 +126,10 @@ def loads_per_volt(
         try:
             known = load_per_volt(strip, load, actuator.basis)
         except ValueError as error:
+            too_many = str(error).startswith(TOO_MANY_FOR_PATCHES)
+            why = _long_in_keys(study) if too_many else error
             raise UnusableStudyError(
-                study.name, f"the displacement of the {actuator.label} actuator: {error}"
+                study.name, f"the displacement of the {actuator.label} actuator: {why}"
             ) from error
         found.append((known.load_per_v, known.basis))
     return found
@@ -157,16 +160,19 @@ def _felt_m(
     except ValueError as error:
         raise UnusableStudyError(
             study.name,
-            f"condition {condition.name}: the displacement: "
-            f"{_in_keys(study, condition, str(error))}",
+            f"condition {condition.name}: the displacement: {_in_keys(study, condition, error)}",
         ) from error
     scaled: NDArray[np.float64] = peaks_m / unscaled_peak(condition, study.device)
     return scaled
 
 
-def _in_keys(study: Study, condition: Condition, error: str) -> str:
+def _in_keys(study: Study, condition: Condition, refusal: ValueError) -> str:
     """Say what a field over time refuses by the keys of the study, with what helps."""
-    drive = condition.drive
+    drive, error = condition.drive, str(refusal)
+    if isinstance(refusal, PatchesUnknownError):
+        return _patch_in_keys(study, refusal)
+    if error.startswith(TOO_MANY_FOR_PATCHES):
+        return _long_in_keys(study)
     if error.startswith("burst must have its peak"):
         plate = study.plate
         return (
@@ -180,6 +186,31 @@ def _in_keys(study: Study, condition: Condition, error: str) -> str:
             'plate; take a window such as "hann", fade the file out, or state a loss_factor'
         )
     return error
+
+
+def _patch_in_keys(study: Study, refusal: PatchesUnknownError) -> str:
+    """Say whose patch leaves the displacement unknown; where it has none, any may be it."""
+    actuator = study.actuators[refusal.load]
+    sizes_mm = {
+        "diameter_mm": actuator.diameter_m,
+        "length_x_mm": actuator.length_x_m,
+        "length_y_mm": actuator.length_y_m,
+    }
+    size = ", ".join(f"{key} = {1e3 * m:.6g}" for key, m in sizes_mm.items() if m is not None)
+    return (
+        f"what the fingers get of the {actuator.label} actuator ({size}) on the plate with its "
+        f"patches {refusal.words}; leave patches out of the plate's stiffness and mass with "
+        "patch_counts = false, or take patches of another size or place"
+    )
+
+
+def _long_in_keys(study: Study) -> str:
+    plate = study.strip
+    return (
+        f"a plate of length_mm = {1e3 * (plate.length_m or 0.0):.6g} and width_mm = "
+        f"{1e3 * plate.width_m:.6g} has too many modes for its patches to be counted; "
+        "leave their stiffness and mass out with patch_counts = false, or take a shorter plate"
+    )
 
 
 def chosen_burst(study: Study, condition: Condition) -> Burst:

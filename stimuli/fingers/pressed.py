@@ -182,8 +182,8 @@ def pressed_peaks(
     ValueError where they are not known to `rtol`, or the plate is not one for fingers: only modes
     know them.
     """
-    found = list(pressed_motions(scene, drive, pressed)) if scene.strip.patches else []
-    if found:
+    if scene.strip.patches:
+        found = list(pressed_motions(scene, drive, pressed))
         return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1]
     for motion in pressed_motions(scene, drive, pressed):
         peaks = peaks_of(motion, groups, drive, wait_s=wait_s)

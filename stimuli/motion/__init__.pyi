@@ -13,15 +13,26 @@ from .motion import (
     without_loss,
 )
 from .oscillators import Oscillators, poles
-from .peaks import LOOKS, Peaks, crests, patched_peaks, peaks_of, wait_of
+from .peaks import (
+    LOOKS,
+    TOO_MANY_FOR_PATCHES,
+    PatchesUnknownError,
+    Peaks,
+    crests,
+    patched_peaks,
+    peaks_of,
+    wait_of,
+)
 from .section import AGREED, sections
 
 __all__ = [
     "AGREED",
     "LOOKS",
+    "TOO_MANY_FOR_PATCHES",
     "Bare",
     "Motion",
     "Oscillators",
+    "PatchesUnknownError",
     "Peaks",
     "bare_of",
     "crests",

@@ -43,6 +43,9 @@ _CHECKED: Final = 7
 _PATCHED: Final = 0.03
 """Part of the own finger's displacement that has to be known where patches count."""
 
+TOO_MANY_FOR_PATCHES: Final = "the plate has too many modes for its patches"
+"""How a refusal begins, for who says it in other words."""
+
 _SLOWLY: Final = 3.0
 """What more functions changed is multiplied with: as many again would still change some of it."""
 
@@ -129,6 +132,21 @@ def peaks_of(
     return Peaks(peak_m=found, error_m=error_m)
 
 
+class PatchesUnknownError(ValueError):
+    """What a load does to a plate with patches is not known well enough.
+
+    >>> PatchesUnknownError(0, 0.0301).words
+    'is known to 3.1% only, 3% is the most'
+    """
+
+    def __init__(self, load: int, part: float) -> None:
+        self.load = load
+        self.words = (
+            f"is known to {math.ceil(1000 * part) / 10:g}% only, {_PATCHED:.0%} is the most"
+        )
+        super().__init__(f"loads[{load}]: the displacement with patches {self.words}")
+
+
 def patched_peaks(
     strip: Strip,
     found: Iterable[Motion],
@@ -143,24 +161,17 @@ def patched_peaks(
     """
     sizes = [peaks_of(motion, groups, drive, wait_s=wait_s) for motion in found]
     if not sizes:
-        raise ValueError(
-            "the strip has too many modes for its patches to be counted, got "
-            f"length_m = {strip.length_m!r}"
-        )
+        raise ValueError(f"{TOO_MANY_FOR_PATCHES} to be counted, got length_m = {strip.length_m!r}")
     first, last = sizes[0], sizes[-1]
     error_m = last.error_m + _SLOWLY * np.abs(last.peak_m - first.peak_m)
     # what is not known of the finger that moves most is known of no other one
     most, columns = np.argmax(last.peak_m, axis=0), np.arange(last.peak_m.shape[1])
     part = error_m[most, columns] / last.peak_m[most, columns]
     error_m = np.maximum(error_m, part * last.peak_m)
-    if np.any(part > _PATCHED) or np.any(error_m > _PATCHED * np.max(last.peak_m, axis=0)):
-        least_m = min(2 * min(patch.half_size_m) for patch in strip.patches)
-        raise ValueError(
-            f"the displacement with patches is known worse than to {_PATCHED:.0%}: the smallest, "
-            f"{least_m * 1e3:.3g} mm, is too small beside the width of "
-            f"{strip.width_m * 1e3:.3g} mm or too near to another one; "
-            "leave its stiffness and mass out"
-        )
+    known = np.max(error_m, axis=0) / np.max(last.peak_m, axis=0)
+    load = int(np.argmax(known))
+    if not known[load] <= _PATCHED:
+        raise PatchesUnknownError(load, float(known[load]))
     return Peaks(peak_m=last.peak_m, error_m=error_m)
 
 

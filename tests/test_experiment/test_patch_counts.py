@@ -130,3 +130,41 @@ def test_a_motor_is_no_patch() -> None:
     )
     with pytest.raises(StudyError, match="patch_counts is for patches only; got shape = motor"):
         study_from_text(text, "s.toml")
+
+
+@pytest.mark.slow
+def test_a_patch_whose_displacement_is_not_known_is_named_by_its_keys() -> None:
+    wide = (
+        "[strip]\nwidth_mm = 60\nthickness_mm = 0.5\nlength_mm = 200\n"
+        'material = "brass"\nedge = "clamped"\nloss_factor = 0.01\n'
+    )
+    small = study_from_text(
+        wide
+        + "".join(
+            f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 3\n{D31}'
+            f"patch_counts = true\n{LAYERS}"
+            for side, x_mm in (("left", -50), ("right", 50))
+        )
+        + '[burst]\nfrequency_hz = 300\nwindow = "hann"\ncycles = 2\n',
+        "s.toml",
+    )
+    said = (
+        r"what the fingers get of the (left|right) actuator \(diameter_mm = 3\) on the plate with "
+        r"its patches is known to [\d.]+% only, 3% is the most; .* patch_counts = false"
+    )
+    with pytest.raises(StudyError, match=said):
+        study_gains(small)
+
+
+LOAD = (
+    "[finger_load]\nmass_g = 0.2\nstiffness_n_m = 1000\ndamping_n_s_m = 2\n"
+    'holds_up_to_hz = 2000\nsource = "own head"\n'
+)
+
+
+@pytest.mark.parametrize("load", ["", LOAD])
+def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
+    said = "length_mm = 3000 and width_mm = 25 has too many modes .* patch_counts = false"
+    for each in (MEASURED + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
+        with pytest.raises(StudyError, match=said):
+            study_gains(study(each, "[strip]\nlength_mm = 3000\n" + load))
