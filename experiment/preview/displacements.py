@@ -88,6 +88,7 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
         name=name,
         basis=basis,
         source=None if source is None else source.origin,
+        source_words=None if source is None else source.words,
         own_um=own_um,
         fingers=others,
     )

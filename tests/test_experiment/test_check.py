@@ -537,7 +537,9 @@ def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -
     told = checked(SECOND).stdout
     assert "2500.0 Hz, measured (by: not stated; on: not stated)" in told
     assert "measured by the paper (section III-B), on its own plate, not on this one" in told
-    assert report(SECOND)["conditions"][0]["displacements"]["actuators"][0]["source"] == "paper"
+    left = displacements(SECOND)["left"]
+    assert left["source"] == "paper"
+    assert left["source_words"].endswith("on its own plate, not on this one")
     by = 'measured_by = "A. Person"\n'
     own = checked(NEAR.replace(MEASURED, MEASURED + by)).stdout
     taken = "taken as peak (assumed; measured_as says otherwise)"
