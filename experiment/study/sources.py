@@ -63,6 +63,8 @@ class Source:
     @property
     def printed(self) -> str:
         """The value in words."""
+        if isinstance(self.value, bool):
+            return str(self.value).lower()  # as in the file
         values = self.value if isinstance(self.value, tuple | list) else [self.value]
         return ", ".join(f"{one:.6g}" if isinstance(one, float) else str(one) for one in values)
 
@@ -121,6 +123,8 @@ def plate_sources(study: Study) -> tuple[Source, ...]:
                 found.append(_source(f"{path}.{key}", value, *stated))
         found.append(_default(f"{path}.finger_diameter_mm", actuator.finger_diameter_mm, 10.0))
         if actuator.patch_counts:
+            words = "yours: its layers stiffen and load the plate"
+            found.append(_source(f"{path}.patch_counts", actuator.patch_counts, "yours", words))
             layers = (*PATCH_KEYS, *CARRIER_PATCH_KEYS)
             given = [(key, getattr(actuator, key)) for key in layers]
             found += [_source(f"{path}.{k}", v, *_YOURS) for k, v in given if v is not None]
@@ -285,7 +289,12 @@ def _loss(plate: Plate) -> Iterator[Source]:
         if value:
             yield _source(f"strip.{key}", value, *_YOURS)
     if not (plate.loss_factor or plate.viscous_time_us):
-        words = "none is stated: assumed values, see the displacements"
+        from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS
+
+        words = (
+            f"none is stated: plan and simulated people have {ASSUMED_LOSS:g} (assumed), the check "
+            f"tries {LEAST_LOSS:g} and {MOST_LOSS:g} (assumed)"
+        )
         if plate.length_mm == "endless":
             words = "none is stated: 0 on an endless plate"
         yield _source("strip.loss_factor", plate.loss_factor, "assumed", words)

@@ -215,6 +215,7 @@ def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: 
     write_analysis([simulate(tmp_path / "paper")], tmp_path / "out-paper", figures=False)
     told = Outline((tmp_path / "out-paper" / "report.html").read_text(encoding="utf-8")).text
     assert "measured by the paper (figure 4)" in told
+    assert "plan and simulated people have 0.01 (assumed), the check tries 0.005 and 0.02" in told
 
 
 def test_the_report_says_how_the_fingers_lay_on_the_plate(

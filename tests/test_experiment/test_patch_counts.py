@@ -75,6 +75,8 @@ def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
     assert 0 < error["level_db"] < 0.15
     assert all(one["patch_counts"] for one in found.facts["actuators"])
     told = {one.key: one.origin for one in study_sources(study())}
+    counted = next(one for one in study_sources(study()) if one.key.endswith("patch_counts"))
+    assert (counted.printed, counted.value, counted.origin) == ("true", True, "yours")
     assert told["actuator[0].carrier_density_kg_m3"] == "yours"
 
 
