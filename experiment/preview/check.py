@@ -18,6 +18,7 @@ from experiment.trial.draw import block_count
 from stimuli import Burst, BurstCheck, ElasticEdge, SampledDrive, check_burst
 
 if TYPE_CHECKING:
+    from experiment.study.physics import PatchErrors
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
@@ -47,6 +48,7 @@ class ConditionCheck:
     bracket: tuple[TriedGains, ...]
     # by how much the level at the other finger must lie below that at the own
     masking_limit_db: float
+    patch_errors: PatchErrors | None = None  # where patches count and the gains were computed
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -55,12 +57,21 @@ class ConditionCheck:
         if self.gains is None:
             return tuple(reasons)
         for own, other in ((0, 1), (1, 0)):
-            level_db = self.level_db(other, own)
-            if level_db > -self.masking_limit_db:
+            level_db, limit_db = self.level_db(other, own), -self.masking_limit_db
+            errors = self.patch_errors
+            doubt_db = 0.0 if errors is None else float(errors.levels_db[other, own])
+            if level_db + doubt_db <= limit_db:
+                continue
+            at = (
+                f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
+                f"finger {level_db:.3f} dB re its own finger"
+            )
+            if level_db > limit_db:
+                reasons.append(f"{at}; the limit is {limit_db:g} dB")
+            else:
                 reasons.append(
-                    f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
-                    f"finger {level_db:.3f} dB re its own finger; the limit is "
-                    f"{-self.masking_limit_db:g} dB"
+                    f"{at}, known within {doubt_db:.2g} dB: above the limit of {limit_db:g} dB "
+                    "cannot be excluded"
                 )
         return tuple(reasons)
 
@@ -184,7 +195,13 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         raise UnusableStudyError(study.name, str(error)) from error
     bracket: tuple[TriedGains, ...] = ()
     if gains is None:
-        from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, study_gains
+        from experiment.study.physics import (
+            ASSUMED_LOSS,
+            LEAST_LOSS,
+            MOST_LOSS,
+            patch_errors,
+            study_gains,
+        )
 
         gains = study_gains(study)
         stated, load = study.plate.is_loss_stated, study.finger_load.impedance
@@ -200,6 +217,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
                 for bare in ((False, True) if rests else (True,))
                 for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
+        errors = [patch_errors(study, one) for one in study.conditions]
     gains_of = {one.condition: one for one in gains}
     conditions = tuple(
         ConditionCheck(
@@ -208,8 +226,9 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
             gains=gains_of.get(condition.name),
             bracket=tuple(one for one in bracket if one.gains.condition == condition.name),
             masking_limit_db=study.burst.masking_limit_db,
+            patch_errors=error,
         )
-        for condition, burst in zip(study.conditions, bursts, strict=True)
+        for condition, burst, error in zip(study.conditions, bursts, errors, strict=True)
     )
     return StudyCheck(
         study=study,

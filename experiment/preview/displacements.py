@@ -27,8 +27,6 @@ def displacement_findings(
         field_strip,
         fingertips_of,
         loads_of,
-        patch_error_words,
-        patch_errors,
     )  # fmt: skip
     from stimuli import felt_work
 
@@ -46,10 +44,10 @@ def displacement_findings(
     found.tell("", f"computed by {work.words}", computed_by=asdict(work))
     found.parts("actuators", [_moved(study, one, gains, column) for column in columns])
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
-    errors = patch_errors(study, one.condition)
-    found.note(patch_error=errors)
+    errors = one.patch_errors
+    found.note(patch_error=None if errors is None else errors.facts)
     if errors is not None:
-        found.tell("", patch_error_words(errors))
+        found.tell("", errors.words)
     _tell_loss(found, check, one)
     load = study.finger_load
     rests = load.impedance is not None and load.impedance.holds_for(one.condition.drive)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -27,6 +26,36 @@ ASSUMED_LOSS: Final = 0.01
 
 LEAST_LOSS, MOST_LOSS = 0.005, 0.02
 """Between these it is likely to lie; a stimulus has to be fit with both."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatchErrors:
+    """How well displacements are known where patches count.
+
+    Attributes
+    ----------
+    own : float
+        Part of the displacements of the own fingers, the worst.
+    levels_db : ndarray of float64, shape (n_fingers, n_actuators)
+        Of the levels at the other fingers.
+    """
+
+    own: float
+    levels_db: NDArray[np.float64]
+
+    @property
+    def facts(self) -> dict[str, float]:
+        """The worst of each."""
+        others = ~np.eye(len(self.levels_db), dtype=bool)
+        return {"own": self.own, "level_db": float(np.max(self.levels_db[others]))}
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return (
+            f"patches counted: own fingers known within {self.own:.1%}, levels within "
+            f"{self.facts['level_db']:.2g} dB"
+        )
 
 
 def study_gains(
@@ -322,11 +351,8 @@ def bare_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
     return replace(study.strip, material=replace(study.strip.material, loss_factor=loss_factor))
 
 
-def patch_errors(study: Study, condition: Condition) -> dict[str, float] | None:
-    """Return how well the displacements of a plate are known whose patches count; else none.
-
-    Of the own fingers as a part, of the levels at the other ones in dB, the worst of each.
-    """
+def patch_errors(study: Study, condition: Condition) -> PatchErrors | None:
+    """Return how well the displacements of a plate are known whose patches count; else none."""
     from stimuli import felt
     from stimuli.fingers.fingertip import felt_error
 
@@ -335,15 +361,8 @@ def patch_errors(study: Study, condition: Condition) -> dict[str, float] | None:
         return None
     scene = strip, loads_of(study), fingertips_of(study), condition.drive
     part = felt_error(*scene) / felt(*scene)
-    alone = np.eye(len(part), dtype=bool)
-    own, other = float(np.max(part[alone])), float(np.max(part[~alone]))
-    return {"own": own, "level_db": 20 * math.log10((1 + other) * (1 + own))}
-
-
-def patch_error_words(errors: dict[str, float]) -> str:
-    """Say the same."""
-    own, level_db = errors["own"], errors["level_db"]
-    return f"patches counted: own fingers known within {own:.1%}, levels within {level_db:.2g} dB"
+    levels_db = 20 * np.log10((1 + part) * (1 + np.diag(part)))
+    return PatchErrors(own=float(np.max(np.diag(part))), levels_db=levels_db)
 
 
 def _load(actuator: Actuator) -> Load:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import pytest
@@ -170,3 +171,20 @@ def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
     for each in (MEASURED + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
         with pytest.raises(StudyError, match=said):
             study_gains(study(each, "[strip]\nlength_mm = 3000\n" + load))
+
+
+@pytest.mark.slow
+def test_a_level_that_may_be_above_the_limit_is_unfit() -> None:
+    checked = check_study(study())
+    (one,) = checked.conditions
+    assert one.patch_errors is not None
+    assert one.verdict == "fit"
+    level_db, doubt_db = one.level_db(1, 0), float(one.patch_errors.levels_db[1, 0])
+    near = dataclasses.replace(one, masking_limit_db=-level_db - doubt_db / 2)
+    assert near.verdict == "unfit"
+    assert all("cannot be excluded" in reason for reason in near.reasons)
+    assert f"{level_db:.3f} dB re its own finger, known within" in near.reasons[0]
+    past = dataclasses.replace(one, masking_limit_db=-level_db - 1.1 * doubt_db)
+    assert past.verdict == "fit"
+    above = dataclasses.replace(one, masking_limit_db=-level_db + 0.01)
+    assert "; the limit is" in above.reasons[0]
