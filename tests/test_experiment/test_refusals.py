@@ -269,6 +269,10 @@ def without_diameter(left: str) -> str:
             "strip.thickness_mm = 0.0005",
             "got 0.0005; if these are metres, write thickness_mm = 0.5",
         ),
+        (
+            "actuator = [{side = 'left', x_mm = -35, measured_displacement_um = 2e-6}]",
+            "got 2e-06; if these are metres, write measured_displacement_um = 2",
+        ),
         ("strip.width_mm = 0.025", "got 0.025; if these are metres, write width_mm = 25"),
         ("strip.youngs_modulus_gpa = 67e9", "if these are pascals, write youngs_modulus_gpa = 67"),
         ("strip.youngs_modulus_gpa = 67000", "megapascals, write youngs_modulus_gpa = 67"),

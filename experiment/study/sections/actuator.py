@@ -71,7 +71,10 @@ class Actuator:
         default=10.0, gt=0, le=50, description="contact of the fingertip above it"
     )
     measured_displacement_um: float | None = Field(
-        default=None, gt=0, le=1e6, description="at its centre, as measured, no finger on the plate"
+        default=None,
+        ge=1e-4,
+        le=1e6,
+        description="at its centre, as measured, no finger on the plate",
     )
     measured_as: Literal["peak", "peak-to-peak"] | None = Field(
         default=None,

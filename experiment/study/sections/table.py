@@ -246,6 +246,7 @@ def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
 
 _SLIPS: Final = {
     "_mm": (("metres", 0.0, 1.0, 1e3),),
+    "_um": (("metres", 0.0, 1e-4, 1e6),),
     "_gpa": (("pascals", 1e6, math.inf, 1e-9), ("megapascals", 2e3, 1e6, 1e-3)),
     "density_kg_m3": (("g/cm3", 0.5, 25.0, 1e3),),
 }
