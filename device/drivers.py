@@ -99,8 +99,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     ValueError: port must be given for the driver serial, got None
     """
     if name not in NEEDS:
-        factory = own_driver(name).load()
-        return cast("BurstDevice", factory(settings, clock))
+        return cast("BurstDevice", own_driver(name).make(settings, clock, "arm"))
     if settings.channels != FIRST_TWO:
         raise ValueError(
             f"channels must be {list(FIRST_TWO)} for the driver {name}, got "

@@ -52,6 +52,22 @@ class Installed:
             )
         return factory  # type: ignore[no-any-return]
 
+    def make(self, settings: object, clock: object, needed: str) -> Any:
+        """Call the factory; ValueError where it fails, or makes what has no method `needed`."""
+        try:
+            made = self.load()(settings, clock)
+        except ValueError:
+            raise
+        except Exception as error:
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            raise ValueError(f"{self.name} of {self.distribution} failed: {said}") from error
+        if not callable(getattr(made, needed, None)):
+            raise ValueError(  # noqa: TRY004 - the fault is of the distribution, not of a caller
+                f"{self.name} of {self.distribution} must make an object with {needed}(); got "
+                f"{made!r}"
+            )
+        return made
+
 
 def installed(group: str, built_in: tuple[str, ...]) -> dict[str, Installed]:
     """Return what is offered in a group, by name.

@@ -32,7 +32,12 @@ LATER = {
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
-    *("session/markers.py", "commands/responders.py", "participant/buttons.py"),
+    *(
+        "session/markers.py",
+        "session/attendance.py",
+        "commands/responders.py",
+        "participant/buttons.py",
+    ),
 }
 """Folders and modules of what the program could not do when the others were made."""
 

@@ -53,6 +53,12 @@ def levels(*, folder: Path, participant: str, study_file: Path | None, target: P
     if own.empty:
         known = ", ".join(sorted(set(trials["participant"]))[:10])
         raise CommandError(f"--participant must be one of {known}; got {participant}")
+    practised = ~own["simulated"].astype(bool) & own["device_kind"].isin(["mock", "emulated"])
+    if practised.any():
+        raise CommandError(
+            f"participant {participant} practised without a device, on a mock or an emulator: "
+            "levels for a person come from a pilot session on the plate"
+        )
     study = (
         _study_of(own["file"].unique().tolist()) if study_file is None else read_study(study_file)
     )

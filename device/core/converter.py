@@ -13,9 +13,11 @@ from device.core.local import HostedCore
 from device.core.messages import Arm, Enable, Message
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
-from device.driver import Identity, LinkError, Outcome
+from device.driver import DeviceError, Identity, LinkError, Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from device.clock import Clock
     from device.driver import FloatArray
     from device.limits import Limits
@@ -91,7 +93,7 @@ class _ConverterLink(HostedCore):
 
     def hello(self) -> Identity:
         self._attend()
-        self._converter.connect()
+        self._do(self._converter.connect)
         self._trouble = None
         self._known = self._core.state
         return Identity(
@@ -115,11 +117,21 @@ class _ConverterLink(HostedCore):
 
     def stop(self) -> None:
         super().stop()
-        self._converter.zero()
+        self._do(self._converter.zero)
 
     def hang_up(self) -> None:
         super().hang_up()
-        self._converter.disconnect()
+        self._do(self._converter.disconnect)
+
+    def _do(self, step: Callable[[], None]) -> None:
+        """Have a step done; what fails is told as a failure of this device, in one line."""
+        try:
+            step()
+        except DeviceError:
+            raise
+        except Exception as error:
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            raise LinkError(f"{self._converter.name}: {step.__name__} failed: {said}") from error
 
     def _play(self, record: Record) -> Exchange[Record]:
         playing = self._core.playing

@@ -9,10 +9,11 @@ from experiment.terms.exits import CommandError
 from experiment.terms.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from device.clock import Clock
     from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.participant.settings import ResponderSettings
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
     from experiment.trial.plan import Plan
@@ -58,7 +59,7 @@ def responder_named(
         requests=requests,
         stop=stop,
     )
-    someone = _factory(name)(settings, clock)
+    someone = _made(name, settings, clock)
     if hasattr(someone, "__enter__"):
         with someone as entered:
             yield entered
@@ -66,19 +67,22 @@ def responder_named(
         yield someone
 
 
-def _factory(name: str) -> Callable[..., Any]:
-    """Return what makes a responder that is not simulated."""
+def _made(name: str, settings: ResponderSettings, clock: Clock) -> Any:
+    """Make a responder that is not simulated."""
     if name == "screen":
         from experiment.participant.screen import ScreenResponder
 
-        return ScreenResponder
+        return ScreenResponder(settings, clock)
     if name == "terminal":
         from experiment.participant.terminal import TerminalResponder
 
-        return TerminalResponder
+        return TerminalResponder(settings, clock)
     from experiment.participant.settings import own_responder
 
-    return own_responder(name).load()
+    try:
+        return own_responder(name).make(settings, clock, "ask")
+    except ValueError as error:
+        raise CommandError(f"--responder {error}") from error
 
 
 @contextlib.contextmanager

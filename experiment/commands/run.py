@@ -291,10 +291,16 @@ def _failures() -> Iterator[None]:
     """Give failures of device, noise and disk their exit codes."""
     from experiment.apparatus.noise import NoiseError
     from experiment.archive.journal import JournalWriteError
+    from experiment.terms.responder import ResponderError
 
     try:
         with device_failures():
             yield
+    except ResponderError as error:
+        raise CommandError(
+            f"responder: {error}; a session that was begun goes on with --resume",
+            exit_code=STOPPED_EARLY,
+        ) from error
     except NoiseError as error:
         raise CommandError(
             f'{error}; a study with noise = "none" in [masking] plays none',

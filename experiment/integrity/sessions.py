@@ -130,6 +130,11 @@ class _Examiner:
         registered = self._registered(journal, kept) if journal else None
         if journal is None and kept and not (self._folder / JOURNAL).is_file():
             self._note(JOURNAL, None, f"is missing; line {kept.line} of {HEADS} tells of it")
+        elif journal is None and self._bytes[TABLE] is not None and not self._found:
+            self._note(JOURNAL, None, "is missing: the table cannot be compared with it")
+        if history and history.finished and journal and journal.torn:
+            told = f"{len(journal.torn)} bytes follow the line that ended the session"
+            self._note(JOURNAL, len(journal.entries) + 1, told)
         if history and journal:
             self._table(history, journal, registered)
         raw = self._bytes[PLAN]

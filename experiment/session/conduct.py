@@ -27,6 +27,7 @@ from experiment.session.setting import (
     trial_name,
 )
 from experiment.study.read import study_from_canonical
+from experiment.terms.responder import ResponderError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from experiment.archive.history import History, OpenTrial
     from experiment.archive.journal import Journal
     from experiment.study.study import Study
+    from experiment.terms.responder import Responder
     from experiment.trial.plan import Plan
 
 
@@ -84,6 +86,15 @@ def settle_open_trial(
 def interruption_s(history: History) -> float | None:
     """Return for how long a session was interrupted; None where nobody can tell."""
     return elapsed_s(history.last, machine_time())
+
+
+def require_responder(responder: Responder) -> None:
+    """Refuse a responder that does not say whether anybody is there: every row keeps it."""
+    simulated = getattr(responder, "simulated", None)
+    if not isinstance(simulated, bool):
+        raise ResponderError(
+            f"{type(responder).__name__}.simulated must be True or False; got {simulated!r}"
+        )
 
 
 def refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
@@ -137,6 +148,7 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     JournalWriteError
         If the record cannot be kept.
     """
+    require_responder(setting.responder)
     folder.refuse_existing()
     _refuse_kept(folder)
     study = study_from_canonical(plan.study)
@@ -175,6 +187,7 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     JournalWriteError
         If the record cannot be kept.
     """
+    require_responder(setting.responder)
     plan = folder.read_plan()
     folder.refuse_loss()
     study = study_from_canonical(plan.study)

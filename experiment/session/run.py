@@ -35,6 +35,7 @@ def run_session(
     out: Path | str = "results",
     clock: Clock | None = None,
     seed: int | None = None,
+    participant_number: int | None = None,
     resuming: bool = False,
     hardware_confirmed: bool = False,
     practice_without_device: bool = False,
@@ -58,6 +59,8 @@ def run_session(
         The machine's monotonic one by default.
     seed : int, optional
         Of the plan; random by default.
+    participant_number : int, optional
+        For a balanced order of conditions; by default the place in participants.tsv.
     resuming : bool
         Go on with a session that was interrupted.
     hardware_confirmed : bool
@@ -122,12 +125,15 @@ def run_session(
     else:
         folder.refuse_existing()
         gains = require_fit(study).gains
+        if participant_number is None and study.design.condition_order == "balanced":
+            participant_number = folder.participant_number()
         plan = draw_plan(
             study,
             participant=participant,
             session=session,
             seed=secrets.randbits(32) if seed is None else seed,
             gains=gains,
+            participant_number=participant_number,
         )
     setting = Setting(
         device=device,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from device.driver import DeviceError, Outcome
-from experiment.operator.requests import StopRequested
+from experiment.session.attendance import Attendance
 from experiment.session.markers import RECORDING_START, response_marker, stimulus_marker
 from experiment.session.outputs import NoiseWatch, StimulusOut
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
-from experiment.terms.responder import ESCAPE, AwaitedAnswer
+from experiment.terms.responder import AwaitedAnswer
 from experiment.trial import events
 from experiment.trial.engine import step, upcoming
-from experiment.trial.events import Event, Key
+from experiment.trial.events import Event
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -22,100 +22,8 @@ if TYPE_CHECKING:
     from experiment.archive.journal import Journal
     from experiment.session.setting import Setting
     from experiment.study.study import Study
-    from experiment.terms.responder import Press, Progress, SessionPart
-    from experiment.trial.events import Happening, Task
+    from experiment.trial.events import Happening
     from experiment.trial.plan import Plan
-
-
-class Attendance:
-    """A participant who may be called away at any moment; `responses` are the answers offered.
-
-    Only a key of an answer that counts in the trial's part is one: any other was a slip, or there
-    was nothing to be said with it, and would otherwise be counted as a miss. It is left as a note,
-    and `ignored` says it to the operator until the next trial.
-    """
-
-    def __init__(self, setting: Setting, *, responses: tuple[str, ...]) -> None:
-        self._responder = setting.responder
-        self._stop = setting.stop
-        self._requests = setting.requests
-        self._responses = responses
-        self.ignored = ""
-
-    def greet(self, progress: Progress) -> Happening:
-        """Welcome and instruct."""
-        return self._unless_stopped(lambda: _continued(go_on=self._responder.begin(progress)))
-
-    def introduce(self, part: SessionPart, progress: Progress) -> Happening:
-        """Tell what a part asks for."""
-        return self._unless_stopped(
-            lambda: _continued(go_on=self._responder.introduce(part, progress))
-        )
-
-    def wait(self, task: Task, until_s: float) -> Happening:
-        """Let the foreperiod pass."""
-        self.ignored = ""
-        return self._unless_stopped(
-            lambda: self._heard(lambda: self._responder.wait(until_s), task, onset_s=None)
-        )
-
-    def ask(self, task: Task, question: AwaitedAnswer) -> Happening:
-        """Wait for an answer."""
-        return self._unless_stopped(
-            lambda: self._heard(
-                lambda: self._responder.ask(question), task, onset_s=question.onset_s
-            )
-        )
-
-    def rest(self, progress: Progress, *, paused: bool, minimum_s: float) -> Happening:
-        """Hold a pause, or offer a break."""
-        return self._unless_stopped(
-            lambda: _continued(
-                go_on=self._responder.pause(progress, paused=paused, minimum_s=minimum_s)
-            )
-        )
-
-    def leave(self, progress: Progress, *, finished: bool) -> Happening:
-        """Say good-bye; a stop from outside leaves no time for it."""
-
-        def end() -> Happening:
-            self._responder.end(progress, finished=finished)
-            return Event.CONTINUED
-
-        return self._unless_stopped(end)
-
-    def _unless_stopped(self, wait: Callable[[], Happening]) -> Happening:
-        try:
-            with self._stop.interruptible():
-                return wait()
-        except StopRequested:
-            return Event.STOP_ASKED
-
-    def answers(self, task: Task) -> tuple[str, ...]:
-        """Return the answers that count in a trial."""
-        return task.part.answers(self._responses)
-
-    def _heard(
-        self, listen: Callable[[], Press | None], task: Task, *, onset_s: float | None
-    ) -> Happening:
-        while (press := listen()) is not None:
-            if press.response == ESCAPE:
-                return Event.PAUSE_ASKED
-            if press.response in self.answers(task):
-                rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
-                return Key(press.response, rt_s)
-            self._ignore(press.response, task)
-        return Event.ELAPSED
-
-    def _ignore(self, key: str, task: Task) -> None:
-        known = self.ignored
-        self.ignored = f"trial {task.trial.number}: {key} was pressed, which is no answer here"
-        if self.ignored != known:  # a key that is held, or hit again and again, is told once
-            self._requests.note(self.ignored)
-
-
-def _continued(*, go_on: bool) -> Event:
-    return Event.CONTINUED if go_on else Event.STOP_ASKED
 
 
 _SHOWN_BEFORE = (events.Greet, events.Introduce, events.Cue, events.Rest, events.Farewell)

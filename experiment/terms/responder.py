@@ -95,6 +95,10 @@ class AwaitedAnswer:
     answers: tuple[str, ...]
 
 
+class ResponderError(RuntimeError):
+    """A responder that failed, or that returned what is no press; in one line."""
+
+
 class Responder(Protocol):
     """A participant as a session sees one."""
 

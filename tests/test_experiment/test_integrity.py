@@ -565,3 +565,20 @@ def test_none_of_two_hundred_honest_sessions_is_suspected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     never_suspected(make_study(short_study_text), tmp_path / "results", monkeypatch, 200)
+
+
+def test_a_table_alone_is_not_as_it_was_recorded(results: Path) -> None:
+    session = results / SESSION
+    for name in ("journal.jsonl", "plan.json", "header.json"):
+        (session / name).unlink()
+    (session.parent / "sessions.tsv").unlink()
+    (difference,) = examine(session).differences
+    assert "is missing: the table cannot be compared with it" in difference.message
+
+
+def test_bytes_after_the_end_of_a_session_are_found(results: Path) -> None:
+    session = results / SESSION
+    with (session / "journal.jsonl").open("ab") as journal:
+        journal.write(b"x")
+    (difference,) = examine(session).differences
+    assert "1 bytes follow the line that ended the session" in difference.message

@@ -23,6 +23,7 @@ from device.drivers import DriverSettings, make_device
 from device.limits import Limits
 from experiment.session.run import run_session
 from experiment.study.read import study_from_text
+from experiment.terms.responder import Press, ResponderError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -419,3 +420,85 @@ def test_settings_that_an_example_needs_are_asked_for(nidaqmx: Tasks) -> None:
 
 def test_built_in_names_need_nothing_installed() -> None:
     assert make_device("mock", DriverSettings(limits=LIMITS), VirtualClock()).open().emulated
+
+
+# --- responders and converters that misbehave ----------------------------------------------------
+
+
+def sat(lab_device: Any, tmp_path: Path, **methods: Any) -> Any:
+    """Run a session with a responder whose methods are others."""
+    clock = VirtualClock()
+    someone = lab_device.Impatient(None, clock)
+    for name, method in methods.items():
+        setattr(someone, name, method)
+    device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
+    study = study_from_text(STUDY, "study.toml")
+    return run_session(study, "01", device, someone, out=tmp_path, clock=clock, seed=1)
+
+
+@pytest.mark.parametrize("word", ["Left", "banana"])
+def test_a_word_that_is_never_offered_ends_in_time_outs(
+    lab_device: Any, tmp_path: Path, word: str
+) -> None:
+    ending = sat(lab_device, tmp_path, ask=lambda question: Press(word, question.onset_s + 0.3))
+    assert ending.finished
+    assert ending.trials_path.read_text(encoding="utf-8").count(",timeout,") == 4
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda _: Press("left", float("nan")), "Impatient must return a Press with a word and a"),
+        (lambda _: ("left", 1.0), r"or None; got \('left', 1.0\)"),
+        (lambda _: 1 / 0, "Impatient failed: ZeroDivisionError: division by zero"),
+    ],
+)
+def test_a_responder_that_fails_ends_the_session_in_one_line(
+    lab_device: Any, tmp_path: Path, made: Any, said: str
+) -> None:
+    with pytest.raises(ResponderError, match=said):
+        sat(lab_device, tmp_path, ask=made)
+
+
+def test_a_responder_has_to_say_whether_anybody_is_there(lab_device: Any, tmp_path: Path) -> None:
+    with pytest.raises(ResponderError, match="simulated must be True or False; got 'yes'"):
+        sat(lab_device, tmp_path, simulated="yes")
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_foreperiod_is_kept_by_whoever_does_not_wait(lab_device: Any, tmp_path: Path) -> None:
+    ending = sat(lab_device, tmp_path, wait=lambda _: None)
+    with ending.trials_path.open(encoding="utf-8") as table:
+        onsets_s = [float(row["onset_s"]) for row in csv.DictReader(table)]
+    assert min(np.diff(onsets_s)) >= 0.33 + 0.01
+
+
+@pytest.mark.parametrize("step", ["connect", "zero", "disconnect"])
+def test_a_step_of_a_converter_that_fails_is_a_failure_of_the_device(step: str) -> None:
+    def failing() -> None:
+        raise OSError("no such card")
+
+    converter = Faulty(Outcome.FIRED)
+    device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
+    if step != "connect":
+        device.open()
+    failing.__name__ = step
+    setattr(converter, step, failing)
+    with pytest.raises(LinkError, match=rf"^faulty: {step} failed: OSError: no such card$"):
+        device.open() if step == "connect" else device.close()
+
+
+def test_a_balanced_study_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
+    clock = VirtualClock()
+    text = STUDY.replace("[design]", '[design]\ncondition_order = "balanced"')
+    study = study_from_text(
+        text + '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n', "study.toml"
+    )
+    first = set()
+    for participant in ("01", "02"):
+        device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
+        someone = lab_device.Impatient(None, clock)
+        ending = run_session(study, participant, device, someone, out=tmp_path, clock=clock)
+        with ending.trials_path.open(encoding="utf-8") as table:
+            first.add(next(csv.DictReader(table))["condition"])
+    assert first == {"a", "b"}
