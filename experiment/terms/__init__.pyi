@@ -24,7 +24,16 @@ from .record import (
     is_correct,
     trials_csv,
 )
-from .responder import ESCAPE, RESPONDERS, AwaitedAnswer, Press, Progress, Responder, SessionPart
+from .responder import (
+    ESCAPE,
+    RESPONDERS,
+    AwaitedAnswer,
+    Press,
+    Progress,
+    Responder,
+    ResponderError,
+    SessionPart,
+)
 
 __all__ = [
     "ANSWERS",
@@ -55,6 +64,7 @@ __all__ = [
     "Press",
     "Progress",
     "Responder",
+    "ResponderError",
     "SessionPart",
     "TrialRow",
     "draw_observer",
