@@ -194,6 +194,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
     except ValueError as error:
         raise UnusableStudyError(study.name, str(error)) from error
     bracket: tuple[TriedGains, ...] = ()
+    errors: list[PatchErrors | None] = [None] * len(study.conditions)
     if gains is None:
         from experiment.study.physics import (
             ASSUMED_LOSS,
