@@ -132,7 +132,8 @@ class _Examiner:
             self._note(JOURNAL, None, f"is missing; line {kept.line} of {HEADS} tells of it")
         elif journal is None and self._bytes[TABLE] is not None and not self._found:
             self._note(JOURNAL, None, "is missing: the table cannot be compared with it")
-        if history and history.finished and journal and journal.torn:
+        ended = journal is not None and 0 < len(journal.entries) == registered
+        if history and history.finished and journal and journal.torn and ended:
             told = f"{len(journal.torn)} bytes follow the line that ended the session"
             self._note(JOURNAL, len(journal.entries) + 1, told)
         if history and journal:
@@ -144,7 +145,7 @@ class _Examiner:
             history=history,
             head_sha256=journal.sha256[-1] if journal and journal.entries else None,
             compared=(self._folder / JOURNAL).is_file(),
-            ended=journal is not None and 0 < len(journal.entries) == registered,
+            ended=ended,
             differences=tuple(self._found),
         )
 
