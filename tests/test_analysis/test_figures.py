@@ -95,6 +95,7 @@ NO_MEAN = "no level was given to everybody"
         ),
     ],
 )
+@pytest.mark.slow
 def test_detection_is_drawn_with_its_words(
     of: dict[str, Any], present: tuple[str, ...], absent: tuple[str, ...]
 ) -> None:

@@ -326,6 +326,7 @@ def test_an_edit_is_found_and_named(results: Path, run: Run, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EDITS)
+@pytest.mark.slow
 def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(results: Path, name: str) -> None:
     EDITS[name][0](results)
     loaded = None

@@ -286,6 +286,7 @@ def test_a_person_on_the_mock_is_refused_by_the_name_of_the_option(
 
 
 @pytest.mark.usefixtures("screen")
+@pytest.mark.slow
 def test_practice_goes_on_only_as_practice(sessions: Sessions) -> None:
     assert sessions.run("--responder", "screen").exit_code == 0
     sessions.practice = False

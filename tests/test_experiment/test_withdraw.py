@@ -65,6 +65,7 @@ def assert_gone(results: Path) -> None:
     assert (results / "sub-02" / "ses-01" / "trials.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_withdrawn_person_is_gone_and_the_others_are_untouched(results: Path) -> None:
     before = contents(results)
     done = withdraw(results)

@@ -200,6 +200,7 @@ def test_a_load_and_a_point_may_be_exchanged(edge: Edge, frequency_hz: float) ->
 
 
 @each_edge
+@pytest.mark.slow
 def test_mirror_images_are_the_same(edge: Edge) -> None:
     values = []
     for along in (1, -1):
@@ -239,6 +240,7 @@ def test_a_wider_plate_of_the_same_shape_bends_alike() -> None:
 
 @each_edge
 @pytest.mark.parametrize("frequency_hz", [800.0, 5000.0])
+@pytest.mark.slow
 def test_ends_bear_no_moment_and_no_shear(edge: Edge, frequency_hz: float) -> None:
     """From differences over 4 mm: 12 places along x from the end, 7 across."""
     nu, y0_m, n = 0.346, 0.011, 12

@@ -87,6 +87,7 @@ def test_the_peak_is_linear_in_the_drive() -> None:
     np.testing.assert_allclose(half, one / 2, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_slow_drive_moves_the_plate_as_a_static_load_does() -> None:
     slow = Burst(frequency_hz=20.0, cycles=1, window="none")
     still_m = abs(displacement(scene_of(MEASURED, DISCS[0], PLACES[0]), [0.0])[0, 0, 0])
@@ -146,6 +147,7 @@ def test_a_constant_loss_becomes_viscous_where_its_waves_travel(frequency_hz: fl
     assert found.stiffness_factor(at_hz) == pytest.approx(loss, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_what_is_felt_of_a_constant_loss_is_that_of_the_causal_one() -> None:
     strip = lossy(MEASURED, 0.02)
     plain, viscous = (felt(one, DISCS, POINTS, HANN) for one in (strip, causal(strip, HANN)))

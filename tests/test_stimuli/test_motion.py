@@ -414,6 +414,7 @@ def test_a_rectangle_off_the_centre_line_needs_odd_waves_too() -> None:
 
 
 @pytest.mark.parametrize(("held", "rtol"), [(None, 1e-2), (False, 1e-2), (True, 0.1)])
+@pytest.mark.slow
 def test_a_field_over_time_by_modes_is_that_of_its_spectrum(
     rtol: float, *, held: bool | None
 ) -> None:
@@ -434,6 +435,7 @@ def test_a_field_over_time_by_modes_is_that_of_its_spectrum(
     assert not ours[:, 1].any()
 
 
+@pytest.mark.slow
 def test_a_field_over_time_on_a_long_plate_is_that_of_an_endless_one() -> None:
     drive, times_s = burst("hann"), np.linspace(0.0, 0.01, 50)
     scenes = [

@@ -199,6 +199,7 @@ def test_frequencies_fall_as_more_functions_are_taken(patch: BondedPatch) -> Non
     assert more == pytest.approx(few, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_load_and_point_may_be_exchanged() -> None:
     strip = bearing(SHORT, disc(0.02, y_m=0.011), rectangle(-0.03, y_m=0.014))
     places = [(0.021, 0.009), (-0.028, 0.016)]

@@ -85,6 +85,7 @@ def test_waves_turned_back_agree_with_fitted_ends(
 
 @pytest.mark.parametrize("to_clamped", [0.3, 0.9, 0.97, 0.99999])
 @pytest.mark.parametrize("nu", [-0.2, 0.0, 1e-12, 1e-6, 0.02, 0.0355, 0.499999])
+@pytest.mark.slow
 def test_powers_that_meet_in_a_corner_leave_a_finite_field(
     nu: float, to_clamped: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -171,6 +171,7 @@ def test_corners_without_loss_reach_the_default_accuracy() -> None:
 
 @pytest.mark.parametrize("burst", [SMOOTH, PLAIN])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-4, 1e-6])
+@pytest.mark.slow
 def test_nothing_moves_before_the_drive(burst: Burst, rtol: float) -> None:
     times = np.concatenate([np.linspace(-0.008, -1e-6, 50), TIMES])
     size = np.abs(synthesized(scene_of(FIRM), burst, times, rtol=rtol))
@@ -196,6 +197,7 @@ def test_constant_loss_is_refused_with_the_viscous_time_that_equals_it() -> None
 # --- laws ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_drives_add_up() -> None:
     rng = np.random.default_rng(3)
     one, two = (np.concatenate([[0.0], rng.uniform(-1, 1, 30), [0.0]]) for _ in range(2))
@@ -307,6 +309,7 @@ FINDINGS = [
 
 
 @pytest.mark.parametrize(("burst", "edge", "wanted_db"), FINDINGS)
+@pytest.mark.slow
 def test_corners_of_a_burst_decide_what_arrives_70_mm_away(
     burst: Burst, edge: Edge, wanted_db: float
 ) -> None:
