@@ -179,6 +179,20 @@ def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None
     assert again.stdout == result.stdout[: len(again.stdout)]
 
 
+def test_no_levels_come_from_a_person_without_a_device(folder: Path, tmp_path: Path) -> None:
+    name = owner(folder)
+    (trials,) = folder.rglob("trials.csv")
+    alone = tmp_path / "alone" / "pilot.csv"
+    alone.parent.mkdir()
+    table = pd.read_csv(trials, dtype=str, keep_default_na=False)
+    table["simulated"] = "false"
+    table.to_csv(alone, index=False)
+    result = run("levels", alone, "--participant", name, "--write", tmp_path / "levels.toml")
+    assert result.exit_code == 2
+    assert f"participant {name} practised without a device" in result.stderr
+    assert not (tmp_path / "levels.toml").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
