@@ -116,7 +116,7 @@ class MomentDisc(_Disc):
 
     Notes
     -----
-    The stiffness and the mass of the patch are left out.
+    It is the load alone: the stiffness and the mass of a patch are in `Strip.patches`, if anywhere.
 
     Examples
     --------

@@ -216,9 +216,9 @@ def load_per_volt(
 
     Notes
     -----
-    The prediction is good to a factor of 1.5 to 2 at best: catalogue data, glue, the patch's own
-    stiffness in the field and its rim are uncertain. Take a measured displacement where there
-    is one.
+    The prediction is good to a factor of 1.5 to 2 at best: catalogue data, glue and rim are
+    uncertain, and without `Strip.patches` so is the patch's own stiffness in the field. Take a
+    measured displacement where there is one.
 
     Examples
     --------

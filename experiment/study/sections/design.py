@@ -38,7 +38,7 @@ _Wait = Annotated[float, Field(gt=0, le=60)]
 class Design:
     """What is presented, how often, and what may be answered; for each condition.
 
-    The trials with the fingers off the plate come once: as many of each side, at the highest level.
+    The trials with the fingers off the plate, too: as many of each side, at the highest level.
     """
 
     # Two keys may be said in another way. What a plan holds is the number of trials that comes of
