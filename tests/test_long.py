@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 import os
-import signal
-import time
-from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -33,8 +29,6 @@ from experiment.integrity.sessions import FILES, examine
 from experiment.session.simulate import simulate_study
 from experiment.study.study import StudyError
 from tactstrip import main
-from tests.test_experiment.sessions import Sessions
-from tests.test_experiment.test_terminal import Terminal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,7 +39,6 @@ pytestmark = pytest.mark.long
 
 SHARE = float(os.environ.get("TACTSTRIP_LONG", "1"))
 GOLDEN = json.loads((Path(__file__).parent / "golden_frames.json").read_text(encoding="utf-8"))
-CHANGES = ((os, ("write", "fsync", "unlink", "rmdir", "mkdir")), (Path, ("replace", "rename")))
 NASTY = (
     *(b"", b"\0", b"\xff\xfe", b"\r\n", b'"', b"n/a", b"-1", b"1e999", b"nan", b"["),
     "\u202e".encode(),
@@ -94,125 +87,6 @@ def test_intervals_of_groups_cover_their_probability(level_vpp: float) -> None:
     covered = (limits[:, 0] <= truth) & (truth <= limits[:, 1])
     print(f"{level_vpp} V: {covered.mean():.1%} of {len(covered)}")
     assert covered.mean() >= 0.91 - 4 * math.sqrt(0.05 * 0.95 / len(covered))
-
-
-# --- kills
-
-
-def killed(step: int, *arguments: str) -> bool:
-    """Run a command in a copy of this process, killed before its n-th change of the disk."""
-    pid = os.fork()
-    if pid:
-        status = os.waitpid(pid, 0)[1]
-        assert os.WIFSIGNALED(status) or os.waitstatus_to_exitcode(status) == 0, arguments
-        return os.WIFSIGNALED(status)
-    left = step
-
-    def counted(change: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*args: Any, **kwargs: Any) -> Any:
-            nonlocal left
-            left -= 1
-            if left == 0:
-                os.kill(os.getpid(), signal.SIGKILL)
-            return change(*args, **kwargs)
-
-        return call
-
-    for owner, names in CHANGES:
-        for name in names:
-            setattr(owner, name, counted(getattr(owner, name)))
-    os._exit(CliRunner().invoke(main, arguments).exit_code)
-
-
-def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
-    tmp_path: Path, quick_study_text: str
-) -> None:
-    (tmp_path / "study.toml").write_text(quick_study_text, encoding="utf-8")
-    kills = session = 0
-    while kills < rounds(2000):
-        session += 1
-        rng = np.random.default_rng(session)
-        out = tmp_path / f"results-{session}"
-        run = ["run", str(tmp_path / "study.toml"), "--participant", "01", "--out", str(out)]
-        run += ["--responder", "simulated"]
-        folder = SessionFolder(out, "01", "01")
-        answered: dict[tuple[object, object], object] = {}
-        more = ["--seed", str(session)]
-        while killed(int(rng.integers(1, 40)), *run, *more):
-            kills += 1
-            if folder.plan_path.exists():
-                more = ["--resume"]
-                amiss = examine(folder.path).differences
-                assert {one.mended_by for one in amiss} <= {"resume"}, amiss
-            if folder.journal_path.exists():
-                for entry in read_journal(folder.journal_path).entries:
-                    if entry.event == "response":
-                        key = (entry.facts["trial"], entry.facts["attempt"])
-                        answered[key] = entry.facts["response"]
-        with (folder.path / "trials.csv").open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-        assert examine(folder.path).differences == ()
-        ok = Counter(int(row["trial"]) for row in rows if row["status"] == "ok")
-        assert ok == {trial.number: 1 for trial in folder.read_plan().trials}
-        said = {(int(r["trial"]), int(r["attempt"])): r["response"] for r in rows}
-        assert answered.items() <= said.items()
-    print(f"{kills} kills in {session} sessions")
-
-
-STEPS = {b"Enter goes on": b"\n", b" ?": b"\x1b[D"}
-"""What a person at the terminal does about what is shown."""
-
-
-def sat_through(terminal: Terminal, kill_at_s: float) -> int | None:
-    """Press what is asked for; kill the process at a time, or return how it ended before."""
-    done = 0
-    while time.monotonic() < kill_at_s:
-        if not terminal.read(min(kill_at_s, time.monotonic() + 0.1)):
-            ended = terminal.process.poll()
-            if ended is not None:
-                return ended
-        for place, asked in sorted(
-            (place, asked)
-            for asked in STEPS
-            if (place := terminal.shown.find(asked, done)) >= 0
-        ):  # fmt: skip
-            time.sleep(0.11 if asked == b" ?" else 0.0)
-            terminal.press(STEPS[asked])
-            done = place + len(asked)
-    terminal.process.kill()
-    return None
-
-
-def test_a_person_at_a_terminal_who_is_killed_again_and_again_loses_nothing(
-    tmp_path: Path, quick_study_text: str
-) -> None:
-    """With the chain of hashes and markers on; killed at any time, not only at the disk's."""
-    kills = number = 0
-    while kills < rounds(60):
-        number += 1
-        rng = np.random.default_rng(number)
-        text = quick_study_text + 'minimum_break_s = 0\n[masking]\nnoise = "none"\n'
-        sessions = Sessions(tmp_path / f"{number}", text)
-        folder = sessions.folder()
-        more = ["--seed", str(number)]
-        ended = None
-        while ended is None:
-            with Terminal(sessions, "--lsl", *more) as terminal:
-                ended = sat_through(terminal, time.monotonic() + rng.uniform(0.8, 2.5))
-            kills += ended is None
-            if folder.plan_path.exists():
-                more = ["--resume"]
-                amiss = examine(folder.path).differences
-                assert {one.mended_by for one in amiss} <= {"resume"}, amiss
-        assert ended == 0
-        assert examine(folder.path).differences == ()
-        rows = sessions.rows()
-        ok = Counter(int(row["trial"]) for row in rows if row["status"] == "ok")
-        planned = {trial.number for trial in folder.read_plan().trials}
-        assert {trial: n for trial, n in ok.items() if trial in planned} == dict.fromkeys(
-            planned, 1
-        )
-    print(f"{kills} kills in {number} sessions at a terminal")
 
 
 # --- fuzzing
