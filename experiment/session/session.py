@@ -34,7 +34,7 @@ TOO_EARLY: Final = (
     "the participant pressed too early too often: say that an answer comes after the vibration, "
     "then go on"
 )
-"""What the operator is told who is called."""
+"""What the operator is told who is called; where nobody attends, going on is a resume."""
 
 
 class Session:
@@ -275,8 +275,9 @@ class Session:
         self._journal.append("pause" if effect.paused else "break", called, sync=True)
         if called and self._requests.attended:
             self._requests.pause()  # the participant, who presses too soon, does not end it
-        elif called:
-            self._tell(TOO_EARLY)
+        elif called:  # nobody could tell whether the operator goes on or the participant
+            self._tell(f"Stopped: {TOO_EARLY}.")
+            return Event.STOP_ASKED
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
         progress = self._standing.progress(self._state)
         event = self._participant.rest(progress, paused=effect.paused, minimum_s=minimum_s)

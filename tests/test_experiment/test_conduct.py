@@ -144,21 +144,35 @@ ALWAYS_EARLY: dict[str, Script] = {
 def test_somebody_who_always_presses_too_early_gets_three_trials_then_the_operator(
     lab: Lab, script: Script
 ) -> None:
+    lab.requests.attended = True
     at_pauses: list[int] = []
 
     def note() -> bool:
         at_pauses.append(len(lab.rows))
         return len(at_pauses) < 4
 
-    told: list[str] = []
-    setting = lab.setting(pause=dict.fromkeys(range(1, 9), note), **script)
-    assert not begin(lab.folder, lab.plan, replace(setting, tell=told.append)).finished
+    assert not lab.begin(pause=dict.fromkeys(range(1, 9), note), **script).finished
     assert at_pauses[0] == 3
     assert all(later - earlier <= 3 for earlier, later in pairwise(at_pauses))
     assert len(lab.device.emitted) in {0, at_pauses[-1]}
-    assert told == [TOO_EARLY] * 4
     assert [entry.facts for entry in lab.entries("pause")] == [{"operator_called": TOO_EARLY}] * 4
     assert lab.monitor.messages == {TOO_EARLY}
+
+
+@pytest.mark.parametrize("script", ALWAYS_EARLY.values(), ids=ALWAYS_EARLY)
+def test_where_no_operator_attends_the_session_stops_and_no_key_of_the_participant_goes_on(
+    lab: Lab, script: Script
+) -> None:
+    told: list[str] = []
+    for sittings in (1, 2):
+        setting = replace(lab.setting(**script), tell=told.append)
+        go_on = partial(resume, lab.folder) if told else partial(begin, lab.folder, lab.plan)
+        assert not go_on(setting).finished
+        assert "pause" not in lab.responder.calls
+        assert len(lab.device.emitted) in {0, 3 * sittings}
+    assert told == [f"Stopped: {TOO_EARLY}."] * 2
+    assert [entry.facts for entry in lab.entries("pause")] == [{"operator_called": TOO_EARLY}] * 2
+    assert lab.resume().finished
 
 
 def test_an_operator_with_a_terminal_ends_the_pause_and_not_the_participant(lab: Lab) -> None:

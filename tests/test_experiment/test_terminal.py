@@ -123,6 +123,23 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
     assert b"160" not in terminal.shown.replace(str(sessions.study.parent).encode(), b"")
 
 
+def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
+    sessions: Sessions,
+) -> None:
+    sessions.write(sessions.text.replace("[0.01, 0.02]", "[5, 5.5]"))
+    with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.begin()
+        for _ in range(3):
+            terminal.go_on(b"trial 1 of 5  ...", LEFT)
+        for _ in range(5):
+            terminal.press(ENTER)
+        assert terminal.ended() == 4
+        assert b"Stopped: the participant pressed too early too often" in terminal.shown
+        assert b"go on with --resume" in terminal.shown
+        assert b"Paused" not in terminal.shown
+    assert [row["status"] for row in sessions.rows()] == ["voided"] * 3
+
+
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Sessions) -> None:
     sessions.write(sessions.text + "control_trials = 2\n" + OFF_PLATE)
     with Terminal(sessions, "--seed", "1") as terminal:
