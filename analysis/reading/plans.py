@@ -12,7 +12,7 @@ from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
 from experiment.archive.files import HEADS
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import JOURNAL, examine
+from experiment.integrity.sessions import JOURNAL, examine, removed_journal
 from experiment.terms.record import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
@@ -86,7 +86,8 @@ class SessionRecord:
     compared : bool
         Whether there is a journal, so that the table was compared with it.
     altered : tuple of Difference
-        Where the session is not as it was recorded; empty unless that is accepted.
+        Where the session is not as it was recorded. Empty unless that is accepted, but for a
+        journal that was removed: a table without one is taken, and marked.
     """
 
     plan: Plan | None = None
@@ -106,18 +107,17 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     False
     """
     if table.name != TABLE or not table.with_name(JOURNAL).is_file():
-        sealed = read_plan(table)
-        return (
-            SessionRecord()
-            if sealed is None
-            else SessionRecord(plan=sealed[0], plan_file_sha256=sealed[1])
-        )
+        removed = removed_journal(table.parent) if table.name == TABLE else ()
+        plan, sha256 = read_plan(table) or (None, "")
+        return SessionRecord(plan=plan, plan_file_sha256=sha256, altered=removed)
     found = _examined(table)
     if found.differences and not accept_altered:
         first, *others = found.differences
         more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
-        message = f"{first.message}{more}; tactstrip analyze --accept-altered takes it, with a mark"
-        raise ResultFileError(first.path, first.line, f"{message}{_mended(found)}")
+        message = f"{first.message}{first.hint}{more}; tactstrip analyze --accept-altered"
+        raise ResultFileError(
+            first.path, first.line, f"{message} takes it, with a mark{_mended(found)}"
+        )
     trusted = found.history is not None or not found.differences
     return SessionRecord(
         plan=found.plan if trusted else None,

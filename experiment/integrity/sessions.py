@@ -44,10 +44,19 @@ class Difference:
     message: str
     mended_by: Literal["export", "resume"] | None = None  # what writes it anew from the journal
 
+    @property
+    def place(self) -> str:
+        """File and line."""
+        return f"{self.path}" if self.line is None else f"{self.path}:{self.line}"
+
+    @property
+    def hint(self) -> str:
+        """What puts it right, where nothing but a kill may have made it."""
+        return _KILLED if self.mended_by == "resume" else ""
+
     def __str__(self) -> str:
         """Name file and line first, as a compiler does."""
-        place = f"{self.path}" if self.line is None else f"{self.path}:{self.line}"
-        return f"{place}: {self.message}"
+        return f"{self.place}: {self.message}{self.hint}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +138,7 @@ class _Examiner:
         kept = self._head()
         registered = self._registered(journal, kept) if journal else None
         if journal is None and kept and not (self._folder / JOURNAL).is_file():
-            self._note(JOURNAL, None, f"is missing; line {kept.line} of {HEADS} tells of it")
+            self._found.append(_removed(self._folder, kept))
         elif journal is None and self._bytes[TABLE] is not None and not self._found:
             self._note(JOURNAL, None, "is missing: the table cannot be compared with it")
         ended = journal is not None and 0 < len(journal.entries) == registered
@@ -208,21 +217,12 @@ class _Examiner:
             self._note(JOURNAL, None, str(error))
             return None
 
-    @property
-    def _in_place(self) -> bool:
-        """Whether it lies where sessions lie; a copy elsewhere has no head beside it."""
-        return self._folder.resolve().name.startswith("ses-")
-
     def _head(self) -> SessionHead | None:
-        if not self._in_place:
-            return None
         try:
-            heads = read_heads(self._folder.parent)
+            return _kept_head(self._folder)
         except HeadError as error:
             self._note(HEADS, error.line, error.message)
             return None
-        session = self._folder.resolve().name.removeprefix("ses-")
-        return next((head for head in heads if head.session == session), None)
 
     def _registered(self, journal: JournalFile, kept: SessionHead | None) -> int:
         """Return how many lines the journal had when its head was kept; note where that differs."""
@@ -231,8 +231,12 @@ class _Examiner:
         if kept is None:
             # A process killed between its last line and this one leaves none: only a resume, which
             # somebody asks for, may take a journal's word for its own end.
-            if closed and self._in_place and not any(one.path.name == HEADS for one in self._found):
-                self._note(HEADS, None, f"{_NO_HEAD}{_KILLED}", "resume")
+            if (
+                closed
+                and _in_place(self._folder)
+                and not any(one.path.name == HEADS for one in self._found)
+            ):
+                self._note(HEADS, None, _NO_HEAD, "resume")
             return 0
         if kept.head_sha256 not in journal.sha256:
             torn = "; its last line is cut short" if journal.torn else ""
@@ -248,7 +252,7 @@ class _Examiner:
             self._note(JOURNAL, lines + 1, "was added after the session had ended")
         elif lines < len(entries) and closed:
             message = f"the last line of {JOURNAL} is another one than head_sha256 tells of"
-            self._note(HEADS, kept.line, f"{message}{_KILLED}", "resume")
+            self._note(HEADS, kept.line, message, "resume")
         return lines
 
     def _table(self, history: History, journal: JournalFile, registered: int | None) -> None:
@@ -273,6 +277,32 @@ _KILLED = "; where the session was killed in that moment, tactstrip run --resume
 
 def _other(found: object, must: object) -> str:
     return f"sha256 {str(found)[:12]}..., line 1 of {JOURNAL} has {str(must)[:12]}..."
+
+
+def _in_place(folder: Path) -> bool:
+    """Whether it lies where sessions lie; a copy elsewhere has no head beside it."""
+    return folder.resolve().name.startswith("ses-")
+
+
+def _kept_head(folder: Path) -> SessionHead | None:
+    if not _in_place(folder):
+        return None
+    session = folder.resolve().name.removeprefix("ses-")
+    return next((head for head in read_heads(folder.parent) if head.session == session), None)
+
+
+def _removed(folder: Path, kept: SessionHead) -> Difference:
+    message = f"is missing; line {kept.line} of {HEADS} tells of it"
+    return Difference(path=folder / JOURNAL, line=None, message=message)
+
+
+def removed_journal(folder: Path) -> tuple[Difference, ...]:
+    """Tell of a journal that is missing though a head of it was kept; no other file is read."""
+    try:
+        kept = None if (folder / JOURNAL).is_file() else _kept_head(folder)
+    except ArchiveError:  # `examine` tells
+        return ()
+    return () if kept is None else (_removed(folder, kept),)
 
 
 def session_paths(root: Path) -> list[Path]:

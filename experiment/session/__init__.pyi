@@ -1,4 +1,4 @@
-from .conduct import begin, resume
+from .conduct import begin, completed, resume
 from .markers import LslMarkers, Markers, NoMarkers
 from .run import run_session
 from .setting import Ending, NobodyLooks, Setting, Sitting
@@ -14,6 +14,7 @@ __all__ = [
     "SimulationError",
     "Sitting",
     "begin",
+    "completed",
     "resume",
     "run_session",
     "simulate_study",

@@ -30,9 +30,9 @@ from experiment.study.read import study_from_canonical
 from experiment.terms.responder import ResponderError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from device.driver import BurstDevice, Identity
+    from device.driver import BurstDevice, DeviceError, Identity
     from experiment.apparatus.noise import NoisePlayer
     from experiment.archive.folders import SessionFolder
     from experiment.archive.history import History, OpenTrial
@@ -192,17 +192,40 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     folder.refuse_loss()
     study = study_from_canonical(plan.study)
     folder.check_people(study)
+    ending = completed(folder, plan, setting.tell)
+    if ending is not None:
+        return ending
     with folder.locked(), _opened(setting, study) as identity:
         history = folder.read_history(plan)
-        refuse_altered(folder.path)
-        if history.finished:
-            return _run(folder, study, plan, setting, identity)
+        _refuse_altered(folder, setting.tell)
         if history.opening:
             refuse_another_place(history, identity, setting)
         else:
             setting.tell("Note: its journal is empty, so the session begins at its first trial.")
         with _playing(setting.noise):
             return _run(folder, study, plan, setting, identity)
+
+
+def completed(folder: SessionFolder, plan: Plan, tell: Callable[[str], object]) -> Ending | None:
+    """Write table and head of a session that has come to its end; None of any other.
+
+    It may have been killed before they were written. Neither device nor participant is needed.
+    Raises as `resume`.
+    """
+    with folder.locked():
+        history = folder.read_history(plan)
+        if not history.finished:
+            return None
+        _refuse_altered(folder, tell)
+        with folder.open_journal(lambda: history.last_t_s) as journal:
+            return _ending(folder, journal, finished=True, failure=None)
+
+
+def _refuse_altered(folder: SessionFolder, tell: Callable[[str], object]) -> None:
+    """Refuse a record that was changed; tell what a resume puts right, for it is not seen later."""
+    for difference in refuse_altered(folder.path):
+        if difference.mended_by == "resume":
+            tell(f"Note: {difference.place}: {difference.message}; it is written anew.")
 
 
 @contextlib.contextmanager
@@ -244,37 +267,39 @@ def _run(
         # lines only stay in their order.
         origin_s -= history.last_t_s + (gap_s or 0.0)
     with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
-        finished, failure = history.finished, None
-        if not finished:
-            goes_on = gap_s is not None
-            _enter(
-                folder,
-                study,
-                plan,
-                history,
-                journal,
-                setting=setting,
-                identity=identity,
-                clock_goes_on=goes_on,
-            )
-            session = Session(
-                setting,
-                study,
-                plan,
-                folder.read_history(plan),
-                journal,
-                resumed=bool(history.opening),
-                origin_s=origin_s,
-            )
-            finished = session.run()
-            failure = session.failure
-        return Ending(
-            finished=finished,
-            failure=failure,
-            trials_path=folder.write_trials(),
-            torn_file=journal.torn_file,
-            head_sha256=_keep_head(folder, journal),
+        _enter(
+            folder,
+            study,
+            plan,
+            history,
+            journal,
+            setting=setting,
+            identity=identity,
+            clock_goes_on=gap_s is not None,
         )
+        session = Session(
+            setting,
+            study,
+            plan,
+            folder.read_history(plan),
+            journal,
+            resumed=bool(history.opening),
+            origin_s=origin_s,
+        )
+        finished = session.run()
+        return _ending(folder, journal, finished=finished, failure=session.failure)
+
+
+def _ending(
+    folder: SessionFolder, journal: Journal, *, finished: bool, failure: DeviceError | None
+) -> Ending:
+    return Ending(
+        finished=finished,
+        failure=failure,
+        trials_path=folder.write_trials(),
+        torn_file=journal.torn_file,
+        head_sha256=_keep_head(folder, journal),
+    )
 
 
 def _keep_head(folder: SessionFolder, journal: Journal) -> str:

@@ -9,6 +9,7 @@ import json
 import re
 import shutil
 import zlib
+from dataclasses import replace
 from random import Random
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -21,6 +22,7 @@ from experiment.archive.files import ArchiveError
 from experiment.archive.journal import ROOT, read_journal
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
 from experiment.integrity.sessions import examine
+from experiment.session.conduct import resume
 from experiment.trial.plan import Plan, Trial, plan_from_json, seal
 from tests.test_experiment.lab import Crash, Lab
 
@@ -397,6 +399,9 @@ def test_a_table_without_a_journal_is_analysed_and_marked(results: Path, run: Ru
     assert "Not compared with a journal" in (out / "report.html").read_text("utf-8")
     summary = json.loads((out / "summary.json").read_bytes())
     assert summary["not_compared"] == [f"{SESSION}/trials.csv"]
+    removed = f"{SESSION}/journal.jsonl: is missing; line 2 of sessions.tsv tells of it"
+    assert summary["altered"] == [removed]
+    assert removed in " ".join(done.stdout.split())
     named = run("verify", results)
     assert named.exit_code == 1
     assert "journal.jsonl: is missing; line 2 of sessions.tsv tells of it" in named.stdout
@@ -513,7 +518,26 @@ def test_killed_before_its_head_is_kept_a_session_is_put_right_by_a_resume(lab: 
         lab.begin()
     (difference,) = examine(lab.folder.path).differences
     assert (difference.path.name, difference.mended_by) == ("sessions.tsv", "resume")
-    assert lab.resume().finished
+    told: list[str] = []
+    assert resume(lab.folder, replace(lab.setting(), tell=told.append)).finished
+    (line,) = told
+    assert line.endswith("whose journal has ended; it is written anew.")
+    assert "sessions.tsv: has no line of this session" in line
+    assert not examine(lab.folder.path).differences
+
+
+def test_an_earlier_head_of_the_same_chain_is_put_right_by_a_resume_and_told(lab: Lab) -> None:
+    lab.begin(pause={1: False}, ask={2: (None, 0.1)})
+    heads = lab.folder.path.parent / "sessions.tsv"
+    earlier = heads.read_bytes()
+    while not lab.resume().finished:
+        pass
+    heads.write_bytes(earlier)
+    (difference,) = examine(lab.folder.path).differences
+    assert difference.mended_by == "resume"
+    told: list[str] = []
+    assert resume(lab.folder, replace(lab.setting(), tell=told.append)).finished
+    assert ["sessions.tsv:2: the last line of journal.jsonl" in line for line in told] == [True]
     assert not examine(lab.folder.path).differences
 
 
