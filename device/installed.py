@@ -69,45 +69,58 @@ class Installed:
         return made
 
 
-def installed(group: str, built_in: tuple[str, ...]) -> dict[str, Installed]:
+def installed(group: str) -> dict[str, list[Installed]]:
     """Return what is offered in a group, by name.
 
-    ValueError where two offer the same name, or one that is built in: nobody could tell which of
-    them drove a session.
-
-    >>> installed("tactstrip.nothing", ())
+    >>> installed("tactstrip.nothing")
     {}
     """
-    found: dict[str, Installed] = {}
+    found: dict[str, list[Installed]] = {}
     for entry in sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)):
         from_ = entry.dist
         distribution = "unknown" if from_ is None else f"{from_.name} {from_.version}"
         offered = Installed(name=entry.name, distribution=distribution, entry=entry)
-        if entry.name in built_in:
-            raise ValueError(
-                f"{entry.name} of {distribution} has the name of a built-in one; give it another "
-                f"in its entry points, {group}"
-            )
-        if entry.name in found and found[entry.name].entry != entry:
-            raise ValueError(
-                f"{entry.name} is offered by {found[entry.name].distribution} and by "
-                f"{distribution}; uninstall one of them"
-            )
-        found[entry.name] = offered
+        others = found.setdefault(entry.name, [])
+        if all(other.entry != entry for other in others):
+            others.append(offered)
     return found
 
 
+def shadowed(group: str, name: str) -> str:
+    """Tell of what is installed by the name of a built-in one, which is taken; else nothing.
+
+    >>> shadowed("tactstrip.nothing", "mock")
+    ''
+    """
+    others = [one.distribution for one in installed(group).get(name, [])]
+    if not others:
+        return ""
+    return (
+        f"{name} is the built-in one; that of {', '.join(others)} is not used: give it another "
+        f"name in its entry points, {group}"
+    )
+
+
 def lookup(group: str, name: str, built_in: tuple[str, ...]) -> Installed:
-    """Return what is offered by a name; ValueError with the names that there are.
+    """Return what is offered by a name.
+
+    ValueError with the names that there are; also where two offer it, for nobody could tell which
+    of them drove a session.
 
     >>> lookup("tactstrip.nothing", "lab", ("mock",))
     Traceback (most recent call last):
     ValueError: must be one of mock; got 'lab', which no installed distribution offers
     """
-    offered = installed(group, built_in)
+    offered = installed(group)
     if name not in offered:
-        names = ", ".join((*built_in, *offered))
+        names = ", ".join(dict.fromkeys((*built_in, *offered)))
         raise ValueError(
             f"must be one of {names}; got {name!r}, which no installed distribution offers"
         )
-    return offered[name]
+    first, *others = offered[name]
+    if others:
+        raise ValueError(
+            f"{name} is offered by {first.distribution} and by {others[0].distribution}; uninstall "
+            "one of them"
+        )
+    return first

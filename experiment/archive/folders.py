@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
 
 _LOCK: Final = ".lock"
+_NUMBER: Final = re.compile(rb'^ "participant_number": (\d+)', re.MULTILINE)
 _FILES: Final = ("plan.json", "header.json", "journal.jsonl", "trials.csv", _LOCK)
 
 
@@ -242,6 +244,22 @@ class SessionFolder:
             if (number := _read_plan(path).participant_number) is not None:
                 return number
         return next_number(self.root, self.participant)
+
+    def number_shared(self, number: int) -> str:
+        """Tell of another participant who has the same number; nothing where there is none.
+
+        Headers are read, not plans, which are longer: there may be thousands.
+        """
+        for path in sorted(self.root.glob("sub-*/ses-*/header.json")):
+            found = _NUMBER.search(path.read_bytes())
+            other = path.parent.parent.name.removeprefix("sub-")
+            if found and int(found[1]) == number and other != self.participant:
+                return (
+                    f"participant number {number} is that of participant {other}, too. Right if "
+                    f"{self.participant} takes their place; else the orders are not balanced: "
+                    "give another --participant-number"
+                )
+        return ""
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.

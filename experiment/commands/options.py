@@ -54,12 +54,10 @@ def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
     from experiment.apparatus.rig import QUESTION, confirmed_now
 
     driver = rig.settings.driver
-    if driver == MOCK:
+    if driver == MOCK or rig.is_emulated():  # also where it is given: nothing there to confirm
         return None
     if given:
         return confirmed_now("--confirm-hardware")
-    if rig.is_emulated():
-        return None
     if not on_terminal():
         raise CommandError(
             f"the driver {driver} moves real actuators: read docs/hardware.md, then give "

@@ -117,7 +117,7 @@ def run(
     from experiment.archive.folders import SessionFolder
     from experiment.archive.participants import participant_facts
     from experiment.operator.requests import Requests, StopSignal
-    from experiment.session.conduct import begin, resume
+    from experiment.session.conduct import begin, completed, resume
     from experiment.session.markers import NoMarkers
     from experiment.session.setting import Setting, Sitting
     from experiment.study.read import read_levels, study_from_canonical
@@ -136,6 +136,11 @@ def run(
         if resuming:
             plan = _plan_to_resume(folder, study_file, seed, levels_vpp, facts)
             _refuse_another_number(participant_number, plan)
+            with _failures():
+                ending = completed(folder, plan, click.echo)
+            if ending is not None:
+                _report(ending, plan)
+                return
         else:
             plan = _new_plan(
                 folder, study_file, seed, levels_vpp, driver, participant_number=participant_number
@@ -147,6 +152,7 @@ def run(
         folder.check_people(study)  # before a window is opened or the operator is asked
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
+        _tell_of_shadowed(rig.settings.driver, responder)
         markers = _markers(folder, rig.clock) if lsl else NoMarkers()
         sitting = Sitting(
             responder=responder,
@@ -185,6 +191,20 @@ def run(
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)
+
+
+def _tell_of_shadowed(driver: str, responder: str) -> None:
+    """Tell of a lab's own driver or responder that has the name of the built-in one in use."""
+    from device.drivers import NEEDS
+    from device.installed import DRIVERS, RESPONDERS, shadowed
+    from experiment.terms import responder as built_in
+
+    for group, name, names in (
+        (DRIVERS, driver, NEEDS),
+        (RESPONDERS, responder, built_in.RESPONDERS),
+    ):
+        if name in names and (told := shadowed(group, name)):
+            click.echo(f"Note: {told}.", err=True)
 
 
 def _markers(folder: SessionFolder, clock: Clock) -> Markers:
@@ -243,6 +263,9 @@ def _new_plan(
     if balanced:
         order = ", ".join(plan.condition_order)
         click.echo(f"participant number {participant_number}: conditions in the order {order}")
+        assert plan.participant_number is not None
+        if shared := folder.number_shared(plan.participant_number):
+            click.echo(f"Note: {shared}.")
     return plan
 
 

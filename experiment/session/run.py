@@ -13,11 +13,14 @@ from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.preview.check import require_fit
 from experiment.session.conduct import begin, resume
+from experiment.session.markers import LslMarkers, NoMarkers
 from experiment.session.setting import Setting, Sitting
 from experiment.study.read import study_from_canonical
 from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from device.clock import Clock
     from device.driver import BurstDevice
     from experiment.session.setting import Ending
@@ -37,9 +40,13 @@ def run_session(
     seed: int | None = None,
     participant_number: int | None = None,
     resuming: bool = False,
+    resume_anyway: bool = False,
     hardware_confirmed: bool = False,
     practice_without_device: bool = False,
     operator: str | None = None,
+    levels_vpp: tuple[float, ...] | None = None,
+    lsl: bool = False,
+    tell: Callable[[str], object] = print,
 ) -> Ending:
     r"""Run one session with a device and a responder of one's own, or go on with it.
 
@@ -63,6 +70,8 @@ def run_session(
         For a balanced order of conditions; by default the place in participants.tsv.
     resuming : bool
         Go on with a session that was interrupted.
+    resume_anyway : bool
+        The same on another host or device, or after more than 30 minutes.
     hardware_confirmed : bool
         Your word that what docs/hardware.md lists is so; a real device is refused without it.
     practice_without_device : bool
@@ -70,6 +79,12 @@ def run_session(
         analyses leave such a session out unless they are told otherwise.
     operator : str, optional
         Who runs the session, for its header.
+    levels_vpp : tuple of float, optional
+        Placed for this participant, instead of the study's, when a session begins.
+    lsl : bool
+        Send markers over the Lab Streaming Layer.
+    tell : callable
+        Is given each line that the operator has to know.
 
     Returns
     -------
@@ -119,6 +134,7 @@ def run_session(
     """
     clock = MonotonicClock() if clock is None else clock
     folder = SessionFolder(Path(out), participant, session)
+    resuming = resuming or resume_anyway
     if resuming:
         plan = folder.read_plan()
         study = study_from_canonical(plan.study)
@@ -132,15 +148,19 @@ def run_session(
             participant=participant,
             session=session,
             seed=secrets.randbits(32) if seed is None else seed,
+            levels_vpp=levels_vpp,
             gains=gains,
             participant_number=participant_number,
         )
+        if plan.participant_number and (shared := folder.number_shared(plan.participant_number)):
+            tell(f"Note: {shared}.")
     setting = Setting(
         device=device,
         responder=responder,
         noise=noise_player(study.masking, clock, simulated=responder.simulated),
         clock=clock,
         stop=StopSignal(),
+        resume_anyway=resume_anyway,
         confirmation=confirmed_now("run_session") if hardware_confirmed else None,
         practice=practice_without_device,
         sitting=Sitting(
@@ -149,5 +169,7 @@ def run_session(
             responder_from=type(responder).__module__,
             driver_from=type(device).__module__,
         ),
+        tell=tell,
+        markers=LslMarkers(clock, participant=participant, session=session) if lsl else NoMarkers(),
     )
     return resume(folder, setting) if resuming else begin(folder, plan, setting)

@@ -1,3 +1,4 @@
+from . import responder as responder
 from .checks import NAME, NAME_RULE, RESERVED, is_line, require_known, require_word, unknown_key
 from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
@@ -75,6 +76,7 @@ __all__ = [
     "refusals",
     "require_known",
     "require_word",
+    "responder",
     "significant",
     "trials_csv",
     "unknown_key",

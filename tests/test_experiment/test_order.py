@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import pytest
+from click.testing import CliRunner
 
 from experiment.archive.folders import SessionFolder
 from experiment.archive.participants import Tombstone, enter_person, remove_person, write_tombstone
@@ -15,6 +16,7 @@ from experiment.session.simulate import simulate_study
 from experiment.trial.draw import draw_plan
 from experiment.trial.order import balanced_order, order_count
 from experiment.trial.plan import PlanError, plan_from_json
+from tactstrip import main
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -156,6 +158,21 @@ def test_a_run_tells_and_seals_the_order_and_a_person_keeps_their_number(
     assert "participant number 1:" in sessions.run(*SIMULATED, "--session", "02").stdout
     last = sessions.run(*SIMULATED, "--participant", "02")
     assert "participant number 3: conditions in the order a, b" in last.stdout
+
+
+@pytest.mark.slow
+def test_a_number_that_somebody_else_has_is_told(sessions: Sessions) -> None:
+    number = ("--participant-number", "12")
+    first = sessions.run(*SIMULATED, *number)
+    assert "Note:" not in first.stdout
+    assert "Note:" not in sessions.run(*SIMULATED, "--session", "02").stdout
+    for given in ("12", "1", "2"):
+        words = sessions.words(*SIMULATED, "--participant-number", given)
+        words[words.index("--participant") + 1] = f"P{given}"
+        done = CliRunner().invoke(main, words)
+        assert done.exit_code == 0, done.stderr
+        told = "Note: participant number 12 is that of participant 01, too."
+        assert (told in done.stdout) == (given == "12")
 
 
 @pytest.mark.slow

@@ -28,6 +28,8 @@ from experiment.terms.responder import Press, ResponderError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from experiment.session.setting import Ending
+
 DOCS = Path(__file__).parents[2] / "docs"
 OWN = DOCS / "examples" / "own_device"
 STUDY = """
@@ -118,7 +120,6 @@ def test_a_session_is_run_by_name_from_the_command_line(lab: Path) -> None:
         ),
         ("printer = broken:printer", "1 / 0", "ZeroDivisionError: division by zero"),
         ("printer = broken:printer", "printer = 3", "must be a factory that can be called"),
-        ("audio = broken:printer", "", "audio of lab_device 0.1 has the name of a built-in one"),
     ],
 )
 def test_a_driver_that_cannot_be_loaded_is_refused_in_one_line(
@@ -132,6 +133,20 @@ def test_a_driver_that_cannot_be_loaded_is_refused_in_one_line(
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert said in line
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("driver", "notes"), [("mock", 1), ("printer", 0)])
+def test_a_built_in_name_is_that_of_the_built_in_one_and_told(
+    lab: Path, driver: str, notes: int
+) -> None:
+    offer(lab / "site", "[tactstrip.drivers]\nmock = nowhere:mock\n", {}, name="other_lab")
+    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
+    done = tactstrip(lab, "run", "study.toml", "--participant", "01", "--driver", driver,
+                     "--responder", "simulated", "--confirm-hardware")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    told = "mock is the built-in one; that of other_lab 0.1 is not used"
+    assert done.stderr.count(told) == notes
 
 
 @pytest.mark.process
@@ -165,6 +180,41 @@ def test_a_session_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
         run_session(study, "01", again, someone, out=tmp_path, clock=clock)
     ended = run_session(study, "01", again, someone, out=tmp_path, clock=clock, resuming=True)
     assert ended.finished
+
+
+def test_levels_markers_and_a_late_resume_are_had_from_python_too(
+    lab_device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
+    sent: list[str] = []
+
+    class Markers:
+        words = "kept here"
+
+        def __init__(self, clock: Any, *, participant: str, session: str) -> None: ...
+
+        def send(self, marker: str, time_s: float) -> None:
+            sent.append(marker)
+
+    monkeypatch.setattr("experiment.session.run.LslMarkers", Markers)
+
+    def run(**more: Any) -> Ending:
+        someone = lab_device.Impatient(None, clock)
+        device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
+        return run_session(study, "01", device, someone, out=tmp_path, clock=clock, **more)
+
+    monkeypatch.setattr(lab_device.Impatient, "pause", lambda *_, **__: False, raising=False)
+    monkeypatch.setattr(lab_device.Impatient, "introduce", lambda *_: False)
+    assert not run(levels_vpp=(33.0,), seed=1).finished
+    monkeypatch.undo()
+    monkeypatch.setattr("experiment.session.run.LslMarkers", Markers)
+    monkeypatch.setattr("experiment.session.conduct.interruption_s", lambda _: 3600.0)
+    with pytest.raises(ValueError, match="interrupted 60 minutes ago"):
+        run(resuming=True)
+    ending = run(resume_anyway=True, lsl=True)
+    assert ending.finished
+    assert ending.trials_path.read_text(encoding="utf-8").count(",33,left,") == 4
+    assert [marker.split("/")[0] for marker in sent].count("stimulus") == 4
 
 
 def test_a_person_on_an_emulated_device_of_ones_own_is_practice(
