@@ -294,6 +294,10 @@ def _readme(export: Export, name: str) -> str:
     if export.simulated:
         which = ", ".join(session.name for session in export.simulated)
         paragraphs.append(f"SIMULATED, without a person: {which}")
+        paragraphs.append(
+            "Nobody laid a finger on a plate or was instructed in these: the .json beside their "
+            "events have neither FingerContact nor Instructions."
+        )
     if export.practice:
         which = ", ".join(session.name for session in export.practice)
         paragraphs.append(f"PRACTICE, a person on a device that moves nothing: {which}")

@@ -340,6 +340,7 @@ def test_unfinished_and_simulated_sessions_are_exported_and_named(results: Path)
     readme = (bids / "README").read_text("utf-8")
     assert f"Not finished: {named}" in readme
     assert "SIMULATED, without a person: sub-01/ses-01, sub-02/ses-01" in readme
+    assert "the .json beside their events have neither FingerContact nor Instructions" in readme
     assert 0 < len(table_of(events_of(bids, "02"))) < len(table_of(events_of(bids, "01")))
     (other,) = table_of(bids / "sub-01" / "sub-01_sessions.tsv")
     assert (other["finished"], other["simulated"]) == ("true", "true")
