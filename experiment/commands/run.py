@@ -234,6 +234,7 @@ def _new_plan(
 ) -> Plan:
     from experiment.preview.check import require_fit
     from experiment.study.read import read_study
+    from experiment.study.sections.presentation import key_doubts, unsaid_in
     from experiment.study.study import told_by_file
     from experiment.trial.draw import draw_plan
 
@@ -249,6 +250,10 @@ def _new_plan(
             f'--participant-number needs condition_order = "balanced" in [design]; got '
             f"{study.design.condition_order!r}"
         )
+    if unsaid := unsaid_in(study.texts, study.design):
+        click.echo(f"Note: your own instructions are {unsaid}: say it if they do not.")
+    for doubt in key_doubts(study.texts, study.keys, study.design):
+        click.echo(f"Note: {doubt}.")
     seed = secrets.randbits(32) if seed is None else seed
     plan = draw_plan(
         study,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from experiment.preview.displacements import displacement_findings
 from experiment.preview.findings import Findings
-from experiment.study.sections.presentation import unsaid_in
+from experiment.study.sections.presentation import key_doubts, unsaid_in
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.sources import (
     cutoff_source,
@@ -248,6 +248,8 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     found.tell("answers", ", ".join(design.responses))
     if unsaid := unsaid_in(study.texts, design):
         found.tell("instructions", f"your own, {unsaid}: say it if they do not", unsaid=unsaid)
+    if doubts := key_doubts(study.texts, study.keys, design):
+        found.tell("texts", "; ".join(doubts), key_doubts=doubts)
     found.tell("levels", _levels_words(design))
     found.tell(
         "trials",

@@ -130,6 +130,14 @@ def test_a_session_is_run_from_study_to_trials(sessions: Sessions) -> None:
 
 
 @pytest.mark.slow
+def test_own_texts_that_name_other_keys_are_told_when_a_session_begins(sessions: Sessions) -> None:
+    sessions.write(sessions.text + '[texts]\ninstructions = "Press F or J."\n')
+    told = sessions.run(*SEED).stdout
+    assert "Note: texts.instructions names F and J, which mean nothing there by [keys]" in told
+    assert "Note: your own instructions are without {both}, the answer to 1 trial" in told
+
+
+@pytest.mark.slow
 def test_killed_after_any_journal_line_a_session_loses_nothing(sessions: Sessions) -> None:
     lines = 1
     while kill_after(sessions, lines, *SEED):

@@ -28,7 +28,14 @@ from experiment.study.read import (
 )
 from experiment.study.sections.dataset import Dataset
 from experiment.study.sections.design import Design
-from experiment.study.sections.presentation import Keys, Screen, Texts, unsaid_in
+from experiment.study.sections.presentation import (
+    Keys,
+    Screen,
+    Texts,
+    key_doubts,
+    named_keys,
+    unsaid_in,
+)
 from experiment.study.study import StudyError
 from stimuli import (
     CLAMPED,
@@ -543,6 +550,47 @@ def test_a_text_with_the_key_of_an_answer_that_is_not_offered_is_refused() -> No
         study_from_text('[texts]\nmain = "Press {none} if there is nothing."', "study.toml")
     for kept in ("control", "audibility", "prompt_hands_off"):
         study_from_text(f'[texts]\n{kept} = "Press {{none}} if there is nothing."', "study.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("Press F for left and J for right.", ["F", "J"]),
+        ("Drücken Sie F für links, J für rechts.", ["F", "J"]),
+        ("F: links, J: rechts", ["F", "J"]),
+        ("Appuyez sur «f» ou [j], ou F1.", ["f", "j", "F1"]),
+        ("← is left, the right arrow right; press 5 or the space bar", ["←", "right arrow", "5",
+                                                                    "space bar"]),
+        ("A vibration follows. I wait. Press a key, any key, or {left}. S-Bahn, U.S.", []),
+        ("Naciśnij {left}. Z lewej, w prawo. O 5.", []),
+    ],
+)  # fmt: skip
+def test_keys_that_a_text_names_are_seen_in_most_languages(text: str, keys: list[str]) -> None:
+    assert list(named_keys(text)) == keys
+
+
+@pytest.mark.parametrize(
+    ("rest", "doubted"),
+    [
+        ('main = "Press F or J."', "texts.main names F and J, which mean nothing there"),
+        ('main = "Press F or J."\n[keys]\nleft = ["f"]\nright = ["j"]', None),
+        ('prompt = "←, ↓ or →?"', None),
+        (
+            'prompt = "←, ↓ or →?"\n[design]\nresponses = ["left", "right"]\nboth_trials = 0',
+            "names ↓",
+        ),
+        ('go_on = "Press Enter."', None),
+        ('go_on = "Press Enter."\n[keys]\ngo_on = ["f5"]', "names Enter, which means nothing"),
+        ('go_on = "Press the left arrow."', "write {go_on} where keys belong"),
+    ],
+)
+def test_keys_that_a_text_names_and_the_study_has_not_are_told(
+    rest: str, doubted: str | None
+) -> None:
+    study = study_from_text(f"[texts]\n{rest}", "study.toml")
+    doubts = key_doubts(study.texts, study.keys, study.design)
+    assert len(doubts) == (doubted is not None)
+    assert (doubted or "") in "".join(doubts)
 
 
 def test_own_instructions_that_leave_answers_out_are_told_by_check() -> None:

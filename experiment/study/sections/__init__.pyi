@@ -12,7 +12,7 @@ from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import Contact, DeviceSettings, Masking
 from .finger import FINGER_KEYS, FingerLoad
 from .plate import PAPER_CUTOFF_HZ, MaterialName, Plate, is_papers_plate
-from .presentation import Keys, Screen, Texts, instructions_of, unsaid_in
+from .presentation import Keys, Screen, Texts, instructions_of, key_doubts, unsaid_in
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
     Condition,
@@ -62,6 +62,7 @@ __all__ = [
     "file_keys",
     "instructions_of",
     "is_papers_plate",
+    "key_doubts",
     "paper_actuators",
     "section",
     "stimulus_facts",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import string
 import unicodedata
 from dataclasses import asdict
@@ -51,6 +52,30 @@ _PLACEHOLDERS: Final = {
 """What is filled in, by text; the others are shown as they are."""
 _HANDS_OFF: Final = ("audibility", "control", "prompt_hands_off")
 """Texts for trials with the fingers off the plate, where nothing can always be answered."""
+
+_OPEN, _CLOSE = "\"'`“”„‘’‚«»‹›<[", "\"'`“”‘’«»‹›>]"
+_KEY: Final = "[A-Za-z0-9]|[Ff]1?[0-9]|[Ee]nter|[Ee]sc|[Ss]pace"
+_PATTERNS: Final = (
+    re.compile("([←→↓↑])"),
+    re.compile(r"\b(spacebar|space bar|esc|(?:left|right|up|down) arrow)\b", re.IGNORECASE),
+    re.compile(rf"[{re.escape(_OPEN)}]({_KEY})[{re.escape(_CLOSE)}]"),
+    re.compile(r"\b(?:press|keys?|taste|touche|tecla) (?!a\b)([a-z0-9]|enter)\b", re.IGNORECASE),
+    re.compile(r"(?<![\w.'’-])(?<=[^.!?:\s] )([A-HJ-Z]|F1?[0-9]|Enter)(?![\w'’-]|\.\w)"),
+    re.compile(r"(?<![\w.'’-])([BCDFGHJLMNPQRTX])(?![\w'’.)-])"),  # no word of one letter
+)
+"""How texts name keys in most languages: signs, quoted, after a verb, a capital letter alone."""
+_NAMES: Final = {
+    "←": "left",
+    "→": "right",
+    "↓": "down",
+    "↑": "up",
+    **{f"{side} arrow": side for side in ("left", "right", "down", "up")},
+    "spacebar": "space",
+    "space bar": "space",
+    "esc": "escape",
+    "enter": "return",
+}
+"""PsychoPy's names of keys by what texts call them; others by their own."""
 
 
 @section
@@ -221,6 +246,54 @@ def unsaid_in(texts: Texts, design: Design) -> str:
         if n and word not in named
     ]
     return "; ".join(missing)
+
+
+def named_keys(text: str) -> tuple[str, ...]:
+    """List the keys that a text seems to name by itself, not by a word in braces.
+
+    >>> named_keys("Press F or “j”, and the space bar or {none} for nothing. A vibration follows.")
+    ('F', 'j', 'space bar')
+    """
+    own = re.sub(r"\{\w*\}", "_", text)
+    found = [match for pattern in _PATTERNS for match in pattern.finditer(own)]
+    found.sort(key=lambda match: match.start(1))
+    return tuple(dict.fromkeys(match[1] for match in found))
+
+
+def key_doubts(texts: Texts, keys: Keys, design: Design) -> tuple[str, ...]:
+    """Tell of keys that a lab's own texts name by themselves and that mean nothing there.
+
+    Which keys a text names is a guess in any language, so that nothing is refused for it.
+
+    >>> from experiment.study.sections.design import Design
+    >>> key_doubts(Texts(main="Press F or {right}."), Keys(), Design())
+    ('texts.main names F, which means nothing there by [keys]: write {left}, {right}, {both} where
+    keys belong, and they are filled in',)
+    """
+    meant, default = asdict(keys), asdict(Texts())
+    hands_off = design.audibility_trials + design.control_trials > 0
+    answers = dict.fromkeys((*design.responses, *(["none"] if hands_off else [])))
+    doubts = []
+    for name, text in asdict(texts).items():
+        if text is None or text == default[name]:
+            continue
+        words = ("go_on",) if name == "go_on" else tuple(answers)
+        known = {
+            key.removeprefix("num_").replace("enter", "return")
+            for word in (*words, "go_on", *(["pause"] if name != "go_on" else []))
+            for key in meant[word]
+        }
+        unknown = [
+            key for key in named_keys(text) if _NAMES.get(key.lower(), key.lower()) not in known
+        ]
+        if unknown:
+            mean = "means" if len(unknown) == 1 else "mean"
+            write = ", ".join(f"{{{word}}}" for word in words)
+            doubts.append(
+                f"texts.{name} names {' and '.join(unknown)}, which {mean} nothing there by "
+                f"[keys]: write {write} where keys belong, and they are filled in"
+            )
+    return tuple(doubts)
 
 
 def _words(text: str) -> set[str]:
