@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
     from matplotlib.lines import Line2D
-    from matplotlib.transforms import Bbox
-    from numpy.typing import NDArray
 
     from experiment.preview.field import PlateBand, PlateMotion
     from experiment.preview.plate import PlatePreview
@@ -323,23 +321,23 @@ def animate(
 def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int, int], None]]:
     """Return a figure, and what draws the frame of an actuator at a time into it.
 
-    All that stands still is drawn once and lies as an image below what moves.
+    All that stands still is drawn once; what moves is drawn over its pixels, and they are what a
+    writer gets when it saves the figure: matplotlib would draw everything anew, twice.
     """
     plate, name_of = motion.plate, motion.plate.drive.names
     size_m = float(np.max(np.abs(motion.displacement_m)))
     unit, factor = prefixed(size_m)
-    behind, places = _still_figure(motion, unit.replace("um", "µm"), size_m / factor)
-    figure = _new_figure(_MOTION_IN)
-    figure.set_layout_engine("none")
-    figure.figimage(behind, zorder=-1)
-    over, fingers = (figure.add_axes(place.bounds) for place in places)
-    image = _moving_image(over, motion, size_m / factor)
+    figure, over, fingers = _still_figure(motion, unit.replace("um", "µm"), size_m / factor)
+    image, title = over.images[0], over.set_title(" ", loc="left")
     draw_outlines(over, plate)
-    over.set(xticks=(), yticks=())
-    reach = 1.1 * size_m / factor
-    fingers.set(xlim=(0.0, motion.finger_times_s[-1] * 1e3), ylim=(-reach, reach))
-    fingers.axis("off")
     lines = [fingers.plot([], [], **style)[0] for style in (_OWN, _OTHERS[0])]
+    moving: list[Artist] = [image, *over.patches, title, *lines]
+    for artist in moving:
+        artist.set_animated(True)
+    canvas: Any = figure.canvas
+    canvas.draw()
+    still = canvas.copy_from_bbox(figure.bbox)
+    vars(figure)["savefig"] = lambda file, **_: file.write(canvas.buffer_rgba())
 
     def draw(driven: int, time: int) -> None:
         now_s = motion.times_s[time]
@@ -348,20 +346,22 @@ def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int, int], No
         for line, finger in zip(lines, (driven, *plate.others_of(driven)), strict=True):
             seen_m = motion.at_fingers_m[driven, finger, past]
             line.set_data(motion.finger_times_s[past] * 1e3, seen_m / factor)
-        over.set_title(f"{name_of[driven]} actuator driven, t = {now_s * 1e3:.2f} ms", loc="left")
+        title.set_text(f"{name_of[driven]} actuator driven, t = {now_s * 1e3:.2f} ms")
+        canvas.restore_region(still)
+        for artist in moving:
+            figure.draw_artist(artist)
 
     return figure, draw
 
 
-def _still_figure(
-    motion: PlateMotion, unit: str, largest: float
-) -> tuple[NDArray[np.uint8], list[Bbox]]:
-    """Draw what stands still in all frames, and return where the two panels are."""
+def _still_figure(motion: PlateMotion, unit: str, largest: float) -> tuple[Figure, Axes, Axes]:
+    """Lay out what stands still in all frames, with its two panels."""
     from matplotlib.patches import Patch
 
     plate, drive = motion.plate, motion.plate.study.conditions[0].drive
     label = f"u ({unit}{plate.drive.per_any_load})"
     figure = _new_figure(_MOTION_IN)
+    figure.set_dpi(_MOTION_DPI)
     over, fingers = figure.subplots(2, 1, height_ratios=(1.0, 1.2))
     image = _moving_image(over, motion, largest)
     over.set(xlabel="x along the plate, from its middle (mm)", ylabel="y (mm)", title=" ")
@@ -376,11 +376,9 @@ def _still_figure(
     keys: list[Artist] = [*outline_keys(), *(_key(what, style) for style, what in lines)]
     keys.append(Patch(color=_DRIVEN, label="while driven"))
     _legend(figure, keys, f"{plate.basis}; each actuator driven alone")
-    still = io.BytesIO()
-    figure.savefig(still, format="rgba", dpi=_MOTION_DPI)
-    rows = round(_MOTION_IN[1] * _MOTION_DPI)
-    pixels = np.frombuffer(still.getvalue(), np.uint8).reshape(rows, -1, 4)
-    return pixels, [axes.get_position() for axes in (over, fingers)]
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    return figure, over, fingers
 
 
 def _moving_image(axes: Axes, motion: PlateMotion, largest: float) -> AxesImage:
