@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import re
 import subprocess
@@ -237,6 +238,25 @@ def test_an_unfit_stimulus_is_not_run_unless_the_study_says_why(tmp_path: Path) 
     assert result.exit_code == 0, result.stderr
     header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
     assert header["unfit_stimuli_accepted"] == {"main": "control condition"}
+
+
+@pytest.mark.slow
+def test_what_is_accepted_with_another_loss_than_the_plans_is_in_the_header(tmp_path: Path) -> None:
+    study, out = tmp_path / "study.toml", tmp_path / "out"
+    study.write_text(
+        '[strip]\nmeasured_cutoff_hz = 2500\n[burst]\naccept_unfit = "control condition"\n'
+        "[design]\ntrials_per_side = 5\n",
+        encoding="utf-8",
+    )
+    words = ("run", study, "--participant", "01", "--responder", "simulated", "--out", out)
+    result = run(*words)
+    assert result.exit_code == 0, result.stderr
+    folder = out / "sub-01" / "ses-01"
+    header = json.loads((folder / "header.json").read_text("utf-8"))
+    assert header["unfit_stimuli_accepted"] == {"main": "control condition"}
+    plan = json.loads((folder / "plan.json").read_text("utf-8"))
+    (left, right) = plan["gains"][0]["per_vpp"]
+    assert 20 * math.log10(right[0] / left[0]) < -20
 
 
 def test_the_lines_of_the_readme_run_and_say_what_the_plate_does(

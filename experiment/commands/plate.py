@@ -37,7 +37,7 @@ QUESTIONS: Final = {
 }  # fmt: skip
 _ANY_PLATE: Final = {
     "width_mm": "25", "thickness_mm": "0.5", "length_mm": "200", "material": "steel",
-    "edge": "clamped", "actuator": ("disc:0.01@0.1",),
+    "edge": "clamped",
 }  # fmt: skip
 """What an answer is tried with while the others are not known yet."""
 _LAST: Final = ("edge", "measured_cutoff_hz", "actuator")
@@ -79,16 +79,34 @@ def fit_study(known: dict[str, Any], others: dict[str, Any]) -> tuple[Study, Con
 def _plate_study(known: dict[str, Any], others: dict[str, Any]) -> Study:
     from experiment.study.study import Study
 
-    require_word("--edge", known["edge"], _EDGES)
-    strip = {
-        key: text if key in {"material", "edge"} or text == "endless" else _number(option, text)
-        for key, (option, *_) in QUESTIONS.items()
-        if (text := known.get(key)) is not None and key != "actuator"
-    }
+    strip = _strip(known)
     try:
         return Study(**others | {"strip": strip, "actuator": _pair(known["actuator"])})
     except ValueError as error:
         raise ValueError(_by_options(str(error))) from error
+
+
+def _check(known: dict[str, Any]) -> None:
+    """Refuse a plate, and its actuators once they are known."""
+    from experiment.study.sections.plate import Plate
+
+    if "actuator" in known:
+        _plate_study(known, {})
+        return
+    try:
+        Plate(**_strip(known))
+    except ValueError as error:
+        raise ValueError(_by_options(str(error))) from error
+
+
+def _strip(known: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of [strip] as they were typed."""
+    require_word("--edge", known["edge"], _EDGES)
+    return {
+        key: text if key in {"material", "edge"} or text == "endless" else _number(option, text)
+        for key, (option, *_) in QUESTIONS.items()
+        if (text := known.get(key)) is not None and key != "actuator"
+    }
 
 
 def _by_options(refusal: str) -> str:
@@ -176,13 +194,13 @@ def _asked(key: str, known: dict[str, Any]) -> Any:
     later = () if key in _LAST else _LAST
     stated = _ANY_PLATE | {name: value for name, value in known.items() if name not in later}
     if key != "measured_cutoff_hz":
-        _plate_study(stated, {})  # what the command line gave is refused, not asked for again
+        _check(stated)  # what the command line gave is refused, not asked for again
 
     def checked(text: str) -> str | tuple[str, ...]:
         value = (text,) if key == "actuator" else text
         if text != "measured-cutoff":
             try:
-                _plate_study(stated | {key: value}, {})
+                _check(stated | {key: value})
             except ValueError as error:
                 raise click.UsageError(str(error)) from error
         return value

@@ -48,7 +48,8 @@ class ConditionCheck:
     bracket: tuple[TriedGains, ...]
     # by how much the level at the other finger must lie below that at the own
     masking_limit_db: float
-    patch_errors: PatchErrors | None = None  # where patches count and the gains were computed
+    # where patches count and the gains were computed: the worst of these and those of `bracket`
+    patch_errors: PatchErrors | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -218,7 +219,11 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
                 for bare in ((False, True) if rests else (True,))
                 for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
-        errors = [patch_errors(study, one) for one in study.conditions]
+        tried = dict.fromkeys((ASSUMED_LOSS, *losses))
+        errors = [
+            patch_errors(study, one, tried, (False, True) if holds else (False,))
+            for one, holds in zip(study.conditions, loaded, strict=True)
+        ]
     gains_of = {one.condition: one for one in gains}
     conditions = tuple(
         ConditionCheck(

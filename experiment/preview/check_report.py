@@ -126,7 +126,11 @@ def _strip(check: StudyCheck) -> Findings:
         found.tell("", f"simply supported edges give {ends_hz[0]:.1f} Hz, clamped {ends_hz[1]:.1f}")
     found.note(thinness=check.thinness)
     if check.thinness > THICK:
-        found.tell("warning", f"not a thin plate: (k h)^2 = {check.thinness:.2g} at the cut-off")
+        found.tell(
+            "warning",
+            f"not a thin plate: (k h)^2 = {check.thinness:.2g} at the cut-off, about the part by "
+            "which it is wrong",
+        )
     if basis == "measured-cutoff":
         found.tell("", "a clamped strip that is a little wider can have the same cut-off")
     return found
@@ -138,7 +142,7 @@ def _basis(check: StudyCheck) -> str:
         return f"{cutoff_source(plate).words}; as of elastic edges of K = {stiffness_n:.2f} N"
     if stiffness_n is not None:
         return f"computed from elastic edges of K = {stiffness_n:g} N"
-    return f"computed from {plate.edge} edges"
+    return f"computed from {plate.edge.replace('simply-', 'simply ')} edges"
 
 
 def _actuator(study: Study, place: int) -> Findings:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from functools import lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from experiment.apparatus.noise import NoiseFacts, NoisePlayer
     from experiment.apparatus.rig import Confirmation
     from experiment.operator.requests import Monitor, Status, StopSignal
+    from experiment.preview.check import StudyCheck
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
     from experiment.trial.events import Task
@@ -150,8 +152,6 @@ def _mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]]:
 
 def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
     """List what is worth knowing of a session and is not part of the plan."""
-    check = check_study(study, plan.gains)
-    accepted = [c.condition for c in check.conditions if c.verdict == "accepted"]
     return {
         "schema": 1,
         "begun": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -167,13 +167,31 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "condition_order": plan.condition_order,
         **noise_facts(setting.noise.facts),
         "stimuli": {c.name: stimulus_facts(c) for c in study.conditions},
-        "unfit_stimuli_accepted": {c.name: c.accept_unfit for c in accepted},
+        "unfit_stimuli_accepted": dict(
+            _accepted(study) if plan.gains else _reasons(check_study(study, ()))
+        ),
         "platform": platform.platform(),
         "python": platform.python_version(),
         "versions": {name: version(name) for name in ("tactstrip", "numpy")},
         "calibration": NOT_AVAILABLE,
         "contact": asdict(study.contact) | {"words": study.contact.words},
     }
+
+
+# A plan's gains are of one loss and have no doubt: what was accepted for the worst loss, or for
+# what is not known of patches, shows only where all is computed. Once a study, which may have a
+# hundred simulated sessions, and not at all where no reason is stated.
+@lru_cache(maxsize=1)
+def _accepted(study: Study) -> tuple[tuple[str, str], ...]:
+    """List the conditions whose unfit stimuli a study accepts, each with its reason."""
+    if all(condition.accept_unfit is None for condition in study.conditions):
+        return ()
+    return _reasons(check_study(study))
+
+
+def _reasons(check: StudyCheck) -> tuple[tuple[str, str], ...]:
+    accepted = [c.condition for c in check.conditions if c.verdict == "accepted"]
+    return tuple((one.name, one.accept_unfit or "") for one in accepted)
 
 
 def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -13,6 +14,8 @@ from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle
 from stimuli.motion.peaks import TOO_MANY_FOR_PATCHES, PatchesUnknownError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
     from experiment.study.sections.actuator import Actuator
@@ -351,16 +354,28 @@ def bare_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
     return replace(study.strip, material=replace(study.strip.material, loss_factor=loss_factor))
 
 
-def patch_errors(study: Study, condition: Condition) -> PatchErrors | None:
-    """Return how well the displacements of a plate are known whose patches count; else none."""
+def patch_errors(
+    study: Study,
+    condition: Condition,
+    losses: Iterable[float] = (ASSUMED_LOSS,),
+    bare: Iterable[bool] = (False,),
+) -> PatchErrors | None:
+    """Return how well the displacements of a plate are known whose patches count; else none.
+
+    The worst of several loss factors, where the study states none, with and without the fingers.
+    """
     from stimuli import felt
     from stimuli.fingers.fingertip import felt_error
 
-    strip = field_strip(study)
-    if not strip.patches:
+    strips = tuple(dict.fromkeys(field_strip(study, loss) for loss in losses))
+    if not strips[0].patches:
         return None
-    scene = strip, loads_of(study), fingertips_of(study), condition.drive
-    part = felt_error(*scene) / felt(*scene)
+    parts = []
+    for strip, without in product(strips, bare):
+        tips = fingertips_of(study, bare=without)
+        scene = strip, loads_of(study), tips, condition.drive
+        parts.append(felt_error(*scene) / felt(*scene))
+    part = np.max(parts, axis=0)
     levels_db = 20 * np.log10((1 + part) * (1 + np.diag(part)))
     return PatchErrors(own=float(np.max(np.diag(part))), levels_db=levels_db)
 

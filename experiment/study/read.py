@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from experiment.study.sections.design import Design
 from experiment.study.study import Study, StudyError
-from experiment.terms.checks import unknown_key
+from experiment.terms.checks import NUMBERS, unknown_key
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -183,22 +183,30 @@ def parsed(text: str, file_name: str) -> dict[str, Any]:
         raise StudyError(f"{file_name}: nested too deeply") from error
     except ValueError as error:
         what, line, column = _place(str(error), text)
-        slip = _slip(text.splitlines()[line - 1 : line])
+        slip = _slip(text.splitlines()[line - 1 : line], what)
         raise StudyError(f"{file_name}:{line}: {slip or what + column}") from error
 
 
+_UNIT: Final = re.compile(r"([\w.-]+)\s*=\s*([-+]?[\d.]+)\s*[^\W\d_][\w/%]*\s*(?:#.*)?")
 _COMMA: Final = re.compile(r"([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?")
 _UNQUOTED: Final = re.compile(r"([\w.-]+)\s*=\s*([^\W\d][^\"'#,=\[\]{}]*?)\s*(?:#.*)?")
 
 
-def _slip(lines: list[str]) -> str:
+def _slip(lines: list[str], message: str) -> str:
     """Say what to write in a line that is no TOML, where that can be told."""
     line = lines[0].strip() if lines else ""
     if found := _COMMA.fullmatch(line):
         key, whole, part = found.groups()
         return f"{key} has a decimal comma; write {key} = {whole}.{part}; got {whole},{part}"
+    if found := _UNIT.fullmatch(line):
+        return f"{found[1]} has its unit in its name; write {found[1]} = {found[2]}"
+    if (found := _UNQUOTED.fullmatch(line)) and found[1].endswith(NUMBERS) and " " not in found[2]:
+        return f'{found[1]} must be a number, or a word in quotes, "{found[2]}"; got {found[2]}'
     if (found := _UNQUOTED.fullmatch(line)) and found[2] not in {"true", "false", "inf", "nan"}:
         return f'{found[1]} has a text without quotes; write {found[1]} = "{found[2]}"'
+    if message.startswith("Cannot overwrite"):
+        what = "[actuator] and [condition] are written [[actuator]] and [[condition]]"
+        return f"{line.split('=')[0].strip()} is given twice; keep one" if "=" in line else what
     return ""
 
 

@@ -13,7 +13,7 @@ from experiment.study.sections.actuator import (
     paper_actuators,
 )
 from experiment.study.sections.finger import FINGER_KEYS
-from experiment.study.sections.plate import PAPER_CUTOFF_HZ, Plate
+from experiment.study.sections.plate import PAPER_CUTOFF_HZ, PAPER_LENGTH_MM, Plate
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
 from experiment.study.sections.table import file_keys
 from stimuli import MATERIALS
@@ -243,12 +243,11 @@ def displacement_source(study: Study, place: int) -> Source | None:
         return _source(f"{path}.piezo", layers, "computed", "computed from its layers, yours")
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
     key = f"{path}.{MEASURED_KEYS[0]}"
-    papers = _is_the_papers(study, actuator)
+    papers = study.plate.is_as_measured and actuator.is_the_papers
     peak = "peak" if papers else _TAKEN_AS_PEAK
     at = f"{um:g} um {actuator.measured_as or peak} at {vpp:g} Vpp and {hz:g} Hz"
     if papers:
-        where = "" if _is_as_measured(study.plate) else ", on its own plate, not on this one"
-        return _source(key, um, "paper", f"{at}, measured by the paper (section III-B){where}")
+        return _source(key, um, "paper", f"{at}, measured by the paper (section III-B)")
     return _source(key, um, "measured", f"{at}, {_measured(actuator)}")
 
 
@@ -308,7 +307,9 @@ def cutoff_source(plate: Plate) -> Source:
         words = f"computed from {edges} edges"
         return _source(key, plate.strip.cutoff_hz(), "computed", words)
     if plate.is_the_papers and value == PAPER_CUTOFF_HZ and plate.measured_by is None:
-        return _source(key, value, "paper", "measured by the paper (figure 4)")
+        # uniform along the plate: its length does not enter the first cut-off
+        at = "" if plate.is_as_measured else f", at length_mm = {PAPER_LENGTH_MM:g}"
+        return _source(key, value, "paper", f"measured by the paper (figure 4{at})")
     return _source(key, value, "measured", _measured(plate))
 
 
@@ -333,26 +334,14 @@ def _measured(one: Plate | Actuator) -> str:
 
 
 def _is_the_papers(study: Study, actuator: Actuator) -> bool:
-    """Tell whether an actuator is a disc of the paper, on its plate and where it was."""
-    return (
-        study.plate.is_the_papers
-        and actuator.measured_by is None
-        and actuator.measured_as in {None, "peak"}
-        and any(
-            all(getattr(actuator, key) == value for key, value in disc.items())
-            and actuator.y_mm == study.plate.width_mm / 2
-            for disc in paper_actuators()
-        )
+    """Tell whether an actuator is a disc of the paper on its plate, where it was."""
+    placed = any(
+        all(getattr(actuator, key) == value for key, value in disc.items())
+        for disc in paper_actuators(measured=False)
     )
-
-
-def _is_as_measured(plate: Plate) -> bool:
-    """Tell whether the paper's plate has the edges and the length that it was measured with."""
-    return (
-        plate.edge == "measured-cutoff"
-        and plate.measured_cutoff_hz == PAPER_CUTOFF_HZ
-        and plate.length_mm == file_keys(Plate)["length_mm"].default
-    )
+    on_centre_line = actuator.y_mm == study.plate.width_mm / 2
+    alike = actuator.basis is None or actuator.is_the_papers
+    return study.plate.is_the_papers and placed and on_centre_line and alike
 
 
 _PAPERS: Final[tuple[Origin, str]] = ("paper", "the paper's")

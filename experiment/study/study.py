@@ -13,16 +13,23 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.actuator import SIDES, Actuator, paper_actuators
+from experiment.study.sections.actuator import MEASURED_KEYS, SIDES, Actuator, paper_actuators
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import Contact, DeviceSettings, Masking
 from experiment.study.sections.finger import FingerLoad
-from experiment.study.sections.plate import Plate, is_papers_plate
+from experiment.study.sections.plate import (
+    PAPER_CUTOFF_HZ,
+    PAPER_LENGTH_MM,
+    Plate,
+    is_as_measured,
+    is_papers_plate,
+)
 from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
-from experiment.study.sections.table import ASKED_FOR, FromTable, file_keys, section
+from experiment.study.sections.table import ASKED_FOR, FromTable, KeyRange, file_keys, section
+from experiment.terms.checks import in_mind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,6 +37,9 @@ if TYPE_CHECKING:
 
     from stimuli import Strip
 
+
+LEAST_UM_PER_VPP: Final = 1e-4
+"""Less stays below a tenth of a micrometre, the least that is felt, at all levels to 1000 Vpp."""
 
 _ROUNDING_M: Final = 1e-12
 """A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
@@ -112,14 +122,15 @@ class Study:
     @model_validator(mode="before")
     @classmethod
     def _ask_for_actuators(cls, given: Any) -> Any:
-        """Mark actuators that another plate than the paper's does not state."""
+        """Fill in the discs of the paper's plate; mark those that another one does not state."""
         if not isinstance(given, ArgsKwargs):
             return given
         keys = dict(given.kwargs or {})
         plate = keys.get("strip", {})
         stated = vars(plate) if isinstance(plate, Plate) else plate
-        if "actuator" not in keys and isinstance(stated, dict) and not is_papers_plate(stated):
-            keys["actuator"] = None
+        if "actuator" not in keys and isinstance(stated, dict):
+            papers = paper_actuators(measured=is_as_measured(stated))
+            keys["actuator"] = papers if is_papers_plate(stated) else None
         return ArgsKwargs((), keys)
 
     @field_validator("actuators", mode="before")
@@ -173,6 +184,8 @@ class Study:
 
     def __post_init__(self) -> None:
         _check_actuators(self.actuators, self.strip)
+        self._check_measured()
+        self._check_displacements()
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
             raise ValueError(f"condition names must be distinct, at least one; got {names}")
@@ -187,6 +200,34 @@ class Study:
         self._check_levels()
         self._check_drives()
         self.texts.check_answers(self.design.responses)
+
+    def _check_measured(self) -> None:
+        """Ask for what was measured on this plate where the paper's discs are on another one."""
+        if self.plate.is_as_measured:
+            return
+        for place, actuator in enumerate(self.actuators):
+            if self.plate.is_the_papers and actuator.is_the_papers:
+                raise ValueError(
+                    f"actuator[{place}].{MEASURED_KEYS[0]} is the paper's, of its own plate of "
+                    f"length_mm = {PAPER_LENGTH_MM:g} and measured_cutoff_hz = {PAPER_CUTOFF_HZ:g}:"
+                    f" leave {', '.join(MEASURED_KEYS)} out, or state yours with measured_by"
+                )
+
+    def _check_displacements(self) -> None:
+        """Refuse micrometres per volt that no finger could feel, or that no plate could bear."""
+        highest_vpp, thickness_um = self.design.highest_vpp, 1e3 * self.plate.thickness_mm
+        for place, actuator in enumerate(self.actuators):
+            um, at_vpp = actuator.measured_displacement_um, actuator.measured_at_vpp
+            if um is None or at_vpp is None:
+                continue
+            path, per_vpp = f"actuator[{place}].{MEASURED_KEYS[0]}", thickness_um / highest_vpp
+            limits = KeyRange(ge=LEAST_UM_PER_VPP * at_vpp, le=per_vpp * at_vpp)
+            if not limits.hold(um):
+                raise ValueError(
+                    f"{path} must be {limits.words(whole=False)} at {at_vpp:g} Vpp, so that it "
+                    f"is felt at some level and within the plate's thickness at {highest_vpp:g} "
+                    f"Vpp; got {um:g}{in_mind(path, um, limits.hold)}"
+                )
 
     def _check_fingers(self) -> None:
         """Refuse fingers that press on a plate without ends, or beside the plate."""
@@ -309,6 +350,7 @@ def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
         raise ValueError(
             "the left actuator must end, along the strip, before the right one begins at "
             f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
+            f"{_in_metres('x_mm', right.x_mm, strip.length_m)}"
         )
     for one, two in combinations(actuators, 2):
         if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):
@@ -340,7 +382,15 @@ def _check_span(
             f"the {actuator.label} actuator must lie on the strip, which goes from "
             f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
             f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}"
+            f"{_in_metres(f'{axis[0]}_mm', getattr(actuator, axis) * 1e3, limits_m[1])}"
         )
+
+
+def _in_metres(key: str, place_mm: float, most_m: float | None) -> str:
+    """Say what a place would be that was written in metres, if it would be on the strip."""
+    on_strip = most_m is None or abs(place_mm) < most_m
+    meant = 0 < abs(place_mm) < 1 and on_strip
+    return f"; if {key} is in metres, write {key} = {1e3 * place_mm:.6g}" if meant else ""
 
 
 def _mm(length_m: float) -> str:

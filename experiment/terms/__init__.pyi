@@ -1,5 +1,15 @@
 from . import responder as responder
-from .checks import NAME, NAME_RULE, RESERVED, is_line, require_known, require_word, unknown_key
+from .checks import (
+    NAME,
+    NAME_RULE,
+    NUMBERS,
+    RESERVED,
+    in_mind,
+    is_line,
+    require_known,
+    require_word,
+    unknown_key,
+)
 from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
     OWN_FINGER_ONLY,
@@ -48,6 +58,7 @@ __all__ = [
     "NAME",
     "NAME_RULE",
     "NOT_AVAILABLE",
+    "NUMBERS",
     "OWN_FINGERS",
     "OWN_FINGER_ONLY",
     "RESERVED",
@@ -71,6 +82,7 @@ __all__ = [
     "draw_observer",
     "format_value",
     "gains_from_json",
+    "in_mind",
     "is_correct",
     "is_line",
     "refusals",

@@ -1,13 +1,13 @@
-"""Checks of single values that the modules of this package share; numbers: `stimuli.checks`."""
+"""Checks of single values that this package shares, and what a refused one may have meant."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
 
 def require_word(name: str, value: str, words: Iterable[str]) -> None:
@@ -99,3 +99,92 @@ RESERVED = r"(?i:CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])"
 """Pattern of the names that Windows keeps for devices: a file or folder of one cannot be read."""
 NAME = re.compile(rf"(?!{RESERVED}\Z)[A-Za-z0-9_-]{{1,32}}")
 NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -, and none that Windows reserves, as CON"
+
+
+# By how a key ends, the longest ending that fits first: the unit that its writer may have had in
+# mind, and times what that makes the key's. What it is turned into has to lie in the key's range,
+# so ranges are kept narrower than a factor of 1000 from what is sensible: then the slip shows.
+_UNITS: Final[dict[str, tuple[tuple[str, float], ...]]] = {
+    "density_kg_m3": (("g/cm3", 1e3),),
+    "_n_s_m": (("N s/mm", 1e3),),
+    "_n_m": (("N/mm", 1e3),),
+    "_pm_v": (("m/V", 1e12), ("nm/V", 1e3)),
+    "_mm": (("metres", 1e3), ("micrometres", 1e-3)),
+    "_um": (("metres", 1e6), ("millimetres", 1e3), ("nanometres", 1e-3)),
+    "_us": (("seconds", 1e6), ("milliseconds", 1e3), ("nanoseconds", 1e-3)),
+    "_gpa": (("pascals", 1e-9), ("megapascals", 1e-3)),
+    "_hz": (("kilohertz", 1e3),),
+    "_vpp": (("kilovolts", 1e3), ("millivolts", 1e-3)),
+    "_g": (("kilograms", 1e3), ("milligrams", 1e-3)),
+    "_n": (("kilonewtons", 1e3), ("millinewtons", 1e-3)),
+    "_s": (("milliseconds", 1e-3),),
+}
+_PER_CENT: Final = (("per cent", 1e-2),)
+_FRACTIONS: Final = frozenset(
+    (
+        "loss_factor",
+        "poisson_ratio",
+        "piezo_poisson_ratio",
+        "carrier_poisson_ratio",
+        "max_energy_above_cutoff",
+        "both_fraction",
+        "lapse_rate",
+        "false_alarm_rate",
+        "side_bias",
+        "guess_both",
+    )
+)
+_DECIBELS: Final = ("_db", "_dba", "_dbfs")
+NUMBERS: Final = (*_UNITS, *_FRACTIONS, *_DECIBELS)
+"""How the keys of numbers end."""
+
+_MOST: Final = 1e18
+"""What is greater is in no unit."""
+_NUMBER: Final = re.compile(r"[-+]?\d+(?:_\d+)*([.,]\d+)?(?:[eE][-+]?\d+)?")
+
+
+def in_mind(path: str, value: object, fits: Callable[[float], bool]) -> str:
+    """Say what a refused number would be in the unit or the form that its writer had in mind.
+
+    Parameters
+    ----------
+    path : str
+        The key with the tables it stands in.
+    value : object
+        What was refused.
+    fits : callable
+        Whether a number lies in the key's range.
+
+    Examples
+    --------
+    >>> in_mind("strip.width_mm", 0.025, lambda mm: 1 <= mm <= 1000)
+    '; if these are metres, write width_mm = 25'
+    >>> in_mind("burst.masking_limit_db", -20, lambda db: 0 <= db <= 100)
+    '; its sign is meant the other way: write masking_limit_db = 20'
+    >>> in_mind("strip.width_mm", "30,5", lambda mm: True)
+    '; write 30.5, with a point and without quotes'
+    """
+    key, item = path.rsplit(".", maxsplit=1)[-1].partition("[")[::2]
+    write = "write " if item else f"write {key} = "
+    if isinstance(value, str):
+        return _without_quotes(value.strip())
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > _MOST:
+        return ""
+    if key.endswith(_DECIBELS):
+        meant = "; its sign is meant the other way: "
+        return f"{meant}{write}{-value:.6g}" if fits(-value) else ""
+    ending = next((ending for ending in _UNITS if key.endswith(ending)), "")
+    units = _PER_CENT if key in _FRACTIONS else _UNITS.get(ending, ())
+    for unit, factor in units:
+        if fits(value * factor):
+            these = "this is" if units is _PER_CENT else "these are"
+            return f"; if {these} {unit}, {write}{value * factor:.6g}"
+    return ""
+
+
+def _without_quotes(text: str) -> str:
+    found = _NUMBER.fullmatch(text)
+    if found is None:
+        return ""
+    point = "with a point and " if "," in (found[1] or "") else ""
+    return f"; write {text.replace(',', '.')}, {point}without quotes"

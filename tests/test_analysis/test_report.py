@@ -211,7 +211,7 @@ def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: 
     told = Outline((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
     assert told.count("strip.measured_cutoff_hz") == 1
     assert "measured (by: <i>A. Person; on: not stated)" in told
-    assert "measured by the paper (section III-B), on its own plate, not on this one" in told
+    assert "measured by the paper" not in told
     write_analysis([simulate(tmp_path / "paper")], tmp_path / "out-paper", figures=False)
     told = Outline((tmp_path / "out-paper" / "report.html").read_text(encoding="utf-8")).text
     assert "measured by the paper (figure 4)" in told

@@ -146,7 +146,7 @@ QUIET = "[burst]\nmasking_limit_db = {}\n"
             ("main: accepted", "accepted       on purpose", "unfit, and accepted"),
         ),
         (TWO_CONDITIONS, 1, ("low: fit", "high: unfit", "310: 2 conditions with 75 left")),
-        (SUPPORTED, 1, ("computed from simply-supported edges", "at the right finger -19.6")),
+        (SUPPORTED, 1, ("computed from simply supported edges", "at the right finger -19.6")),
         (SUPPORTED + ENDLESS, 0, ("main: fit", "of an endless strip")),
         (SECOND, 1, ("2500.0 Hz", "at the right finger -19.7")),
         pytest.param(
@@ -500,7 +500,7 @@ measured_on = 2026-05-04
 def test_the_check_tells_whose_every_number_is() -> None:
     text = LAB + UNMEASURED
     assert "sizes: yours" in checked(text).stdout
-    assert "material: steel, handbook: EN 1993-1-1" in checked(text).stdout
+    assert "material: steel, handbook: structural steel, EN 1993-1-1" in checked(text).stdout
     assert "place and size: yours\n" in checked(text).stdout
     sources = report(text)["sources"]
     assert sources["strip.material"]["source"] == "handbook"
@@ -536,10 +536,10 @@ def test_a_measured_cutoff_beside_ideal_edges_is_compared_and_not_used() -> None
 def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -> None:
     told = checked(SECOND).stdout
     assert "2500.0 Hz, measured (by: not stated; on: not stated)" in told
-    assert "measured by the paper (section III-B), on its own plate, not on this one" in told
+    assert "n/a, its displacement is not stated; -19.7 dB at the right finger" in told
+    assert "by the paper" not in told
     left = displacements(SECOND)["left"]
-    assert left["source"] == "paper"
-    assert left["source_words"].endswith("on its own plate, not on this one")
+    assert (left["source"], left["own_um"]) == (None, None)
     by = 'measured_by = "A. Person"\n'
     own = checked(NEAR.replace(MEASURED, MEASURED + by)).stdout
     taken = "taken as peak (assumed; measured_as says otherwise)"

@@ -63,7 +63,10 @@ def test_what_is_stated_stands_in_header_check_and_data_set(
         ('control = "none"\nforce_n = 0.5', "control must be instructed, held or measured beside"),
         ('control = "measured"\nforce_n = 0.5', "how is missing; control = measured needs it"),
         ('control = "held"', "how is missing; control = held needs it"),
-        ('control = "instructed"\nforce_n = 0', "force_n must be a finite number > 0 and <= 20"),
+        (
+            'control = "instructed"\nforce_n = 0',
+            "force_n must be a finite number >= 0.01 and <= 20",
+        ),
         ('control = "none"\nhow = " "', "how must be one line of text"),
     ],
 )

@@ -204,7 +204,7 @@ def test_a_map_says_that_it_is_without_the_fingers() -> None:
     ("change", "strip", "words"),
     [
         ({"source": None}, "", r"finger_load.source is missing; mass_g needs it"),
-        ({"mass_g": 0.0}, "", r"finger_load.mass_g must be .* >= 0.0001 and <= 1000; got 0.0"),
+        ({"mass_g": 0.0}, "", r"finger_load.mass_g must be .* >= 0.01 and <= 10; got 0.0"),
         ({"mass_g": "0,3"}, "", r"finger_load.mass_g must be"),
         ({"damping_n_s_m": -1.0}, "", r"finger_load.damping_n_s_m must be .* >= 0"),
         ({}, 'length_mm = "endless"', r"strip.length_mm must be a number where \[finger_load\]"),

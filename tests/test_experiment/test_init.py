@@ -108,18 +108,20 @@ def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"--width-mm": "-3"}, "--width-mm must be a finite number >= 1 and <= 1000000; got -3.0"),
+        ({"--width-mm": "-3"}, "--width-mm must be a finite number >= 2 and <= 1000; got -3.0"),
         ({"--width-mm": "0.03"}, "; if these are metres, write --width-mm 30"),
         ({"--width-mm": "30,5"}, "--width-mm must be a number; got '30,5'; write 30.5, with a"),
-        ({"--thickness-mm": "nan"}, "--thickness-mm must be a finite number > 0.005 and <= 1000;"),
+        ({"--thickness-mm": "nan"}, "--thickness-mm must be a finite number >= 0.02 and <= 50;"),
         ({"--length-mm": "long"}, "--length-mm must be a number; got 'long'"),
         ({"--material": "steal"}, "--material must be one of aluminium, steel, "),
         ({"--edge": "elastic"}, "--edge must be one of simply-supported, clamped, measured-cutoff"),
         (
-            {"--edge": "measured-cutoff", "--cutoff-hz": "9"},
+            {"--edge": "measured-cutoff", "--cutoff-hz": "900"},
             "--cutoff-hz must lie above 1365.87 Hz (simply supported) and below 3096.28 Hz (clamp",
         ),
-        ({"--cutoff-hz": "0"}, "--cutoff-hz must be a finite number > 0; got 0.0"),
+        ({"--cutoff-hz": "2.5"}, "; got 2.5; if these are kilohertz, write --cutoff-hz 2500"),
+        ({"--actuator": "disc:0.012@35"}, "; if these are metres, write diameter_mm = 12"),
+        ({"--actuator": "disc:12@0.035"}, "; if x_mm is in metres, write x_mm = 35"),
         ({"--actuator": "bla"}, "--actuator must be disc:DIAMETER@X, rectangle:ALONGxACROSS@X or"),
         ({"--actuator": "rectangle:6@35"}, "--actuator must be disc:DIAMETER@X, rectangle:ALON"),
         ({"--actuator": "disc:6x7@35"}, "--actuator must be disc:DIAMETER@X, rectangle:ALONGxA"),
@@ -130,7 +132,7 @@ def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
         ({"--actuator": "disc:40@35"}, "must lie on the strip, which goes from y = 0 mm to 30 mm"),
         (
             {"--actuator": "disc:-4@35"},
-            "error: --actuator: diameter_mm must be a finite number >",
+            "error: --actuator: diameter_mm must be a finite number >=",
         ),
     ],
 )
@@ -209,7 +211,7 @@ def test_on_a_terminal_what_is_missing_is_asked_for_until_it_is_right() -> None:
         (b"did you mean aluminium?", b"aluminium"),
         (b"Edges: simply-supported, clamped, measured-cutoff: ", b"measured-cutoff"),
         (b"First cut-off as measured, in Hz: ", b"9000"),
-        (b"fits 1.01 mm of thickness or 17.6 mm of width; you have 0.5 mm and 25 mm", b"2500"),
+        (b"fits 1.02 mm of thickness or 17.5 mm of width; you have 0.5 mm and 25 mm", b"2500"),
         (b"one at -X and one at X: ", b"disc:12.8@99"),
         (b"must lie on the strip", b"disc:12.8@35"),
     ]

@@ -10,7 +10,13 @@ import pytest
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.preview.plate import plate_of
-from experiment.study.physics import bare_strip, field_strip, loads_per_volt, study_gains
+from experiment.study.physics import (
+    bare_strip,
+    field_strip,
+    loads_per_volt,
+    patch_errors,
+    study_gains,
+)
 from experiment.study.read import study_from_text
 from experiment.study.sources import study_sources
 from experiment.study.study import StudyError
@@ -19,7 +25,10 @@ from experiment.trial.draw import draw_plan
 if TYPE_CHECKING:
     from experiment.study.study import Study
 
-MEASURED = "measured_displacement_um = 2.6\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n"
+MEASURED = (
+    "measured_displacement_um = 2.6\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n"
+    'measured_by = "own head"\n'
+)
 LAYERS = (
     "piezo_thickness_mm = 0.11\npiezo_youngs_modulus_gpa = 63\npiezo_poisson_ratio = 0.31\n"
     "piezo_density_kg_m3 = 7800\n"
@@ -67,7 +76,8 @@ def test_a_predicted_actuator_moves_the_stiffer_plate_with_its_whole_moment() ->
 
 @pytest.mark.slow
 def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
-    found = check_findings(check_study(study()), "s.toml")
+    lossy = study(head="[strip]\nloss_factor = 0.01\n")
+    found = check_findings(check_study(lossy), "s.toml")
     assert "times as stiff and 2.27 times as heavy there, without glue" in found.text
     assert "patches counted: own fingers known within 0." in found.text
     (condition,) = found.facts["conditions"]
@@ -171,6 +181,17 @@ def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
     for each in (MEASURED + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
         with pytest.raises(StudyError, match=said):
             study_gains(study(each, "[strip]\nlength_mm = 3000\n" + load))
+
+
+@pytest.mark.slow
+def test_the_doubt_is_that_of_the_worst_loss_that_is_tried() -> None:
+    (one,) = check_study(study()).conditions
+    alone = [patch_errors(study(), one.condition, (loss,)) for loss in (0.005, 0.01, 0.02)]
+    worst, levels_db = one.patch_errors, [each.levels_db for each in alone if each is not None]
+    assert worst is not None
+    assert len(levels_db) == 3
+    assert all((worst.levels_db >= each).all() for each in levels_db)
+    assert worst.own == max(each.own for each in alone if each is not None)
 
 
 @pytest.mark.slow

@@ -63,8 +63,8 @@ REPEATED = "{name = 'hand', description = 'preferred', levels = ['left', 'left']
         ("study.consent_version", "''", " must be a name in one line"),
         ("study.consent_version", "2", " must be text; got 2"),
         ("strip", "5", " must be a table; got 5"),
-        ("masking.max_level_dba", "80.5", " must be a finite number >= 0 and <= 80; got 80.5"),
-        ("masking.measured_level_dba", "76", " must be a finite number >= 0 and <= 75, got 76"),
+        ("masking.max_level_dba", "80.5", " must be a finite number >= 20 and <= 80; got 80.5"),
+        ("masking.measured_level_dba", "76", " must be a finite number >= 20 and <= 75, got 76"),
         ("masking.sound_card", '"a\\tb"', " must be a name in one line"),
         ("screen.full_screen", "1", " must be true or false; got 1"),
         ("screen.font", "''", " must be a name"),
@@ -154,6 +154,12 @@ MOTOR = ", shape = 'motor', length_x_mm = 8, length_y_mm = 6"
 CUTOFF = "strip.measured_cutoff_hz = {}"
 THIN = "strip = {width_mm = 30, thickness_mm = 0.3, edge = 'clamped'}"
 METAL = "strip = {{material = '{}', density_kg_m3 = 7850, edge = 'clamped'}}\n"
+
+
+FINGERTIP = (
+    "finger_load = {{mass_g = {}, stiffness_n_m = {}, damping_n_s_m = 1, holds_up_to_hz = 2000, "
+    "source = 'a'}}"
+)
 
 
 def cut(keys: str, key: str) -> str:
@@ -277,8 +283,55 @@ def without_diameter(left: str) -> str:
         ("strip.youngs_modulus_gpa = 67e9", "if these are pascals, write youngs_modulus_gpa = 67"),
         ("strip.youngs_modulus_gpa = 67000", "megapascals, write youngs_modulus_gpa = 67"),
         ("strip.density_kg_m3 = 2.7", "got 2.7; if these are g/cm3, write density_kg_m3 = 2700"),
+        ("simulation.threshold_um = 1.2e-6", "these are metres, write threshold_um = 1.2"),
+        ("strip.width_mm = '25'", "got '25'; write 25, without quotes"),
+        ("strip.length_mm = 0.2", "or 'endless'; got 0.2; if these are metres, write length_mm ="),
+        ("strip.thickness_mm = 500", "; if these are micrometres, write thickness_mm = 0.5"),
+        ("strip.measured_cutoff_hz = 2.9", "if these are kilohertz, write measured_cutoff_hz = 2"),
+        ("strip.poisson_ratio = 34.6", "; if this is per cent, write poisson_ratio = 0.346"),
+        (
+            "strip.loss_factor = 1",
+            "and < 0.5; got 1; if this is per cent, write loss_factor = 0.01",
+        ),
+        (
+            "strip.loss_factor = 1e-9",
+            "loss_factor must be a finite number >= 0.0001 and < 0.5, or 0 where it is not known; ",
+        ),
+        ("strip.viscous_time_us = 8e-7", "; if these are seconds, write viscous_time_us = 0.8"),
+        (array().replace("12.8", "0.0128"), "these are metres, write diameter_mm = 12.8"),
+        (array().replace("35", "0.035"), "; if x_mm is in metres, write x_mm = 35"),
+        (array(", y_mm = 0.0125"), "; if y_mm is in metres, write y_mm = 12.5"),
+        (array(PIEZO.replace("-180", "-180e-12")), "these are m/V, write piezo_d31_pm_v = -180"),
+        (FINGERTIP.format(2e-4, 1000), "got 0.0002; if these are kilograms, write mass_g = 0.2"),
+        (FINGERTIP.format(200, 1000), "got 200; if these are milligrams, write mass_g = 0.2"),
+        (
+            FINGERTIP.format(0.2, 1),
+            "and <= 100000, or 0 for none; got 1; if these are N/mm, write stiffness_n_m = 1000",
+        ),
+        ("burst.frequency_hz = 0.5", "; if these are kilohertz, write frequency_hz = 500"),
+        ("burst.max_energy_above_cutoff = 1", "write max_energy_above_cutoff = 0.01"),
+        ("burst.masking_limit_db = -20", "the other way: write masking_limit_db = 20"),
+        ("masking.level_dbfs = 30", "its sign is meant the other way: write level_dbfs = -30"),
+        ("design.levels_vpp = [0.06, 0.2]", "got 0.06; if these are kilovolts, write 60"),
+        ("design.foreperiod_s = [800, 2000]", "got 800; if these are milliseconds, write 0.8"),
+        ("design.both_fraction = 10", "if this is per cent, write both_fraction = 0.1"),
+        ("device.sample_rate_hz = 48", "these are kilohertz, write sample_rate_hz = 48000"),
         ("strip.width_mm = '30,5'", "got '30,5'; write 30.5, with a point and without quotes"),
         ("[strip]\nwidth_mm = 30,5 # mm", "s.toml:2: width_mm has a decimal comma; write width_mm"),
+        ("[strip]\nwidth_mm = 30 mm", "s.toml:2: width_mm has its unit in its name; write width_m"),
+        (
+            "[strip]\nwidth_mm = wide",
+            's.toml:2: width_mm must be a number, or a word in quotes, "w',
+        ),
+        ("[strip]\nwidth_mm = 1\nwidth_mm = 2", "s.toml:3: width_mm is given twice; keep one"),
+        ("[actuator]\nx_mm = 1\n[[actuator]]\nx_mm = 2", "are written [[actuator]] and [[condi"),
+        ("design.foreperiod_s = [0,8, 2,0]", "; with points, not commas: [0.8, 2.0]"),
+        (array(MEASURED.replace("2.6", "0.0026")), "if these are millimetres, write measured_dis"),
+        (array(MEASURED.replace("2.6", "2600")), "if these are nanometres, write measured_displ"),
+        (
+            array(MEASURED.replace("2.6", "300")),
+            "and <= 250 at 100 Vpp, so that it is felt at some level and within the plate's thick",
+        ),
         ("[strip]\nedge = clamped", 's.toml:2: edge has a text without quotes; write edge = "clam'),
         # the text itself
         ("burst.frequency_hz = 0x1" + "0" * 6000, "got a number of thousands of digits"),

@@ -71,7 +71,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         "finger_load": FINGERS,
         "condition": {"name": "a"},
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
-        "masking": {"max_level_dba": 0.0},
+        "masking": {"max_level_dba": 20.0},
         "contact": {"control": "instructed"},
     }
     return others.get(section, {})

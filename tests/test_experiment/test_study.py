@@ -283,13 +283,43 @@ def test_a_named_material_survives_its_canonical_text() -> None:
     assert study.plate.youngs_modulus_gpa is None
 
 
-@pytest.mark.parametrize("keys", ["length_mm = 150", "loss_factor = 0.01", 'edge = "clamped"'])
-def test_the_papers_plate_is_its_width_its_thickness_and_its_material(keys: str) -> None:
+@pytest.mark.parametrize(
+    ("keys", "as_measured"),
+    [
+        ("length_mm = 150", False),
+        ('edge = "clamped"', False),
+        ("measured_cutoff_hz = 2500", False),
+        ("loss_factor = 0.01", True),
+        ('length_mm = "endless"', True),
+    ],
+)
+def test_the_papers_plate_is_its_width_its_thickness_and_its_material(
+    keys: str, *, as_measured: bool
+) -> None:
     stated = "width_mm = 25\nthickness_mm = 0.5\ndensity_kg_m3 = 2700\n"
     study = read(f"[strip]\n{stated}{keys}\n")
     assert study == read(f"[strip]\n{keys}\n")
-    assert study.actuators == paper_study().actuators
     assert study.plate.is_the_papers
+    for found, papers in zip(study.actuators, paper_study().actuators, strict=True):
+        assert (found.x_mm, found.diameter_mm) == (papers.x_mm, papers.diameter_mm)
+        assert found.basis == (papers.basis if as_measured else None)
+    assert study_from_canonical(study.canonical) == study
+
+
+def test_what_the_paper_measured_on_its_plate_is_asked_for_on_another() -> None:
+    discs = "".join(
+        f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12.8\n'
+        "measured_displacement_um = 2.6\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n{}"
+        for side, x_mm in (("left", -35), ("right", 35))
+    )
+    assert read(discs.format("", "")) == paper_study()
+    for keys in ("length_mm = 150", 'edge = "clamped"', "measured_cutoff_hz = 2500"):
+        with pytest.raises(
+            StudyError, match=r"actuator\[0\].measured_displacement_um is the paper"
+        ):
+            read(f"[strip]\n{keys}\n{discs.format('', '')}")
+        by = 'measured_by = "us"\n'
+        assert all(read(f"[strip]\n{keys}\n{discs.format(by, by)}").actuators)
 
 
 def test_canonical_text_is_sorted_json_of_every_key_without_white_space() -> None:

@@ -11,7 +11,14 @@ from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
 from .equipment import Contact, DeviceSettings, Masking
 from .finger import FINGER_KEYS, FingerLoad
-from .plate import PAPER_CUTOFF_HZ, MaterialName, Plate, is_papers_plate
+from .plate import (
+    PAPER_CUTOFF_HZ,
+    PAPER_LENGTH_MM,
+    MaterialName,
+    Plate,
+    is_as_measured,
+    is_papers_plate,
+)
 from .presentation import Keys, Screen, Texts, instructions_of, key_doubts, unsaid_in
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
@@ -22,7 +29,7 @@ from .stimulus import (
     stimulus_facts,
     unscaled_peak,
 )
-from .table import ASKED_FOR, FromTable, file_keys, section
+from .table import ASKED_FOR, FromTable, KeyRange, file_keys, section
 
 __all__ = [
     "ASKED_FOR",
@@ -33,6 +40,7 @@ __all__ = [
     "LEAST_LEVEL_VPP",
     "MEASURED_KEYS",
     "PAPER_CUTOFF_HZ",
+    "PAPER_LENGTH_MM",
     "PAPER_THRESHOLD_UM",
     "PATCH_KEYS",
     "PIEZO_KEYS",
@@ -47,6 +55,7 @@ __all__ = [
     "DeviceSettings",
     "FingerLoad",
     "FromTable",
+    "KeyRange",
     "Keys",
     "Masking",
     "MaterialName",
@@ -61,6 +70,7 @@ __all__ = [
     "drive_samples",
     "file_keys",
     "instructions_of",
+    "is_as_measured",
     "is_papers_plate",
     "key_doubts",
     "paper_actuators",

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.plate import Line, Modulus, dated, refuse_orphans
-from experiment.study.sections.table import refuse_incomplete, section
+from experiment.study.sections.plate import Density, Line, Modulus, dated, refuse_orphans
+from experiment.study.sections.table import refuse_below, refuse_incomplete, section
 from experiment.terms.checks import NAME, NAME_RULE
 from stimuli import BondedPatch, MeasuredDisplacement, PiezoLayers
 
@@ -21,9 +21,14 @@ Side = Literal["left", "right", "other"]
 SIDES: Final[tuple[str, ...]] = get_args(Side)
 Shape = Literal["disc", "rectangle", "motor"]
 
-_Layer = Annotated[float, Field(gt=1e-6, le=100)]
-_Density = Annotated[float, Field(ge=10, le=1e5)]
+# Discs of piezo begin at some millimetres, contacts of motors at tenths, layers at films of 5 um.
+_Layer = Annotated[float, Field(ge=0.005, le=20)]
+_Side = Annotated[float, Field(ge=0.2, le=1000)]
+_Place = Annotated[float, Field(ge=-5000, le=5000)]
 _LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
+
+_LEAST_D31_PM_V: Final = 0.5
+"""Quartz has about 2, films of polymer 20, ceramics 100 to 300."""
 
 MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
 PIEZO_KEYS: Final = (
@@ -58,33 +63,33 @@ class Actuator:
     side: Side = Field(description="as the participant sees it")
     name: str | None = Field(default=None, description="of one whose side is other")
     shape: Shape = Field(default="disc", description="motor: over its contact")
-    x_mm: float = Field(description="centre along the strip, from its middle, right positive")
-    y_mm: float = Field(description="centre across, from one edge; default the middle")
-    diameter_mm: float | None = Field(default=None, gt=0, description="of a disc")
-    length_x_mm: float | None = Field(
-        default=None, gt=0, description="of a rectangle or motor, along the strip"
+    x_mm: _Place = Field(description="centre along the strip, from its middle, right positive")
+    y_mm: _Place = Field(description="centre across, from one edge; default the middle")
+    diameter_mm: float | None = Field(default=None, ge=0.5, le=1000, description="of a disc")
+    length_x_mm: _Side | None = Field(
+        default=None, description="of a rectangle or motor, along the strip"
     )
-    length_y_mm: float | None = Field(
-        default=None, gt=0, description="of a rectangle or motor, across the strip"
+    length_y_mm: _Side | None = Field(
+        default=None, description="of a rectangle or motor, across the strip"
     )
     finger_diameter_mm: float = Field(
-        default=10.0, gt=0, le=50, description="contact of the fingertip above it"
+        default=10.0, ge=1, le=50, description="contact of the fingertip above it"
     )
     measured_displacement_um: float | None = Field(
         default=None,
         ge=1e-4,
-        le=1e6,
+        le=5000,
         description="at its centre, as measured, no finger on the plate",
     )
     measured_as: Literal["peak", "peak-to-peak"] | None = Field(
         default=None,
-        description='"peak", the amplitude, or "peak-to-peak"; without it peak is assumed',
+        description="peak is the amplitude, and assumed without it",
     )
     measured_at_vpp: float | None = Field(
-        default=None, gt=0, le=1e5, description="... with a sine of this level"
+        default=None, ge=1e-3, le=1000, description="... with a sine of this level"
     )
     measured_at_hz: float | None = Field(
-        default=None, gt=0, le=1e6, description="... and of this frequency"
+        default=None, ge=1, le=1e5, description="... and of this frequency"
     )
     measured_by: Line | None = Field(default=None, description="... by whom")
     measured_on: Line | None = Field(default=None, description="... and when")
@@ -94,18 +99,18 @@ class Actuator:
     piezo_youngs_modulus_gpa: Modulus | None = Field(default=None, description="1 / s11E")
     piezo_poisson_ratio: _LayerRatio | None = Field(default=None, description="-s12E / s11E")
     piezo_d31_pm_v: float | None = Field(
-        default=None, ge=-1e6, le=1e6, description="strain per field in its plane"
+        default=None, ge=-5000, le=5000, description="strain per field in its plane"
     )
-    carrier_thickness_mm: float | None = Field(
-        default=None, gt=0, le=100, description="metal between piezo and plate, if any"
+    carrier_thickness_mm: _Layer | None = Field(
+        default=None, description="metal between piezo and plate, if any"
     )
     carrier_youngs_modulus_gpa: Modulus | None = None
     carrier_poisson_ratio: _LayerRatio | None = None
     patch_counts: bool = Field(
         default=False, description="its layers stiffen and load the plate, which must have ends"
     )
-    piezo_density_kg_m3: _Density | None = Field(default=None, description="with patch_counts")
-    carrier_density_kg_m3: _Density | None = Field(default=None, description="with patch_counts")
+    piezo_density_kg_m3: Density | None = Field(default=None, description="with patch_counts")
+    carrier_density_kg_m3: Density | None = Field(default=None, description="with patch_counts")
 
     @model_validator(mode="before")
     @classmethod
@@ -148,6 +153,7 @@ class Actuator:
             raise ValueError(f"{basis} is for patches only; got shape = motor")
         if self.piezo_d31_pm_v == 0:
             raise ValueError("piezo_d31_pm_v must not be 0; got 0")
+        refuse_below(self, "piezo_d31_pm_v", _LEAST_D31_PM_V, "or its negative")
 
     def _check_patch(self) -> None:
         """Refuse a patch that counts without its layers, and what only such a patch has."""
@@ -163,6 +169,18 @@ class Actuator:
         if missing:
             raise ValueError(f"{missing[0]} is missing; patch_counts needs it")
         refuse_incomplete(self, CARRIER_PATCH_KEYS)
+
+    @property
+    def is_the_papers(self) -> bool:
+        """Whether it is a disc of the paper, where it was, with what the paper measured of it."""
+        return (
+            self.measured_by is None
+            and self.measured_as in {None, "peak"}
+            and any(
+                all(getattr(self, key) == value for key, value in disc.items())
+                for disc in paper_actuators()
+            )
+        )
 
     @property
     def label(self) -> str:
@@ -267,16 +285,13 @@ def _span_m(centre_m: float, length_m: float | None) -> tuple[float, float]:
     return centre_m - half_m, centre_m + half_m
 
 
-def paper_actuators() -> list[dict[str, Any]]:
-    """Return the paper's discs: 2.6 um of amplitude at 100 Vpp and 300 Hz (section III-B)."""
+_PAPER_MEASURED: Final = dict(zip(MEASURED_KEYS, (2.6, 100.0, 300.0), strict=True))
+"""Amplitude of the paper's discs (section III-B), on its own plate."""
+
+
+def paper_actuators(*, measured: bool = True) -> list[dict[str, Any]]:
+    """Return the paper's discs; where they are measured with 2.6 um at 100 Vpp and 300 Hz."""
     return [
-        {
-            "side": side,
-            "x_mm": x_mm,
-            "diameter_mm": 12.8,
-            "measured_displacement_um": 2.6,
-            "measured_at_vpp": 100.0,
-            "measured_at_hz": 300.0,
-        }
+        {"side": side, "x_mm": x_mm, "diameter_mm": 12.8} | (_PAPER_MEASURED if measured else {})
         for side, x_mm in (("left", -35.0), ("right", 35.0))
     ]

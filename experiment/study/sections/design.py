@@ -31,7 +31,7 @@ _FRACTION_ROUNDING: Final = 0.500001 * 10**-_FRACTION_DIGITS
 """Half a unit of the last digit, and the rounding of the sums."""
 
 _Level = Annotated[float, Field(ge=LEAST_LEVEL_VPP)]
-_Wait = Annotated[float, Field(gt=0, le=60)]
+_Wait = Annotated[float, Field(ge=0.01, le=60)]
 
 
 @section

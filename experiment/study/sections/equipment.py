@@ -33,17 +33,23 @@ class DeviceSettings:
         default=48_000.0, ge=1_000, le=10_000_000, description="of its output"
     )
     ceiling_vpp: float = Field(
-        default=200.0, gt=0, le=1_000, description="no level is ever above this"
+        default=200.0, ge=0.1, le=1_000, description="no level is ever above this"
     )
     least_interval_s: float = Field(
-        default=0.05, gt=0, le=60, description="rest from a burst's end to the next onset"
+        default=0.05, ge=0.001, le=60, description="rest from a burst's end to the next onset"
     )
     port: str | None = Field(default=None, description="where a device is: port, URL or sound card")
     amplifier_gain: float | None = Field(
-        default=None, gt=0, le=100_000, description="volts at the actuator per volt of a generator"
+        default=None,
+        ge=0.01,
+        le=10_000,
+        description="volts at the actuator per volt of a generator",
     )
     volts_full_scale: float | None = Field(
-        default=None, gt=0, le=1_000, description="at the actuator, to both sides, of a sound card"
+        default=None,
+        ge=0.01,
+        le=1_000,
+        description="at the actuator, to both sides, of a sound card",
     )
     channels: tuple[_Output, _Output] = Field(
         default=(1, 2), strict=False, description="outputs of left and right, of a driver of yours"
@@ -68,12 +74,12 @@ class Masking:
     noise: Noise = "pink"
     max_level_dba: float = Field(
         default=75.0,
-        ge=0,
+        ge=20,
         le=MAX_MASKING_LEVEL_DBA,
         description=f"at the ear; {MAX_MASKING_LEVEL_DBA:g} at most",
     )
     measured_level_dba: float | None = Field(
-        default=None, ge=0, description="at the ear, with these settings"
+        default=None, ge=20, description="at the ear, with these settings"
     )
     level_dbfs: float = Field(
         default=-30.0,
@@ -87,7 +93,7 @@ class Masking:
 
     def __post_init__(self) -> None:
         if self.measured_level_dba is not None:
-            finite("measured_level_dba", self.measured_level_dba, least=0, most=self.max_level_dba)
+            finite("measured_level_dba", self.measured_level_dba, least=20, most=self.max_level_dba)
         if self.sound_card and not is_line(self.sound_card):
             raise ValueError(
                 f"sound_card must be a name in one line of text; got {self.sound_card!r}"
@@ -113,7 +119,7 @@ class Contact:
     control: ContactControl = Field(
         default="not stated", description="held: by weights or rests; measured: by a sensor"
     )
-    force_n: float | None = Field(default=None, gt=0, le=20, description="of one finger, normal")
+    force_n: float | None = Field(default=None, ge=0.01, le=20, description="of one finger, normal")
     how: str | None = Field(
         default=None, description="in a line: what was told, what held, what measured"
     )

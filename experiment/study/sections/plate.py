@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.table import ASKED_FOR, section
+from experiment.study.sections.table import ASKED_FOR, refuse_below, section
 from experiment.terms.checks import is_line, require_known
 from stimuli import (
     ALUMINIUM,
@@ -32,10 +32,12 @@ EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 # What the paper states belongs to its plate: 25 x 0.5 mm of its aluminium. A study whose plate has
 # that width, that thickness and no other material has the paper's material and discs where it
 # states none, whatever its length, its loss and its edges; the first cut-off only with edges that
-# are not said to be others. Of any other plate nothing is known but what its study says.
+# are not said to be others, and what its discs do only with its length and its first cut-off, as
+# they were measured. Of any other plate nothing is known but what its study says.
 PAPER_CUTOFF_HZ: Final = 2900.0
 """First cut-off measured on the paper's plate (figure 4)."""
 
+PAPER_LENGTH_MM: Final = 200.0
 _PAPER_SIZES: Final = {"width_mm": 25.0, "thickness_mm": 0.5}
 _PAPER_MATERIAL: Final = {
     "youngs_modulus_gpa": ALUMINIUM.youngs_modulus_pa / 1e9,
@@ -51,6 +53,18 @@ def is_papers_plate(keys: dict[str, Any]) -> bool:
         keys.get(key, papers[key]) == papers[key]
         for key in papers
         if isinstance(keys.get(key), int | float)
+    )
+
+
+def is_as_measured(keys: dict[str, Any]) -> bool:
+    """Tell whether these are the keys of the paper's plate as its discs were measured on it."""
+    as_measured: dict[str, tuple[Any, ...]] = {
+        "edge": ("measured-cutoff",),
+        "length_mm": (PAPER_LENGTH_MM, "endless"),  # the same plate, its ends left out
+        "measured_cutoff_hz": (PAPER_CUTOFF_HZ, None),
+    }
+    return is_papers_plate(keys) and all(
+        keys.get(key, values[0]) in values for key, values in as_measured.items()
     )
 
 
@@ -76,40 +90,55 @@ def refuse_orphans(values: object, measured: str) -> None:
             raise ValueError(f"{measured} is missing; {key} needs it")
 
 
-# Wide ranges, but not so wide that metres pass for millimetres or pascals for gigapascals.
-_Length = Annotated[float, Field(ge=1, le=1e6)]
+# Ranges hold every plate on which two fingers can lie, and are so narrow that a number in another
+# unit falls out: metres for millimetres, pascals or megapascals for gigapascals, g/cm3, kilohertz,
+# per cent. Two fingertips need 20 mm; a foil is 0.02 mm thick, balsa weighs 100 kg/m3, osmium
+# 22 600, and diamond has 1200 GPa. Bare metal loses 1e-4 of its energy, what damps best about half.
 Line = Annotated[str, AfterValidator(one_line)]
-Modulus = Annotated[float, Field(ge=1e-6, le=2000)]
+Modulus = Annotated[float, Field(ge=1e-3, le=1500)]
+Density = Annotated[float, Field(ge=30, le=25_000)]
+_LEAST_LOSS: Final = {"loss_factor": 1e-4, "viscous_time_us": 0.01}
+"""Less would be a slip that counts as a stated loss; at 1 kHz both are about the same."""
 
 
 @section
 class Plate:
     """The plate, held along its two long edges."""
 
-    width_mm: _Length = Field(default=25.0, description="between the held edges")
-    length_mm: _Length | Literal["endless"] = Field(default=200.0, description='or "endless"')
-    thickness_mm: float = Field(default=0.5, gt=0.005, le=1e3)
-    material: MaterialName | None = Field(default=None, description="or")
-    youngs_modulus_gpa: Modulus | None = None
+    width_mm: float = Field(default=25.0, ge=2, le=1000, description="between the held edges")
+    length_mm: Annotated[float, Field(ge=20, le=10_000)] | Literal["endless"] = Field(
+        default=PAPER_LENGTH_MM, description='or "endless"'
+    )
+    thickness_mm: float = Field(default=0.5, ge=0.02, le=50)
+    material: MaterialName | None = None
+    youngs_modulus_gpa: Modulus | None = Field(
+        default=None, description="of another material, with the next two"
+    )
     poisson_ratio: float | None = Field(default=None, ge=-0.999, lt=0.5)
-    density_kg_m3: float | None = Field(default=None, ge=10, le=1e5)
+    density_kg_m3: Density | None = None
     loss_factor: float = Field(
-        default=0.0, ge=0, le=1e3, description="constant (hysteretic) loss; 0: not known"
+        default=0.0, ge=0, lt=0.5, description="constant (hysteretic) loss; 0: not known"
     )
     viscous_time_us: float = Field(
-        default=0.0, ge=0, le=1e9, description="Kelvin-Voigt loss; both add"
+        default=0.0, ge=0, le=100, description="Kelvin-Voigt loss; both add"
     )
     edge_loss: Literal["none", "plate"] = Field(
         default="none", description="of an elastic edge: none, or the plate's"
     )
     edge: EdgeBasis = "measured-cutoff"
     measured_cutoff_hz: float | None = Field(
-        default=None, gt=0, description="first cut-off; with another edge a record to compare"
+        default=None,
+        ge=20,
+        le=200_000,
+        description="first cut-off; with another edge a record to compare",
     )
     measured_by: Line | None = Field(default=None, description="who measured the cut-off")
     measured_on: Line | None = Field(default=None, description="and when, such as 2026-05-04")
     edge_stiffness_n: float | None = Field(
-        default=None, gt=0, description="N m per rad per m of edge; with edge = elastic"
+        default=None,
+        ge=1e-3,
+        le=1e7,
+        description="N m per rad per m of edge; with edge = elastic",
     )
 
     @model_validator(mode="before")
@@ -131,6 +160,8 @@ class Plate:
 
     def __post_init__(self) -> None:
         self._check_material()
+        for key, least in _LEAST_LOSS.items():
+            refuse_below(self, key, least, "or 0 where it is not known")
         if self.edge == "elastic" and self.edge_stiffness_n is None:
             raise ValueError("edge_stiffness_n is missing; edge = elastic needs it")
         if self.edge != "elastic" and self.edge_stiffness_n is not None:
@@ -161,6 +192,11 @@ class Plate:
     def is_the_papers(self) -> bool:
         """Whether width, thickness and material are those of the paper's plate."""
         return is_papers_plate(vars(self))
+
+    @property
+    def is_as_measured(self) -> bool:
+        """Whether it has the length and the cut-off, too, with which the paper measured it."""
+        return is_as_measured(vars(self))
 
     @property
     def is_loss_stated(self) -> bool:

@@ -22,10 +22,16 @@ class Simulation:
     """The people that a dry run simulates."""
 
     threshold_um: float | None = Field(
-        default=None, gt=0, description="displacement felt half of the time; median of the people"
+        default=None,
+        ge=1e-3,
+        le=1000,
+        description="displacement felt half of the time; median of the people",
     )
     threshold_vpp: float | None = Field(
-        default=None, gt=0, description="or the level that is, where displacements are unknown"
+        default=None,
+        ge=0.1,
+        le=1000,
+        description="or the level that is, where displacements are unknown",
     )
     threshold_sd_db: float = Field(
         default=1.5, ge=0, le=40, description="between people, of 20 log10(threshold)"

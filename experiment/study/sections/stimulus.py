@@ -34,7 +34,7 @@ STIMULUS_KEYS: Final = (*SINE_KEYS, "wanted_level_db", "file")
 class Stimulus:
     """What drives the actuators: a sine burst, or a sampled click from a file."""
 
-    frequency_hz: float | None = Field(default=500.0, ge=1e-6, le=1e9)
+    frequency_hz: float | None = Field(default=500.0, ge=5, le=100_000)
     cycles: int | None = Field(default=1, ge=1, le=1_000_000)
     window: WindowName | None = Field(default="none", description="auto: see below")
     wanted_level_db: float | None = Field(
@@ -90,13 +90,13 @@ class SharedStimulus(Stimulus):
     max_energy_above_cutoff: float = Field(
         default=0.01,
         gt=0,
-        le=1,
+        lt=1,
         description="largest fraction of its energy above the strip's cut-off",
     )
     masking_limit_db: float = Field(
         default=20.0,
-        ge=0,
-        le=200,
+        ge=1,
+        le=120,
         description="least drop of level from the own to the other finger",
     )
 

@@ -6,10 +6,9 @@ the file, its SI values are properties; a refusal is worded here from the key's 
 
 from __future__ import annotations
 
-import math
-import re
 import reprlib
 from dataclasses import dataclass as plain_dataclass
+from dataclasses import replace
 from functools import wraps
 from types import UnionType
 from typing import (
@@ -28,7 +27,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, core_schema
 
-from experiment.terms.checks import unknown_key
+from experiment.terms.checks import in_mind, unknown_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,6 +97,13 @@ class KeyRange:
     ge: float | None = None
     le: float | None = None
     lt: float | None = None
+
+    def hold(self, value: float) -> bool:
+        """Tell whether a number is one of these."""
+        above = self.gt is None or value > self.gt
+        below = self.lt is None or value < self.lt
+        least = self.ge is None or value >= self.ge
+        return above and below and least and (self.le is None or value <= self.le)
 
     def words(self, *, whole: bool) -> str:
         """Say which numbers these are.
@@ -192,7 +198,6 @@ _RANGES: Final = frozenset(
         "less_than_equal",
     )
 )
-_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d+,\d+")
 _EXPECTED: Final = {
     "float_type": "a number",
     "finite_number": "a finite number",
@@ -241,30 +246,23 @@ def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
     allowed = " or ".join(_allowed(error, place) for error in errors)
     if path in _ARRAYS:
         allowed = f"given as [[{path}]]"
-    return f"{path} must be {allowed}; got {_shown(first['input'])}{_slip(path, first['input'])}"
+    slip = _comma(first) or _slip(place, first["input"])
+    return f"{path} must be {allowed}; got {_shown(first['input'])}{slip}"
 
 
-_SLIPS: Final = {
-    "_mm": (("metres", 0.0, 1.0, 1e3),),
-    "_um": (("metres", 0.0, 1e-4, 1e6),),
-    "_gpa": (("pascals", 1e6, math.inf, 1e-9), ("megapascals", 2e3, 1e6, 1e-3)),
-    "density_kg_m3": (("g/cm3", 0.5, 25.0, 1e3),),
-}
-"""Units that are written by mistake, by how a key ends: from and below what, and times what."""
-
-
-def _slip(path: str, value: object) -> str:
-    """Say what a number would be in the unit that its writer may have had in mind."""
-    if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value.strip()):
-        return f"; write {value.strip().replace(',', '.')}, with a point and without quotes"
-    if isinstance(value, bool) or not isinstance(value, int | float):
+def _comma(error: ErrorDetails) -> str:
+    """Say how a list is written whose numbers have decimal commas."""
+    given, wanted = error["input"], error.get("ctx", {}).get("max_length", 0)
+    if error["type"] != "too_long" or not isinstance(given, list) or len(given) != 2 * wanted:
         return ""
-    key = path.rsplit(".", maxsplit=1)[-1]
-    for ending, units in _SLIPS.items():
-        for unit, least, most, factor in units if key.endswith(ending) else ():
-            if least < value < most:
-                return f"; if these are {unit}, write {key} = {value * factor:.6g}"
-    return ""
+    points = [f"{whole}.{part}" for whole, part in zip(given[::2], given[1::2], strict=True)]
+    return f"; with points, not commas: [{', '.join(points)}]"
+
+
+def _slip(place: _Place, value: object) -> str:
+    """Say what a refused value would be in the unit that its writer may have had in mind."""
+    limits = range_of(place.kind, place.metadata)
+    return "" if limits is None else in_mind(place.path, value, limits.hold)
 
 
 def _allowed(error: ErrorDetails, place: _Place) -> str:
@@ -299,3 +297,15 @@ def refuse_incomplete(values: object, *groups: tuple[str, ...]) -> str | None:
     if len(chosen) > 1:
         raise ValueError(f"{chosen[0]} and {chosen[1]} exclude each other; got both")
     return chosen[0] if chosen else None
+
+
+def refuse_below(values: object, key: str, least: float, otherwise: str) -> None:
+    """Refuse a number whose size is not 0 but less than what can be meant; say what else may be."""
+    stated: float | None = getattr(values, key)
+    if stated is None or not 0 < abs(stated) < least:
+        return
+    field = file_keys(type(values))[key]
+    limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
+    hint = in_mind(key, stated, lambda meant: abs(meant) >= least and limits.hold(meant))
+    words = replace(limits, ge=least).words(whole=False)
+    raise ValueError(f"{key} must be {words}, {otherwise}; got {stated:g}{hint}")
