@@ -18,6 +18,7 @@ NAMES = (
         "stability",
         "field",
         "sweep",
+        "single",
         "motion",
         "skipping",
         "link",

@@ -14,6 +14,7 @@ from benchmarks import (
     field,
     hard_cases,
     screen,
+    single,
     skipping,
     stability,
     sweep,
@@ -58,6 +59,12 @@ def test_a_sweep_tells_its_error_and_that_it_was_told() -> None:
     case = next(sweep.cases())
     cells = sweep.row(case, lambda *runs: [1.0] * len(runs)).split("|")
     assert float(cells[6]) < float(cells[7]) < sweep.RTOL
+
+
+def test_one_frequency_tells_its_error_and_that_it_was_told() -> None:
+    case = next(single.cases())
+    cells = single.row(case, lambda *runs: [1.0] * len(runs)).split("|")
+    assert float(cells[7]) < float(cells[8]) < sweep.RTOL
 
 
 def test_a_stability_section_tells_error_and_estimate(

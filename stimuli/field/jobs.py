@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -34,13 +34,14 @@ _A_FEW: Final = 32
 class Job:
     """All that is computed for loads that differ in nothing but their place, in widths."""
 
-    source: Source
+    source: Source  # with one place across for all places, or one for each of these
     loads: tuple[int, ...]  # of the scene, for which it stands
     distance: Real  # different places, relative to the load: (n_places,)
     across: Real
     # where each load's points are among these, or among the pairs of `ends`: (n_loads, n_points)
     places: NDArray[np.intp]
     signs: tuple[int, ...]  # symmetries that are not zero
+    symmetries: NDArray[np.intp]  # how many of them move each place: (n_places,)
     ends: Ends | None = None  # of a finite strip, with the different pairs of a load and a point
 
     def question(self, exact_k: Exact, exact_hold: Exact, rtol: float) -> Question:
@@ -58,6 +59,12 @@ class Job:
     def n_pairs(self) -> int:
         """Number of different pairs of a load and a point."""
         return int(self.distance.size if self.ends is None else self.ends.load.size)
+
+    @property
+    def n_symmetries(self) -> int:
+        """Number of symmetries that are driven, summed over the loads' places across."""
+        each = self.source.span.each()
+        return sum(int(np.max(self.symmetries, where=some, initial=1)) for _, some in each)
 
 
 def jobs(
@@ -90,11 +97,13 @@ def jobs(
             continue
         source, turn = _source(load, width_m)
         places = turn * across
-        if skip and source.span.centre == 0:
+        centre = np.full(x.size, source.span.centre)
+        if skip and not source.span.centre:
             places = -np.abs(places)
         load_x = np.full(x.size, load.x_m)
         table = np.column_stack([np.abs(x - load_x), load_x, x]) / width_m
-        table = np.column_stack([np.round(table, _DECIMALS), places])
+        table = np.column_stack([np.round(table, _DECIMALS), places, centre])
+        source = replace(source, span=Span(centre=0.0, length=source.span.length))
         key = source if skip else index
         groups.setdefault(key, []).append((index, source, table))
     return tuple(_job(members, strip, skip=skip) for members in groups.values())
@@ -103,14 +112,19 @@ def jobs(
 def _job(members: list[_Member], strip: Strip, *, skip: bool) -> Job:
     source = members[0][1]
     table = np.concatenate([m[2] for m in members])
-    pairs, places = _different(table[:, [0, 3]], skip=skip)
-    symmetric = source.span.centre == 0 or bool(np.all(pairs[:, 1] == 0))
+    pairs, places = _different(table[:, [0, 3, 4]], skip=skip)
+    distance, across, centre = pairs.T
+    span = Span(
+        centre=float(centre[0]) if np.all(centre == centre[0]) else centre,
+        length=source.span.length,
+    )
+    symmetries = np.where((centre == 0) | (across == 0), 1, 2) if skip else np.full(len(pairs), 2)
     ends = None
     if strip.length_m is not None:
         if skip:
             table = _mirrored(table)
         table, inverse = _different(np.column_stack([table, places]), skip=skip)
-        direct, places = table[:, 4].astype(np.intp), inverse
+        direct, places = table[:, 5].astype(np.intp), inverse
         ends = Ends(
             length=strip.length_m / strip.width_m,
             poisson_ratio=strip.material.poisson_ratio,
@@ -119,12 +133,13 @@ def _job(members: list[_Member], strip: Strip, *, skip: bool) -> Job:
             direct=direct,
         )
     return Job(
-        source=source,
+        source=replace(source, span=span),
         loads=tuple(m[0] for m in members),
-        distance=pairs[:, 0],
-        across=pairs[:, 1],
+        distance=distance,
+        across=across,
         places=places.reshape(len(members), -1),
-        signs=(1,) if skip and symmetric else (1, -1),
+        signs=(1, -1)[: int(np.max(symmetries))],
+        symmetries=symmetries,
         ends=ends,
     )
 
@@ -144,7 +159,7 @@ def _mirrored(table: Real) -> Real:
     """Return pairs turned about the middle of the strip so that the load is on its right."""
     load, point = table[:, 1], table[:, 2]
     turn = np.where((load < 0) | ((load == 0) & (point < 0)), -1.0, 1.0)
-    return np.column_stack([table[:, 0], turn * load + 0.0, turn * point + 0.0, table[:, 3]])
+    return np.column_stack([table[:, 0], turn * load + 0.0, turn * point + 0.0, table[:, 3:]])
 
 
 def _source(load: Load, width_m: float) -> tuple[Source, int]:

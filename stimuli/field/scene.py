@@ -168,7 +168,6 @@ class Scene:
         `reflections` were counted on the way; before it they are sought.
         """
         n_pairs = len(self.loads) * len(self.points_m)
-        near = [self.near(job, rtol) for job in jobs]
         n_solved = sum(band.solved_hz.size for band in found)
         asked = n_solved * n_pairs if self.strip.length_m is not None else 0
         if reflections is None:
@@ -183,9 +182,9 @@ class Scene:
             pairs_asked=n_pairs,
             pairs_solved=sum(job.n_pairs for job in jobs),
             symmetries_asked=2 * len(self.loads),
-            symmetries_solved=sum(len(job.signs) for job in jobs),
+            symmetries_solved=sum(job.n_symmetries for job in jobs),
             integrals_asked=2 * n_pairs,
-            integrals_solved=sum(n * len(j.signs) for n, j in zip(near, jobs, strict=True)),
+            integrals_solved=sum(self.near(job, rtol) for job in jobs),
             reflections_asked=asked,
             reflections_solved=min(reflections, asked),
             wall_correction=not (self.skip and self.is_supported),
@@ -244,11 +243,11 @@ class Scene:
         )
 
     def near(self, job: Job, rtol: float) -> int:
-        """Return for how many places of a job the guided waves are not enough."""
+        """Return for how many places of a job, times symmetries, waves are not enough."""
         if not self.skip:
-            return int(job.distance.size)
+            return int(np.sum(job.symmetries))
         clearance = job.distance - job.source.half_length - job.source.radius
-        return int(np.count_nonzero(clearance < far_clearance(rtol)))
+        return int(np.sum(job.symmetries, where=clearance < far_clearance(rtol)))
 
     def _reflecting(self, job: Job, solved_hz: Real, rtol: float) -> int:
         """Return at how many frequencies the ends of the strip count for a job."""

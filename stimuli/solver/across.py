@@ -15,6 +15,8 @@ import numpy as np
 from stimuli.strip.waves import ratio
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Complex, Real
 
 
@@ -35,22 +37,37 @@ class Span:
 
     Examples
     --------
-    >>> Span(centre=0.1, length=0.2).high
+    >>> float(Span(centre=0.1, length=0.2).high)
     0.2
     """
 
-    centre: float
+    centre: float | Real  # one for all points, or one for each: (n_points,)
     length: float = 0.0
 
     @property
-    def low(self) -> float:
+    def low(self) -> Real:
         """Lower end, not beyond the edge."""
-        return max(self.centre - self.length / 2, -0.5)
+        return np.asarray(np.maximum(self.centre - self.length / 2, -0.5))
 
     @property
-    def high(self) -> float:
+    def high(self) -> Real:
         """Upper end, not beyond the edge."""
-        return min(self.centre + self.length / 2, 0.5)
+        return np.asarray(np.minimum(self.centre + self.length / 2, 0.5))
+
+    def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Span:
+        """Return the spans of some of the points."""
+        if not isinstance(self.centre, np.ndarray):
+            return self
+        return Span(centre=self.centre[points], length=self.length)
+
+    def each(self) -> list[tuple[Span, NDArray[np.bool_] | bool]]:
+        """Return the different spans, and which of the points have each."""
+        if not isinstance(self.centre, np.ndarray):
+            return [(self, True)]
+        return [
+            (Span(centre=float(centre), length=self.length), self.centre == centre)
+            for centre in np.unique(self.centre)
+        ]
 
 
 def faded(g: Complex, length: Real | float) -> Complex:
@@ -109,13 +126,13 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     True
     """
     if not span.length:
-        return shape(g, np.array(span.centre), sign)
+        return shape(g, np.asarray(span.centre), sign)
     # a sum or difference over the ends is a product: no digit is lost where the branch is flat
     middle, rest = (span.low + span.high) / 2, (1 - (span.high - span.low)) / 2
     if sign > 0:
         both = np.exp(-g * (rest - middle)) + np.exp(-g * (rest + middle))
     else:
-        size = abs(middle)
+        size = np.abs(middle)
         both = np.sign(middle) * np.exp(-g * (rest - size)) * faded(g, 2 * size)
     return np.asarray(0.5 * both * faded(g, span.high - span.low))
 
@@ -155,10 +172,11 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     given, g = g, np.where(flat, 1.0, g) if some else g
     up, down, fall = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across)), np.exp(-g)
     above = np.exp(-g * (0.5 - span.high))
-    below = np.exp(-g * (0.5 + span.low)) if span.centre else above
+    off_centre = bool(np.any(span.centre))
+    below = np.exp(-g * (0.5 + span.low)) if off_centre else above
     whole: Complex | float = -np.expm1(-g * span.length) / g if span.length else 1.0
     near, far = _images(g, across, span, places=(up, down), ends=(above, below), whole=whole)
-    if span.centre == 0:
+    if not off_centre:
         parts = (1 + sign) * (near - far)
     else:
         images = _images(g, -across, span, places=(down, up), ends=(above, below), whole=whole)
@@ -180,13 +198,14 @@ def _flattened(found: Crossing, g: Complex, across: Real, span: Span, sign: int)
     """Put in the entries of small g, as products without a division by g, equation (74)."""
     flat = np.abs(g) < _FLAT
     few = g[flat]
-    found.load[flat], found.end[flat] = shape_integral(few, span, sign), shape(few, _EDGE, sign)
-    found.lag[flat] = lag(few, sign)
-    flat = np.broadcast_to(flat, found.kernel.shape)
-    few = np.broadcast_to(g, flat.shape)[flat]
-    here = np.broadcast_to(across, flat.shape)[flat]
-    found.shape[flat] = shape(few, here, sign)
-    found.kernel[flat] = _flat_kernel(few, here, span, sign)
+    found.end[flat], found.lag[flat] = shape(few, _EDGE, sign), lag(few, sign)
+    for one, points in span.each():
+        some = np.broadcast_to(flat & points, found.load.shape)
+        found.load[some] = shape_integral(np.broadcast_to(g, some.shape)[some], one, sign)
+        some = np.broadcast_to(flat & points, found.kernel.shape)
+        few, here = np.broadcast_to(g, some.shape)[some], np.broadcast_to(across, some.shape)[some]
+        found.shape[some] = shape(few, here, sign)
+        found.kernel[some] = _flat_kernel(few, here, one, sign)
 
 
 def _flat_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
@@ -215,11 +234,12 @@ def _flat_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
 
 def _folded(span: Span, sign: int) -> list[tuple[float, float, int]]:
     """Return a span folded onto the upper half of the strip: from, to, factor."""
-    if span.low >= 0:
-        return [(span.low, span.high, 1)]
-    if span.high <= 0:
-        return [(-span.high, -span.low, sign)]
-    return [(0.0, span.high, 1), (0.0, -span.low, sign)]
+    low, high = float(span.low), float(span.high)
+    if low >= 0:
+        return [(low, high, 1)]
+    if high <= 0:
+        return [(-high, -low, sign)]
+    return [(0.0, high, 1), (0.0, -low, sign)]
 
 
 def supported_kernel(g: Complex, across: Real, span: Span, sign: int) -> Complex:
@@ -255,35 +275,37 @@ def _images(
     other to the other edge, given as `places` for Y and as `ends` for the span.
     """
     (up, down), (above, below) = places, ends
-    right = across >= span.high
-    inside = (across > span.low) & ~right if span.length else np.zeros_like(right)
+    low, high = span.low, span.high
+    right = across >= high
+    inside = (across > low) & ~right if span.length else np.zeros_like(right)
+    ways = across - low, high - across
     if inside.all():
-        return _within(g, across, span, places=places, ends=ends)
-    beyond = np.maximum(np.maximum(across - span.high, span.low - across), 0.0)
+        return _within(g, ways, span.length, places=places, ends=ends)
+    beyond = np.maximum(-np.minimum(*ways), 0.0)
     near: Complex = np.exp(-g * beyond) * whole
     far: Complex = np.where(right, up * below, down * above) * whole
     if inside.any():
         inside = np.broadcast_to(inside, near.shape)
         some = [np.broadcast_to(a, near.shape)[inside] for a in (g, up, down, above, below)]
-        place = np.broadcast_to(across, near.shape)[inside]
+        one, other = (np.broadcast_to(way, near.shape)[inside] for way in ways)
         near[inside], far[inside] = _within(
-            some[0], place, span, places=(some[1], some[2]), ends=(some[3], some[4])
+            some[0], (one, other), span.length, places=(some[1], some[2]), ends=(some[3], some[4])
         )
     return near, far
 
 
 def _within(
     g: Complex,
-    across: Real,
-    span: Span,
+    ways: tuple[Real, Real],
+    length: float,
     *,
     places: tuple[Complex, Complex],
     ends: tuple[Complex, Complex],
 ) -> tuple[Complex, Complex]:
-    """Return the same for places within the span."""
+    """Return the same for places within the span, from their ways to its ends."""
     (up, down), (above, below) = places, ends
-    less = _less_one if span.length > _LONG else np.expm1
-    left, rest = (less(-g * w) / g for w in (across - span.low, span.high - across))
+    less = _less_one if length > _LONG else np.expm1
+    left, rest = (less(-g * way) / g for way in ways)
     return -left - rest, -up * below * left - down * above * rest
 
 

@@ -64,7 +64,7 @@ class Waves:
 
     known: Guided  # are summed
     every: Guided  # these and those that follow, for the estimate of the error
-    strength: Complex  # i Phi / N: (n_frequencies, n_every)
+    strength: Complex  # i Phi / N: (n_frequencies, n_every, n_points or 1)
 
     @classmethod
     def of(cls, question: Question, sign: int, least: int = 0) -> Waves:
@@ -86,10 +86,16 @@ class Waves:
         known, every = self.known.at(rows), self.every.at(rows)
         return Waves(known=known, every=every, strength=self.strength[rows])
 
+    def among(self, points: NDArray[np.bool_]) -> Waves:
+        """Return the waves with what the loads of some of the points make of them."""
+        if self.strength.shape[2] == 1:
+            return self
+        return replace(self, strength=self.strength[..., points])
+
     def terms(self, question: Question) -> Complex:
         """Return each wave at the points, shape (n_frequencies, n_every, n_points)."""
         along = question.source.along(self.every.p[..., np.newaxis], question.distance)
-        return self.strength[..., np.newaxis] * self.every.shapes(question.across) * along
+        return self.strength * self.every.shapes(question.across) * along
 
     def incoming(self, question: Question) -> Waves | None:
         """Return the waves that propagate as they come in from afar, with opposite residues."""
@@ -99,7 +105,7 @@ class Waves:
             return None
         some = np.any(running, axis=0)
         n = p.shape[1]
-        strength = np.where(running, -self.strength[:, :n], 0.0)[:, some]
+        strength = np.where(running[..., np.newaxis], -self.strength[:, :n], 0.0)[:, some]
         back = replace(
             self.known,
             p=np.where(running, -p, 1j)[:, some],
@@ -158,9 +164,13 @@ def summed(question: Question, found: Iterable[Waves], *, skip: bool = True) -> 
     error = np.zeros(value.shape)
     far = (question.clearance >= far_clearance(question.rtol)) & skip
     for waves in found:
-        for points, method in ((far, _far), (~far, _near)):
+        moved = question.lopsided if skip and waves.known.sign < 0 else np.ones_like(far)
+        for points, method in ((far & moved, _far), (~far & moved, _near)):
             if np.any(points):
-                part = method(question if np.all(points) else question.at(points), waves)
+                some = (question, waves)
+                if not np.all(points):
+                    some = (question.at(points), waves.among(points))
+                part = method(*some)
                 value[:, points] += part.value
                 drift[:, points] += part.drift
                 error[:, points] += part.error
@@ -223,7 +233,8 @@ def _room(question: Question) -> float:
     """
     off_centre = np.abs(question.across)
     inner = off_centre[off_centre < 0.5]  # noqa: PLR2004 - the edges are at rest
-    nearest = 0.5 - max(float(np.max(inner, initial=0.0)), abs(question.source.span.centre))
+    off_centre = np.abs(question.source.span.centre)
+    nearest = 0.5 - max(float(np.max(inner, initial=0.0)), float(np.max(off_centre)))
     return float(np.clip(4 * nearest, _LEAST_ROOM, 1.0))
 
 

@@ -76,16 +76,18 @@ class Guided:
         return one * slope(g1, across, self.sign) + two * slope(g2, across, self.sign)
 
     def excited(self, k: Complex, source: Source) -> Complex:
-        """Return the load's integral over each shape, shape (n_frequencies, n_modes)."""
-        one, two = source.branch_weights(k)
-        near = two * shape_integral(self.g2, source.span, self.sign)
-        far = one * shape_integral(self.g1, source.span, self.sign)
-        weight1, weight2 = self.weights
-        return weight2 * near + weight1 * far
+        """Return the load's integral over each shape, (n_frequencies, n_modes, n_points or 1)."""
+        weights = zip(self.weights, source.branch_weights(k), (self.g1, self.g2), strict=True)
+        far, near = (
+            (weight * load)[..., np.newaxis]
+            * shape_integral(g[..., np.newaxis], source.span, self.sign)
+            for weight, load, g in weights
+        )
+        return near + far
 
     def strengths(self, k: Complex, source: Source, n_exact: int | None = None) -> Complex:
         """Return i Phi / N of (47), what a load makes of each wave; as `excited` and `norms`."""
-        return 1j * self.excited(k, source) / self.norms(k, n_exact)
+        return self.excited(k, source) * (1j / self.norms(k, n_exact))[..., np.newaxis]
 
     def at(self, rows: NDArray[np.intp] | slice) -> Guided:
         """Return the waves at some of the frequencies."""

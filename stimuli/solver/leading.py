@@ -163,7 +163,7 @@ def _taken(question: Question, waves: Waves, count: int) -> tuple[Complex, Compl
     else:
         first = supported(question.exact_k, count, known.sign)
         strength = first.strengths(question.k[:, np.newaxis], question.source)
-    return first.p, (first.p * strength)[..., np.newaxis] * first.shapes(question.across)
+    return first.p, first.p[..., np.newaxis] * strength * first.shapes(question.across)
 
 
 def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid) -> Answered:

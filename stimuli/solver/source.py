@@ -12,6 +12,8 @@ import numpy as np
 from stimuli.solver.across import Span, crossing
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Exact, Real
@@ -110,7 +112,8 @@ class Source:
     Attributes
     ----------
     span : Span
-        Where it acts across the strip; a disc is a point at its centre, equation (44).
+        Where it acts across the strip, one for all points or one for each; a disc is a point at its
+        centre, equation (44).
     half_length : float
         Half of its length along the strip, 0 for a point and a disc.
     radius : float
@@ -227,7 +230,21 @@ class Question:
 
     def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Question:
         """Return the question for some of its points."""
-        return replace(self, distance=self.distance[points], across=self.across[points])
+        span = self.source.span.at(points)
+        source = self.source if span is self.source.span else replace(self.source, span=span)
+        distance, across = self.distance[points], self.across[points]
+        return replace(self, source=source, distance=distance, across=across)
+
+    def each(self) -> Iterator[tuple[Question, NDArray[np.bool_]]]:
+        """Return the questions for loads in one place across each, and which points they have."""
+        for span, points in self.source.span.each():
+            some = np.broadcast_to(points, self.distance.shape)
+            yield replace(self.at(some), source=replace(self.source, span=span)), some
+
+    @property
+    def lopsided(self) -> NDArray[np.bool_]:
+        """Whether antisymmetric waves move each point."""
+        return np.asarray((self.source.span.centre != 0) & (self.across != 0))
 
     @property
     def clearance(self) -> Real:
@@ -296,6 +313,13 @@ class Ends:
         return replace(
             self, load=self.load[pairs], point=self.point[pairs], direct=self.direct[pairs]
         )
+
+    def loads(self, span: Span) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return which of the different loads each pair has, and one pair of each."""
+        _, first, which = np.unique(
+            self.load + 1j * span.centre, return_index=True, return_inverse=True
+        )
+        return which, first
 
     def detours(self, reach: float) -> Real:
         """Return by how much the shortest way over an end is longer than the direct one."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from stimuli import PressureRectangle, response
+from stimuli.solver.guided import guided
 from tests.test_stimuli.plates import (
     DISCS,
     FIRM,
@@ -16,6 +18,7 @@ from tests.test_stimuli.plates import (
     SUPPORTED,
     Edge,
     W,
+    disc,
     each_edge,
     force,
     on,
@@ -53,6 +56,45 @@ def test_nothing_is_skipped_unless_told() -> None:
     for name in COUNTS:
         assert getattr(work, f"{name}_asked") == getattr(work, f"{name}_solved")
     assert work.wall_correction
+
+
+BESIDE = ((-0.06, 0.0075), (-0.02, 0.0105), (0.03, 0.016), (0.06, W / 2))
+"""Off the centre line at three distances, and on it."""
+
+
+@each_edge
+@pytest.mark.parametrize("length_m", [None, 0.2])
+@pytest.mark.parametrize("across_m", [0.0, 0.006])
+def test_loads_in_different_places_across_give_what_each_gives_alone(
+    edge: Edge, length_m: float | None, across_m: float
+) -> None:
+    last = BESIDE[-1] if length_m is None else (0.092, 0.006)  # too near the end for waves alone
+    loads = tuple(
+        patch(0.005, across_m, x_m=x_m, y_m=y_m) if across_m else disc(0.004, x_m=x_m, y_m=y_m)
+        for x_m, y_m in (*BESIDE[:3], last)
+    )
+    points = (-0.06, 0.0075), (0.03, W / 2), (0.045, 0.005)
+    scene = scene_of(on(edge, length_m, loss=0.01), loads, *points)
+    found = response(scene, [1700.0], rtol := 1e-5)
+    for number, load in enumerate(loads):
+        alone = response(dataclasses.replace(scene, loads=(load,)), [1700.0], rtol)
+        apart = np.abs(found.displacement_m[:, number] - alone.displacement_m[:, 0])
+        assert np.all(apart <= found.error_m[:, number] + alone.error_m[:, 0])
+        assert within(found.displacement_m[:, number], alone.displacement_m[:, 0], rtol)
+
+
+def test_loads_in_different_places_across_share_the_waves(monkeypatch: pytest.MonkeyPatch) -> None:
+    solved: list[int] = []
+
+    def counted(k: Any, hold: Any, count: int, sign: int) -> Any:
+        solved.append(sign)
+        return guided(k, hold, count, sign)
+
+    monkeypatch.setattr("stimuli.solver.ends.ends.guided", counted)
+    loads = tuple(disc(0.004, x_m=x_m, y_m=y_m) for x_m, y_m in BESIDE)
+    work = response(scene_of(on(FIRM, 0.2, loss=0.01), loads, *BESIDE), [3000.0]).work
+    assert solved == [1, -1]
+    assert work.symmetries_solved == 7
 
 
 @pytest.mark.slow

@@ -22,6 +22,8 @@ from stimuli.solver.guided import Guided, guided
 from stimuli.solver.source import LEAST_RTOL, Answered, Ends, Question
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Complex, Real
 
 
@@ -127,8 +129,8 @@ def end_waves(question: Question, ends: Ends, signs: tuple[int, ...]) -> tuple[G
     tuple of Guided
     """
     if np.all(np.isinf(question.hold)):
-        wanted = _wanted(question, ends)
-        wanted = _HELD_WAVES if wanted > _MOST_WAVES else wanted
+        every = _wanted(question, ends)
+        wanted = int(np.max(every[every <= _MOST_WAVES], initial=_HELD_WAVES))
     else:
         nearest = float(np.min([np.minimum(*way) for way in _ways(question, ends)]))
         seen = int(min(_digits(question.rtol) / (_STEP * max(nearest, 1e-9)), _MOST_SEEN))
@@ -185,46 +187,70 @@ def reflected(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Answ
     value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
     error = np.zeros(value.shape)
     for some in waves:
-        part = _returned(question, ends, some)
-        value, error = value + part.value, error + part.error
+        moved = question.lopsided if some.sign < 0 else np.ones(question.across.shape, np.bool_)
+        if np.any(moved):
+            part = _returned(question.at(moved), ends.at(moved), some)
+            value[:, moved] += part.value
+            error[:, moved] += part.error
     return Answered(value=value, error=error)
 
 
 def _returned(question: Question, ends: Ends, waves: Guided) -> Answered:
-    """Return what `reflected` does of one symmetry: by waves, if they are enough."""
+    """Return what `reflected` does of one symmetry: by waves for the pairs they are enough for."""
+    counts = _felt(question, ends, waves)
+    by_waves = counts > 0
+    if np.any(by_waves):
+        try:
+            part = _by_waves(question.at(by_waves), ends.at(by_waves), waves, int(np.max(counts)))
+        except np.linalg.LinAlgError:  # fields that depend on each other: a fit bears it
+            by_waves[:] = False
+    if np.all(by_waves):
+        return part
+    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
+    error = np.zeros(value.shape)
+    if np.any(by_waves):
+        value[:, by_waves], error[:, by_waves] = part.value, part.error
     if waves.branch is not None:
-        if _wanted(question, ends) <= _MOST_WAVES:
-            return _turned_back(question, ends, waves, _works(waves, ends.poisson_ratio))
-        soft = replace(question, exact_hold=np.full_like(question.exact_hold, _SOFTEST))
-        return fitted(soft, ends, waves)
-    count = _felt(question, ends, waves)
-    if not count:
-        return fitted(question, ends, waves)
-    try:
-        back = reflection(
-            question.k, question.hold, waves, ends.poisson_ratio, rtol=question.rtol, count=count
-        )
-    except np.linalg.LinAlgError:  # fields that depend on each other: a least-squares fit bears it
-        return fitted(question, ends, waves)
+        question = replace(question, exact_hold=np.full_like(question.exact_hold, _SOFTEST))
+        waves = waves.first(n_waves(question.k) + _HELD_WAVES)
+    for one, own in question.each():
+        some = own & ~by_waves
+        if np.any(some):
+            part = fitted(one.at(~by_waves[own]), ends.at(some), waves)
+            value[:, some], error[:, some] = part.value, part.error
+    return Answered(value=value, error=error)
+
+
+def _by_waves(question: Question, ends: Ends, waves: Guided, count: int) -> Answered:
+    """Return what the first waves bring back from the ends."""
+    if waves.branch is not None:
+        return _turned_back(question, ends, waves, _works(waves, ends.poisson_ratio))
+    back = reflection(
+        question.k, question.hold, waves, ends.poisson_ratio, rtol=question.rtol, count=count
+    )
     return _turned_back(question, ends, waves.first(count), back)
 
 
-def _felt(question: Question, ends: Ends, waves: Guided) -> int:
-    """Return how many waves are felt at a point after a way over an end, 0 if too many are.
+def _felt(question: Question, ends: Ends, waves: Guided) -> NDArray[np.intp]:
+    """Return how many waves are felt at each point after a way over an end, 0 if too many are.
 
     The last one is fainter than the slowest on the direct way by all that is wanted: it tells
     what those beyond it would add.
     """
+    if waves.branch is not None:
+        return np.where(_wanted(question, ends) <= _MOST_WAVES, waves.p.shape[1], 0)
     if close_pairs(waves):
-        return 0
+        return np.zeros(question.across.size, dtype=np.intp)
     decay, straight = waves.p.imag[..., np.newaxis], np.abs(ends.load - ends.point)
-    slowest, least = decay[:, :1], np.full(waves.p.shape[1], np.inf)
+    slowest = decay[:, :1]
+    least = np.full((waves.p.shape[1], straight.size), np.inf)
     for way in _ways(question, ends):
         for one, other in (way, way[::-1]):  # an end makes any wave of any other
             fainter = decay * one + slowest * (other - straight)
-            least = np.minimum(least, np.min(fainter, axis=(0, 2)))
-    count = max(int(np.count_nonzero(least < _digits(question.rtol))), 1) + 1
-    return count if count <= waves.p.shape[1] - _BEHIND else 0
+            least = np.minimum(least, np.min(fainter, axis=0))
+    felt = np.count_nonzero(least < _digits(question.rtol), axis=0)
+    counts = np.maximum(felt, 1) + 1
+    return np.where(counts <= waves.p.shape[1] - _BEHIND, counts, 0)
 
 
 def faintness(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Real:
@@ -269,25 +295,22 @@ def faintness(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Real
     return np.asarray(_STRONGEST * np.exp(nulls - decay[:, np.newaxis] * detour))
 
 
-def _wanted(question: Question, ends: Ends) -> int:
-    """Return how many waves that decay reach the wanted error between supported edges."""
-    source = question.source
-    way = float(np.min(ends.length - np.abs(ends.load + ends.point)))
-    way = max(way - source.half_length, 1e-9)
-    return int(min(_digits(question.rtol) / (_STEP * way), 1e6))
+def _wanted(question: Question, ends: Ends) -> NDArray[np.intp]:
+    """Return how many waves that decay reach the wanted error of each pair, supported edges."""
+    way = ends.length - np.abs(ends.load + ends.point) - question.source.half_length
+    count = _digits(question.rtol) / (_STEP * np.maximum(way, 1e-9))
+    return np.minimum(count, 1e6).astype(np.intp)
 
 
 def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection) -> Answered:
     """Return the waves that the ends turn back, at the points, of one symmetry."""
-    loads, which = np.unique(ends.load, return_inverse=True)
+    which, first = ends.loads(question.source.span)
+    loads, source = ends.load[first], replace(question.source, span=question.source.span.at(first))
     p = waves.p[..., np.newaxis]
-    k, scale = question.k[:, np.newaxis], back.scale
-    strength = waves.strengths(k, question.source) / scale
-    right, left = (
-        strength[..., np.newaxis] * question.source.along(p, ends.length / 2 + side * loads)
-        for side in (-1, 1)
-    )
-    across = waves.shapes(question.across) * scale[..., np.newaxis]
+    k, scale = question.k[:, np.newaxis], back.scale[..., np.newaxis]
+    strength = waves.strengths(k, source) / scale
+    right, left = (strength * source.along(p, ends.length / 2 + side * loads) for side in (-1, 1))
+    across = waves.shapes(question.across) * scale
     passed = np.exp(1j * p * ends.length)
     towards = np.exp(1j * p * (ends.length / 2 - ends.point))
     away = np.exp(1j * p * (ends.length / 2 + ends.point))

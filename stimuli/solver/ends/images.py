@@ -189,7 +189,7 @@ class Arriving:
     def _below(self, distance: Real, count: NDArray[np.int_]) -> tuple[Complex, Complex]:
         """Return the sum over the first waves of each frequency, (47), pairs as in (51)."""
         functions, waves = self.functions, self.functions.waves
-        strength = 1j * waves.excited(functions.k, self.source) / waves.norms(functions.k)
+        strength = waves.strengths(functions.k, self.source)[..., 0]
         strength[np.arange(waves.p.shape[1]) >= count[:, np.newaxis]] = 0.0
         pairs = close_pairs(waves)
         for row, pair in pairs:

@@ -1,0 +1,154 @@
+"""One frequency at two receivers: processor time and true error, beside bare exponentials."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from benchmarks.sweep import GLASS, RTOL, STEEL, best_s
+from benchmarks.timing import duration
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    ElasticEdge,
+    MomentDisc,
+    MomentRectangle,
+    Scene,
+    Strip,
+    response,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from stimuli import IdealEdge, Material
+
+_EXACT: Final = 1e-11
+_EXPONENTIALS: Final = 27_000
+_PARTS: Final = {"below": 0.2, "near": 1.02, "above": 2.6}
+"""Frequencies as parts of the first cut-off."""
+
+_LENGTH_M: Final = 0.2
+_ACTUATORS: Final[dict[str, tuple[tuple[float, float], ...]]] = {
+    "1 disc on the centre line": ((-0.035, 0.5),),
+    "1 disc beside it": ((-0.035, 0.3),),
+    "2 discs beside it": ((-0.035, 0.3), (0.035, 0.6)),
+    "4 rectangles, 3 beside it": ((-0.06, 0.3), (-0.02, 0.42), (0.02, 0.65), (0.06, 0.5)),
+}
+"""Places in metres along the strip and in widths across it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A plate with its actuators and two receivers, at frequencies below, near, above cut-off."""
+
+    plate: str
+    actuators: str
+    scene: Scene
+
+
+def _plates() -> Iterator[tuple[str, Strip]]:
+    spring = ElasticEdge(stiffness_n=150.0)
+    edges: tuple[tuple[str, IdealEdge | ElasticEdge, Material, float, float, float], ...] = (
+        ("aluminium 25 x 0.5 mm, simply supported", SIMPLY_SUPPORTED, ALUMINIUM, 25e-3, 5e-4, 0.01),
+        ("aluminium 25 x 0.5 mm, clamped", CLAMPED, ALUMINIUM, 25e-3, 5e-4, 0.01),
+        ("aluminium 25 x 0.5 mm, spring", spring, ALUMINIUM, 25e-3, 5e-4, 0.01),
+        ("steel 30 x 0.3 mm, clamped", CLAMPED, STEEL, 30e-3, 3e-4, 0.005),
+        ("glass 22 x 0.7 mm, spring", spring, GLASS, 22e-3, 7e-4, 0.02),
+    )
+    for name, edge, material, width_m, thickness_m, loss in edges:
+        for length_m in (None, _LENGTH_M):
+            yield (
+                f"{name}, {'endless' if length_m is None else f'{length_m * 1e3:g} mm'}",
+                Strip(
+                    width_m=width_m,
+                    thickness_m=thickness_m,
+                    material=dataclasses.replace(material, loss_factor=loss),
+                    edge=edge,
+                    length_m=length_m,
+                ),
+            )
+
+
+def cases() -> Iterator[Case]:
+    """Yield plates that end and that do not, with actuators on and beside the centre line."""
+    for plate, strip in _plates():
+        width_m = strip.width_m
+        for actuators, places in _ACTUATORS.items():
+            kind: Callable[..., Any] = MomentDisc
+            size = {"radius_m": 0.2 * width_m}
+            if "rectangles" in actuators:
+                kind, size = MomentRectangle, {"length_x_m": 0.005, "length_y_m": 0.4 * width_m}
+            first_m, last = places[0][0], places[-1][1]
+            yield Case(
+                plate=plate,
+                actuators=actuators,
+                scene=Scene(
+                    strip=strip,
+                    loads=tuple(kind(x_m=x_m, y_m=y * width_m, **size) for x_m, y in places),
+                    points_m=(
+                        (first_m, places[0][1] * width_m),
+                        (first_m + 0.07, last * width_m),
+                    ),
+                ),
+            )
+
+
+def row(case: Case, repeats: Callable[..., list[float]] = best_s) -> str:
+    """Return the row of a case: time at each frequency, exponentials, greatest errors."""
+    asked_hz = [part * case.scene.strip.cutoff_hz() for part in _PARTS.values()]
+    turns = 1j * np.random.default_rng(1).permutation(np.linspace(0.1, 30.0, _EXPONENTIALS))
+
+    def at(frequency_hz: float) -> Callable[[int], object]:
+        def run(number: int) -> object:
+            fresh = dataclasses.replace(case.scene)
+            return response(fresh, [frequency_hz * (1 - 1e-6 * number)], RTOL)
+
+        return run
+
+    bare_s, *seconds = repeats(lambda _: np.exp(turns), *map(at, asked_hz))
+    error = told = 0.0
+    for frequency_hz in asked_hz:
+        found = response(case.scene, [frequency_hz], RTOL)
+        true_m = response(case.scene, [frequency_hz], _EXACT).displacement_m
+        size_m = np.maximum(np.abs(true_m), 1e-3 * np.max(np.abs(true_m)))
+        error = max(error, float(np.max(np.abs(found.displacement_m - true_m) / size_m)))
+        told = max(told, float(np.max(found.error_m / size_m)))
+    times = (duration(s) for s in (*seconds, bare_s))
+    cells = (case.plate, case.actuators, *times, f"{error:.1e}", f"{told:.1e}")
+    return f"| {' | '.join(cells)} |"
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    parts = ", ".join(f"{name} {part:g}" for name, part in _PARTS.items())
+    titles = (
+        "plate",
+        "actuators",
+        *_PARTS,
+        f"{_EXPONENTIALS} exponentials",
+        "largest error",
+        "as told",
+    )
+    return "\n".join(
+        [
+            "## One frequency",
+            "",
+            (
+                f"A frequency that was not asked before and a new scene in a warm process, two "
+                f"receivers, rtol {RTOL:g}; frequencies in first cut-offs: {parts}. Processor "
+                "time, the least of the runs, in turns with bare exponentials in one `numpy.exp` "
+                "(those of 500 frequencies, see above, as a measure of the machine). Errors as "
+                "rtol counts them, against rtol 1e-11."
+            ),
+            "",
+            f"| {' | '.join(titles)} |",
+            "|" + "---|" * len(titles),
+            *(row(case) for case in cases()),
+            "",
+        ]
+    )
