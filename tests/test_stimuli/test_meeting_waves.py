@@ -33,6 +33,7 @@ from tests.test_stimuli.plates import Edge, disc, force, patch, scene_of
 
 if TYPE_CHECKING:
     from stimuli import Response
+    from stimuli.arrays import Complex
     from stimuli.solver.ends.reflection import Reflection
     from stimuli.solver.guided import Guided
 
@@ -322,8 +323,8 @@ def test_a_resonance_without_loss_is_refused_where_the_field_is_infinite(
 
     inside, k = stimuli.solver.ends.ends._works, math.pi * math.sqrt(1.1)
 
-    def resonant(waves: Guided, poisson_ratio: float) -> Reflection:
-        found = inside(waves, poisson_ratio)
+    def resonant(at_k: Complex, waves: Guided, poisson_ratio: float) -> Reflection:
+        found = inside(at_k, waves, poisson_ratio)
         here = np.abs(waves.g2**2 - waves.g1**2 - 2 * k * k)[:, :1, np.newaxis] < 1e-6
         return dataclasses.replace(
             found,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -21,11 +21,13 @@ from stimuli import (
 )
 from stimuli.field.field import solve
 from stimuli.solver.ends import ends
-from stimuli.solver.ends.reflection import corner_powers, reflection
+from stimuli.solver.ends.reflection import corner_powers, reflections
 from stimuli.solver.guided import guided
 
 if TYPE_CHECKING:
-    from stimuli.solver.source import Answered
+    from numpy.typing import NDArray
+
+    from stimuli.solver.source import Answered, Question
     from tests.test_stimuli.plates import Edge
 
 PLATE = Strip(
@@ -46,20 +48,23 @@ def fitted_and_turned_back(
     scene: Scene, frequency_hz: float, rtol: float, monkeypatch: pytest.MonkeyPatch
 ) -> tuple[Answered, Answered] | None:
     """Return the field with fitted ends at 1e-10 and that by waves, if waves are enough."""
-    counts = []
+    counts: list[NDArray[np.intp]] = []
     count_of = ends._felt
 
-    def counted(*given: object) -> int:
-        counts.append(count_of(*given))  # type: ignore[arg-type]
+    def counted(question: Question, *given: Any) -> NDArray[np.intp]:
+        counts.append(count_of(question, *given))
         return counts[-1]
+
+    def never(question: Question, *_: object) -> NDArray[np.intp]:
+        return np.zeros(question.across.size, dtype=np.intp)
 
     at_hz = np.array([complex(frequency_hz)])
     monkeypatch.setattr(ends, "_felt", counted)
     waves = solve(scene, at_hz, rtol)
-    monkeypatch.setattr(ends, "_felt", lambda *_: 0)
+    monkeypatch.setattr(ends, "_felt", never)
     fitted = solve(scene, at_hz, 1e-10)
     monkeypatch.setattr(ends, "_felt", count_of)
-    return (fitted, waves) if any(counts) else None
+    return (fitted, waves) if any(np.any(count) for count in counts) else None
 
 
 @pytest.mark.slow
@@ -119,7 +124,7 @@ def test_fields_that_depend_on_each_other_are_fitted(monkeypatch: pytest.MonkeyP
     )
     at_hz = np.array([complex(5100.0)])
     waves = solve(scene, at_hz, 1e-6)
-    monkeypatch.setattr(ends, "reflection", twice)
+    monkeypatch.setattr(ends, "reflections", twice)
     fitted = solve(scene, at_hz, 1e-6)
     assert np.all(np.abs(waves.value - fitted.value) <= waves.error + fitted.error)
 
@@ -133,7 +138,8 @@ def test_without_loss_waves_that_propagate_come_back_whole(edge: str, sign: int)
     hold = np.array([complex(compliance)])
     waves = guided(k, hold, 12, sign)
     running = np.flatnonzero(waves.p[0].imag == 0)
-    back = -reflection(k, hold, waves, 0.346, rtol=1e-6, count=6).arriving[0]
+    (found,) = reflections(k, hold, (waves,), 0.346, rtol=1e-6, count=6)
+    back = -found.arriving[0]
     back = back[np.ix_(running, running)]
     assert running.size > 1
     assert np.abs(back @ back.conj().T - np.eye(running.size)).max() < 1e-6

@@ -8,6 +8,7 @@ end. Lengths are in widths; xi is the distance from the end.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -52,8 +53,10 @@ beyond which nothing is seen from a tenth and a hundredth of that."""
 _DEAD: Final = 40.0
 """Nepers over which a branch dies out."""
 
-_SHORT, _TERMS = 0.1, 9
-"""Size of exponents up to which so many terms of the series are enough."""
+_SHORT: Final = 0.03
+"""Size of exponents up to which few terms of the series are enough."""
+
+_EPS: Final = 1e-17
 
 _EDGE: Final = np.array(0.5)
 
@@ -251,8 +254,10 @@ def edge_shapes(
             change[some] = alone * _less_one(-more * here)
         else:
             one[some], change[some] = _both_edges(first, second, more, here, sign)
-    side = np.where(across < 0, sign, 1)[:, np.newaxis]
-    return side * one, side * change
+    if sign < 0 and np.any(across < 0):
+        side = np.where(across < 0, -1, 1)[:, np.newaxis]
+        return side * one, side * change
+    return one, change
 
 
 def _both_edges(
@@ -275,12 +280,15 @@ def _both_edges(
 
 def _less_one(z: Complex) -> Complex:
     """Return exp(z) - 1; near 0 a few products are three times as fast."""
-    if np.max(np.abs(z), initial=0.0) > _SHORT:
+    most = float(np.max(np.abs(z), initial=0.0))
+    if most > _SHORT:
         return np.asarray(np.expm1(z))
-    total: Complex = 1 + z / _TERMS
-    for n in range(_TERMS - 1, 1, -1):
-        total = 1 + z / n * total
-    return z * total
+    n_terms = 2 if most < _EPS else math.ceil(math.log(_EPS) / math.log(most)) + 1
+    total = z * (1 / math.factorial(n_terms))
+    for n in range(n_terms - 1, 0, -1):
+        total += 1 / math.factorial(n)
+        total *= z
+    return total
 
 
 def grips(

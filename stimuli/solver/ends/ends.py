@@ -17,11 +17,13 @@ import numpy as np
 from stimuli.solver.endless import EXTRA_WAVES, n_waves
 from stimuli.solver.ends.corners import close_pairs
 from stimuli.solver.ends.fitted import fitted
-from stimuli.solver.ends.reflection import FINE, Reflection, reflection
+from stimuli.solver.ends.reflection import FINE, Reflection, reflections
 from stimuli.solver.guided import Guided, guided
 from stimuli.solver.source import LEAST_RTOL, Answered, Ends, Question
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
@@ -186,49 +188,58 @@ def reflected(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Answ
     """
     value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
     error = np.zeros(value.shape)
-    for some in waves:
-        moved = question.lopsided if some.sign < 0 else np.ones(question.across.shape, np.bool_)
-        if np.any(moved):
-            part = _returned(question.at(moved), ends.at(moved), some)
-            value[:, moved] += part.value
-            error[:, moved] += part.error
+    counts = {some.sign: _felt(question, ends, some) for some in waves}
+    backs = _turning(question, ends, waves, counts)
+    for some, moved in ((one, _moved(question, one)) for one in waves):
+        by_waves = moved & (some.sign in backs) & (counts[some.sign] > 0)
+        if np.any(by_waves):
+            back = backs[some.sign]
+            first = some.first(back.scale.shape[1])
+            part = _turned_back(question.at(by_waves), ends.at(by_waves), first, back)
+            value[:, by_waves] += part.value
+            error[:, by_waves] += part.error
+        for pairs, part in _fitted(question, ends, some, moved & ~by_waves):
+            value[:, pairs] += part.value
+            error[:, pairs] += part.error
     return Answered(value=value, error=error)
 
 
-def _returned(question: Question, ends: Ends, waves: Guided) -> Answered:
-    """Return what `reflected` does of one symmetry: by waves for the pairs they are enough for."""
-    counts = _felt(question, ends, waves)
-    by_waves = counts > 0
-    if np.any(by_waves):
-        try:
-            part = _by_waves(question.at(by_waves), ends.at(by_waves), waves, int(np.max(counts)))
-        except np.linalg.LinAlgError:  # fields that depend on each other: a fit bears it
-            by_waves[:] = False
-    if np.all(by_waves):
-        return part
-    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
-    error = np.zeros(value.shape)
-    if np.any(by_waves):
-        value[:, by_waves], error[:, by_waves] = part.value, part.error
+def _moved(question: Question, waves: Guided) -> NDArray[np.bool_]:
+    """Return which pairs waves of a symmetry move."""
+    return question.lopsided if waves.sign < 0 else np.ones(question.across.shape, np.bool_)
+
+
+def _turning(
+    question: Question, ends: Ends, waves: tuple[Guided, ...], counts: dict[int, NDArray[np.intp]]
+) -> dict[int, Reflection]:
+    """Return what an end makes of so many waves, by symmetry; nothing of those not enough."""
+    some = tuple(one for one in waves if np.any(counts[one.sign]))
+    if not some:
+        return {}
+    if some[0].branch is not None:
+        return {one.sign: _works(question.k, one, ends.poisson_ratio) for one in some}
+    count = max(int(np.max(counts[one.sign])) for one in some)
+    k, hold, nu = question.k, question.hold, ends.poisson_ratio
+    try:
+        found = reflections(k, hold, some, nu, rtol=question.rtol, count=count)
+    except np.linalg.LinAlgError:  # fields that depend on each other: a least-squares fit bears it
+        return {}
+    return {one.sign: back for one, back in zip(some, found, strict=True)}
+
+
+def _fitted(
+    question: Question, ends: Ends, waves: Guided, pairs: NDArray[np.bool_]
+) -> Iterator[tuple[NDArray[np.bool_], Answered]]:
+    """Yield what fields fitted to the ends add, for loads in one place across at a time."""
+    if not np.any(pairs):
+        return
     if waves.branch is not None:
         question = replace(question, exact_hold=np.full_like(question.exact_hold, _SOFTEST))
         waves = waves.first(n_waves(question.k) + _HELD_WAVES)
     for one, own in question.each():
-        some = own & ~by_waves
+        some = own & pairs
         if np.any(some):
-            part = fitted(one.at(~by_waves[own]), ends.at(some), waves)
-            value[:, some], error[:, some] = part.value, part.error
-    return Answered(value=value, error=error)
-
-
-def _by_waves(question: Question, ends: Ends, waves: Guided, count: int) -> Answered:
-    """Return what the first waves bring back from the ends."""
-    if waves.branch is not None:
-        return _turned_back(question, ends, waves, _works(waves, ends.poisson_ratio))
-    back = reflection(
-        question.k, question.hold, waves, ends.poisson_ratio, rtol=question.rtol, count=count
-    )
-    return _turned_back(question, ends, waves.first(count), back)
+            yield some, fitted(one.at(pairs[own]), ends.at(some), waves)
 
 
 def _felt(question: Question, ends: Ends, waves: Guided) -> NDArray[np.intp]:
@@ -248,7 +259,7 @@ def _felt(question: Question, ends: Ends, waves: Guided) -> NDArray[np.intp]:
         for one, other in (way, way[::-1]):  # an end makes any wave of any other
             fainter = decay * one + slowest * (other - straight)
             least = np.minimum(least, np.min(fainter, axis=0))
-    felt = np.count_nonzero(least < _digits(question.rtol), axis=0)
+    felt = np.count_nonzero((least < _digits(question.rtol)) & _moved(question, waves), axis=0)
     counts = np.maximum(felt, 1) + 1
     return np.where(counts <= waves.p.shape[1] - _BEHIND, counts, 0)
 
@@ -308,38 +319,42 @@ def _turned_back(question: Question, ends: Ends, waves: Guided, back: Reflection
     loads, source = ends.load[first], replace(question.source, span=question.source.span.at(first))
     p = waves.p[..., np.newaxis]
     k, scale = question.k[:, np.newaxis], back.scale[..., np.newaxis]
-    strength = waves.strengths(k, source) / scale
-    right, left = (strength * source.along(p, ends.length / 2 + side * loads) for side in (-1, 1))
-    across = waves.shapes(question.across) * scale
-    passed = np.exp(1j * p * ends.length)
-    towards = np.exp(1j * p * (ends.length / 2 - ends.point))
-    away = np.exp(1j * p * (ends.length / 2 + ends.point))
-    fewer = back.coarse[0].shape[1]
-    value = np.zeros((question.k.size, question.across.size), dtype=np.complex128)
-    rough, size, lost = value.copy(), np.zeros(value.shape), np.zeros(value.shape)
-    over = np.swapaxes(passed, 1, 2)
-    shaky = _EPS * (
-        np.abs(back.leaving) + np.abs(back.arriving * over) * (1 + np.abs(p) * ends.length)
+    strength = 1j * waves.excited(k, source) / (back.norms[..., np.newaxis] * scale)
+    right, left = (
+        (strength * source.along(p, ends.length / 2 + side * loads))[:, np.newaxis]
+        for side in (-1, 1)
     )
-    same = np.broadcast_to(np.eye(p.shape[1], dtype=np.complex128), back.leaving.shape)
-    for mirror in (1, -1):
-        comes = (right + mirror * left) / 2
-        matrix = back.leaving + mirror * back.arriving * over
-        both = _solved(matrix, np.concatenate([-back.arriving @ comes, same], axis=2))
-        strengths, inverse = np.split(both, [loads.size], axis=2)
-        seen = across * (towards + mirror * away)
-        terms = strengths[..., which] * seen
-        value += terms.sum(axis=1)
-        size += np.abs(terms).sum(axis=1)
-        met = np.abs(comes) + np.abs(passed * strengths)
-        shaken = np.abs(inverse) @ (shaky @ np.abs(strengths) + back.error @ met)
-        lost += (shaken[..., which] * np.abs(seen)).sum(axis=1)
-        leaving, arriving = back.coarse
-        some = _solved(
-            leaving + mirror * arriving[..., :fewer] * over[..., :fewer],
-            -arriving @ comes[:, : arriving.shape[2]],
-        )
-        rough += (some[..., which] * seen[:, :fewer]).sum(axis=1)
+    turns = 1j * p
+    over = np.exp(np.swapaxes(turns, 1, 2) * ends.length)
+    towards, away = (
+        np.exp(turns * (ends.length / 2 + side * ends.point))[:, np.newaxis] for side in (-1, 1)
+    )
+    # what is even and what is odd about the middle, side by side
+    mirror = np.array([1.0, -1.0])[:, np.newaxis, np.newaxis]
+    comes = (right + mirror * left) / 2
+    seen = (waves.shapes(question.across) * scale)[:, np.newaxis] * (towards + mirror * away)
+    back_over = back.arriving * over
+    matrix = back.leaving[:, np.newaxis] + mirror * back_over[:, np.newaxis]
+    same = np.broadcast_to(np.eye(p.shape[1], dtype=np.complex128), matrix.shape)
+    pushed = back.arriving[:, np.newaxis] @ comes
+    both = _solved(matrix, np.concatenate([-pushed, same], axis=3))
+    strengths, inverse = both[..., : loads.size], np.abs(both[..., loads.size :])
+    terms = strengths[..., which] * seen
+    value = terms.sum(axis=(1, 2))
+    leaving, arriving = back.coarse
+    fewer = leaving.shape[1]
+    few_over = (arriving[..., :fewer] * over[..., :fewer])[:, np.newaxis]
+    some = _solved(
+        leaving[:, np.newaxis] + mirror * few_over,
+        -arriving[:, np.newaxis] @ comes[:, :, : arriving.shape[2]],
+    )
+    rough = (some[..., which] * seen[:, :, :fewer]).sum(axis=(1, 2))
+    sizes = np.abs(strengths)
+    shaky = _EPS * (np.abs(back.leaving) + np.abs(back_over) * (1 + np.abs(p) * ends.length))
+    met = np.abs(comes) + np.abs(np.swapaxes(over, 1, 2))[:, np.newaxis] * sizes
+    shaken = inverse @ (shaky[:, np.newaxis] @ sizes + back.error[:, np.newaxis] @ met)
+    lost = (shaken[..., which] * np.abs(seen)).sum(axis=(1, 2))
+    size = np.abs(terms).sum(axis=(1, 2))
     # beside a resonance without loss what rounding makes of the matrix counts, not the sum's own
     error = _DOUBT * np.abs(value - rough) + 1e2 * _EPS * size + 4 * lost
     return Answered(value=value, error=error)
@@ -358,7 +373,7 @@ def _fewer(count: int) -> int:
     return 2 * max(int(0.375 * count), 1)
 
 
-def _works(waves: Guided, poisson_ratio: float) -> Reflection:
+def _works(k: Complex, waves: Guided, poisson_ratio: float) -> Reflection:
     """Return the virtual works of leaving and arriving waves on leaving ones, of sines.
 
     Row n, column m: int (V_m phi_n + i p_n M_m phi_n) dY at an end, equation (55), each row by
@@ -379,4 +394,5 @@ def _works(waves: Guided, poisson_ratio: float) -> Reflection:
         coarse=(leaving[:, :n, :n], arriving[:, :n]),
         error=np.zeros(leaving.shape),
         scale=math.sqrt(2) * (np.ones(order.shape) if waves.sign > 0 else order),
+        norms=waves.norms(k[:, np.newaxis]),
     )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -19,6 +18,8 @@ from stimuli.solver.contour import contour
 from stimuli.solver.ends.corners import edge_shapes, grips
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from stimuli.arrays import Complex, Real
     from stimuli.solver.guided import Guided
 
@@ -41,12 +42,14 @@ _STEPS, _MET, _ALIKE = 30, 1e-9, 1e-6
 _DISTINCT: Final = 0.1
 """Difference between powers of a clamp and of a spring below which the first serves for both."""
 
-_SPANNED: Final = 4.0
-"""Half of the phase of a wave across a panel of nodes, at most."""
+_OUTER: Final = 0.08
+"""Distance from the corner from which the nodes are even and up to which their logarithms are."""
 
-_NODES: Final = 8
-_RATIO: Final = 4.0
-"""Nodes of a panel, and how much longer each is than the one nearer to the corner."""
+_NODES, _FINE_NODES = (6, 2.4, 8), (12, 3.4, 12)
+"""Even nodes, those of each neper, and those next to the corner."""
+
+_PER_DECAY: Final = 0.4
+"""Even nodes more for each unit of the fastest decay across."""
 
 _SKEW: Final = 4.0
 """What counts as an error of the integrals, times what the works of two fields on each other
@@ -63,7 +66,7 @@ class _Corner:
     # complex one stands for itself and its conjugate
     turned: tuple[complex, ...]
     displaced: tuple[complex, ...]
-    least: float  # length of the panel at the corner
+    least: float  # distance from the corner up to which nodes are even again
     nearest: float  # distance from the corner up to which the fields are known
     path_rtol: float  # of the integrals along s
 
@@ -80,19 +83,26 @@ class Reflection:
     coarse: tuple[Complex, Complex]  # both, of a model with fewer waves
     error: Real  # of the matrices, times what leaves or comes
     scale: Real  # (n_frequencies, n)
+    norms: Complex  # of the waves as they are: (n_frequencies, n)
 
 
-def reflection(
-    k: Complex, hold: Complex, waves: Guided, poisson_ratio: float, *, rtol: float, count: int
-) -> Reflection:
-    """Return what an end makes of the first waves, equation (89).
+def reflections(
+    k: Complex,
+    hold: Complex,
+    waves: tuple[Guided, ...],
+    poisson_ratio: float,
+    *,
+    rtol: float,
+    count: int,
+) -> list[Reflection]:
+    """Return what an end makes of the first waves of each symmetry, equation (89).
 
     Parameters
     ----------
     k, hold : ndarray of complex128, shape (n_frequencies,)
         Bending wavenumber times the width and 1 / (kappa W), not infinite.
-    waves : Guided
-        Waves of one symmetry, some more than `count`; no two of them coalesce.
+    waves : tuple of Guided
+        Waves of each symmetry, some more than `count`, as many of each; no two of them coalesce.
     poisson_ratio : float
         Poisson's ratio.
     rtol : float
@@ -107,27 +117,46 @@ def reflection(
     >>> from stimuli.solver.guided import guided
     >>> k, hold = np.array([5.0 + 0j]), np.array([0j])
     >>> waves = guided(k, hold, 8, 1)
-    >>> back = reflection(k, hold, waves, 0.3, rtol=1e-6, count=2).arriving[0, 0, 0]
-    >>> bool(abs(abs(back) - 1) < 1e-7)
+    >>> found = reflections(k, hold, (waves,), 0.3, rtol=1e-6, count=2)[0].arriving[0, 0, 0]
+    >>> bool(abs(abs(found) - 1) < 1e-7)
     True
     """
-    corner = _corner(float(np.max(np.abs(hold))), poisson_ratio, fine=rtol < FINE)
-    depth, weights = _rule(corner.least, math.ceil(np.max(np.abs(waves.g2)) / _SPANNED))
-    norms = waves.norms(k[:, np.newaxis])
-    scale = 1 / np.sqrt(np.abs(norms))
-    leaving = _guided(waves, 0.5 - depth, scale, poisson_ratio)
-    singular = _singular(k, hold, waves, poisson_ratio, corner=corner, across=0.5 - depth)
-    traces = np.concatenate([leaving, singular], axis=3)
-    value, coarse, error = _balanced(traces, depth, weights, norms * scale**2, count)
-    same = np.broadcast_to(np.eye(count, dtype=np.complex128), value.shape)
-    n = count - 1
-    return Reflection(
-        leaving=same,
-        arriving=-value,
-        coarse=(same[:, :n, :n], -coarse[:, :n, :n]),
-        error=error,
-        scale=scale[:, :count],
+    fine = rtol < FINE
+    corner = _corner(float(np.max(np.abs(hold))), poisson_ratio, fine=fine)
+    fastest = max(float(np.max(np.abs(some.g2))) for some in waves)
+    depth, weights = _rule(corner.least, math.ceil(_PER_DECAY * fastest), fine=fine)
+    norms = [some.norms(k[:, np.newaxis]) for some in waves]
+    scales = [1 / np.sqrt(np.abs(some)) for some in norms]
+    leaving = _stacked(
+        _guided(some, 0.5 - depth, scale, poisson_ratio)
+        for some, scale in zip(waves, scales, strict=True)
     )
+    singular = _singular(k, hold, waves, poisson_ratio, corner=corner, across=0.5 - depth)
+    turns = _stacked(norm * scale**2 for norm, scale in zip(norms, scales, strict=True))
+    traces = np.concatenate([leaving, singular], axis=3)
+    value, coarse, error = _balanced(traces, depth, weights, turns, count)
+    n = count - 1
+    found = []
+    for number, (scale, norm) in enumerate(zip(scales, norms, strict=True)):
+        rows = slice(number * k.size, (number + 1) * k.size)
+        same = np.broadcast_to(np.eye(count, dtype=np.complex128), value[rows].shape)
+        found.append(
+            Reflection(
+                leaving=same,
+                arriving=-value[rows],
+                coarse=(same[:, :n, :n], -coarse[rows, :n, :n]),
+                error=error[rows],
+                scale=scale[:, :count],
+                norms=norm[:, :count],
+            )
+        )
+    return found
+
+
+def _stacked(parts: Iterable[Complex]) -> Complex:
+    """Return the frequencies of each symmetry, one after the other."""
+    rows = list(parts)
+    return rows[0] if len(rows) == 1 else np.concatenate(rows)
 
 
 def _balanced(
@@ -183,53 +212,62 @@ def _guided(waves: Guided, across: Real, scale: Real, poisson_ratio: float) -> C
 
 
 def _singular(
-    k: Complex, hold: Complex, waves: Guided, nu: float, *, corner: _Corner, across: Real
+    k: Complex,
+    hold: Complex,
+    waves: tuple[Guided, ...],
+    nu: float,
+    *,
+    corner: _Corner,
+    across: Real,
 ) -> Complex:
     """Return the same of the fields with the corner's singularity, those of (56) with powers."""
     lossless = not (np.any(k.imag) or np.any(hold.imag))
-    path = contour(
-        waves.p, corner.path_rtol, finest=1e-30, nearest=corner.nearest, mirrored=lossless
-    )
-    s, k2 = path.s, (k * k)[:, np.newaxis]
+    p = _stacked(some.p for some in waves)
+    path = contour(p, corner.path_rtol, finest=1e-30, nearest=corner.nearest, mirrored=lossless)
+    s, k2 = path.s, np.tile(k * k, len(waves))[:, np.newaxis]
     g1, g2 = np.sqrt(s * s - k2), np.sqrt(s * s + k2)
-    one, change = edge_shapes(g1, g2, 2 * k2 / (g1 + g2), across, waves.sign)
-    grip, pull = grips(g1, g2, k2, hold[:, np.newaxis], waves.sign)
-    fade = np.log(_FADE / (_FADE - 1j * s))
-    turned = _powers(fade, corner.turned) * (path.weight / grip)[..., np.newaxis]
-    displaced = _powers(fade, corner.displaced) * path.weight[..., np.newaxis]
-    ratio = (pull / grip)[..., np.newaxis]
-    square = (nu - 1) * s * s + nu * k2
-    # of the second branch, and what it is more than of the first
-    operators = (
-        (np.ones_like(s), np.zeros_like(s)),
-        (1j * s, np.zeros_like(s)),
-        (square, 2 * nu * k2 + 0 * s),
-        (1j * s * ((1 - nu) * s * s + (2 - nu) * k2), 2j * s * (2 - nu) * k2),
-    )
-    of_one, of_change = [], []
-    for second, more in operators:
-        op, gain = second[..., np.newaxis], more[..., np.newaxis]
-        of_one += [turned * gain, displaced * (op - ratio * gain)]
-        of_change += [turned * op, displaced * (op - ratio * op)]
-    strengths = np.concatenate(
-        [np.concatenate(of_one, axis=2), np.concatenate(of_change, axis=2)], axis=1
-    )
-    found = np.concatenate([one, change], axis=2) @ strengths
-    if lossless:
-        found = found.real + 0j
-    return np.moveaxis(found.reshape(*found.shape[:2], 4, -1), 2, 1)
+    apart = 2 * k2 / (g1 + g2)
+    shapes, grip, ratio = [], np.empty_like(s), np.empty_like(s)
+    for number, some in enumerate(waves):
+        rows = slice(number * k.size, (number + 1) * k.size)
+        shapes.append(edge_shapes(g1[rows], g2[rows], apart[rows], across, some.sign))
+        grip[rows], pull = grips(g1[rows], g2[rows], k2[rows], hold[:, np.newaxis], some.sign)
+        ratio[rows] = pull / grip[rows]
+    one, change = (_stacked(parts)[:, np.newaxis] for parts in zip(*shapes, strict=True))
+    # of the second branch, and what it is more than the first; powers of the distance times
+    # exp(-2 d) have transforms that are real for s = i t each
+    exponents, combined = _transforms(corner.turned + corner.displaced)
+    fade = np.log(_FADE / (_FADE - 1j * s))[..., np.newaxis]
+    fields = (np.exp(fade * exponents) @ combined) * path.weight[..., np.newaxis]
+    n_turned = _transforms(corner.turned)[0].size
+    second, more = np.zeros_like(fields), fields
+    second[..., n_turned:] = fields[..., n_turned:]
+    more[..., :n_turned] /= grip[..., np.newaxis]
+    more[..., n_turned:] *= -ratio[..., np.newaxis]
+    second, more = second[:, np.newaxis], more[:, np.newaxis]
+    square, turn = s * s, 1j * s
+    bent, sheared = (nu - 1) * square + nu * k2, turn * ((1 - nu) * square + (2 - nu) * k2)
+    op = np.stack([np.ones_like(s), turn, bent, sheared], axis=1)[..., np.newaxis]
+    gain = np.stack([2 * nu * k2 + 0 * s, 2 * (2 - nu) * k2 * turn], axis=1)[..., np.newaxis]
+    of_change = op * (second + more)
+    of_one = op * second
+    of_one[:, 2:] += gain * more
+    found = one @ of_one
+    found += change @ of_change
+    return np.asarray(found.real + 0j if lossless else found, dtype=np.complex128)
 
 
-def _powers(fade: Complex, powers: tuple[complex, ...]) -> Complex:
-    """Return the transforms of powers of the distance times exp(-2 d), real for s = i t each."""
-    found = []
-    for power in powers:
-        if not power.imag:
-            found.append(np.exp((power.real + 1) * fade))
-            continue
-        size, turn = np.exp((power.real + 1) * fade), power.imag * fade
-        found += [size * np.cos(turn), size * np.sin(turn)]
-    return np.stack(found, axis=2)
+@lru_cache(maxsize=32)
+def _transforms(powers: tuple[complex, ...]) -> tuple[Complex, Complex]:
+    """Return exponents of 2 / (2 - i s), and the sums of these powers that are real for s = i t."""
+    exponents = [w + 1 for z in powers for w in ((z, z.conjugate()) if z.imag else (z,))]
+    combined = np.eye(len(exponents), dtype=np.complex128)
+    place = 0
+    for z in powers:
+        if z.imag:
+            combined[place : place + 2, place : place + 2] = [[0.5, -0.5j], [0.5, 0.5j]]
+        place += 2 if z.imag else 1
+    return np.array(exponents), combined
 
 
 @lru_cache(maxsize=8)
@@ -241,7 +279,7 @@ def _corner(hold: float, poisson_ratio: float, *, fine: bool) -> _Corner:
         return _Corner(
             turned=tuple(complex(n) for n in range(count)),
             displaced=tuple(complex(n) for n in range(2, count + 2)),
-            least=1e-4 if fine else 1e-3,
+            least=1e-4 if fine else 5e-4,
             nearest=1e-6 if fine else 2e-5,
             path_rtol=path_rtol,
         )
@@ -250,7 +288,7 @@ def _corner(hold: float, poisson_ratio: float, *, fine: bool) -> _Corner:
     return _Corner(
         turned=_apart(roots, range(springs)),
         displaced=_apart([z + 1 for z in roots], range(2, springs + 2)),
-        least=1e-5 if springs else 1e-4 if fine else 1e-3,
+        least=1e-5 if springs else 1e-4 if fine else 5e-4,
         nearest=1e-7 if springs else 1e-6 if fine else 2e-5,
         path_rtol=path_rtol,
     )
@@ -289,15 +327,17 @@ def corner_powers(poisson_ratio: float) -> tuple[complex, ...]:
     return tuple(found)
 
 
-@lru_cache(maxsize=8)
-def _rule(least: float, n_panels: int) -> tuple[Real, Real]:
+@lru_cache(maxsize=32)
+def _rule(least: float, more: int, *, fine: bool) -> tuple[Real, Real]:
     """Return distances from the corner on half of the end and weights, crowded at the corner."""
-    shrunk = 0.5 * _RATIO ** -np.arange(math.ceil(math.log(0.5 / least) / math.log(_RATIO)) + 1.0)
-    borders = np.append(0.0, shrunk[::-1])
-    cuts = [np.linspace(a, b, math.ceil((b - a) * n_panels) + 1)[:-1] for a, b in pairwise(borders)]
-    borders = np.concatenate([*cuts, [0.5]])
-    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-    lengths = np.diff(borders)[:, np.newaxis]
-    return (borders[:-1, np.newaxis] + lengths * (nodes + 1) / 2).ravel(), (
-        lengths * weights / 2
-    ).ravel()
+    even, each, last = _FINE_NODES if fine else _NODES
+    nepers = math.log(_OUTER / least)
+    nodes, weights = np.polynomial.legendre.leggauss(math.ceil(each * nepers) + more // 4)
+    middle = least * np.exp(nepers * (nodes + 1) / 2)
+    parts = [(middle, middle * weights * nepers / 2)]
+    for low, high, count in ((0.0, least, last), (_OUTER, 0.5, even + more)):
+        nodes, weights = np.polynomial.legendre.leggauss(count)
+        half = (high - low) / 2
+        parts.append((low + half * (nodes + 1), half * weights))
+    depth, weights = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return depth, weights
