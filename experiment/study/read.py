@@ -187,27 +187,54 @@ def parsed(text: str, file_name: str) -> dict[str, Any]:
         raise StudyError(f"{file_name}:{line}: {slip or what + column}") from error
 
 
-_UNIT: Final = re.compile(r"([\w.-]+)\s*=\s*([-+]?[\d.]+)\s*[^\W\d_][\w/%]*\s*(?:#.*)?")
-_COMMA: Final = re.compile(r"([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?")
-_UNQUOTED: Final = re.compile(r"([\w.-]+)\s*=\s*([^\W\d][^\"'#,=\[\]{}]*?)\s*(?:#.*)?")
+_KEY: Final = r"(?P<key>[\w.-]+)\s*=\s*"
+_END: Final = r"\s*(?:#.*)?"
+# What a line that is no TOML was meant to be, by its form: the first that fits is told.
+_MEANT: Final = tuple(
+    (re.compile(_KEY + value + _END), words)
+    for value, words in (
+        ("", "{key} has no value; write one behind the =, or # before the key"),
+        (
+            r"(?P<whole>[-+]?\d+),(?P<part>\d+)",
+            "{key} has a decimal comma; write {key} = {whole}.{part}; got {whole},{part}",
+        ),
+        (
+            r"(?P<sign>[-+]?)\.(?P<part>\d+)",
+            "{key} needs a digit before its point; write {key} = {sign}0.{part}",
+        ),
+        (r"(?P<whole>[-+]?\d+)\.", "{key} needs a digit after its point; write {key} = {whole}.0"),
+        (
+            r"(?P<sign>[-+]?)0+(?P<whole>\d[\d.]*)",
+            "{key} begins with a 0; write {key} = {sign}{whole}",
+        ),
+        (
+            r"(?P<number>[-+]?[\d.]+)\s*%",
+            "{key} is in per cent; write {key} = {number}e-2",
+        ),
+        (
+            r"(?P<number>[-+]?[\d.]+)\s*[^\W\d_][\w/]*",
+            "{key} has its unit in its name; write {key} = {number}",
+        ),
+    )
+)
+_UNQUOTED: Final = re.compile(_KEY + r"([^\W\d][^\"'#,=\[\]{}]*?)" + _END)
 
 
 def _slip(lines: list[str], message: str) -> str:
     """Say what to write in a line that is no TOML, where that can be told."""
     line = lines[0].strip() if lines else ""
-    if found := _COMMA.fullmatch(line):
-        key, whole, part = found.groups()
-        return f"{key} has a decimal comma; write {key} = {whole}.{part}; got {whole},{part}"
-    if found := _UNIT.fullmatch(line):
-        return f"{found[1]} has its unit in its name; write {found[1]} = {found[2]}"
-    if (found := _UNQUOTED.fullmatch(line)) and found[1].endswith(NUMBERS) and " " not in found[2]:
-        return f'{found[1]} must be a number, or a word in quotes, "{found[2]}"; got {found[2]}'
-    if (found := _UNQUOTED.fullmatch(line)) and found[2] not in {"true", "false", "inf", "nan"}:
-        return f'{found[1]} has a text without quotes; write {found[1]} = "{found[2]}"'
     if message.startswith("Cannot overwrite"):
         what = "[actuator] and [condition] are written [[actuator]] and [[condition]]"
         return f"{line.split('=')[0].strip()} is given twice; keep one" if "=" in line else what
-    return ""
+    for form, words in _MEANT:
+        if found := form.fullmatch(line):
+            return words.format(**found.groupdict())
+    found = _UNQUOTED.fullmatch(line)
+    if found is None or found[2] in {"true", "false", "inf", "nan"}:
+        return ""
+    if found["key"].endswith(NUMBERS) and " " not in found[2]:
+        return f'{found["key"]} must be a number, or a word in quotes, "{found[2]}"; got {found[2]}'
+    return f'{found["key"]} has a text without quotes; write {found["key"]} = "{found[2]}"'
 
 
 def _place(message: str, text: str) -> tuple[str, int, str]:

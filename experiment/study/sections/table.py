@@ -9,6 +9,7 @@ from __future__ import annotations
 import reprlib
 from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
+from datetime import date
 from functools import wraps
 from types import UnionType
 from typing import (
@@ -278,6 +279,8 @@ def _is_whole(kind: Any) -> bool:
 
 
 def _shown(value: object) -> str:
+    if isinstance(value, date):
+        return value.isoformat()
     shown = reprlib.Repr()
     shown.maxstring = shown.maxother = shown.maxlong = 60
     try:
