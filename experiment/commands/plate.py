@@ -126,7 +126,10 @@ def _number(name: str, text: str) -> float:
     except ValueError as error:
         point = text.replace(",", ".", 1)
         hint = f"; write {point}, with a point" if re.fullmatch(r"-?\d+\.\d+", point) else ""
-        raise ValueError(f"{name} must be a number; got {text!r}{hint}") from error
+        if re.fullmatch(r"[-+]?[\d.]+ *[A-Za-z]+", text):
+            hint = f"; write the number alone, in {'Hz' if name.endswith('hz') else 'mm'}"
+        kind = "a number or endless" if name == QUESTIONS["length_mm"][0] else "a number"
+        raise ValueError(f"{name} must be {kind}; got {text!r}{hint}") from error
 
 
 def _pair(actuators: tuple[str, ...]) -> list[dict[str, Any]]:

@@ -185,7 +185,7 @@ def _tell_band(found: Findings, field: PlateBand) -> None:
         size_m = np.abs(field.at_fingers_m[driven, driven])
         largest = int(np.argmax(size_m))
         told = f"{metres(float(size_m[largest]))}{drive.per_load(driven)} above it"
-        found.tell(f"{name} driven", f"largest of those {told}, at {hertz(asked_hz[largest])}")
+        found.tell(f"{name} driven", f"largest {told}, at {hertz(asked_hz[largest])}")
         for other in field.plate.others_of(driven):
             found.tell("", _loudest(field, driven, other))
 
@@ -231,14 +231,19 @@ def hertz(frequency_hz: float) -> str:
 
 
 def decibels(level: float) -> str:
-    """Write a level to a tenth of a decibel.
+    """Write a level to a tenth of a decibel; one that nothing can measure by a bound.
 
     Examples
     --------
-    >>> decibels(-90.845), decibels(-0.01)
-    ('-90.8 dB', '0.0 dB')
+    >>> decibels(-90.845), decibels(-0.01), decibels(-934.5)
+    ('-90.8 dB', '0.0 dB', 'below -200 dB')
     """
+    if level < _NOTHING_DB:
+        return f"below {_NOTHING_DB:g} dB"
     return f"{round(level, 1) + 0.0:.1f} dB"
+
+
+_NOTHING_DB: Final = -200.0
 
 
 def metres(size_m: float) -> str:

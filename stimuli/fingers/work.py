@@ -49,7 +49,7 @@ class FeltWork:
         """
         if not self.modes:
             return "spectra, which take minutes: no modes of the plate are enough"
-        words = f"{self.modes} modes up to {self.highest_hz / 1e3:.3g} kHz"
+        words = f"{self.modes} modes up to {float(f'{self.highest_hz / 1e3:.3g}'):g} kHz"
         if self.is_whole or self.length_m is None:
             return words
         return f"{words}, of {self.length_m * 1e3:.4g} mm of it: no echo from farther away counts"

@@ -112,7 +112,9 @@ def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
         ({"--width-mm": "0.03"}, "; if these are metres, write --width-mm 30"),
         ({"--width-mm": "30,5"}, "--width-mm must be a number; got '30,5'; write 30.5, with a"),
         ({"--thickness-mm": "nan"}, "--thickness-mm must be a finite number >= 0.02 and <= 50;"),
-        ({"--length-mm": "long"}, "--length-mm must be a number; got 'long'"),
+        ({"--length-mm": "long"}, "--length-mm must be a number or endless; got 'long'"),
+        ({"--width-mm": "25 mm"}, "got '25 mm'; write the number alone, in mm"),
+        ({"--thickness-mm": "20"}, "at most half of --width-mm = 30, or it is no plate; got 20:"),
         ({"--material": "steal"}, "--material must be one of aluminium, steel, "),
         ({"--edge": "elastic"}, "--edge must be one of simply-supported, clamped, measured-cutoff"),
         (

@@ -160,6 +160,11 @@ class Plate:
 
     def __post_init__(self) -> None:
         self._check_material()
+        if self.thickness_mm > self.width_mm / 2:
+            raise ValueError(
+                f"thickness_mm must be at most half of width_mm = {self.width_mm:g}, or it is no "
+                f"plate; got {self.thickness_mm:g}: are the two swapped?"
+            )
         for key, least in _LEAST_LOSS.items():
             refuse_below(self, key, least, "or 0 where it is not known")
         if self.edge == "elastic" and self.edge_stiffness_n is None:
