@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -106,9 +107,20 @@ def _computed(
     from experiment.preview.plate import plate_of
 
     plate = plate_of(study)
-    if band_hz is not None:
-        return plate_band(plate, band_hz)
-    return plate_map(plate, plate.drive_hz if frequency_hz is None else frequency_hz)
+    option = "--frequency-hz" if band_hz is None else "--band"
+    try:
+        if band_hz is not None:
+            return plate_band(plate, band_hz)
+        return plate_map(plate, plate.drive_hz if frequency_hz is None else frequency_hz)
+    except ValueError as error:
+        raise ValueError(_by_option(str(error), option)) from error
+
+
+def _by_option(refusal: str, option: str) -> str:
+    """Name in a refusal the option, where it names what the field is computed at."""
+    refusal = refusal.replace("be a one-dimensional array of frequencies from", "lie from")
+    refusal = re.sub(r"lie from 0 to (\S+ Hz), got \[(.*)\]", r"lie from 0 to \1; got \2", refusal)
+    return re.sub(r"\b(frequency_hz|frequencies_hz|band)(?= must)", option, refusal)
 
 
 def _content(found: PlateMap | PlateBand, ending: str) -> bytes:
