@@ -22,7 +22,7 @@ from analysis.reading.checks import (
     refuse_repeat,
 )
 from analysis.reading.columns import COUNTED_COLUMNS, count_columns
-from analysis.reading.plans import PLAN
+from analysis.reading.plans import PLAN, removed_tables
 from analysis.reading.reasons import with_reasons
 from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows, typed
 from analysis.reading.sources import find_sources, unchanged, unreadable
@@ -233,7 +233,8 @@ def read_inputs(
     ResultFileError
         As `read_trials`, and for a table or a plan that changes while the others are read.
     """
-    sources, without_table = find_sources([Path(path) for path in paths])
+    sources, folders = find_sources([Path(path) for path in paths])
+    without_table = tuple(folder.name for folder in folders)
     files = [path for one in sources for path in (one.path, one.path.with_name(PLAN))]
     counts = count_columns(columns.table) if columns else None
     if columns and counts:
@@ -254,6 +255,7 @@ def read_inputs(
             for batch in batches(asked)
             for one in read_batch(batch, columns, accept_altered=accept_altered)
         ]
+    removed = removed_tables(folders, accept_altered=accept_altered) if columns is None else {}
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
     if not any(table.trials for table in tables):
@@ -269,7 +271,7 @@ def read_inputs(
         without_table=without_table,
         progress=tuple(table.progress for table in tables if table.progress is not None),
         axis=Axis() if columns is None else axis_of(columns.axis),
-        altered={str(table.path): table.altered for table in tables if table.altered},
+        altered={str(table.path): table.altered for table in tables if table.altered} | removed,
         not_compared=_not_compared(tables) if columns is None else (),
     )
 

@@ -12,14 +12,15 @@ from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
 from experiment.archive.files import HEADS
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import JOURNAL, examine, removed_journal
+from experiment.integrity.sessions import JOURNAL, examine, removed_file
 from experiment.terms.record import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from analysis.reading.sources import InputTable
     from experiment.integrity.sessions import Difference, Examined
     from experiment.trial.plan import Plan, Trial
 
@@ -107,7 +108,7 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     False
     """
     if table.name != TABLE or not table.with_name(JOURNAL).is_file():
-        removed = removed_journal(table.parent) if table.name == TABLE else ()
+        removed = removed_file(table.parent, JOURNAL) if table.name == TABLE else ()
         plan, sha256 = read_plan(table) or (None, "")
         return SessionRecord(plan=plan, plan_file_sha256=sha256, altered=removed)
     found = _examined(table)
@@ -125,6 +126,30 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
         compared=True,
         altered=found.differences,
     )
+
+
+def removed_tables(
+    folders: Iterable[InputTable], *, accept_altered: bool
+) -> dict[str, tuple[str, ...]]:
+    """Tell of sessions without a table that had one when their head was kept, as lines by table.
+
+    One that was cut off before has none yet, and is no such session.
+
+    Raises ResultFileError for the first of them, unless that is accepted.
+
+    >>> removed_tables([], accept_altered=False)
+    {}
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for folder in folders:
+        for difference in removed_file(folder.path, TABLE):
+            if not accept_altered:
+                message = f"{difference.message}; tactstrip export DIR builds it anew"
+                raise ResultFileError(
+                    difference.path, None, f"{message}, tactstrip verify DIR names what differs"
+                )
+            found[str(difference.path)] = (told_of(difference, f"{folder.name}/{TABLE}"),)
+    return found
 
 
 def _examined(table: Path) -> Examined:

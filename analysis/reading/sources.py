@@ -35,7 +35,7 @@ class InputTable:
     name: str
 
 
-def find_sources(paths: list[Path]) -> tuple[list[InputTable], tuple[str, ...]]:
+def find_sources(paths: list[Path]) -> tuple[list[InputTable], list[InputTable]]:
     """List the tables to read, and the session folders without one by their names.
 
     Raises ValueError without a path, ResultFileError for a path that is no regular file or cannot
@@ -69,7 +69,7 @@ def find_sources(paths: list[Path]) -> tuple[list[InputTable], tuple[str, ...]]:
         without += [(path, session) for session in sessions if session not in found]
     names = _names(tables + without)
     sources = [InputTable(path=path, name=names[path]) for _, path in tables]
-    return sources, tuple(names[session] for _, session in without)
+    return sources, [InputTable(path=path, name=names[path]) for _, path in without]
 
 
 def _holds(path: Path) -> bool:

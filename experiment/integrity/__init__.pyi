@@ -7,7 +7,7 @@ from .sessions import (
     lost_sessions,
     people_of,
     refuse_altered,
-    removed_journal,
+    removed_file,
     session_paths,
 )
 
@@ -22,6 +22,6 @@ __all__ = [
     "people_of",
     "read_heads",
     "refuse_altered",
-    "removed_journal",
+    "removed_file",
     "session_paths",
 ]

@@ -138,7 +138,7 @@ class _Examiner:
         kept = self._head()
         registered = self._registered(journal, kept) if journal else None
         if journal is None and kept and not (self._folder / JOURNAL).is_file():
-            self._found.append(_removed(self._folder, kept))
+            self._found.append(_removed(self._folder / JOURNAL, kept))
         elif journal is None and self._bytes[TABLE] is not None and not self._found:
             self._note(JOURNAL, None, "is missing: the table cannot be compared with it")
         ended = journal is not None and 0 < len(journal.entries) == registered
@@ -291,18 +291,21 @@ def _kept_head(folder: Path) -> SessionHead | None:
     return next((head for head in read_heads(folder.parent) if head.session == session), None)
 
 
-def _removed(folder: Path, kept: SessionHead) -> Difference:
+def _removed(path: Path, kept: SessionHead) -> Difference:
     message = f"is missing; line {kept.line} of {HEADS} tells of it"
-    return Difference(path=folder / JOURNAL, line=None, message=message)
+    return Difference(path=path, line=None, message=message)
 
 
-def removed_journal(folder: Path) -> tuple[Difference, ...]:
-    """Tell of a journal that is missing though a head of it was kept; no other file is read."""
+def removed_file(folder: Path, name: str) -> tuple[Difference, ...]:
+    """Tell of a journal or table that is missing though a head was kept, which comes after both.
+
+    No other file is read but sessions.tsv.
+    """
     try:
-        kept = None if (folder / JOURNAL).is_file() else _kept_head(folder)
+        kept = None if (folder / name).is_file() else _kept_head(folder)
     except ArchiveError:  # `examine` tells
         return ()
-    return () if kept is None else (_removed(folder, kept),)
+    return () if kept is None else (_removed(folder / name, kept),)
 
 
 def session_paths(root: Path) -> list[Path]:

@@ -389,6 +389,20 @@ def test_a_plan_that_is_in_doubt_is_not_read(results: Path) -> None:
     assert [*loaded.altered] == [str(results / SESSION / "trials.csv")]
 
 
+def test_a_session_whose_table_was_removed_is_not_left_out_silently(results: Path) -> None:
+    (results / SESSION / "trials.csv").unlink()
+    with pytest.raises(ResultFileError, match=r"trials\.csv: is missing; line 2 of sessions\.tsv"):
+        read_inputs([results])
+    loaded = read_inputs([results], accept_altered=True)
+    table = f"{SESSION}/trials.csv"
+    assert loaded.without_table == (SESSION,)
+    assert loaded.altered == {
+        str(results / table): (f"{table}: is missing; line 2 of sessions.tsv tells of it",)
+    }
+    without_heads(results)  # as of a session that was cut off before its first end
+    assert read_inputs([results]).without_table == (SESSION,)
+
+
 @pytest.mark.slow
 def test_a_table_without_a_journal_is_analysed_and_marked(results: Path, run: Run) -> None:
     (results / SESSION / "journal.jsonl").unlink()
