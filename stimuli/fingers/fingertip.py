@@ -15,9 +15,9 @@ from stimuli.field.scene import Scene
 from stimuli.field.synthesis import MOST_TIME_S, synthesized
 from stimuli.fingers.pressed import Impedance, Pressed, pressed_peaks, pressing
 from stimuli.load import LOADS, Load
-from stimuli.motion.motion import motions, reference_of
+from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
 from stimuli.motion.peaks import LOOKS, crests, patched_peaks, peaks_of, wait_of
-from stimuli.motion.section import AGREED, sections
+from stimuli.motion.section import ECHOED, echoless
 from stimuli.strip.patch import cutoff_factor
 from stimuli.strip.strip import Strip
 
@@ -221,7 +221,7 @@ def felt(
     scene, places, far_m = asked(strip, loads, fingertips, drive)
     pressed, wait_s = pressed_of(strip, fingertips, drive), wait_of(strip, far_m)
     if pressed:
-        return pressed_peaks(scene, places, drive, pressed, rtol=rtol, wait_s=wait_s)[0].peak_m
+        return pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)[0].peak_m
     if strip.patches:
         sizes = motions(scene, drive)
         return patched_peaks(strip, sizes, places, drive, wait_s=wait_s).peak_m
@@ -243,7 +243,7 @@ def felt_error(
     scene, places, far_m = asked(strip, loads, fingertips, drive)
     pressed, wait_s = pressed_of(strip, fingertips, drive), wait_of(strip, far_m)
     if pressed:
-        return pressed_peaks(scene, places, drive, pressed, rtol=RTOL, wait_s=wait_s)[0].error_m
+        return pressed_peaks(scene, places, drive, pressed, rtol=RTOL, far_m=far_m)[0].error_m
     found = motions(scene, drive)
     return patched_peaks(strip, found, places, drive, wait_s=wait_s).error_m
 
@@ -357,20 +357,20 @@ def by_modes(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> tuple[Real, Motion, Scene] | None:
     """Return the greatest absolute values and whose modes they are of; none if none are enough."""
-    shorter: Real | None = None
-    for section in sections(scene):
-        wait_s = wait_of(section.strip, far_m)
-        for motion in motions(section, drive):
-            found = peaks_of(motion, places, drive, wait_s=wait_s)
-            peak_m = found.peak_m
-            if np.all(found.error_m <= rtol * peak_m):
-                break
-        else:
+
+    def quickly(section: Scene) -> Real | None:
+        reference_hz = reference_of(section, drive)
+        if not is_enough(section.strip, ECHOED * reference_hz):
             return None
-        alike = shorter is not None and np.abs(peak_m - shorter) <= AGREED * rtol * peak_m
-        if section is scene or np.all(alike):
-            return peak_m, motion, section
-        shorter = peak_m
+        motion, wait_s = motion_of(section, reference_hz, ECHOED), wait_of(section.strip, far_m)
+        return peaks_of(motion, places, drive, wait_s=wait_s, with_error=False).peak_m
+
+    section = echoless(scene, quickly, rtol)
+    wait_s = wait_of(section.strip, far_m)
+    for motion in motions(section, drive):
+        found = peaks_of(motion, places, drive, wait_s=wait_s)
+        if np.all(found.error_m <= rtol * found.peak_m):
+            return found.peak_m, motion, section
     return None
 
 

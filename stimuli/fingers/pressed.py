@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,14 +16,17 @@ from stimuli.load import PointForce, PressureDisc
 from stimuli.motion.motion import (
     Motion,
     bare_of,
+    enough_of,
     is_enough,
     multiples_of,
     reference_of,
     springs_lose,
+    unsure_m,
     without_loss,
 )
 from stimuli.motion.oscillators import Oscillators, poles
-from stimuli.motion.peaks import patched_peaks, peaks_of
+from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
+from stimuli.motion.section import ECHOED, echoless
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -37,9 +40,9 @@ if TYPE_CHECKING:
     from stimuli.motion.peaks import Peaks
     from stimuli.strip.strip import Strip
 
-_RINGS: Final = 6
-"""Rings of the mean over a contact area of a static field, which is smooth: within 1e-8 of it, or
-3e-4 where a small disc ends under the finger."""
+_RINGS, _ANGLES = 6, 12
+"""Rings, and places on each, of the mean over a contact area of a static field, which is smooth:
+within 1e-8 of it, or 3e-4 where a small disc ends under the finger."""
 
 _DIGITS: Final = 12
 """Places are rounded to a picometre, so that mirrored ones are equal."""
@@ -49,8 +52,9 @@ _APART: Final = 1e-6
 
 _ROUNDING_M: Final = 1e-12
 
-_MORE: Final = 1.75
-"""Up to so much higher a frequency modes are kept in the end, as nobody else can be asked."""
+_MORE: Final = 1.4
+"""Up to so much higher a frequency modes are kept, which fingers couple, and in the end once more,
+as nobody else can be asked."""
 
 _QUIET: Final = 3e-3
 """What a finger feels at less than this part of another one is known to `rtol` of that part only,
@@ -175,42 +179,62 @@ def pressed_peaks(
     pressed: tuple[Pressed, ...],
     *,
     rtol: float,
-    wait_s: float,
-) -> tuple[Peaks, Motion]:
-    """Return the largest displacements with fingers on a plate, and the motion that gives them.
+    far_m: float,
+) -> tuple[Peaks, Motion, Scene]:
+    """Return the largest displacements with fingers on a plate, and what gives them of which part.
 
     ValueError where they are not known to `rtol`, or the plate is not one for fingers: only modes
     know them.
     """
     if scene.strip.patches:
-        found = list(pressed_motions(scene, drive, pressed))
-        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1]
-    for motion in pressed_motions(scene, drive, pressed):
+        found, wait_s = list(pressed_motions(scene, drive, pressed)), wait_of(scene.strip, far_m)
+        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1], scene
+
+    def quickly(section: Scene) -> Real | None:
+        reference_hz = reference_of(section, drive)
+        if not is_enough(section.strip, ECHOED * reference_hz):
+            return None
+        there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
+        motion = pressed_motion(section, reference_hz, ECHOED, there)
+        return peaks_of(motion, groups, drive, wait_s=wait_s, with_error=False).peak_m
+
+    section = echoless(scene, quickly, rtol)
+    there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
+    for motion in pressed_motions(section, drive, there):
         peaks = peaks_of(motion, groups, drive, wait_s=wait_s)
         counts_m = np.maximum(peaks.peak_m, _QUIET * np.max(peaks.peak_m, axis=0))
         if np.all(peaks.error_m <= rtol * counts_m):
-            return peaks, motion
+            return peaks, motion, section
     raise ValueError(
         f"fingertips must have no impedance where the plate's modes do not give rtol = {rtol:g}, "
         f"got {pressed!r}"
     )
 
 
+def _moved_to(section: Scene, scene: Scene, pressed: tuple[Pressed, ...]) -> tuple[Pressed, ...]:
+    """Return what presses on a scene where it does on a section of it."""
+    by_m, moved = section.points_m[0][0] - scene.points_m[0][0], dataclasses.replace
+    return tuple(moved(one, over=moved(one.over, x_m=one.over.x_m + by_m)) for one in pressed)
+
+
 def pressed_motions(scene: Scene, drive: Drive, pressed: tuple[Pressed, ...]) -> Iterator[Motion]:
     """Yield a scene with fingers as oscillators for a drive, then with more of them."""
     reference_hz = reference_of(scene, drive)
-    multiples = list(multiples_of(drive, reference_hz, scene.strip))
-    if not scene.strip.patches:
-        multiples.append(_MORE * multiples[-1])
+    first, second = multiples_of(drive, reference_hz, scene.strip)
+    more = [_MORE * first, _MORE * second, _MORE * second**2 / first]
+    asked = [first, second] if scene.strip.patches else more
+    multiples = enough_of(scene.strip, reference_hz, asked)
     for multiple in multiples:
-        if not is_enough(scene.strip, multiple * reference_hz):
-            return
-        yield pressed_motion(scene, reference_hz, multiple, pressed)
+        yield pressed_motion(scene, reference_hz, multiple, pressed, multiples[-1])
 
 
 @lru_cache(maxsize=4)
 def pressed_motion(
-    scene: Scene, reference_hz: float, multiple: float, pressed: tuple[Pressed, ...]
+    scene: Scene,
+    reference_hz: float,
+    multiple: float,
+    pressed: tuple[Pressed, ...],
+    most: float | None = None,
 ) -> Motion:
     """Return a scene with fingers as oscillators, whatever the symmetry of its modes, (90), (91).
 
@@ -224,6 +248,8 @@ def pressed_motion(
         Modes above so many times that frequency follow their load at once.
     pressed : tuple of Pressed
         The fingers, all at once.
+    most : float, optional
+        The largest multiple that is going to be asked for.
 
     Raises
     ------
@@ -233,16 +259,15 @@ def pressed_motion(
     strip, highest_hz = scene.strip, multiple * reference_hz
     if strip.length_m is None:
         raise ValueError(f"length_m must be a number where fingers press, got {strip!r}")
-    lossless = dataclasses.replace(with_areas(scene, pressed), strip=without_loss(strip))
-    bare = bare_of(lossless, highest_hz)
+    lossless = dataclasses.replace(scene, strip=without_loss(strip))
+    sought = with_areas(lossless, pressed), highest_hz, (most or multiple) * reference_hz
+    bare = bare_of(*sought)
     n_modes = sum(group.squared.size for group in bare.groups)
     if n_modes > MOST_COUPLED:
         raise ValueError(
             f"length_m must be one whose modes below {highest_hz:.6g} Hz are at most "
             f"{MOST_COUPLED} where fingers press, got {strip.length_m!r} and {n_modes} modes"
         )
-    at_rest = len(scene.loads), len(scene.points_m)
-    unsure_m = None if bare.unsure_m is None else bare.unsure_m[: at_rest[0], : at_rest[1]]
 
     def up_to(upper_hz: float, *coarser: Motion) -> Motion:
         oscillators = _coupled(bare, strip, pressed, upper_hz)
@@ -253,7 +278,7 @@ def pressed_motion(
             reference_hz=reference_hz,
             highest_hz=upper_hz,
             viscous_s=strip.material.viscous_time_s,
-            unsure_m=unsure_m,
+            unsure=partial(unsure_m, *sought, lossless) if strip.patches else None,
             coarser=coarser,
         )
 
@@ -270,7 +295,8 @@ def _coupled(
     squared = np.concatenate([group.squared for group in bare.groups])
     kept = squared <= (2 * math.pi * highest_hz) ** 2
     viscous_s, has_loss = strip.material.viscous_time_s, springs_lose(strip)
-    bent = block_diag(*(np.diag(g.squared) if has_loss else g.bent for g in bare.groups))
+    bents = [group.squared if has_loss else group.bent for group in bare.groups]
+    bent = block_diag(*(np.diag(one) if one.ndim == 1 else one for one in bents))
     moved, pushed = (np.concatenate(x, axis=2)[0][:, kept] for x in (bare.moved, bare.pushed))
     plate = Loaded(
         squared=squared[kept],
@@ -316,7 +342,7 @@ def pressed_on(bare: Loaded, pressed: tuple[Pressed, ...], viscous_s: float) -> 
         If two fingers press on the same place.
     """
     n = len(pressed)
-    n_loads, n_points = len(bare.rest_m) - n, bare.moved.shape[0] - n * _n_nodes(pressed)
+    n_loads, n_points = len(bare.rest_m) - n, bare.moved.shape[0] - n * _RINGS * _ANGLES
     areas_m2 = np.array([one.area_m2 for one in pressed])
     shares = np.concatenate([_shares(one.over) for one in pressed]).reshape(n, -1)
     rest_m = bare.rest_m.copy()
@@ -351,16 +377,12 @@ def pressed_on(bare: Loaded, pressed: tuple[Pressed, ...], viscous_s: float) -> 
     )
 
 
-def _n_nodes(pressed: tuple[Pressed, ...]) -> int:
-    return len(_nodes(pressed[0].over))
-
-
 def _nodes(over: PressureDisc | PointForce) -> list[tuple[float, float]]:
     """Return places that stand for an area; for a point as many, all the same."""
     radius_m = 0.0 if isinstance(over, PointForce) else over.radius_m
     nodes, _ = leggauss(_RINGS)
     reach = radius_m * (nodes + 1) / 2
-    angle = math.pi / _RINGS * (np.arange(2 * _RINGS) + 0.5)
+    angle = 2 * math.pi / _ANGLES * (np.arange(_ANGLES) + 0.5)
     x = over.x_m + np.multiply.outer(reach, np.cos(angle))
     y = over.y_m + np.multiply.outer(reach, np.sin(angle))
     return [
@@ -373,4 +395,4 @@ def _shares(over: PressureDisc | PointForce) -> Real:
     """Return the parts of the mean that the nodes have."""
     nodes, weights = leggauss(_RINGS)
     rings = weights * (nodes + 1) / 2 if isinstance(over, PressureDisc) else weights / 2
-    return np.repeat(rings / (2 * _RINGS), 2 * _RINGS)
+    return np.repeat(rings / _ANGLES, _ANGLES)

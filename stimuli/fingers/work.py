@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from stimuli.fingers.fingertip import RTOL, asked, by_modes, pressed_of
 from stimuli.fingers.pressed import pressed_peaks
 from stimuli.motion.motion import motions
-from stimuli.motion.peaks import wait_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,9 +72,7 @@ def felt_work(
     scene, places, far_m = asked(strip, loads, fingertips, drive)
     pressed = pressed_of(strip, fingertips, drive)
     if pressed:
-        wait_s = wait_of(strip, far_m)
-        _, motion = pressed_peaks(scene, places, drive, pressed, rtol=rtol, wait_s=wait_s)
-        section = scene
+        _, motion, section = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
     elif strip.patches:
         *_, motion = motions(scene, drive)
         section = scene

@@ -4,12 +4,15 @@ from .motion import (
     Bare,
     Motion,
     bare_of,
+    enough_of,
     is_enough,
+    motion_of,
     motions,
     multiples_of,
     reference_of,
     springs_lose,
     steady,
+    unsure_m,
     without_loss,
 )
 from .oscillators import Oscillators, poles
@@ -23,10 +26,10 @@ from .peaks import (
     peaks_of,
     wait_of,
 )
-from .section import AGREED, sections
+from .section import ECHOED, echoless
 
 __all__ = [
-    "AGREED",
+    "ECHOED",
     "LOOKS",
     "TOO_MANY_FOR_PATCHES",
     "Bare",
@@ -36,19 +39,22 @@ __all__ = [
     "Peaks",
     "bare_of",
     "crests",
+    "echoless",
+    "enough_of",
     "frames_of",
     "is_enough",
+    "motion_of",
     "motions",
     "multiples_of",
     "patched_peaks",
     "peaks_of",
     "poles",
     "reference_of",
-    "sections",
     "springs_lose",
     "steady",
     "transient",
     "transient_work",
+    "unsure_m",
     "wait_of",
     "without_loss",
 ]

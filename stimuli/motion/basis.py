@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.polynomial.legendre import Legendre, leggauss, legmul, legvander
-from numpy.polynomial.polynomial import polyder, polyval2d
+from numpy.polynomial.legendre import leg2poly, leggauss, legmul, legvander
+from numpy.polynomial.polynomial import polyvander
 
 from stimuli.strip.edge import ElasticEdge
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Real
     from stimuli.strip.patch import BondedPatch
     from stimuli.strip.strip import Strip
@@ -86,11 +88,19 @@ def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Polynomia
     return Polynomials(series=np.asarray(orthonormal.T), half_m=width_m / 2)
 
 
+def sided(odd: bool | None, even: Polynomials, uneven: Polynomials) -> Polynomials:  # noqa: FBT001 - none is both
+    """Return the even or the odd functions, or both, the even ones first."""
+    if odd is not None:
+        return uneven if odd else even
+    return replace(even, series=np.concatenate([even.series, uneven.series]))
+
+
 def _norms(n: int) -> Real:
     """Return what makes Legendre polynomials orthonormal."""
     return np.asarray(np.sqrt(np.arange(n) + 0.5))
 
 
+@lru_cache(maxsize=16)
 def _derivative(n: int) -> Real:
     """Return the derivatives of orthonormal Legendre polynomials in the same: (n, n).
 
@@ -102,10 +112,13 @@ def _derivative(n: int) -> Real:
     return np.asarray(np.where(below, root, 0.0))
 
 
-def half_waves(wavenumber_rad_m: float, half_m: float) -> int:
-    """Return how many even or odd polynomials hold a wave over a length of twice half_m."""
+def half_waves(wavenumber_rad_m: float, half_m: float, *, digits: float = 10.0) -> int:
+    """Return how many even or odd polynomials hold a wave over a length of twice half_m.
+
+    To about so many digits.
+    """
     x = wavenumber_rad_m * half_m
-    return math.ceil((x + 10 + 3 * math.cbrt(x)) / 2)
+    return math.ceil((x + digits * (1 + 0.3 * math.cbrt(x))) / 2)
 
 
 # At the rim of a patch the curvature jumps, and beyond it the plate bends sharply: polynomials of
@@ -117,6 +130,12 @@ _RING: Final = 2.0
 
 _HUMPS: Final = 3
 """How many humps there are where functions end at the rim."""
+
+_POWERS: Final = 2 * _HUMPS + 4
+"""Powers of the longest function along a line: (1 - s^2)^2 s s^(2 n), n below the humps."""
+
+MOST_DEGREE: Final = 9
+"""Of a disc's functions."""
 
 _LEAST_RING: Final = 0.25
 """Where an edge, an end or another patch leaves less room, they end at its rim."""
@@ -155,12 +174,12 @@ class Around:
             return np.zeros((len(points_m), 0))
         radius_m = self.patch.half_size_m[0]
         x, y = (points_m - (self.patch.x_m, self.patch.y_m)).T / radius_m
+        series = _disc_series(self.degree, self.odd, orders)
+        n = math.isqrt(len(series))
         inside = x * x + y * y < 1
-        columns = [
-            np.where(inside, polyval2d(x, y, series), 0.0) / radius_m ** sum(orders)
-            for series in _disc_series(self.degree, self.odd, orders)
-        ]
-        return np.stack(columns, axis=1)
+        of_x, of_y = (polyvander(np.where(inside, one, 0.0), n - 1) for one in (x, y))
+        powers = products_of(np.asarray(of_x, dtype=np.float64), np.asarray(of_y, dtype=np.float64))
+        return np.asarray(inside[:, np.newaxis] * (powers @ series)) / radius_m ** sum(orders)
 
     def line(self, axis: int, n_nodes: int, *, inside: bool) -> tuple[Real, Real]:
         """Return nodes and weights along or across the cells, or the patch alone."""
@@ -175,38 +194,73 @@ class Around:
 
     def area(self, n_nodes: int) -> tuple[Real, Real]:
         """Return nodes (n, 2) and weights over a disc."""
-        nodes, weights = leggauss(n_nodes)
-        reach_m = self.patch.half_size_m[0] * (nodes + 1) / 2
-        angle = math.pi / n_nodes * np.arange(2 * n_nodes)
+        rings, weights = disc_rings(n_nodes)
+        reach_m = self.patch.half_size_m[0] * rings
+        angle = math.pi / n_nodes * (np.arange(2 * n_nodes) + 0.5)  # none on the middle line
         x_m = self.patch.x_m + np.multiply.outer(reach_m, np.cos(angle))
         y_m = self.patch.y_m + np.multiply.outer(reach_m, np.sin(angle))
-        share = weights * reach_m * self.patch.half_size_m[0] / 2 * math.pi / n_nodes
+        share = weights * self.patch.half_size_m[0] ** 2 * math.pi / n_nodes
         return np.stack([x_m.ravel(), y_m.ravel()], axis=1), np.repeat(share, 2 * n_nodes)
+
+
+def disc_rings(n_nodes: int) -> tuple[Real, Real]:
+    """Return radii and weights, the integral of f(r) r from 0 to 1, with twice as many angles each.
+
+    What is smooth over a disc has even powers of the radius only, once taken all the way round.
+
+    >>> radii, weights = disc_rings(5)
+    >>> radii.size, bool(np.isclose((weights * radii**8).sum(), 0.1))
+    (3, True)
+    """
+    nodes, weights = leggauss((n_nodes + 1) // 2)
+    return np.sqrt((nodes + 1) / 2), weights / 4
+
+
+VALUE: Final = (0, 0)
+BENDS: Final = ((2, 0), (0, 2), (1, 1))
+"""Orders of derivatives along and across."""
 
 
 @lru_cache(maxsize=64)
 def _disc_series(
     degree: int, odd: tuple[bool | None, bool | None], orders: tuple[int, int]
-) -> tuple[Real, ...]:
-    """Return the coefficients of a derivative of a disc's functions, over its radius."""
-    rim = np.zeros((5, 5))  # (1 - x^2 - y^2)^2
-    rim[0, 0], rim[2, 0], rim[0, 2], rim[4, 0], rim[0, 4], rim[2, 2] = 1, -2, -2, 1, 1, 2
-    found = []
-    for i, j in product(range(degree + 1), range(degree + 1)):
-        if i + j > degree or odd[0] == (i % 2 == 0) or odd[1] == (j % 2 == 0):
-            continue
-        shape = np.multiply.outer(*(_legendre(n).coef for n in (i, j)))
-        series = np.zeros((5 + i, 5 + j))
-        for (row, column), value in np.ndenumerate(shape):
-            series[row : row + 5, column : column + 5] += value * rim
-        for axis, order in enumerate(orders):
-            series = np.asarray(polyder(series, order, axis=axis), dtype=np.float64)
-        found.append(series)
-    return tuple(found)
+) -> Real:
+    """Return a derivative of a disc's functions, over its radius, in x^i y^j: (n_powers, n).
+
+    There are equally many powers of x and of y, and those of y run first.
+    """
+    rim = {(0, 0): 1, (2, 0): -2, (0, 2): -2, (4, 0): 1, (0, 4): 1, (2, 2): 2}  # (1 - r^2)^2
+    legendre, n = _legendre_powers(), degree + 5
+    pairs = [
+        (i, j)
+        for i, j in product(range(degree + 1), range(degree + 1))
+        if i + j <= degree and odd[0] != (i % 2 == 0) and odd[1] != (j % 2 == 0)
+    ]
+    series = np.zeros((n, n, len(pairs)))
+    for place, (i, j) in enumerate(pairs):
+        shape = np.multiply.outer(legendre[i, : i + 1], legendre[j, : j + 1])
+        for (row, column), value in rim.items():
+            series[row : row + i + 1, column : column + j + 1, place] += value * shape
+    series = _powers_derived(series, orders[0])
+    across = _powers_derived(series.transpose(1, 0, 2), orders[1])
+    return np.ascontiguousarray(across.transpose(1, 0, 2)).reshape(n * n, -1)
 
 
-def _legendre(degree: int) -> Polynomial:
-    return Legendre.basis(degree).convert(kind=Polynomial)
+@lru_cache(maxsize=1)
+def _legendre_powers() -> Real:
+    """Return Legendre polynomials up to any degree of a disc's functions, in powers: (n, n)."""
+    powers = np.zeros((MOST_DEGREE + 1, MOST_DEGREE + 1))
+    for degree, row in enumerate(np.eye(len(powers))):
+        powers[degree, : degree + 1] = leg2poly(row[: degree + 1])
+    return powers
+
+
+def _powers_derived(series: Real, order: int) -> Real:
+    """Return a derivative of series of powers, along the first axis and as long as they are."""
+    for _ in range(order):
+        powers = np.arange(1.0, len(series)).reshape(-1, *(1,) * (series.ndim - 1))
+        series = np.concatenate([powers * series[1:], np.zeros_like(series[:1])])
+    return series
 
 
 def _steps(place: Real, reach: float, order: int, *, odd: bool | None) -> Real:
@@ -218,7 +272,19 @@ def _steps(place: Real, reach: float, order: int, *, odd: bool | None) -> Real:
     if odd is None:
         both = [_steps(place, reach, order, odd=one) for one in (False, True)]
         return np.concatenate(both, axis=1)
+    inner, outer = _step_series(reach, order, odd)
     size = np.abs(place)
+    beyond = (size - 1) / (reach or 1.0)
+    sign = np.where(place < 0, -1.0, 1.0) ** (order + odd)
+    inside, outside = size <= 1, (size > 1) & (beyond < 1)
+    near = polyvander(np.where(inside, place, 0.0), len(inner) - 1) @ inner
+    far = polyvander(np.where(outside, beyond, 0.0), len(outer) - 1) @ outer
+    return np.asarray(inside[:, np.newaxis] * near + (outside * sign)[:, np.newaxis] * far)
+
+
+@lru_cache(maxsize=64)
+def _step_series(reach: float, order: int, odd: bool) -> tuple[Real, Real]:  # noqa: FBT001 - a key
+    """Return the functions inside, and outside, in powers of the place: (n_powers, n) each."""
     s = Polynomial([0, 1])
     first = s if odd else Polynomial([1])
     hump = (1 - s**2) ** 2
@@ -231,19 +297,67 @@ def _steps(place: Real, reach: float, order: int, *, odd: bool | None) -> Real:
             (slope, reach * s * (1 - s) ** 2),
             (0 * s, 16 * s**2 * (1 - s) ** 2),
         ]
-    beyond = (size - 1) / (reach or 1.0)
-    sign = np.where(place < 0, -1.0, 1.0) ** (order + odd)
-    inside, outside = size <= 1, (size > 1) & (beyond < 1)
-    columns = [
-        np.where(inside, _derived(inner, order)(place), 0.0)
-        + np.where(outside, sign * _derived(outer, order)(beyond) / (reach or 1.0) ** order, 0.0)
-        for inner, outer in pieces
-    ]
-    return np.stack(columns, axis=1)
+    series = np.zeros((2, _POWERS, len(pieces)))
+    for column, sides in enumerate(pieces):
+        for side, one in zip(series, sides, strict=True):
+            side[: len(one.coef), column] = one.coef
+    inner, outer = (_powers_derived(side, order) for side in series)
+    return inner, outer / (reach or 1.0) ** order
 
 
-def _derived(one: Polynomial, order: int) -> Polynomial:
-    return one.deriv(order) if order else one
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Functions:
+    """What one symmetry is made of: polynomials of the whole plate, and each patch's functions.
+
+    Where left and right are mirror images, the patches on the right have functions for both.
+    """
+
+    along: Polynomials
+    across: Polynomials
+    odd_x: bool | None
+    odd_y: bool | None
+    around: tuple[Around, ...]
+    digits: float
+    kept: Real  # combinations of the patches' functions, (n_local, n_kept)
+
+    @property
+    def n_global(self) -> int:
+        """How many are polynomials of the whole plate."""
+        return len(self.along.series) * len(self.across.series)
+
+    def up_to(self, most_rad_m: float, n: int) -> NDArray[np.intp]:
+        """Return the numbers, of n, of the patches' functions and the plate's up to a wave's."""
+        kept = []
+        for one, odd in ((self.along, self.odd_x), (self.across, self.odd_y)):
+            each = len(one.series) // (2 if odd is None else 1)
+            wanted = half_waves(most_rad_m, one.half_m, digits=self.digits)
+            kept.append(np.arange(len(one.series)) % each < wanted)
+        plate = np.logical_and.outer(*kept).ravel()
+        return np.flatnonzero(np.append(plate, np.ones(n - plate.size, dtype=bool)))
+
+    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
+        """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""
+        orders = BENDS[:2] if laplacian else (VALUE,)
+        plate = np.sum([self.plate(points_m, order) for order in orders], axis=0)
+        local = np.sum([self._local(points_m, order) for order in orders], axis=0) @ self.kept
+        return np.concatenate([plate, local], axis=1)[np.newaxis]
+
+    def plate(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of the plate's polynomials at points."""
+        along = self.along.values(points_m[:, 0] / self.along.half_m, orders[0])
+        across = self.across.values(points_m[:, 1] / self.across.half_m - 1, orders[1])
+        return products_of(along, across)
+
+    def _local(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return the same of the patches' functions, mirrored to the left."""
+        if self.odd_x is not None:
+            left = points_m[:, 0] < 0
+            points_m = np.stack([np.abs(points_m[:, 0]), points_m[:, 1]], axis=1)
+            sign = np.where(left, -1.0, 1.0) ** (orders[0] + self.odd_x)
+        else:
+            sign = np.ones(len(points_m))
+        parts = [f(points_m, orders) for one in self.around for f in (one.box, one.disc)]
+        return np.asarray(sign[:, np.newaxis] * np.concatenate(parts, axis=1))
 
 
 def products_of(along: Real, across: Real) -> Real:

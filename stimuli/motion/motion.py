@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import takewhile
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.polynomial.legendre import leggauss
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.field import displacement
 from stimuli.load import DISCS
+from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patched import PatchedModes, has_room, patched_modes
@@ -22,7 +24,7 @@ from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
     from stimuli.load import Load
+    from stimuli.motion.basis import Functions
     from stimuli.strip.strip import Strip
 
 
@@ -49,6 +52,10 @@ _UNSURE: Final = 2.0
 
 _IMAGES: Final = 3.0, 1.5
 """A sample rate below so many times the highest mode, and up to where modes are kept then."""
+
+_COUPLED, _FEW = 4.0, 40
+"""Of more modes of one symmetry those above so many times the reference exchange no loss: they
+carry little to another finger, and differ in frequency by much more than by their loss."""
 
 MOST_WAVES: Final = 1500
 """Waves of one symmetry in which modes are sought: with more, spectra are faster."""
@@ -74,9 +81,8 @@ class Motion:
         Up to where it has modes.
     viscous_s : float
         Relaxation time of the plate: what follows at once does so as late as this.
-    unsure_m : ndarray of float64 or None, shape (n_loads, n_points)
-        What may be wrong of a plate with patches at rest: twice what the same functions miss of
-        the exact field without patches.
+    unsure : callable or None
+        Returns what may be wrong of a plate with patches at rest, (n_loads, n_points).
     coarser : tuple of (Motion, Motion)
         The same without the modes of the upper half octave and of the upper octave, where their
         inertia shifts the others, as it does under fingers; else empty.
@@ -88,17 +94,22 @@ class Motion:
     reference_hz: float
     highest_hz: float
     viscous_s: float
-    unsure_m: Real | None = None
+    unsure: Callable[[], Real] | None = None
     coarser: tuple[Motion, ...] = ()
 
 
 def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
-    for multiple in multiples_of(drive, reference_hz, scene.strip):
-        if not is_enough(scene.strip, multiple * reference_hz):
-            return
-        yield motion_of(scene, reference_hz, multiple)
+    asked = multiples_of(drive, reference_hz, scene.strip)
+    multiples = enough_of(scene.strip, reference_hz, asked)
+    for multiple in multiples:
+        yield motion_of(scene, reference_hz, multiple, multiples[-1])
+
+
+def enough_of(strip: Strip, reference_hz: float, multiples: Iterable[float]) -> list[float]:
+    """Return those multiples of a frequency, up to the first, whose modes are too many."""
+    return list(takewhile(lambda one: is_enough(strip, one * reference_hz), multiples))
 
 
 def is_enough(strip: Strip, highest_hz: float) -> bool:
@@ -127,7 +138,9 @@ def multiples_of(drive: Drive, reference_hz: float, strip: Strip) -> tuple[float
 
 
 @lru_cache(maxsize=4)
-def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
+def motion_of(
+    scene: Scene, reference_hz: float, multiple: float, most: float | None = None
+) -> Motion:
     """Return a scene as oscillators.
 
     Parameters
@@ -138,14 +151,21 @@ def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
         The first cut-off, or the upper edge of the drive's band if that is higher.
     multiple : float
         Modes above so many times that frequency follow their load at once.
+    most : float, optional
+        The largest multiple that is going to be asked for.
     """
     strip, highest_hz = scene.strip, multiple * reference_hz
-    bare = bare_of(dataclasses.replace(scene, strip=without_loss(strip)), highest_hz)
+    lossless = dataclasses.replace(scene, strip=without_loss(strip))
+    sought = lossless, highest_hz, (most or multiple) * reference_hz
+    bare = bare_of(*sought)
     has_loss = springs_lose(strip)
     found, at_points, of_loads = [], [], []
     for group, moved, pushed in zip(bare.groups, bare.moved, bare.pushed, strict=True):
         bent = group.squared if has_loss else group.bent
-        some, modes, drives = poles(group.squared, bent, strip.material.viscous_time_s)
+        coupled_hz = _COUPLED * reference_hz if group.squared.size > _FEW else math.inf
+        some, modes, drives = poles(
+            group.squared, bent, strip.material.viscous_time_s, coupled_hz=coupled_hz
+        )
         found.append(some)
         at_points.append(moved @ modes)
         of_loads.append(pushed @ drives.T)
@@ -167,7 +187,7 @@ def motion_of(scene: Scene, reference_hz: float, multiple: float) -> Motion:
         reference_hz=reference_hz,
         highest_hz=highest_hz,
         viscous_s=strip.material.viscous_time_s,
-        unsure_m=bare.unsure_m,
+        unsure=partial(unsure_m, *sought, lossless) if strip.patches else None,
     )
 
 
@@ -215,45 +235,84 @@ class Bare(NamedTuple):
     """What of a scene does not depend on its loss."""
 
     groups: Sequence[Modes | Waves | PatchedModes]
+    # of functions in which modes were sought, values at the points and works of the loads
+    in_functions: list[tuple[Real, Real]]
     moved: list[Real]  # of each group the modes at the points, (n_copies, n_points, n_modes)
     pushed: list[Real]  # what the loads do to them, (n_copies, n_loads, n_modes)
     static_m: Real  # (n_loads, n_points)
-    unsure_m: Real | None
 
 
 @lru_cache(maxsize=4)
-def bare_of(scene: Scene, highest_hz: float) -> Bare:
+def bare_of(scene: Scene, highest_hz: float, within_hz: float) -> Bare:
     """Return the same for every loss: a study that states none is computed with three."""
     strip = scene.strip
     centred = all(load.y_m == strip.width_m / 2 for load in scene.loads)
-    groups: Sequence[Modes | Waves | PatchedModes]
     if strip.patches:
-        bearing = _with_places(strip, scene.loads)
-        groups = patched_modes(bearing, highest_hz, centred=centred)
-    elif strip.length_m is None:
+        return _bare_patched(scene, highest_hz, within_hz, centred=centred)
+    groups: Sequence[Modes | Waves]
+    if strip.length_m is None:
         groups = strip_waves(strip, highest_hz, _period_m(scene), centred=centred)
     else:
         groups = plate_modes(strip, highest_hz, centred=centred)
-    points_m = np.array(scene.points_m)
-    most_rad_m = wavenumber_rad_m(strip, highest_hz)
-    nodes = [_nodes(load, most_rad_m) for load in scene.loads]
-    pushed = [_pushed(scene, nodes, group.at) for group in groups]
-    static_m, unsure_m = displacement(unpatched(scene), [0.0], _STATIC_RTOL)[0].real, None
-    patched = [group for group in groups if isinstance(group, PatchedModes)]
-    if patched:
-        rests = [
-            group.at_rest_m(points_m, _pushed(scene, nodes, group.functions.at)[0])
-            for group in patched
-        ]
-        exact_m, (static_m, without_m) = static_m, np.sum(rests, axis=0)
-        unsure_m = _UNSURE * np.abs(without_m - exact_m)
+    points_m, nodes = np.array(scene.points_m), _all_nodes(scene, highest_hz)
     return Bare(
         groups=groups,
+        in_functions=[],
         moved=[group.at(points_m) for group in groups],
-        pushed=pushed,
-        static_m=static_m,
-        unsure_m=unsure_m,
+        pushed=[_pushed(scene, nodes, group.at) for group in groups],
+        static_m=_exact_static_m(scene),
     )
+
+
+def _bare_patched(scene: Scene, highest_hz: float, within_hz: float, *, centred: bool) -> Bare:
+    bearing = _with_places(scene.strip, scene.loads)
+    groups = patched_modes(bearing, highest_hz, centred=centred, within_hz=within_hz)
+    in_functions = [_in_functions(scene, group.functions, within_hz) for group in groups]
+    both = list(zip(groups, in_functions, strict=True))
+    rests = [group.at_rest_m(at_points, pushes) for group, (at_points, pushes) in both]
+    return Bare(
+        groups=groups,
+        in_functions=in_functions,
+        moved=[group.moved(at_points)[np.newaxis] for group, (at_points, _) in both],
+        pushed=[group.moved(pushes)[np.newaxis] for group, (_, pushes) in both],
+        static_m=np.sum(rests, axis=0),
+    )
+
+
+@lru_cache(maxsize=8)
+def _in_functions(scene: Scene, functions: Functions, highest_hz: float) -> tuple[Real, Real]:
+    """Return functions at the points, and the works of the loads on them: (n, n_functions) each."""
+    (at_points,) = functions.at(np.array(scene.points_m))
+    (pushes,) = _pushed(scene, _all_nodes(scene, highest_hz), functions.at)
+    return at_points, pushes
+
+
+@lru_cache(maxsize=4)
+def unsure_m(scene: Scene, highest_hz: float, within_hz: float, asked: Scene) -> Real:
+    """Return what may be wrong of a plate with patches at rest: (n_loads, n_points).
+
+    It is twice what the same functions miss of the exact field without patches. The loads and
+    points of the scene begin with those that are asked for.
+    """
+    bare = bare_of(scene, highest_hz, within_hz)
+    rests = [
+        group.bare_at_rest_m(*known)
+        for group, known in zip(bare.groups, bare.in_functions, strict=True)
+        if isinstance(group, PatchedModes)
+    ]
+    without_m = np.sum(rests, axis=0)[: len(asked.loads), : len(asked.points_m)]
+    return np.asarray(_UNSURE * np.abs(without_m - _exact_static_m(asked)))
+
+
+@lru_cache(maxsize=4)
+def _exact_static_m(scene: Scene) -> Real:
+    """Return the static field of the plate without patches."""
+    return np.asarray(displacement(unpatched(scene), [0.0], _STATIC_RTOL)[0].real)
+
+
+def _all_nodes(scene: Scene, highest_hz: float) -> list[tuple[Real, Real]]:
+    most_rad_m = wavenumber_rad_m(scene.strip, highest_hz)
+    return [_nodes(load, most_rad_m) for load in scene.loads]
 
 
 def _with_places(strip: Strip, loads: Sequence[Load]) -> Strip:
@@ -311,13 +370,13 @@ def _nodes(load: Load, most_rad_m: float) -> tuple[Real, Real]:
     if not half_x_m:
         return np.array([[load.x_m, load.y_m]]), np.ones(1)
     n = 10 + math.ceil(most_rad_m * max(half_x_m, half_y_m))
-    nodes, weights = leggauss(n)
     if isinstance(load, DISCS):
-        reach = half_x_m * (nodes + 1) / 2
-        angle = 2 * math.pi / (2 * n) * np.arange(2 * n)
+        rings, weights = disc_rings(n)
+        angle, reach = 2 * math.pi / (2 * n) * np.arange(2 * n), half_x_m * rings
         x, y = np.multiply.outer(reach, np.cos(angle)), np.multiply.outer(reach, np.sin(angle))
-        share = np.multiply.outer(weights * reach * half_x_m / 2, np.full(2 * n, math.pi / n))
+        share = np.multiply.outer(weights * half_x_m**2, np.full(2 * n, math.pi / n))
     else:
+        nodes, weights = leggauss(n)
         x, y = np.meshgrid(half_x_m * nodes, half_y_m * nodes)
         share = np.multiply.outer(weights, weights) * half_x_m * half_y_m / load.area_m2
     return np.stack([load.x_m + x.ravel(), load.y_m + y.ravel()], axis=1), share.ravel()

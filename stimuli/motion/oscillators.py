@@ -9,13 +9,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Complex, Real
 
 _UNCOUPLED: Final = 1e-9
-"""Loss that modes exchange, as a part of what they have, below which each is alone."""
+"""Loss that two modes exchange, as a part of what they have, below which each is alone."""
 
 
-def poles(squared: Real, bent: Real, viscous_s: float) -> tuple[Complex, Complex, Complex]:
+def poles(
+    squared: Real, bent: Real, viscous_s: float, *, coupled_hz: float = math.inf
+) -> tuple[Complex, Complex, Complex]:
     """Return the poles of modes with loss, and how they move the modes and are driven by them.
 
     Parameters
@@ -26,6 +30,8 @@ def poles(squared: Real, bent: Real, viscous_s: float) -> tuple[Complex, Complex
         The stiffness that has loss: q'' + tau bent q' + squared q = f.
     viscous_s : float
         Relaxation time tau.
+    coupled_hz : float
+        What modes that swing above exchange with others is left out.
 
     Returns
     -------
@@ -43,18 +49,56 @@ def poles(squared: Real, bent: Real, viscous_s: float) -> tuple[Complex, Complex
     >>> bool(np.isclose((modes * np.exp(found * time_s) * drives).real, np.sin(2 * 0.3) / 2))
     True
     """
+    n = squared.size
     alone = bent if bent.ndim == 1 else np.diag(bent)
     half = viscous_s * alone / 2
-    coupled = 0.0 if bent.ndim == 1 else float(np.max(np.abs(bent - np.diag(alone)), initial=0.0))
-    swings = bool(np.all(half**2 < squared))
-    if swings and viscous_s * coupled <= _UNCOUPLED * float(np.max(half, initial=0.0)):
-        swing = 1j * np.sqrt(squared - half**2)
-        return swing - half, np.eye(squared.size, dtype=np.complex128), np.diag(1 / swing)
+    swings, exchange = half**2 < squared, np.zeros((n, n), dtype=bool)
+    if bent.ndim > 1:
+        own = np.sqrt(np.maximum(alone, 0.0))
+        exchange = np.abs(bent - np.diag(alone)) > _UNCOUPLED * np.multiply.outer(own, own)
+        above = swings & (squared > (2 * math.pi * coupled_hz) ** 2)
+        exchange[above] = exchange[:, above] = False
+    lone = swings & ~np.any(exchange, axis=0)
+    swing = 1j * np.sqrt(squared[lone] - half[lone] ** 2)
+    one_each = np.eye(swing.size, dtype=np.complex128)
+    parts = [(np.flatnonzero(lone), swing - half[lone], one_each, np.diag(1 / swing))]
+    if not np.all(lone):
+        damping = viscous_s * (np.diag(bent) if bent.ndim == 1 else bent)
+        parts += [
+            (some, *_exchanging(squared[some], damping[np.ix_(some, some)]))
+            for some in _connected(exchange, np.flatnonzero(~lone))
+        ]
+    # each part has its own modes and nothing of the others'
+    found = np.concatenate([part[1] for part in parts])
+    modes = np.zeros((n, found.size), dtype=np.complex128)
+    drives, first = np.zeros((found.size, n), dtype=np.complex128), 0
+    for some, own, its_modes, its_drives in parts:
+        columns = np.arange(first, first + own.size)
+        modes[np.ix_(some, columns)], drives[np.ix_(columns, some)] = its_modes, its_drives
+        first += own.size
+    return found, modes, drives
+
+
+def _connected(exchange: NDArray[np.bool_], some: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return which of some modes are coupled with each other: even and odd ones are not."""
+    left, found = some, []
+    while left.size:
+        group, size = left[:1], 0
+        while group.size > size:
+            size = group.size
+            group = np.union1d(group, np.flatnonzero(exchange[group].any(axis=0)))
+        found.append(group)
+        left = np.setdiff1d(left, group)
+    return found
+
+
+def _exchanging(squared: Real, damping: Real) -> tuple[Complex, Complex, Complex]:
+    """Return the poles of modes that exchange what they lose, and the rest as `poles` does."""
     n = squared.size
     matrix = np.zeros((2 * n, 2 * n))
     matrix[:n, n:] = np.eye(n)
     matrix[n:, :n] = -np.diag(squared)
-    matrix[n:, n:] = -viscous_s * (np.diag(bent) if bent.ndim == 1 else bent)
+    matrix[n:, n:] = -damping
     values, vectors = np.linalg.eig(matrix)
     inverse = np.linalg.inv(vectors)
     upper = values.imag >= 0

@@ -7,44 +7,49 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from stimuli.motion.basis import (
+    BENDS,
+    MOST_DEGREE,
+    VALUE,
     Around,
-    Polynomials,
+    Functions,
     free_basis,
     half_waves,
     held_basis,
     plate_energies,
-    products_of,
     ring_m,
+    sided,
 )
 from stimuli.motion.standing_waves import wavenumber_rad_m
 from stimuli.strip.edge import CLAMPED
 from stimuli.strip.patch import Laminate, laminate, layer_of
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Real
     from stimuli.strip.strip import Strip
 
 
-_DEGREE, _MOST_DEGREE = 3, 9
-"""Of a disc's functions, beside a wave's phase from its centre to its rim; and at most."""
+_DEGREE: Final = 3
+"""Of a disc's functions, beside a wave's phase from its centre to its rim."""
 
 _NODES: Final = 8
 """Nodes of an integral, beside the phase of the finest polynomial over half of it."""
 
-_MOST_FUNCTIONS: Final = 3000
-"""Functions of one symmetry, those of patches aside: some ten seconds."""
+_MOST_FUNCTIONS: Final = 2000
+"""Functions of one symmetry, those of patches aside: a few seconds."""
+
+_DIGITS, _MORE_DIGITS, _SMALL = 7.0, 10.0, 0.1
+"""To which waves are held by the plate's polynomials: the jumps at rims leave fewer anyway. Where
+half a patch is a smaller part of the width, the polynomials have to bend more sharply about it."""
 
 _DEPENDENT: Final = 1e-7
 """Part of a function of a patch that those of the plate must not have already."""
-
-
-_VALUE: Final = (0, 0)
-_BENDS: Final = ((2, 0), (0, 2), (1, 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,85 +60,54 @@ class PatchedModes:
     ----------
     squared, bent
         As of `Modes`. The patches have the plate's loss.
-    functions : _Functions
+    functions : Functions
         In which the modes were sought.
-    series : ndarray of float64, shape (n_functions, n_modes)
+    taken : ndarray of int, shape (n_taken,)
+        Numbers of the functions that were taken.
+    series : ndarray of float64, shape (n_taken, n_modes)
         The modes in those.
-    stiffness, bare_stiffness : ndarray of float64, shape (n_functions, n_functions)
-        Of the plate with its patches and without, springs included.
+    factor : ndarray of float64, shape (n_taken, n_taken)
+        Cholesky's, below the diagonal, of the plate's stiffness, springs included.
+    bare_stiffness : ndarray of float64, shape (n_taken, n_taken)
+        Without the patches.
     """
 
     squared: Real
     bent: Real
-    functions: _Functions
+    functions: Functions
+    taken: NDArray[np.intp]
     series: Real
-    stiffness: Real
+    factor: Real
     bare_stiffness: Real
 
-    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
-        """Return the modes at points (n_points, 2), or their Laplacians: (1, n_points, n_modes)."""
-        return np.asarray(self.functions.at(points_m, laplacian=laplacian) @ self.series)
+    def moved(self, at_functions: Real) -> Real:
+        """Return the modes where the functions are known, or what works on them."""
+        return np.asarray(at_functions[..., self.taken] @ self.series)
 
-    def at_rest_m(self, points_m: Real, pushes: Real) -> tuple[Real, Real]:
-        """Return what loads at rest do, with the patches and without: (n_loads, n_points) each.
+    def at_rest_m(self, at_points: Real, pushes: Real) -> Real:
+        """Return what loads do at rest: (n_loads, n_points).
 
-        `pushes`, (n_loads, n_functions), are the loads' works on the functions.
+        Of the functions these are the values at the points, (n_points, n_functions), and the works
+        of the loads, (n_loads, n_functions).
         """
+        from scipy.linalg import cho_solve
+
+        swung = cho_solve((self.factor, True), pushes[:, self.taken].T, check_finite=False)
+        return np.asarray((at_points[:, self.taken] @ swung).T)
+
+    def bare_at_rest_m(self, at_points: Real, pushes: Real) -> Real:
+        """Return the same of the plate without its patches, in these functions."""
         from scipy.linalg import solve
 
-        (at_points,) = self.functions.at(points_m)
-        some = (self.stiffness, self.bare_stiffness)
-        first, second = (
-            (at_points @ solve(one, pushes.T, assume_a="pos", check_finite=False)).T for one in some
-        )
-        return first, second
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Functions:
-    """What one symmetry is made of: polynomials of the whole plate, and each patch's functions.
-
-    Where left and right are mirror images, the patches on the right have functions for both.
-    """
-
-    along: Polynomials
-    across: Polynomials
-    odd_x: bool | None
-    around: tuple[Around, ...]
-    kept: Real  # combinations of the patches' functions, (n_local, n_kept)
-
-    @property
-    def n_global(self) -> int:
-        """How many are polynomials of the whole plate."""
-        return len(self.along.series) * len(self.across.series)
-
-    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
-        """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""
-        orders = _BENDS[:2] if laplacian else (_VALUE,)
-        plate = np.sum([self.plate(points_m, order) for order in orders], axis=0)
-        local = np.sum([self._local(points_m, order) for order in orders], axis=0) @ self.kept
-        return np.concatenate([plate, local], axis=1)[np.newaxis]
-
-    def plate(self, points_m: Real, orders: tuple[int, int]) -> Real:
-        """Return a derivative of the plate's polynomials at points."""
-        along = self.along.values(points_m[:, 0] / self.along.half_m, orders[0])
-        across = self.across.values(points_m[:, 1] / self.across.half_m - 1, orders[1])
-        return products_of(along, across)
-
-    def _local(self, points_m: Real, orders: tuple[int, int]) -> Real:
-        """Return the same of the patches' functions, mirrored to the left."""
-        if self.odd_x is not None:
-            left = points_m[:, 0] < 0
-            points_m = np.stack([np.abs(points_m[:, 0]), points_m[:, 1]], axis=1)
-            sign = np.where(left, -1.0, 1.0) ** (orders[0] + self.odd_x)
-        else:
-            sign = np.ones(len(points_m))
-        parts = [f(points_m, orders) for one in self.around for f in (one.box, one.disc)]
-        return np.asarray(sign[:, np.newaxis] * np.concatenate(parts, axis=1))
+        right = pushes[:, self.taken].T
+        swung = solve(self.bare_stiffness, right, assume_a="pos", check_finite=False)
+        return np.asarray((at_points[:, self.taken] @ swung).T)
 
 
 @lru_cache(maxsize=4)
-def patched_modes(strip: Strip, highest_hz: float, *, centred: bool) -> tuple[PatchedModes, ...]:
+def patched_modes(
+    strip: Strip, highest_hz: float, *, centred: bool, within_hz: float | None = None
+) -> tuple[PatchedModes, ...]:
     """Return the modes of a finite plate with patches up to a frequency, equation (84).
 
     Parameters
@@ -145,8 +119,13 @@ def patched_modes(strip: Strip, highest_hz: float, *, centred: bool) -> tuple[Pa
     centred : bool
         Whether only modes that are even across the strip are asked for; they are a group of
         their own only where all patches are centred across.
+    within_hz : float, optional
+        Up to which frequency they are going to be asked for: the functions for that are built
+        once, and fewer of them taken for fewer modes.
     """
-    return tuple(_group(strip, highest_hz, odd) for odd in _symmetries(strip, centred=centred))
+    within_hz = max(within_hz or 0.0, highest_hz)
+    symmetries = _symmetries(strip, centred=centred)
+    return tuple(_modes(strip, _built(strip, within_hz, odd), highest_hz) for odd in symmetries)
 
 
 def has_room(strip: Strip, highest_hz: float) -> bool:
@@ -154,7 +133,8 @@ def has_room(strip: Strip, highest_hz: float) -> bool:
     groups = len(_symmetries(strip, centred=False))
     most = wavenumber_rad_m(strip, highest_hz)
     lengths_m = (strip.length_m or 0.0, strip.width_m)
-    n = math.prod(half_waves(most, length_m / 2) for length_m in lengths_m) * 4 // groups
+    digits = _digits(strip)
+    n = math.prod(half_waves(most, one / 2, digits=digits) for one in lengths_m) * 4 // groups
     return n <= _MOST_FUNCTIONS
 
 
@@ -170,17 +150,36 @@ def _symmetries(strip: Strip, *, centred: bool) -> list[tuple[bool | None, bool 
     return list(product(along, across))
 
 
-def _group(strip: Strip, highest_hz: float, odd: tuple[bool | None, bool | None]) -> PatchedModes:
-    """Return the modes of one symmetry."""
-    from scipy.linalg import eigh
+class _Built(NamedTuple):
+    """The functions of one symmetry, and the matrices of springs, stiffness and mass."""
 
+    functions: Functions
+    springs: Real
+    stiffness: Real
+    bare_stiffness: Real
+    mass: Real
+
+
+@lru_cache(maxsize=8)
+def _built(strip: Strip, highest_hz: float, odd: tuple[bool | None, bool | None]) -> _Built:
     most = wavenumber_rad_m(strip, highest_hz)
     functions = _functions(strip, most, odd)
-    springs, stiffness, bare_stiffness, mass = _matrices(strip, functions)
+    matrices = _matrices(strip, functions)
     n = functions.n_global
-    kept = _independent(mass, n)
+    kept = _independent(matrices[-1], n)
+    return _Built(
+        dataclasses.replace(functions, kept=kept), *(_kept(one, n, kept) for one in matrices)
+    )
+
+
+def _modes(strip: Strip, built: _Built, highest_hz: float) -> PatchedModes:
+    """Return the modes of one symmetry up to a frequency."""
+    from scipy.linalg import cholesky, eigh
+
+    most, n = wavenumber_rad_m(strip, highest_hz), len(built.mass)
+    taken = built.functions.up_to(most, n)
     springs, stiffness, bare_stiffness, mass = (
-        _kept(one, n, kept) for one in (springs, stiffness, bare_stiffness, mass)
+        one if len(taken) == n else one[np.ix_(taken, taken)] for one in built[1:]
     )
     squared, vectors = eigh(
         stiffness,
@@ -191,50 +190,49 @@ def _group(strip: Strip, highest_hz: float, odd: tuple[bool | None, bool | None]
     return PatchedModes(
         squared=squared,
         bent=vectors.T @ (stiffness - springs) @ vectors,
-        functions=dataclasses.replace(functions, kept=kept),
+        functions=built.functions,
+        taken=taken,
         series=vectors,
-        stiffness=stiffness,
+        factor=cholesky(stiffness, lower=True),
         bare_stiffness=bare_stiffness,
     )
 
 
-def _functions(strip: Strip, most_rad_m: float, odd: tuple[bool | None, bool | None]) -> _Functions:
+def _functions(strip: Strip, most_rad_m: float, odd: tuple[bool | None, bool | None]) -> Functions:
     """Return the functions of one symmetry."""
     length_m, clamped = strip.length_m or 0.0, strip.edge is CLAMPED
-    n_along, n_across = (half_waves(most_rad_m, size / 2) for size in (length_m, strip.width_m))
+    sizes_m, digits = (length_m, strip.width_m), _digits(strip)
+    n_along, n_across = (half_waves(most_rad_m, size / 2, digits=digits) for size in sizes_m)
     signs = (False, True)
     along = [free_basis(n_along, length_m, odd=one) for one in signs]
     across = [held_basis(n_across, strip.width_m, clamped=clamped, odd=one) for one in signs]
-    around = []
-    for patch in strip.patches:
-        if odd[0] is not None and patch.x_m < 0:
-            continue
-        degree = _DEGREE + math.ceil(most_rad_m * patch.half_size_m[0])
-        around.append(
-            Around(
-                patch=patch,
-                ring_m=ring_m(strip, patch),
-                odd=(odd[0] if patch.x_m == 0 else None, odd[1]),
-                degree=min(degree, _MOST_DEGREE),
-            )
+    around = [
+        Around(
+            patch=patch,
+            ring_m=ring_m(strip, patch),
+            odd=(odd[0] if patch.x_m == 0 else None, odd[1]),
+            degree=min(_DEGREE + math.ceil(most_rad_m * patch.half_size_m[0]), MOST_DEGREE),
         )
-    return _Functions(
-        along=_sided(odd[0], *along),
-        across=_sided(odd[1], *across),
+        for patch in strip.patches
+        if odd[0] is None or patch.x_m >= 0
+    ]
+    return Functions(
+        along=sided(odd[0], *along),
+        across=sided(odd[1], *across),
         odd_x=odd[0],
+        odd_y=odd[1],
         around=tuple(around),
+        digits=digits,
         kept=np.zeros((0, 0)),
     )
 
 
-def _sided(odd: bool | None, even: Polynomials, uneven: Polynomials) -> Polynomials:  # noqa: FBT001 - none is both
-    """Return the even or the odd functions, or both, the even ones first."""
-    if odd is not None:
-        return uneven if odd else even
-    return dataclasses.replace(even, series=np.concatenate([even.series, uneven.series]))
+def _digits(strip: Strip) -> float:
+    is_small = any(min(one.half_size_m) < _SMALL * strip.width_m for one in strip.patches)
+    return _MORE_DIGITS if is_small else _DIGITS
 
 
-def _matrices(strip: Strip, functions: _Functions) -> tuple[Real, Real, Real, Real]:
+def _matrices(strip: Strip, functions: Functions) -> tuple[Real, Real, Real, Real]:
     """Return the matrices of springs, of plate and springs with and without patches, and mass."""
     plate = layer_of(strip.material, strip.thickness_m)
     bare = laminate([plate])
@@ -263,7 +261,7 @@ class _Block:
     """What a patch adds to the matrices of the plate's functions and its own."""
 
     def __init__(
-        self, functions: _Functions, around: Around, bare: Laminate, whole: Laminate
+        self, functions: Functions, around: Around, bare: Laminate, whole: Laminate
     ) -> None:
         self._functions, self._around, self._bare = functions, around, bare
         self._added = Laminate(
@@ -275,7 +273,7 @@ class _Block:
         # the patch on the right stands for its image on the left as well
         self._fold = 2.0 if functions.odd_x is not None and around.patch.x_m > 0 else 1.0
         one = np.array([[around.patch.x_m, around.patch.y_m]])
-        self._n_box, n_disc = (f(one, _VALUE).shape[1] for f in (around.box, around.disc))
+        self._n_box, n_disc = (f(one, VALUE).shape[1] for f in (around.box, around.disc))
         self.n_local = self._n_box + n_disc
 
     def products(self) -> tuple[Real, Real, Real, Real]:
@@ -303,9 +301,9 @@ class _Block:
         inside: bool,
     ) -> None:
         """Add integrals over the cells, or a rectangle, of functions that are products of two."""
-        functions, found = self._functions, []
+        functions, found, nodes = self._functions, [], self._nodes(self._around.ring_m)
         for axis, (series, n) in enumerate(
-            zip((functions.along, functions.across), self._nodes(), strict=True)
+            zip((functions.along, functions.across), nodes, strict=True)
         ):
             places_m, weights = self._around.line(axis, n, inside=inside)
             place, orders = places_m / series.half_m - axis, range(3)
@@ -323,7 +321,7 @@ class _Block:
             bent += mixed * (_both(one, other, (2, 0), (0, 2)) + _both(one, other, (0, 2), (2, 0)))
             bent += twisting * _both(one, other, (1, 1), (1, 1))
             for matrix, part in (
-                (bends, bent), (moves, mass * _both(one, other, _VALUE, _VALUE)),
+                (bends, bent), (moves, mass * _both(one, other, VALUE, VALUE)),
             ):  # fmt: skip
                 matrix[rows, columns] += part
                 if rows != columns:
@@ -331,21 +329,25 @@ class _Block:
 
     def _on_disc(self, alone: tuple[Real, Real], more: tuple[Real, Real]) -> None:
         """Add integrals over a disc: of its own functions, and what it adds to all."""
-        points_m, weights = self._around.area(max(self._nodes()))
+        points_m, weights = self._around.area(max(self._nodes((0.0, 0.0))))
+        if self._around.odd[1] is not None:  # a product of two is the same in the other half
+            upper = points_m[:, 1] > self._around.patch.y_m
+            points_m, weights = points_m[upper], 2 * weights[upper]
         root = np.sqrt(self._fold * weights)[:, np.newaxis]
-        every = [root * self._values(points_m, orders) for orders in (*_BENDS, _VALUE)]
+        every = [root * self._values(points_m, orders) for orders in (*BENDS, VALUE)]
         xx, yy, xy, value = every
         own = slice(self._functions.n_global + self._n_box, len(alone[0]))
-        kinds = (
-            ("biaxial_n_m", xx + yy, 0.5),
-            ("opposed_n_m", xx - yy, 0.5),
-            ("opposed_n_m", xy, 2.0),
-        )
-        terms = [(0, name, rows, share) for name, rows, share in kinds]
-        for which, name, rows, share in (*terms, (1, "mass_kg_m2", value, 1.0)):
-            squared = rows.T @ rows
-            more[which][:] += share * getattr(self._added, name) * squared
-            part = share * getattr(self._bare, name) * squared[:, own]
+        bends = np.stack([xx + yy, xx - yy, 2 * xy]) / math.sqrt(2)
+        names = ("biaxial_n_m", "opposed_n_m", "opposed_n_m")
+        size, mass = len(alone[0]), ("mass_kg_m2",)
+        for which, rows, kinds in ((0, bends, names), (1, value[np.newaxis], mass)):
+            # no patch takes stiffness or mass away, so that its part is a product with itself
+            added, bare = (
+                np.sqrt([getattr(stiff, name) for name in kinds])[:, np.newaxis, np.newaxis] * rows
+                for stiff in (self._added, self._bare)
+            )
+            more[which][:] += added.reshape(-1, size).T @ added.reshape(-1, size)
+            part = bare.reshape(-1, size).T @ bare[:, :, own].reshape(-1, own.stop - own.start)
             alone[which][:, own] += part
             alone[which][own] += part.T
             alone[which][own, own] -= part[own]
@@ -353,17 +355,16 @@ class _Block:
     def _values(self, points_m: Real, orders: tuple[int, int]) -> Real:
         around = self._around
         parts = (self._functions.plate, around.box, around.disc)
-        return np.concatenate([part(points_m, orders) for part in parts], axis=1)
+        return np.hstack([part(points_m, orders) for part in parts])
 
-    def _nodes(self) -> tuple[int, int]:
-        """Return how many nodes along and across an integral over a cell needs."""
-        functions, sizes_m = (
-            self._functions,
-            zip(self._around.patch.half_size_m, self._around.ring_m, strict=True),
-        )
+    def _nodes(self, ring_m: tuple[float, float]) -> tuple[int, int]:
+        """Return how many nodes along and across an integral over patch and ring's cells needs."""
+        functions, half_size_m = self._functions, self._around.patch.half_size_m
         along, across = (
-            _NODES + math.ceil(one.series.shape[1] * min(max(size_m) / one.half_m, 1.0))
-            for one, size_m in zip((functions.along, functions.across), sizes_m, strict=True)
+            _NODES + math.ceil(one.series.shape[1] * min(max(half_m, beyond_m) / one.half_m, 1.0))
+            for one, half_m, beyond_m in zip(
+                (functions.along, functions.across), half_size_m, ring_m, strict=True
+            )
         )
         return along, across
 

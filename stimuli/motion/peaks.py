@@ -77,7 +77,12 @@ class Peaks:
 
 
 def peaks_of(
-    motion: Motion, groups: Sequence[NDArray[np.intp]], drive: Drive, *, wait_s: float
+    motion: Motion,
+    groups: Sequence[NDArray[np.intp]],
+    drive: Drive,
+    *,
+    wait_s: float,
+    with_error: bool = True,
 ) -> Peaks:
     """Return the largest displacements of groups of points under a drive.
 
@@ -93,9 +98,11 @@ def peaks_of(
         How long after the drive is looked at least. Where there is loss, it goes on as long as all
         oscillators together could give a larger value than was found; without loss, where that
         is forever, up to eight times as long if the largest value comes late.
+    with_error : bool
+        Whether the error is asked for; else it is left 0.
     """
     oscillators = motion.oscillators
-    checked = [group[::_CHECKED] for group in groups]
+    checked = [group[::_CHECKED] for group in groups] if with_error else []
     rows = [LoadedRow(motion, load, checked) for load in range(oscillators.rest_m.shape[0])]
     decays = bool(np.all(oscillators.poles.real < 0))
     found = np.zeros((len(groups), len(rows)))
@@ -107,8 +114,9 @@ def peaks_of(
         for column, row in enumerate(rows):
             moved_m = moved(row.weights, row.rest_m, answers, samples)
             crests_m = crests(np.abs(moved_m))
-            for line, (group, some) in enumerate(zip(groups, checked, strict=True)):
+            for line, group in enumerate(groups):
                 found[line, column] = max(found[line, column], np.max(crests_m[group]))
+            for line, some in enumerate(checked):
                 doubts = row.doubts(line, answers, samples)
                 signed = [sign * doubt for sign in (1, -1) for doubt in doubts]
                 sums = [moved_m[some], *(moved_m[some] + doubt for doubt in signed)]
@@ -121,11 +129,13 @@ def peaks_of(
             break
         if not decays and waited >= 1 and (latest <= _LATE * waited or waited >= _MOST_WAITS):
             break
+    if not with_error:
+        return Peaks(peak_m=found, error_m=np.zeros_like(found))
     apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
     error_m = apart.max(axis=0).sum(axis=0) + INTERPOLATED * found
     if motion.coarser:
         half, octave = (
-            np.abs(peaks_of(coarse, groups, drive, wait_s=wait_s).peak_m - found)
+            np.abs(peaks_of(coarse, groups, drive, wait_s=wait_s, with_error=False).peak_m - found)
             for coarse in motion.coarser
         )
         error_m = error_m + np.maximum(_SHIFTED[0] * half, _SHIFTED[1] * octave)
@@ -159,17 +169,20 @@ def patched_peaks(
 
     ValueError where the plate has too many modes, or its displacement is not known well enough.
     """
-    sizes = [peaks_of(motion, groups, drive, wait_s=wait_s) for motion in found]
+    sizes = list(found)
     if not sizes:
         raise ValueError(f"{TOO_MANY_FOR_PATCHES} to be counted, got length_m = {strip.length_m!r}")
-    first, last = sizes[0], sizes[-1]
+    last = first = peaks_of(sizes[-1], groups, drive, wait_s=wait_s)
+    if len(sizes) > 1:
+        first = peaks_of(sizes[0], groups, drive, wait_s=wait_s, with_error=False)
     error_m = last.error_m + _SLOWLY * np.abs(last.peak_m - first.peak_m)
     # what is not known of the finger that moves most is known of no other one
     most, columns = np.argmax(last.peak_m, axis=0), np.arange(last.peak_m.shape[1])
     part = error_m[most, columns] / last.peak_m[most, columns]
     error_m = np.maximum(error_m, part * last.peak_m)
     known = np.max(error_m, axis=0) / np.max(last.peak_m, axis=0)
-    load = int(np.argmax(known))
+    # of equal ones the first, whatever the rounding
+    load = int(np.argmax(known >= (1 - 1e-6) * np.max(known)))
     if not known[load] <= _PATCHED:
         raise PatchesUnknownError(load, float(known[load]))
     return Peaks(peak_m=last.peak_m, error_m=error_m)
@@ -194,7 +207,7 @@ class LoadedRow:
 
     def __init__(self, motion: Motion, load: int, checked: Sequence[NDArray[np.intp]]) -> None:
         self._late, self._turned = motion.late, motion.turned
-        unsure_m = None if motion.unsure_m is None else motion.unsure_m[load]
+        unsure_m = motion.unsure()[load] if motion.unsure is not None and checked else None
         self._unsure_m = [None if unsure_m is None else unsure_m[group] for group in checked]
         self.weights = motion.oscillators.weights(load)
         self.rest_m = motion.oscillators.rest_m[load]

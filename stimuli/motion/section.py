@@ -7,9 +7,12 @@ import math
 from itertools import count
 from typing import TYPE_CHECKING, Final
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+import numpy as np
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from stimuli.arrays import Real
     from stimuli.field.scene import Scene
 
 
@@ -22,6 +25,9 @@ _LONGER: Final = 1.5
 AGREED: Final = 0.5
 """Part of a wanted error by which two sections may differ: with the longer one, whose ends are half
 as far away again, less is left."""
+
+ECHOED: Final = 4.0
+"""Echoes are of waves up to so many times the reference: few modes tell whether they count."""
 
 
 def sections(scene: Scene) -> Iterator[Scene]:
@@ -62,3 +68,28 @@ def _section(scene: Scene, start_m: float, end_m: float, places: list[float]) ->
         loads=tuple(dataclasses.replace(load, x_m=load.x_m - middle_m) for load in scene.loads),
         points_m=tuple((x - middle_m, y) for x, y in scene.points_m),
     )
+
+
+def echoless(scene: Scene, quickly: Callable[[Scene], Real | None], rtol: float) -> Scene:
+    """Return the shortest section of a scene that the next one agrees with; else all of it.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    quickly : callable
+        Returns what is looked at of a section, to some digits; none where it is too long for that.
+    rtol : float
+        Wanted error of that.
+    """
+    shorter: tuple[Scene, Real] | None = None
+    for section in sections(scene):
+        if section is scene:
+            break
+        found = quickly(section)
+        if found is None:
+            break
+        if shorter is not None and np.all(np.abs(found - shorter[1]) <= AGREED * rtol * found):
+            return shorter[0]
+        shorter = section, found
+    return scene

@@ -1,0 +1,182 @@
+"""Processor time of a study's gain matrix, and of `tactstrip check`, over plates of every kind."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Final
+
+from benchmarks.timing import duration
+
+REPEATS: Final = 3
+IMPORTS: Final = "import numpy, pydantic, scipy.linalg, scipy.special"
+MATRIX: Final = """
+import sys, time
+from pathlib import Path
+from experiment.study.read import read_study
+from experiment.study.physics import study_gains
+import scipy.linalg, scipy.special
+study = read_study(Path(sys.argv[1]))
+began_s = time.process_time()
+study_gains(study)
+print(time.process_time() - began_s)
+"""
+DRY_RUN: Final = """
+import sys, tempfile
+from pathlib import Path
+from analysis.commands.dry_run import dry_run
+from experiment.preview.check import check_study
+from experiment.session.simulate import simulate_study
+from experiment.study.read import read_study
+study = read_study(Path(sys.argv[1]))
+gains = check_study(study).gains
+with tempfile.TemporaryDirectory() as folder:
+    for _ in simulate_study(study, Path(folder), participants=5, seed=7, gains=gains):
+        pass
+"""
+
+
+def _actuator(
+    side: str, x_mm: float, *lines: str, diameter_mm: float = 12.8, y_mm: float | None = None
+) -> str:
+    across = [] if y_mm is None else [f"y_mm = {y_mm}"]
+    measured = [
+        "measured_displacement_um = 2.6", "measured_at_vpp = 100", "measured_at_hz = 100",
+    ]  # fmt: skip
+    return "\n".join(
+        [
+            "[[actuator]]", f'side = "{side}"', f"x_mm = {x_mm}", f"diameter_mm = {diameter_mm}",
+            *across, *measured, *lines, "",
+        ]
+    )  # fmt: skip
+
+
+def _study(
+    strip: str = "",
+    places_mm: tuple[float, float] = (-35, 35),
+    *lines: str,
+    rest: str = "",
+    **sizes: float,
+) -> str:
+    """Return a study of two actuators on a plate, of the paper's where nothing else is told."""
+    keys = "\n".join(f"{key.strip()}" for key in strip.split(";") if key)
+    sides = "".join(
+        _actuator(side, x_mm, *lines, **sizes)
+        for side, x_mm in zip(("left", "right"), places_mm, strict=True)
+    )
+    return f"[strip]\n{keys}\n{sides}{rest}"
+
+
+COUNTS: Final = (
+    "patch_counts = true", "piezo_thickness_mm = 0.11", "piezo_youngs_modulus_gpa = 63",
+    "piezo_poisson_ratio = 0.31", "piezo_density_kg_m3 = 7800", "carrier_thickness_mm = 0.1",
+    "carrier_youngs_modulus_gpa = 105", "carrier_poisson_ratio = 0.35",
+    "carrier_density_kg_m3 = 8530",
+)  # fmt: skip
+FINGERS: Final = (
+    "[finger_load]\nmass_g = 0.2\nstiffness_n_m = 500\ndamping_n_s_m = 1\n"
+    'holds_up_to_hz = 1000\nsource = "an example"\n'
+)
+OTHERS: Final = "".join(
+    _actuator("other", x_mm, f'name = "at{x_mm}"', diameter_mm=10) for x_mm in (-70, 0, 70)
+)
+BARE: Final = "simply-supported"
+
+
+def _plate(width_mm: float, thickness_mm: float, length_mm: float, edge: str, material: str) -> str:
+    return (
+        f"width_mm = {width_mm};thickness_mm = {thickness_mm};length_mm = {length_mm};"
+        f'edge = "{edge}";material = "{material}"'
+    )
+
+
+LONG_3: Final = "length_mm = 3000;measured_cutoff_hz = 2900"
+STUDIES: Final = {
+    "the paper's plate": _study(),
+    "... endless": _study('length_mm = "endless"'),
+    "... loss stated, 0.005": _study("loss_factor = 0.005"),
+    "... Hann, two cycles": _study(rest='[burst]\ncycles = 2\nwindow = "hann"\n'),
+    "... fingers rest on it": _study(rest=FINGERS),
+    "... its patches count": _study("", (-35, 35), *COUNTS),
+    "... patches and fingers": _study("", (-35, 35), *COUNTS, rest=FINGERS),
+    "... 3 m long": _study(LONG_3),
+    "... 3 m long, one end near": _study(LONG_3, (1400, 1470)),
+    "... 3 m long, fingers": _study(LONG_3, rest=FINGERS),
+    "... 30 m long": _study("length_mm = 30000;measured_cutoff_hz = 2900"),
+    "... four more actuators": _study(rest=OTHERS),
+    "... actuators 2 mm off the centre line": _study(y_mm=10.5),
+    "... off the centre line, fingers": _study(y_mm=10.5, rest=FINGERS),
+    "... off the centre line, patches": _study("", (-35, 35), *COUNTS, y_mm=10.5),
+    "... discs at -35 and 45 mm, patches": _study("", (-35, 45), *COUNTS),
+    "clamped aluminium, 25 x 0.5 x 200 mm": _study(_plate(25, 0.5, 200, "clamped", "aluminium")),
+    "simply supported, the same": _study(_plate(25, 0.5, 200, BARE, "aluminium")),
+    "simply supported steel, 20 x 0.3 x 160 mm": _study(_plate(20, 0.3, 160, BARE, "steel")),
+    "clamped glass, 30 x 0.7 x 150 mm": _study(_plate(30, 0.7, 150, "clamped", "glass")),
+    "clamped PMMA, 25 x 1 x 300 mm": _study(_plate(25, 1, 300, "clamped", "pmma")),
+    "clamped, 2 x 0.1 x 200 mm": _study(
+        _plate(2, 0.1, 200, "clamped", "aluminium"), diameter_mm=1.5
+    ),
+    "clamped, 2 x 0.5 x 200 mm": _study(_plate(2, 0.5, 200, "clamped", "aluminium"), diameter_mm=1),
+    "clamped, 5 x 0.5 x 200 mm": _study(_plate(5, 0.5, 200, "clamped", "aluminium"), diameter_mm=4),
+    "clamped, 100 x 2 x 200 mm": _study(_plate(100, 2, 200, "clamped", "aluminium")),
+    "clamped, 100 x 2 x 1000 mm": _study(_plate(100, 2, 1000, "clamped", "aluminium")),
+}
+
+
+def _processor_s(*command: str) -> float:
+    """Return the processor time of a new process."""
+    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        command, env=one_thread, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode not in (0, 1):  # 1: the stimulus is unfit
+        raise RuntimeError(f"{command} ended with {process.returncode}")
+    return used.ru_utime + used.ru_stime
+
+
+def _matrix_s(path: Path) -> float:
+    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-c", MATRIX, str(path)]
+    done = subprocess.run(command, env=one_thread, check=True, capture_output=True, text=True)
+    return float(done.stdout)
+
+
+def measured(text: str) -> tuple[float, float, float]:
+    """Return processor times of a study's gain matrix, and beyond imports of check and dry run."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "study.toml"
+        path.write_text(text, encoding="utf-8")
+        matrix_s = min(_matrix_s(path) for _ in range(REPEATS))
+        bare_s, check_s, dry_s = (
+            min(_processor_s(sys.executable, *command) for _ in range(REPEATS))
+            for command in (
+                ("-c", IMPORTS),
+                ("-c", "from tactstrip import main; main()", "check", str(path)),
+                ("-c", DRY_RUN, str(path)),
+            )
+        )
+    return matrix_s, check_s - bare_s, dry_s - bare_s
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    lines = [
+        "## Gain matrix and check",
+        "",
+        "Least processor time of three new processes, one thread: of the gain matrix of a study",
+        f"(its imports left out), and of `tactstrip check` beyond `{IMPORTS}`; likewise of what",
+        "`dry-run` does with five participants before its analysis. Wanted are 0.15 s and 1.0 s.",
+        "",
+        "| plate | gain matrix | check | dry run |",
+        "|---|---|---|---|",
+    ]
+    for name, text in STUDIES.items():
+        matrix, check, dry = (duration(one_s) for one_s in measured(text))
+        lines.append(f"| {name} | {matrix} | {check} | {dry} |")
+        print(lines[-1], file=sys.stderr, flush=True)
+    return "\n".join([*lines, ""])
