@@ -121,9 +121,8 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
         sessions = Sessions(tmp_path / f"{number}", quick_study_text)
         watched = Watched(sessions)
         more = ["--seed", str(rng.integers(2**31))]
-        while killed(
-            int(rng.integers(1, 40)), sessions.words("--responder", "simulated", "--lsl", *more)
-        ):
+        run = ["--responder", "simulated", *["--lsl"] * (number % 8 == 1)]  # which takes longest
+        while killed(int(rng.integers(1, 40)), sessions.words(*run, *more)):
             more = watched.killed() or more
         watched.ended()
         kills += watched.kills

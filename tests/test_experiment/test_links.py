@@ -402,7 +402,7 @@ def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
     assert {row["device_kind"] for row in tiny.rows()} == {"emulated"}
     tiny.practice = False
     person = ("--responder", "terminal", "--driver", "serial", "--port", port, "--session", "02")
-    refused = tiny.run(*person)
+    refused = tiny.run(*person, *given)  # before it is seen that there is no terminal
     assert (refused.exit_code, "the device is an emulator" in refused.stderr) == (2, True)
     assert not tiny.folder("02").path.exists()
     header = tiny.header()
