@@ -195,7 +195,7 @@ def test_what_no_device_could_run_is_refused_by_the_check(
 def test_a_thick_plate_is_warned_of(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     disc = '[[actuator]]\nside = "{}"\nx_mm = {}\ndiameter_mm = 12.8\n'
-    plate = '[strip]\nedge = "clamped"\nthickness_mm = 5\nmaterial = "steel"\n'
+    plate = '[strip]\nedge = "clamped"\nthickness_mm = 5\nlength_mm = 200\nmaterial = "steel"\n'
     text = plate + disc.format("left", -35) + disc.format("right", 35)
     study.write_text(text, encoding="utf-8")
     assert "not a thin plate" in run("check", study).output

@@ -153,6 +153,6 @@ def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
         found.tell(
             "", f"at {same_hz:.0f} Hz{_where(strip, same_hz)}: {viscous_s * 1e6:.3g} us in all"
         )
-    if isinstance(strip.edge, ElasticEdge) and strip.length_m is not None:
+    if isinstance(strip.edge, ElasticEdge):
         springs = "have the plate's loss" if plate.edge_loss == "plate" else "have no loss"
         found.tell("", f"the springs of the edges {springs} (edge_loss = {plate.edge_loss})")

@@ -264,7 +264,7 @@ def patch_words(strip: Strip, patch: BondedPatch) -> str:
 def _strip(plate: Plate) -> Iterator[Source]:
     for key in ("width_mm", "length_mm", "thickness_mm"):
         value = getattr(plate, key)
-        papers = plate.is_the_papers and value == file_keys(Plate)[key].default
+        papers = plate.is_the_papers and (key != "length_mm" or value == PAPER_LENGTH_MM)
         yield _source(f"strip.{key}", value, *(_PAPERS if papers else _YOURS))
     if plate.material is not None:
         words = f"handbook: {MATERIALS[plate.material].source}"

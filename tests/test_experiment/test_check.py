@@ -488,6 +488,7 @@ LAB = """
 [strip]
 width_mm = 30
 thickness_mm = 0.3
+length_mm = 200
 material = "steel"
 edge = "clamped"
 measured_cutoff_hz = 1700

@@ -68,7 +68,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         return {"name": "a", "file": "a", "samples_base64": base64.b64encode(samples).decode()}
     wide = {"width_mm": 1000.0} if key == "thickness_mm" else {}
     others: dict[str, dict[str, Any]] = {
-        "strip": {"edge": "elastic", "edge_stiffness_n": 100.0} | METAL | wide,
+        "strip": {"edge": "elastic", "edge_stiffness_n": 100.0, "length_mm": 200.0} | METAL | wide,
         "finger_load": FINGERS,
         "condition": {"name": "a"},
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},

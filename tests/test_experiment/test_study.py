@@ -277,7 +277,7 @@ def test_a_study_survives_its_canonical_text(
 
 def test_a_named_material_survives_its_canonical_text() -> None:
     text = discs().replace("12.8", "9")
-    study = read(f'[strip]\nmaterial = "steel"\nedge = "clamped"\n{text}')
+    study = read(f'[strip]\nlength_mm = 150\nmaterial = "steel"\nedge = "clamped"\n{text}')
     assert study_from_canonical(study.canonical) == study
     assert study.strip.material.density_kg_m3 == 7850
     assert study.plate.youngs_modulus_gpa is None
@@ -367,7 +367,7 @@ def test_actuators_are_listed_left_first_then_the_others_along_the_strip() -> No
 
 
 def test_an_actuator_without_y_lies_on_the_centre_line() -> None:
-    plate = '[strip]\nwidth_mm = 28\nmaterial = "aluminium"\nmeasured_cutoff_hz = 2500\n'
+    plate = '[strip]\nwidth_mm = 28\nlength_mm = 200\nmaterial = "steel"\nedge = "clamped"\n'
     left, right = read(plate + discs("y_mm = 10\n")).actuators
     assert (left.y_m, right.y_m) == (0.01, 0.014)
 

@@ -31,9 +31,9 @@ EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 
 # What the paper states belongs to its plate: 25 x 0.5 mm of its aluminium. A study whose plate has
 # that width, that thickness and no other material has the paper's material and discs where it
-# states none, whatever its length, its loss and its edges; the first cut-off only with edges that
-# are not said to be others, and what its discs do only with its length and its first cut-off, as
-# they were measured. Of any other plate nothing is known but what its study says.
+# states none, whatever its loss and its edges, and its length; the first cut-off only with edges
+# that are not said to be others, and what its discs do only with its length and its first cut-off,
+# as they were measured. Of any other plate nothing is known but what its study says.
 PAPER_CUTOFF_HZ: Final = 2900.0
 """First cut-off measured on the paper's plate (figure 4)."""
 
@@ -97,6 +97,7 @@ def refuse_orphans(values: object, measured: str) -> None:
 Line = Annotated[str, AfterValidator(one_line)]
 Modulus = Annotated[float, Field(ge=1e-3, le=1500)]
 Density = Annotated[float, Field(ge=30, le=25_000)]
+_WITH_SPRINGS: Final = ("elastic", "measured-cutoff")
 _LEAST_LOSS: Final = {"loss_factor": 1e-4, "viscous_time_us": 0.01}
 """Less would be a slip that counts as a stated loss; at 1 kHz both are about the same."""
 
@@ -106,8 +107,8 @@ class Plate:
     """The plate, held along its two long edges."""
 
     width_mm: float = Field(default=25.0, ge=2, le=1000, description="between the held edges")
-    length_mm: Annotated[float, Field(ge=20, le=10_000)] | Literal["endless"] = Field(
-        default=PAPER_LENGTH_MM, description='or "endless"'
+    length_mm: Annotated[float, Field(ge=20, le=10_000)] | Literal["endless"] | None = Field(
+        default=None, description='or "endless"; of the paper\'s plate 200'
     )
     thickness_mm: float = Field(default=0.5, ge=0.02, le=50)
     material: MaterialName | None = None
@@ -151,7 +152,7 @@ class Plate:
         if isinstance(keys.get("material"), str):
             require_known("material", keys["material"], MATERIALS)
         if is_papers_plate(keys):
-            for key, value in _PAPER_MATERIAL.items():
+            for key, value in (_PAPER_MATERIAL | {"length_mm": PAPER_LENGTH_MM}).items():
                 keys[key] = value if keys.get(key) is None else keys[key]
             edge = keys.get("edge", "measured-cutoff")
             if edge == "measured-cutoff" and keys.get("measured_cutoff_hz") is None:
@@ -171,6 +172,11 @@ class Plate:
             raise ValueError("edge_stiffness_n is missing; edge = elastic needs it")
         if self.edge != "elastic" and self.edge_stiffness_n is not None:
             raise ValueError(f"edge_stiffness_n is for edge = elastic only; got edge = {self.edge}")
+        if self.edge_loss == "plate" and self.edge not in _WITH_SPRINGS:
+            raise ValueError(
+                f"edge_loss is for edge = {' or '.join(_WITH_SPRINGS)} only, whose springs can "
+                f"have a loss; got edge_loss = plate with edge = {self.edge}"
+            )
         refuse_orphans(self, "measured_cutoff_hz")
         self.strip  # noqa: B018 - not every plate can have every cut-off
 
@@ -187,6 +193,8 @@ class Plate:
             missing = [key for key in _PAPER_MATERIAL if key not in stated]
         if self.edge == "measured-cutoff" and self.measured_cutoff_hz is None:
             missing.append("measured_cutoff_hz (or another edge)")
+        if self.length_mm is None:
+            missing.append('length_mm (or "endless")')
         if missing:
             told = ", ".join(missing)
             raise PydanticCustomError(
@@ -213,7 +221,7 @@ class Plate:
         """The strip as the physics has it."""
         strip = Strip(
             width_m=self.width_mm / 1e3,
-            length_m=None if self.length_mm == "endless" else self.length_mm / 1e3,
+            length_m=self.length_mm / 1e3 if isinstance(self.length_mm, float | int) else None,
             thickness_m=self.thickness_mm / 1e3,
             material=self._material(),
             edge=self._edge(),
