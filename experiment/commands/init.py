@@ -44,7 +44,8 @@ _INTRODUCTIONS: Final = {
         "The protocol of A. Ben Dhiab and C. Hudin, 'Confinement of Vibrotactile Stimuli in Narrow "
         "Plates'. What the paper does not state (waits, breaks, the device) is ours. Every key may "
         "be left out: the paper preset's value is its default; but a plate of other width, "
-        "thickness or material needs its own material, edge or measured_cutoff_hz, and actuators."
+        "thickness or material needs its own material, edge or measured_cutoff_hz, and actuators, "
+        "and one of other length or cut-off what was measured of its actuators."
     ),
     "recommended": (
         "The paper's plate with the design we recommend: each level equally often in every block, "

@@ -204,7 +204,13 @@ _MEANT: Final = tuple(
         ),
         (r"(?P<whole>[-+]?\d+)\.", "{key} needs a digit after its point; write {key} = {whole}.0"),
         (
-            r"(?P<sign>[-+]?)0+(?P<whole>\d[\d.]*)",
+            r"\d{1,2}[./]\d{1,2}[./]\d{2,4}",
+            "{key} must be a day as year-month-day, such as 2026-05-04",
+        ),
+        ("True", "{key} must be true or false; write {key} = true"),
+        ("False", "{key} must be true or false; write {key} = false"),
+        (
+            r"(?P<sign>[-+]?)0+(?P<whole>\d+(?:\.\d+)?)",
             "{key} begins with a 0; write {key} = {sign}{whole}",
         ),
         (

@@ -240,7 +240,9 @@ def displacement_source(study: Study, place: int) -> Source | None:
         if actuator.piezo_d31_pm_v is None:
             return None
         layers = [getattr(actuator, key) for key in PIEZO_KEYS]
-        return _source(f"{path}.piezo", layers, "computed", "computed from its layers, yours")
+        return _source(
+            f"{path}.piezo", layers, "computed", "displacement computed from its layers, yours"
+        )
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
     key = f"{path}.{MEASURED_KEYS[0]}"
     papers = study.plate.is_as_measured and actuator.is_the_papers

@@ -222,11 +222,13 @@ class Study:
                 continue
             path, per_vpp = f"actuator[{place}].{MEASURED_KEYS[0]}", thickness_um / highest_vpp
             limits = KeyRange(ge=LEAST_UM_PER_VPP * at_vpp, le=per_vpp * at_vpp)
+            levels = KeyRange(ge=um / per_vpp, le=um / LEAST_UM_PER_VPP)
             if not limits.hold(um):
                 raise ValueError(
                     f"{path} must be {limits.words(whole=False)} at {at_vpp:g} Vpp, so that it "
                     f"is felt at some level and within the plate's thickness at {highest_vpp:g} "
                     f"Vpp; got {um:g}{in_mind(path, um, limits.hold)}"
+                    f"{in_mind(MEASURED_KEYS[1], at_vpp, levels.hold)}"
                 )
 
     def _check_fingers(self) -> None:

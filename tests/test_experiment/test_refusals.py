@@ -345,6 +345,16 @@ def without_diameter(left: str) -> str:
         ("[actuator]\nx_mm = 1\n[[actuator]]\nx_mm = 2", "are written [[actuator]] and [[condi"),
         ("design.foreperiod_s = [0,8, 2,0]", "; with points, not commas: [0.8, 2.0]"),
         (array(MEASURED.replace("2.6", "0.0026")), "if these are millimetres, write measured_dis"),
+        (array(MEASURED.replace("100", "0.1")), "if these are kilovolts, write measured_at_vpp ="),
+        ("strip.measured_by = ' '", "strip.measured_by must be text in one line; got ' '"),
+        (
+            "[strip]\nmeasured_on = 04.05.2026",
+            "must be a day as year-month-day, such as 2026-05-04",
+        ),
+        (
+            "[screen]\nfull_screen = True",
+            "full_screen must be true or false; write full_screen = true",
+        ),
         (array(MEASURED.replace("2.6", "2600")), "if these are nanometres, write measured_displ"),
         (
             array(MEASURED.replace("2.6", "300")),

@@ -131,8 +131,8 @@ class Actuator:
     def _check_name(self) -> None:
         if (self.name is not None) != (self.side == "other"):
             raise ValueError(
-                f"name must be given where side is other, and only there; got {self.name!r} where "
-                f"side is {self.side}"
+                f"name must be given where side is other, and only there; got "
+                f"{self.name or 'none'} where side is {self.side}"
             )
         if self.name is not None and (not NAME.fullmatch(self.name) or self.name in SIDES):
             raise ValueError(f"name must be {NAME_RULE} and no side; got {self.name!r}")

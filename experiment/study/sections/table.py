@@ -242,7 +242,9 @@ def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
     if first["type"] == ASKED_FOR:
         return str(first["msg"])
     if first["type"] == "value_error":
-        return f"{path}.{first['ctx']['error']}".removeprefix(".")
+        refusal = str(first["ctx"]["error"])
+        joint = " " if refusal.startswith("must ") else "."
+        return f"{path}{joint}{refusal}".removeprefix(".")
     place = _place(root, first["loc"])
     allowed = " or ".join(_allowed(error, place) for error in errors)
     if path in _ARRAYS:
