@@ -67,9 +67,18 @@ def onset_interval_s(condition: Condition, settings: DeviceSettings) -> float:
         The study's device settings.
     """
     limits = host_limits(settings)
-    duration_s = condition.drive.duration_s + 2 / settings.sample_rate_hz
+    duration_s = _sampled_s(condition, settings)
     rest_s = max(duration_s + limits.least_interval_s, duration_s / limits.max_duty)
     return rest_s + _MARGIN_S
+
+
+def playing_s(condition: Condition, settings: DeviceSettings) -> float:
+    """Return for how long after an onset a device may still be playing."""
+    return _sampled_s(condition, settings) + _MARGIN_S
+
+
+def _sampled_s(condition: Condition, settings: DeviceSettings) -> float:
+    return condition.drive.duration_s + 2 / settings.sample_rate_hz
 
 
 _MARGIN_S = 1e-3

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from device.driver import DeviceError, Outcome, RefusedError
 from experiment.apparatus.noise import NoiseError
-from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s
+from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s, playing_s
 from experiment.session.setting import fault_facts, trial_name
 from experiment.trial.events import Event
 
@@ -49,8 +49,8 @@ class StimulusOut:
         self._journal = journal
         self._conditions = {condition.name: condition for condition in study.conditions}
         self._loaded: str | None = None
-        self._interval_s = 0.0
-        self._rested_s = setting.clock.now_s()
+        self._duration_s = self._interval_s = 0.0
+        self._silent_s = self._rested_s = setting.clock.now_s()
         self._token = last_token
         self.delivery: Delivery | None = None
         self.onset_s = 0.0
@@ -64,9 +64,12 @@ class StimulusOut:
         self.delivery = None
         if trial.condition != self._loaded:
             condition = self._conditions[trial.condition]
+            # After a key too early the burst before may still play: nothing is loaded then.
+            self._clock.wait(max(0.0, self._silent_s - self._clock.now_s()))
             load_condition(self._device, condition, self._study.device)
             self._device.enable()
             self._loaded = trial.condition
+            self._duration_s = playing_s(condition, self._study.device)
             self._interval_s = onset_interval_s(condition, self._study.device)
             self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
         return self._rested_s
@@ -89,7 +92,6 @@ class StimulusOut:
 
     def fire(self) -> Event:
         """Emit the stimulus; nothing is journaled of one that went out."""
-        self._rested_s = self._clock.now_s() + self._interval_s
         try:
             self.delivery = self._device.fire(self._token)
         except RefusedError as error:
@@ -97,6 +99,10 @@ class StimulusOut:
             return Event.NOT_FIRED
         except DeviceError as error:
             return self.fail(error)
+        finally:  # by the latest that it may have begun: the order may have gone out again
+            now_s = self._clock.now_s()
+            self._silent_s = now_s + self._duration_s
+            self._rested_s = now_s + self._interval_s
         self.onset_s = (self.delivery.host_before_s + self.delivery.host_after_s) / 2
         return _EVENT_OF[self.delivery.outcome]
 

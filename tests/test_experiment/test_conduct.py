@@ -777,3 +777,16 @@ def test_a_person_on_a_silent_device_begins_nothing_without_the_word_that_it_is_
         begin(lab.folder, lab.plan, replace(setting, practice=False))
     assert not lab.folder.path.exists()
     assert lab.noise.calls == []
+
+
+@pytest.mark.parametrize("rt_s", [0.0, 0.002, 0.05])
+def test_a_key_while_the_burst_still_plays_does_not_fail_the_device(
+    lab_of: LabOf, rt_s: float
+) -> None:
+    """Another condition is loaded for the next trial, which no device does while it plays."""
+    conditions = TWO_CONDITIONS.replace("cycles = 2", "cycles = 30")
+    lab = lab_of("audibility_trials = 4\nmost_anticipated = 9\n" + conditions)
+    ending = lab.begin(ask=dict.fromkeys(range(1, 16, 2), ("left", rt_s)))
+    assert ending.failure is None
+    assert ending.finished
+    assert [status for _, _, status in lab.statuses()].count("voided") == 8
