@@ -17,6 +17,7 @@ from .slots import (
     host_limits,
     load_condition,
     onset_interval_s,
+    playing_s,
     require_playable,
     require_suitable,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "mock_device",
     "noise_player",
     "onset_interval_s",
+    "playing_s",
     "require_confirmed",
     "require_device",
     "require_playable",

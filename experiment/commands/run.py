@@ -167,6 +167,8 @@ def run(
             # responder of one's own says itself whether it is a person.
             kind = "mock" if rig.settings.driver == MOCK else "emulated"
             require_device(kind, simulated=False, practice=practice)
+        if lsl:
+            _await_recorder(markers, stop)
         with (
             _failures(),
             responder_named(
@@ -211,6 +213,17 @@ def _markers(folder: SessionFolder, clock: Clock) -> Markers:
     from experiment.session.markers import LslMarkers
 
     return LslMarkers(clock, participant=folder.participant, session=folder.session)
+
+
+def _await_recorder(markers: Markers, stop: StopSignal) -> None:
+    from experiment.operator.requests import StopRequested
+    from experiment.session.markers import await_recorder
+
+    try:
+        with stop.interruptible():
+            await_recorder(markers, click.echo, asking=True)
+    except StopRequested as error:
+        raise KeyboardInterrupt from error
 
 
 def _confirmed(rig: Rig, stop: StopSignal, *, given: bool) -> Confirmation | None:

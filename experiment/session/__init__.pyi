@@ -1,5 +1,5 @@
 from .conduct import begin, completed, resume
-from .markers import LslMarkers, Markers, NoMarkers
+from .markers import LslMarkers, Markers, NoMarkers, await_recorder
 from .run import run_session
 from .setting import Ending, NobodyLooks, Setting, Sitting
 from .simulate import SimulationError, simulate_study, simulated_responder
@@ -13,6 +13,7 @@ __all__ = [
     "Setting",
     "SimulationError",
     "Sitting",
+    "await_recorder",
     "begin",
     "completed",
     "resume",

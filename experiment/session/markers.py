@@ -6,16 +6,30 @@ the answer is in, for nothing may be done between a stimulus and its answer.
 
 from __future__ import annotations
 
+import os
+import select
+import sys
+import time
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from device.clock import Clock
     from device.driver import Delivery
     from experiment.trial.events import Task
 
 RECORDING_START: Final = "recording_start"
-"""Sent when a sitting begins; onsets of a BIDS data set are counted from the first."""
+"""Sent in each sitting before its first trial, and kept, once it is surely heard.
+
+Onsets of a BIDS data set are counted from the first.
+"""
 STREAM: Final = "tactstrip"
+WORDS: Final = f"LSL stream {STREAM}"
+LONGEST_S: Final = 10.0
+"""So long a recorder is waited for where nobody can say that it is to go on."""
+_LOOK_EVERY_S: Final = 0.1
+UNHEARD: Final = f"nobody records the {WORDS}: connect the recorder"
 
 
 class MarkerError(ValueError):
@@ -29,6 +43,9 @@ class Markers(Protocol):
     def words(self) -> str | None:
         """What sends them, for the record; none where nothing does."""
 
+    def heard(self) -> bool:
+        """Tell whether somebody listens: a marker reaches only those who were connected before."""
+
     def send(self, marker: str, time_s: float) -> None:
         """Send a marker for a time on the session's clock."""
 
@@ -37,6 +54,10 @@ class NoMarkers:
     """Sends none."""
 
     words = None
+
+    def heard(self) -> bool:
+        """Nobody listens."""
+        return False
 
     def send(self, marker: str, time_s: float) -> None:
         """Send nothing."""
@@ -62,11 +83,43 @@ class LslMarkers:
             readings.append((after_s - before_s, theirs_s - (before_s + after_s) / 2))
         self._offset_s = min(readings)[1]
         library = pylsl.library_version()
-        self.words: str | None = f"LSL stream {STREAM}, pylsl {pylsl.__version__}, liblsl {library}"
+        self.words: str | None = f"{WORDS}, pylsl {pylsl.__version__}, liblsl {library}"
+
+    def heard(self) -> bool:
+        """Tell whether somebody listens."""
+        return bool(self._outlet.have_consumers())
 
     def send(self, marker: str, time_s: float) -> None:
         """Send a marker for a time on the session's clock, also one that is past."""
         self._outlet.push_sample([marker], time_s + self._offset_s)
+
+
+def await_recorder(markers: Markers, tell: Callable[[str], object], *, asking: bool) -> None:
+    """Give the operator time to connect a recorder to a stream that there was not before.
+
+    `asking`: on a terminal it is waited for until Enter is pressed.
+    """
+    if markers.heard():
+        return
+    asking = asking and os.name == "posix" and sys.stdin.isatty()
+    without = "Enter goes on without" if asking else f"at most {LONGEST_S:g} s"
+    tell(f"Waiting until somebody records the {WORDS}: connect the recorder now; {without}.")
+    until_s = time.monotonic() + LONGEST_S
+    while not markers.heard():
+        if asking and select.select([sys.stdin], [], [], _LOOK_EVERY_S)[0]:
+            sys.stdin.readline()
+            break
+        if not asking:
+            if time.monotonic() > until_s:
+                break
+            time.sleep(_LOOK_EVERY_S)
+    if markers.heard():
+        tell(f"The {WORDS} is recorded.")
+        return
+    tell(
+        f"Note: nobody records the {WORDS}. {RECORDING_START} is sent before the first trial at "
+        "which somebody does; what was sent before is lost to them."
+    )
 
 
 def stimulus_marker(task: Task, delivery: Delivery) -> str:

@@ -13,7 +13,7 @@ from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.preview.check import require_fit
 from experiment.session.conduct import begin, resume
-from experiment.session.markers import LslMarkers, NoMarkers
+from experiment.session.markers import LslMarkers, Markers, NoMarkers, await_recorder
 from experiment.session.setting import Setting, Sitting
 from experiment.study.read import study_from_canonical
 from experiment.trial.draw import draw_plan
@@ -82,7 +82,7 @@ def run_session(
     levels_vpp : tuple of float, optional
         Placed for this participant, instead of the study's, when a session begins.
     lsl : bool
-        Send markers over the Lab Streaming Layer.
+        Send markers over the Lab Streaming Layer; a recorder is waited for, at most 10 s.
     tell : callable
         Is given each line that the operator has to know.
 
@@ -154,6 +154,10 @@ def run_session(
         )
         if plan.participant_number and (shared := folder.number_shared(plan.participant_number)):
             tell(f"Note: {shared}.")
+    markers: Markers = NoMarkers()
+    if lsl:
+        markers = LslMarkers(clock, participant=participant, session=session)
+        await_recorder(markers, tell, asking=False)
     setting = Setting(
         device=device,
         responder=responder,
@@ -170,6 +174,6 @@ def run_session(
             driver_from=type(device).__module__,
         ),
         tell=tell,
-        markers=LslMarkers(clock, participant=participant, session=session) if lsl else NoMarkers(),
+        markers=markers,
     )
     return resume(folder, setting) if resuming else begin(folder, plan, setting)

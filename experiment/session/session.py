@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from device.driver import DeviceError, Outcome
 from experiment.session.attendance import Attendance
-from experiment.session.markers import RECORDING_START, response_marker, stimulus_marker
+from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
 from experiment.session.outputs import NoiseWatch, StimulusOut
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
@@ -67,6 +67,7 @@ class Session:
         self._stop = setting.stop
         self._tell = setting.tell
         self._markers = setting.markers
+        self._marked = self._markers.words is None
         self._due_s = 0.0
         self._emission = StimulusOut(setting, study, journal, last_token=history.last_token)
         self._noise = NoiseWatch(setting.noise, journal)
@@ -112,7 +113,6 @@ class Session:
             # exists yet, so that only the fault is written, and the trial is one that was never
             # cued. Whatever ends the loop, a full disk and a fault of the program included, the
             # outputs are at zero afterwards.
-            self._mark_start()
             event = self._look_around()
             while self._state.phase not in (events.Phase.FINISHED, events.Phase.STOPPED):
                 event = self._step(event)
@@ -124,9 +124,14 @@ class Session:
         return self._state.phase is events.Phase.FINISHED
 
     def _mark_start(self) -> None:
-        """Send the first marker of a sitting; by its time the record is aligned to others."""
-        if self._markers.words is None:
+        """Send the first marker of a sitting; by its time the record is aligned to others.
+
+        A recorder hears nothing of what was sent before it was connected, so that it is not sent
+        before the start key, nor to nobody.
+        """
+        if self._marked or not self._state.greeted or not self._markers.heard():
             return
+        self._marked = True
         now_s = self._clock.now_s()
         self._markers.send(RECORDING_START, now_s)
         told = {"marker": RECORDING_START, "at_s": round(now_s - self._origin_s, 6)}
@@ -155,6 +160,7 @@ class Session:
         """Between two trials: note what is new, show how it stands, heed the operator."""
         if self._state.phase is events.Phase.READY:
             self._note()
+            self._mark_start()
             self._show()
         # A session with no trial left is finished even if a stop was asked for: as stopped it would
         # be resumed for nothing. A stop comes before a pause, which would wait for somebody to go
@@ -190,7 +196,8 @@ class Session:
         if self.failure is not None:
             return str(self.failure)
         called = TOO_EARLY if self._state.called else ""
-        return called or self._noise.trouble or self._participant.ignored
+        unheard = "" if self._markers.words is None or self._markers.heard() else UNHEARD
+        return called or self._noise.trouble or self._participant.ignored or unheard
 
     def _greet(self, _: events.Greet) -> Happening:
         return self._participant.greet(self._standing.progress(self._state))

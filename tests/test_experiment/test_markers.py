@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import builtins
+import subprocess
+import threading
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +13,14 @@ import pytest
 from device.clock import MonotonicClock, VirtualClock
 from experiment.archive.bids import export_bids
 from experiment.session.markers import RECORDING_START, LslMarkers, MarkerError
-from tests.test_experiment.sessions import Sessions
+from experiment.session.simulate import SimulatedResponder
+from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    from experiment.terms.responder import Progress
 
 WITHIN_S = 20.0
 
@@ -32,8 +37,9 @@ def pylsl(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 class Inlet:
     """Listens to a stream that is about to begin."""
 
-    def __init__(self, pylsl: Any, source: str) -> None:
-        (stream,) = pylsl.resolve_byprop("source_id", source, timeout=WITHIN_S)
+    def __init__(self, pylsl: Any, markers: LslMarkers) -> None:
+        uid = markers._outlet.get_info().uid()
+        (stream,) = pylsl.resolve_byprop("uid", uid, timeout=WITHIN_S)
         self._inlet = pylsl.StreamInlet(stream)
         self._inlet.open_stream(timeout=WITHIN_S)
 
@@ -58,7 +64,7 @@ def inlets(pylsl: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Inlet]]
 
     def listening(self: LslMarkers, clock: Any, *, participant: str, session: str) -> None:
         init(self, clock, participant=participant, session=session)
-        made.append(Inlet(pylsl, f"tactstrip-sub-{participant}-ses-{session}"))
+        made.append(Inlet(pylsl, self))
 
     monkeypatch.setattr(LslMarkers, "__init__", listening)
     yield made
@@ -101,6 +107,110 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
     onsets = [float(line[heading.index("onset")]) for line in lines]
     shifted = [float(row["onset_s"]) - marked.facts["at_s"] for row in rows]
     assert onsets == pytest.approx(shifted, abs=1e-6)
+
+
+class Early:
+    """Looks for streams of markers over and over, and connects to the first new one at once."""
+
+    def __init__(self, pylsl: Any) -> None:
+        self._pylsl = pylsl
+        self._over = threading.Event()
+        self._since_s = pylsl.local_clock()
+        self.seen: list[str] = []
+        self._thread = threading.Thread(target=self._listen)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        found: list[Any] = []
+        while not found and not self._over.is_set():
+            streams = self._pylsl.resolve_byprop("type", "Markers", timeout=0.2)
+            found = [stream for stream in streams if stream.created_at() > self._since_s]
+        if found:
+            inlet = self._pylsl.StreamInlet(found[0])
+            while not self._over.is_set():
+                sample, _ = inlet.pull_sample(timeout=0.05)
+                self.seen += sample or []
+            inlet.close_stream()
+
+    def close(self) -> None:
+        self._over.set()
+        self._thread.join()
+
+
+@pytest.mark.process
+def test_a_recorder_that_looks_before_there_is_a_stream_hears_it_from_the_start(
+    pylsl: Any, sessions: Sessions
+) -> None:
+    recorder = Early(pylsl)
+    try:
+        time.sleep(0.3)  # it looks
+        words = sessions.words("--responder", "simulated", "--lsl")
+        result = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
+        time.sleep(0.2)  # what was sent last is on its way
+    finally:
+        recorder.close()
+    assert result.returncode == 0, result.stderr
+    assert "Waiting until somebody records the LSL stream tactstrip" in result.stdout
+    assert recorder.seen[0] == RECORDING_START
+    assert recorder.seen[1].startswith("stimulus/")
+    stimuli = [marker for marker in recorder.seen if marker.startswith("stimulus/")]
+    assert len(stimuli) == len(sessions.rows())
+
+
+@pytest.mark.process
+def test_a_recorder_that_comes_late_is_sent_the_start_which_is_the_one_kept(
+    pylsl: Any, sessions: Sessions, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("experiment.session.markers.LONGEST_S", 0.2)
+    inlets: list[Inlet] = []
+    outlets: list[LslMarkers] = []
+    cue, cued, init = SimulatedResponder.cue, 0, LslMarkers.__init__
+
+    def made(self: LslMarkers, *args: Any, **more: Any) -> None:
+        init(self, *args, **more)
+        outlets.append(self)
+
+    def late(self: SimulatedResponder, progress: Progress) -> None:
+        nonlocal cued
+        cued += 1
+        if cued == 3:
+            inlets.append(Inlet(pylsl, outlets[0]))
+        cue(self, progress)
+
+    monkeypatch.setattr(LslMarkers, "__init__", made)
+    monkeypatch.setattr(SimulatedResponder, "cue", late)
+    result = sessions.run("--responder", "simulated", "--lsl", "--seed", "1")
+    assert result.exit_code == 0, result.stderr
+    assert "Note: nobody records the LSL stream tactstrip." in result.stdout
+    rows = sessions.rows()
+    seen = inlets[0].take(2 * (len(rows) - 2) + 1)
+    inlets[0].close()
+    markers = [marker for marker, _ in seen]
+    (at_s,) = (time_s for marker, time_s in seen if marker == RECORDING_START)
+    assert markers[0].startswith("stimulus/") or markers[0] == RECORDING_START
+    (kept,) = sessions.entries("marker")
+    for row in rows[3:]:
+        (felt_s,) = (t for m, t in seen if m.split("/")[-2:] == [f"trial{row['trial']}", "attempt1"]
+                     and m.startswith("stimulus"))  # fmt: skip
+        onset_s = float(row["onset_s"]) - kept.facts["at_s"]
+        assert felt_s - at_s == pytest.approx(onset_s, abs=3e-6)
+
+
+@pytest.mark.process
+def test_a_sitting_has_its_start_after_the_start_key_and_each_resume_its_own(
+    sessions: Sessions, inlets: list[Inlet], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(SimulatedResponder, "introduce", lambda *_: False)
+        assert sessions.run("--responder", "simulated", "--lsl").exit_code == 4
+    with monkeypatch.context() as patch:
+        patch.setattr(SimulatedResponder, "begin", lambda *_: False)
+        assert sessions.run("--responder", "simulated", "--lsl", "--resume").exit_code == 4
+    assert sessions.run("--responder", "simulated", "--lsl", "--resume").exit_code == 0
+    assert len(sessions.entries("marker")) == 2
+    first, second, third = (inlet.take(1) for inlet in (inlets[0], inlets[2], inlets[2]))
+    assert first[0][0] == second[0][0] == RECORDING_START
+    assert third[0][0].startswith("stimulus/")
 
 
 @pytest.mark.process

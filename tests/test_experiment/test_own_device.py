@@ -193,6 +193,9 @@ def test_levels_markers_and_a_late_resume_are_had_from_python_too(
 
         def __init__(self, clock: Any, *, participant: str, session: str) -> None: ...
 
+        def heard(self) -> bool:
+            return True
+
         def send(self, marker: str, time_s: float) -> None:
             sent.append(marker)
 
