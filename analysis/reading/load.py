@@ -22,7 +22,7 @@ from analysis.reading.checks import (
     refuse_repeat,
 )
 from analysis.reading.columns import COUNTED_COLUMNS, count_columns
-from analysis.reading.plans import PLAN, removed_tables
+from analysis.reading.plans import PLAN, lost_words, removed_tables
 from analysis.reading.reasons import with_reasons
 from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows, typed
 from analysis.reading.sources import find_sources, unchanged, unreadable
@@ -151,6 +151,8 @@ class LoadedTrials:
         By the path of its table, where a session is not as it was recorded, a line each.
     not_compared : tuple of str
         Names of the trials.csv that have no journal beside them.
+    lost : tuple of str
+        Sessions that have ended and of which there is no folder any more, a line each.
     cells : pandas.DataFrame or None
         Of a table of counts, what `analysis.reading.load.read_counted` returns; there are no trials
         then.
@@ -164,6 +166,7 @@ class LoadedTrials:
     axis: Axis
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
     cells: pd.DataFrame | None = None
 
 
@@ -273,6 +276,7 @@ def read_inputs(
         axis=Axis() if columns is None else axis_of(columns.axis),
         altered={str(table.path): table.altered for table in tables if table.altered} | removed,
         not_compared=_not_compared(tables) if columns is None else (),
+        lost=lost_words(map(Path, paths)) if columns is None else (),
     )
 
 

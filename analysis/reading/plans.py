@@ -12,7 +12,7 @@ from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
 from experiment.archive.files import HEADS
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import JOURNAL, examine, removed_file
+from experiment.integrity.sessions import JOURNAL, examine, lost_sessions, removed_file
 from experiment.terms.record import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
@@ -150,6 +150,21 @@ def removed_tables(
                 )
             found[str(difference.path)] = (told_of(difference, f"{folder.name}/{TABLE}"),)
     return found
+
+
+def lost_words(folders: Iterable[Path]) -> tuple[str, ...]:
+    """Tell of sessions below folders that have ended and of which there is no folder any more.
+
+    >>> lost_words([])
+    ()
+    """
+    below = (HEADS, f"sub-*/{HEADS}")
+    people = {heads.parent for one in folders for where in below for heads in one.glob(where)}
+    return tuple(
+        f"{person.resolve().name}/{HEADS}:{one.line}: {one.message}"
+        for person in sorted(people)
+        for one in lost_sessions(person)
+    )
 
 
 def _examined(table: Path) -> Examined:

@@ -334,6 +334,7 @@ def _studies(loaded: LoadedTrials) -> int:
 def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
     for folder in loaded.without_table:
         yield f"session {folder} has no trials.csv; tactstrip export DIR builds it"
+    yield from loaded.lost
     for one in loaded.progress:
         if one.valid < one.planned:
             where = _session(one.participant, one.session)

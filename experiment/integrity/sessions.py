@@ -334,7 +334,7 @@ def lost_sessions(person: Path) -> tuple[Difference, ...]:
     """List the sessions of a person that have ended and of which there is no folder any more."""
     try:
         heads = read_heads(person)
-    except HeadError:  # told of with each of the person's sessions
+    except ArchiveError:  # told of with each of the person's sessions
         return ()
     return tuple(
         Difference(

@@ -389,6 +389,14 @@ def test_a_plan_that_is_in_doubt_is_not_read(results: Path) -> None:
     assert [*loaded.altered] == [str(results / SESSION / "trials.csv")]
 
 
+def test_a_session_whose_folder_is_lost_is_told_by_an_analysis(results: Path) -> None:
+    shutil.rmtree(results / SESSION)
+    told = [one for one in analyse(read_inputs([results])).warnings if "is lost" in one]
+    assert len(told) == 1
+    assert told[0].startswith("sub-01/sessions.tsv:2: session 01 ended on ")
+    assert not read_inputs([results / "sub-02"]).lost
+
+
 def test_a_session_whose_table_was_removed_is_not_left_out_silently(results: Path) -> None:
     (results / SESSION / "trials.csv").unlink()
     with pytest.raises(ResultFileError, match=r"trials\.csv: is missing; line 2 of sessions\.tsv"):
