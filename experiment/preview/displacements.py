@@ -101,6 +101,8 @@ def _level_of(one: ConditionCheck, row: int, column: int) -> dict[str, Any]:
     return {"level_of": {"finger_load": worst.loaded, "loss_factor": worst.loss_factor}}
 
 
+_PLASTICS: Final = ("pmma", "polycarbonate")
+
 _RESTS_ON: Final = {
     "paper": "from the paper's measurement",
     "measured": "from your measurement",
@@ -138,6 +140,8 @@ def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
         found.tell(
             "", f"(assumed); micrometres, plan and simulated people have {ASSUMED_LOSS:g} (assumed)"
         )
+        if plate.material in _PLASTICS:
+            found.tell("", "these are of glued metal; plastics lose more: state loss_factor")
     found.note(
         loss_basis="stated" if plate.is_loss_stated else "assumed",
         loss_factors=[LEAST_LOSS, MOST_LOSS] if not plate.is_loss_stated else [plate.loss_factor],

@@ -498,6 +498,18 @@ measured_on = 2026-05-04
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("material", "told"), [("pmma", True), ("glass", False)])
+def test_a_plastic_without_a_loss_is_said_to_lose_more_than_is_assumed(
+    material: str, *, told: bool
+) -> None:
+    discs = DISC.format("left", -40) + DISC.format("right", 40)
+    plate = f'[strip]\nmaterial = "{material}"\nthickness_mm = 3\nedge = "clamped"\n'
+    words = "plastics lose more: state loss_factor"
+    assert (words in checked(plate + discs).stdout) == told
+    assert words not in checked(f"{plate}loss_factor = 0.05\n{discs}").stdout
+
+
+@pytest.mark.slow
 def test_the_check_tells_whose_every_number_is() -> None:
     text = LAB + UNMEASURED
     assert "sizes: yours" in checked(text).stdout
