@@ -6,19 +6,20 @@ Beside the built-in ones there are those of a lab's own, see `device.installed`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from device.clock import MonotonicClock
+from device.core.host import HostDriver
 from device.core.output import OutputStage
-from device.driver import LinkError
+from device.driver import BurstDevice, Delivery, DeviceError, Identity, LinkError
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
-from device.installed import DRIVERS, Installed, lookup
+from device.installed import DRIVERS, Installed, lookup, require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from device.clock import Clock
-    from device.driver import BurstDevice
+    from device.driver import FloatArray
     from device.limits import Limits
 
 MOCK: Final = "mock"
@@ -99,7 +100,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     ValueError: port must be given for the driver serial, got None
     """
     if name not in NEEDS:
-        return cast("BurstDevice", own_driver(name).make(settings, clock, "arm"))
+        return whole_device(own_driver(name).make(settings, clock, BurstDevice))
     if settings.channels != FIRST_TWO:
         raise ValueError(
             f"channels must be {list(FIRST_TWO)} for the driver {name}, got "
@@ -133,6 +134,87 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
         volts_full_scale=_given(settings.volts_full_scale, "volts_full_scale", name),
         sample_rate_hz=rate_hz,
     )
+
+
+def whole_device(device: BurstDevice) -> BurstDevice:
+    """Return a device of a lab's own as one that fails by `DeviceError` only, in one line.
+
+    ValueError where it lacks a part of `BurstDevice`.
+    """
+    require_whole(device, BurstDevice)
+    return device if isinstance(device, HostDriver) else _OwnDevice(device)
+
+
+class _OwnDevice:
+    """A device of a lab's own; whatever it fails with is a failure of this device."""
+
+    def __init__(self, device: BurstDevice) -> None:
+        self._device = device
+
+    @property
+    def cannot(self) -> tuple[str, ...]:
+        """What it cannot promise."""
+        return tuple(self._device.cannot)
+
+    def open(self) -> Identity:
+        """Connect."""
+        identity: Identity = self._returned(self._do("open"), Identity, "open")
+        return identity
+
+    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
+        """Store waveforms."""
+        self._do("load", slot, left, right)
+
+    def enable(self) -> None:
+        """Switch on."""
+        self._do("enable")
+
+    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
+        """Set levels."""
+        self._do("set_levels", left_vpp, right_vpp)
+
+    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
+        """Arm."""
+        self._do("arm", token, slot, time_to_live_s=time_to_live_s)
+
+    def fire(self, token: int) -> Delivery:
+        """Fire."""
+        delivery: Delivery = self._returned(self._do("fire", token), Delivery, "fire")
+        return delivery
+
+    def disarm(self, token: int) -> None:
+        """Disarm."""
+        self._do("disarm", token)
+
+    def query(self, token: int) -> Delivery:
+        """Ask."""
+        delivery: Delivery = self._returned(self._do("query", token), Delivery, "query")
+        return delivery
+
+    def stop(self) -> None:
+        """Stop."""
+        self._do("stop")
+
+    def close(self) -> None:
+        """Close."""
+        self._do("close")
+
+    def _do(self, step: str, *args: Any, **named: Any) -> Any:
+        try:
+            return getattr(self._device, step)(*args, **named)
+        except DeviceError:
+            raise
+        except Exception as error:
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            raise LinkError(f"{type(self._device).__name__}.{step} failed: {said}") from error
+
+    def _returned(self, value: object, wanted: type, step: str) -> Any:
+        if not isinstance(value, wanted):
+            raise LinkError(
+                f"{type(self._device).__name__}.{step} must return a device.{wanted.__name__}; got "
+                f"{value!r}"
+            )
+        return value
 
 
 def own_driver(name: str) -> Installed:

@@ -14,6 +14,7 @@ from device.core.messages import Arm, Enable, Message
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import DeviceError, Identity, LinkError, Outcome
+from device.installed import require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -188,6 +189,11 @@ def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> C
     ConverterDevice
         A `BurstDevice`.
 
+    Raises
+    ------
+    ValueError
+        If the converter lacks something that `Converter` lists; the message says what to add.
+
     Examples
     --------
     A burst is played once, however often it is asked for:
@@ -212,4 +218,5 @@ def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> C
     75 V left, 0 V right
     True
     """
+    require_whole(converter, Converter)
     return ConverterDevice(converter, limits=limits, clock=clock)

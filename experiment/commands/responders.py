@@ -61,10 +61,27 @@ def responder_named(
     )
     someone = _made(name, settings, clock)
     if hasattr(someone, "__enter__"):
-        with someone as entered:
-            yield entered
+        with contextlib.ExitStack() as stack:
+            yield _entered(name, someone, stack)
     else:
         yield someone
+
+
+def _entered(name: str, someone: Any, stack: contextlib.ExitStack) -> Responder:
+    """Enter a responder; one of a lab's own may fail there, or be another object then."""
+    from device.installed import require_whole
+    from experiment.terms.responder import Responder
+
+    if name in RESPONDERS:
+        entered: Responder = stack.enter_context(someone)
+        return entered
+    try:
+        entered = stack.enter_context(someone)
+        require_whole(entered, Responder)
+    except Exception as error:
+        said = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        raise CommandError(f"--responder {name}: {' '.join(said.split())}") from error
+    return entered
 
 
 def _made(name: str, settings: ResponderSettings, clock: Clock) -> Any:
@@ -78,9 +95,10 @@ def _made(name: str, settings: ResponderSettings, clock: Clock) -> Any:
 
         return TerminalResponder(settings, clock)
     from experiment.participant.settings import own_responder
+    from experiment.terms.responder import Responder
 
     try:
-        return own_responder(name).make(settings, clock, "ask")
+        return own_responder(name).make(settings, clock, Responder)
     except ValueError as error:
         raise CommandError(f"--responder {error}") from error
 

@@ -117,6 +117,7 @@ class Attendance:
             if press.response == ESCAPE:
                 return Event.PAUSE_ASKED
             if press.response in self.answers(task):
+                self._require_present(press)
                 rt_s = None if onset_s is None else round(press.time_s - onset_s, 6)
                 return Key(press.response, rt_s)
             self._ignore(press.response, task)
@@ -141,6 +142,15 @@ class Attendance:
                 f"time, or None; got {press!r}"
             )
 
+    def _require_present(self, press: Press) -> None:
+        """Refuse an answer that is yet to come: every reaction time would be off by as much."""
+        ahead_s = press.time_s - self._clock.now_s()
+        if ahead_s > LARGEST_LEAD_S:
+            raise ResponderError(
+                f"{type(self._responder).__name__} returned a Press that is {ahead_s:.3g} s in the "
+                "future: time_s must be a reading of the clock that the responder was given"
+            )
+
     def _ignore(self, key: str, task: Task) -> None:
         known = self.ignored
         self.ignored = f"trial {task.trial.number}: {key} was pressed, which is no answer here"
@@ -148,6 +158,8 @@ class Attendance:
             self._requests.note(self.ignored)
 
 
+LARGEST_LEAD_S: Final = 0.01
+"""By so much a button box whose clock is kept against the session's may be ahead."""
 _AGAIN_S: Final = 1e-3
 """So long after a key that is none of an answer the next one is waited for."""
 

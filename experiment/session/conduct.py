@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from device.clock import elapsed_s, machine_time
 from device.driver import Outcome
+from device.installed import require_whole
 from experiment.apparatus.rig import device_kind, require_confirmed, require_device
 from experiment.apparatus.slots import require_suitable
 from experiment.archive.files import HEADS, ArchiveError
@@ -27,7 +28,7 @@ from experiment.session.setting import (
     trial_name,
 )
 from experiment.study.read import study_from_canonical
-from experiment.terms.responder import ResponderError
+from experiment.terms.responder import Responder, ResponderError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from experiment.archive.history import History, OpenTrial
     from experiment.archive.journal import Journal
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder
     from experiment.trial.plan import Plan
 
 
@@ -89,12 +89,11 @@ def interruption_s(history: History) -> float | None:
 
 
 def require_responder(responder: Responder) -> None:
-    """Refuse a responder that does not say whether anybody is there: every row keeps it."""
-    simulated = getattr(responder, "simulated", None)
-    if not isinstance(simulated, bool):
-        raise ResponderError(
-            f"{type(responder).__name__}.simulated must be True or False; got {simulated!r}"
-        )
+    """Refuse what lacks a part of a responder; whether anybody is there, every row keeps."""
+    try:
+        require_whole(responder, Responder)
+    except ValueError as error:
+        raise ResponderError(str(error)) from error
 
 
 def refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from device.clock import MonotonicClock
+from device.drivers import whole_device
 from experiment.apparatus.noise import noise_player
 from experiment.apparatus.rig import confirmed_now
 from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.preview.check import require_fit
-from experiment.session.conduct import begin, resume
+from experiment.session.conduct import begin, require_responder, resume
 from experiment.session.markers import LslMarkers, Markers, NoMarkers, await_recorder
 from experiment.session.setting import Setting, Sitting
 from experiment.study.read import study_from_canonical
@@ -95,7 +96,10 @@ def run_session(
     ------
     ValueError
         If the study's stimuli are unfit for its plate, the session exists already, the device
-        cannot do what the study asks, or moves nothing before a person; no session is begun then.
+        cannot do what the study asks, lacks a method, or moves nothing before a person; no session
+        is begun then.
+    ResponderError
+        If the responder lacks a method, or fails.
     DeviceError
         If the device cannot be opened.
 
@@ -133,6 +137,8 @@ def run_session(
     True
     """
     clock = MonotonicClock() if clock is None else clock
+    require_responder(responder)
+    driver_from, device = type(device).__module__, whole_device(device)
     folder = SessionFolder(Path(out), participant, session)
     resuming = resuming or resume_anyway
     if resuming:
@@ -171,7 +177,7 @@ def run_session(
             responder=type(responder).__name__,
             operator=operator,
             responder_from=type(responder).__module__,
-            driver_from=type(device).__module__,
+            driver_from=driver_from,
         ),
         tell=tell,
         markers=markers,

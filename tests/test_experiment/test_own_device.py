@@ -503,6 +503,11 @@ def test_a_word_that_is_never_offered_ends_in_time_outs(
     [
         (lambda _: Press("left", float("nan")), "Impatient must return a Press with a word and a"),
         (lambda _: ("left", 1.0), r"or None; got \('left', 1.0\)"),
+        (
+            lambda question: Press("left", question.onset_s + 0.3),
+            "returned a Press that is 0.3 s in the future: time_s must be a reading of the clock",
+        ),
+        (lambda _: Press("left", 1.7e9), "Impatient returned a Press that is 1.7e.09 s in the"),
         (lambda _: 1 / 0, "Impatient failed: ZeroDivisionError: division by zero"),
     ],
 )
@@ -555,3 +560,109 @@ def test_a_balanced_study_is_run_from_python(lab_device: Any, tmp_path: Path) ->
         with ending.trials_path.open(encoding="utf-8") as table:
             first.add(next(csv.DictReader(table))["condition"])
     assert first == {"a", "b"}
+
+
+# --- what lacks a part of its protocol -----------------------------------------------------------
+
+CONVERTER = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated",
+             "cannot", "connect", "play", "zero", "disconnect")  # fmt: skip
+DEVICE = ("cannot", "open", "load", "enable", "set_levels", "arm", "fire", "disarm", "query",
+          "stop", "close")  # fmt: skip
+ANSWERER = ("simulated", "begin", "introduce", "cue", "wait", "ask", "feedback", "pause", "end")
+
+
+class Lacking:
+    """Another object but for one part, which it has not, has as something else, or fails with."""
+
+    def __init__(self, whole: object, part: str, how: str) -> None:
+        self._whole, self._part, self._how = whole, part, how
+
+    def __getattr__(self, name: str) -> Any:
+        if name == self._part:
+            if self._how == "raises":
+                raise OSError("no such card")
+            if self._how == "wrong":
+                return object()
+            raise AttributeError(name)
+        return getattr(self._whole, name)
+
+
+@pytest.mark.parametrize("how", ["lacks", "wrong", "raises"])
+@pytest.mark.parametrize("part", CONVERTER)
+def test_a_converter_without_a_part_is_refused_with_what_to_add(part: str, how: str) -> None:
+    lacking: Any = Lacking(Faulty(Outcome.FIRED), part, how)
+    with pytest.raises(ValueError, match=rf"^Lacking\b.*\b{part}\b") as refusal:
+        converter_device(lacking, limits=LIMITS, clock=VirtualClock())
+    assert "(see device.Converter)" in str(refusal.value) or "no such card" in str(refusal.value)
+
+
+@pytest.mark.parametrize("how", ["lacks", "wrong", "raises"])
+@pytest.mark.parametrize("part", [*DEVICE, *ANSWERER])
+def test_a_device_or_responder_without_a_part_begins_no_session(
+    lab_device: Any, tmp_path: Path, part: str, how: str
+) -> None:
+    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
+    device: Any = lab_device.printer(DriverSettings(limits=LIMITS), clock)
+    someone: Any = lab_device.Impatient(None, clock)
+    if part in DEVICE:
+        device = Lacking(device, part, how)
+    else:
+        someone = Lacking(someone, part, how)
+    with pytest.raises((ValueError, ResponderError), match=rf"^Lacking\b.*\b{part}\b") as refusal:
+        run_session(study, "01", device, someone, out=tmp_path, clock=clock, seed=1)
+    assert "\n" not in str(refusal.value)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        ("Printer.emulated = None", "Printer.emulated must be True or False; got None"),
+        ("del Printer.emulated", "Printer has no emulated: give it one, True or False"),
+        ("Printer.play = lambda self: None", "Printer.play must take (left_v, right_v); got ()"),
+        ("Printer.bits = 99", "bits"),
+        ("del Impatient.simulated", "Impatient has no simulated: give it one, True or False"),
+        ("del Impatient.cue", "Impatient has no method cue: give it cue(progress)"),
+        ("Impatient.pause = lambda self, progress: True", "take (progress, *, paused, minimum_s)"),
+    ],
+)
+@pytest.mark.process
+def test_what_is_lacking_is_one_line_with_its_distribution(lab: Path, made: str, said: str) -> None:
+    module = lab / "site" / "lab_device.py"
+    module.write_text(f"{module.read_text('utf-8')}\n{made}\n", encoding="utf-8")
+    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
+    done = tactstrip(lab, "run", "study.toml", "--participant", "01", "--driver", "printer",
+                     "--responder", "impatient", "--confirm-hardware")  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert said in line
+    assert "of lab_device 0.1: " in line
+    assert "Traceback" not in done.stderr
+    assert not (lab / "results").exists()
+
+
+@pytest.mark.parametrize("step", [part for part in DEVICE if part != "cannot"])
+def test_a_device_of_ones_own_that_raises_is_a_failure_of_the_device(
+    lab_device: Any, tmp_path: Path, step: str
+) -> None:
+    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
+    inner = lab_device.printer(DriverSettings(limits=LIMITS), clock)
+
+    class Own:
+        cannot = ()
+
+    def failing(*_: Any, **__: Any) -> None:
+        raise OSError("no such card")
+
+    device: Any = Own()
+    for name in DEVICE[1:]:
+        setattr(device, name, failing if name == step else getattr(inner, name))
+    someone = lab_device.Impatient(None, clock)
+    if step in {"disarm", "query"}:
+        assert run_session(study, "01", device, someone, out=tmp_path, clock=clock).finished
+        return
+    try:
+        failure = run_session(study, "01", device, someone, out=tmp_path, clock=clock).failure
+    except LinkError as error:
+        failure = error
+    assert str(failure) == f"Own.{step} failed: OSError: no such card"
