@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections import Counter
 from pathlib import Path
@@ -23,7 +25,7 @@ from tests.test_experiment.test_terminal import Terminal
 from tests.test_long import rounds
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from tests.conftest import Emulate
 
@@ -40,6 +42,29 @@ noise = "none"
 """
 PRESSES = {b"Enter goes on": b"\n", b" ?": b"\x1b[D"}
 """What a person at the terminal does about what is shown."""
+
+
+RECORDER = """
+import pylsl
+while True:
+    for stream in pylsl.resolve_byprop("source_id", "tactstrip-sub-01-ses-01", timeout=1.0):
+        inlet = pylsl.StreamInlet(stream, recover=False)
+        try:
+            while True:
+                inlet.pull_sample(timeout=1.0)
+        except pylsl.util.LostError:
+            inlet.close_stream()
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def recorder() -> Iterator[None]:
+    """A recorder of markers in a process of its own: without one a session waits for it."""
+    command = [sys.executable, "-c", RECORDER]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        yield
+        assert process.poll() is None
+        process.kill()
 
 
 class Watched:
