@@ -503,9 +503,12 @@ def test_a_plastic_without_a_loss_is_said_to_lose_more_than_is_assumed(
     material: str, *, told: bool
 ) -> None:
     discs = DISC.format("left", -40) + DISC.format("right", 40)
-    plate = f'[strip]\nmaterial = "{material}"\nthickness_mm = 3\nedge = "clamped"\n'
+    plate = (
+        f'[strip]\nmaterial = "{material}"\nthickness_mm = 3\nlength_mm = 200\nedge = "clamped"\n'
+    )
     words = "plastics lose more: state loss_factor"
-    assert (words in checked(plate + discs).stdout) == told
+    found = checked(plate + discs)
+    assert (found.exit_code, words in found.stdout) == (0, told)
     assert words not in checked(f"{plate}loss_factor = 0.05\n{discs}").stdout
 
 
