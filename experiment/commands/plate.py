@@ -116,6 +116,11 @@ def _by_options(refusal: str) -> str:
         refusal = re.sub(rf"\b{key}\[[01]\]\.", f"{option}: ", refusal)
         if key != "actuator":
             refusal = re.sub(rf"\b(strip\.)?{key}\b", option, refusal)
+    refusal = re.sub(
+        r"x_mm is in metres, write x_mm = -(\S+) and x_mm = \1",
+        r"X is in metres, write @\1",
+        refusal,
+    )
     refusal = re.sub(r"^the (left|right|actuators) ", r"--actuator: the \1 ", refusal)
     return re.sub(r"^(.+); \1$", r"\1", refusal)  # the same of both
 

@@ -258,7 +258,7 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     found.tell(
         "trials",
         f"{check.trials}: {each}{design.trials_per_side} left, {design.trials_per_side} right, "
-        f"{design.both_trials} both, {design.blank_trials} blank; "
+        f"{design.both_trials} both{_part_of_both(design)}, {design.blank_trials} blank; "
         f"{design.practice_trials} for practice before",
         trials=check.trials,
     )
@@ -284,6 +284,14 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
         blocks=check.blocks,
         duration_s=check.duration_s,
     )
+
+
+def _part_of_both(design: Design) -> str:
+    """Say what a fraction that was asked for, or a number of trials, comes to."""
+    if not design.both_trials:
+        return ""
+    part = design.both_trials / (2 * design.trials_per_side + design.both_trials)
+    return f" ({part:.1%} of those with a stimulus)"
 
 
 def _device_words(study: Study) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cached_property
@@ -13,11 +14,17 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.actuator import MEASURED_KEYS, SIDES, Actuator, paper_actuators
+from experiment.study.sections.actuator import (
+    MEASURED_KEYS,
+    SIDES,
+    Actuator,
+    displacements_are_known,
+    paper_actuators,
+)
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import Contact, DeviceSettings, Masking
-from experiment.study.sections.finger import FingerLoad
+from experiment.study.sections.finger import ROUNDING_M, FingerLoad, check_fingers
 from experiment.study.sections.plate import (
     PAPER_CUTOFF_HZ,
     PAPER_LENGTH_MM,
@@ -29,7 +36,7 @@ from experiment.study.sections.presentation import Keys, Screen, Texts, instruct
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
 from experiment.study.sections.table import ASKED_FOR, FromTable, KeyRange, file_keys, section
-from experiment.terms.checks import in_mind
+from experiment.terms.checks import in_metres, in_mind, inward
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,9 +47,6 @@ if TYPE_CHECKING:
 
 LEAST_UM_PER_VPP: Final = 1e-4
 """Less stays below a tenth of a micrometre, the least that is felt, at all levels to 1000 Vpp."""
-
-_ROUNDING_M: Final = 1e-12
-"""A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
 
 
 class StudyError(ValueError):
@@ -178,25 +182,24 @@ class Study:
             table.get(key) is not None for key in ("threshold_um", "threshold_vpp")
         ):
             return table
-        if _displacements_are_known(info.data.get("actuators", ())):
+        if displacements_are_known(info.data.get("actuators", ())):
             return table | {"threshold_um": PAPER_THRESHOLD_UM}
         return table | {"threshold_vpp": THRESHOLD_VPP}
 
     def __post_init__(self) -> None:
-        _check_actuators(self.actuators, self.strip)
+        _check_places(self.actuators, self.strip)
         self._check_measured()
         self._check_displacements()
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
             raise ValueError(f"condition names must be distinct, at least one; got {names}")
-        if self.simulation.threshold_um is not None and not _displacements_are_known(
-            self.actuators
-        ):
+        if self.simulation.threshold_um is not None and not displacements_are_known(self.actuators):
             raise ValueError(
                 "simulation.threshold_um needs the displacement or the layers of the left and the "
                 "right actuator; give threshold_vpp"
             )
-        self._check_fingers()
+        if self.finger_load.impedance is not None:
+            check_fingers(self.actuators[:2], self.strip)
         self._check_levels()
         self._check_drives()
         self.texts.check_answers(self.design.responses)
@@ -231,25 +234,6 @@ class Study:
                     f"{in_mind(MEASURED_KEYS[1], at_vpp, levels.hold)}"
                 )
 
-    def _check_fingers(self) -> None:
-        """Refuse fingers that press on a plate without ends, or beside the plate."""
-        if self.finger_load.impedance is None:
-            return
-        length_m, width_m = self.strip.length_m, self.strip.width_m
-        if length_m is None:
-            raise ValueError(
-                "strip.length_mm must be a number where [finger_load] is given, as its fingers "
-                'couple the modes of a plate with ends; got "endless"'
-            )
-        for one in self.actuators[:2]:
-            room_m = min(length_m / 2 - abs(one.x_m), one.y_m, width_m - one.y_m)
-            if one.finger_diameter_m / 2 > room_m + _ROUNDING_M:
-                raise ValueError(
-                    f"finger_diameter_mm of the {one.label} actuator must be at most "
-                    f"{2e3 * room_m:.6g} where [finger_load] is given, so that the fingertip rests "
-                    f"on the strip; got {one.finger_diameter_mm:g}"
-                )
-
     def _check_levels(self) -> None:
         ceiling_vpp = self.device.ceiling_vpp
         levels_vpp = self.design.levels_vpp
@@ -257,9 +241,10 @@ class Study:
         named["both_level"] = self.design.both_level_vpp or 0.0
         for name, level_vpp in named.items():
             if level_vpp > ceiling_vpp:
+                most = inward(ceiling_vpp, least=False, digits=12)
                 raise ValueError(
-                    f"design.{name} must be at most device.ceiling_vpp = {ceiling_vpp:g}; "
-                    f"got {level_vpp:g}"
+                    f"design.{name} must be at most device.ceiling_vpp = {most}; "
+                    f"got {level_vpp:.12g}"
                 )
 
     def _check_drives(self) -> None:
@@ -275,8 +260,8 @@ class Study:
             if condition.drive.duration_s > window_s:
                 raise ValueError(
                     f"condition {condition.name}: the burst must last at most "
-                    f"design.response_window_s = {window_s:g}; "
-                    f"got {condition.drive.duration_s:g} s"
+                    f"design.response_window_s = {window_s:.10g}; "
+                    f"got {condition.drive.duration_s:.10g} s"
                 )
 
     @property
@@ -319,12 +304,7 @@ class Study:
         return type(self)(**self.sections() | sections)
 
 
-def _displacements_are_known(actuators: tuple[Actuator, ...]) -> bool:
-    """Tell whether the two actuators under the fingers have a basis each."""
-    return all(one.basis is not None for one in actuators if one.side != "other")
-
-
-def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
+def _check_places(actuators: tuple[Actuator, ...], strip: Strip) -> None:
     """Refuse a missing side, patches over an edge of the strip, and patches over each other."""
     sides = [actuator.side for actuator in actuators]
     if sides[:2] != ["left", "right"] or set(sides[2:]) - {"other"}:
@@ -336,12 +316,12 @@ def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
     if len(set(names)) != len(names):
         raise ValueError(f"actuator names must be distinct; got {', '.join(map(str, names))}")
     left, right, *_ = actuators
+    end_m = math.inf if strip.length_m is None else strip.length_m / 2
+    along_m = -end_m, end_m
     for actuator in actuators:
         _check_patch(actuator, strip)
         _check_span(actuator, "y_m", actuator.span_y_m, (0.0, strip.width_m))
-        if strip.length_m is not None:
-            limits_m = (-strip.length_m / 2, strip.length_m / 2)
-            _check_span(actuator, "x_m", actuator.span_x_m, limits_m)
+        _check_span(actuator, "x_m", actuator.span_x_m, along_m)
     for one, two in combinations(actuators, 2):
         if (one.x_m, one.y_m) == (two.x_m, two.y_m):
             raise ValueError(
@@ -349,10 +329,11 @@ def _check_actuators(actuators: tuple[Actuator, ...], strip: Strip) -> None:
                 f"{one.x_mm:g} and y_mm = {one.y_mm:g}; give each its own x_mm"
             )
     if left.span_x_m[1] > right.span_x_m[0]:
+        both = [(one.x_m, (one.span_x_m[1] - one.span_x_m[0]) / 2) for one in (left, right)]
         raise ValueError(
             "the left actuator must end, along the strip, before the right one begins at "
             f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
-            f"{_in_metres('x_mm', right.x_mm, strip.length_m)}"
+            f"{in_metres('x_mm', both, along_m)}"
         )
     for one, two in combinations(actuators, 2):
         if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):
@@ -373,26 +354,30 @@ def _check_patch(actuator: Actuator, strip: Strip) -> None:
 
 def _overlap(one_m: tuple[float, float], two_m: tuple[float, float]) -> bool:
     """Tell whether two spans have more than an end in common."""
-    return min(one_m[1], two_m[1]) - max(one_m[0], two_m[0]) > _ROUNDING_M
+    return min(one_m[1], two_m[1]) - max(one_m[0], two_m[0]) > ROUNDING_M
 
 
 def _check_span(
     actuator: Actuator, axis: str, span_m: tuple[float, float], limits_m: tuple[float, float]
 ) -> None:
-    if span_m[0] < limits_m[0] - _ROUNDING_M or span_m[1] > limits_m[1] + _ROUNDING_M:
-        raise ValueError(
-            f"the {actuator.label} actuator must lie on the strip, which goes from "
-            f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
-            f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}"
-            f"{_in_metres(f'{axis[0]}_mm', getattr(actuator, axis) * 1e3, limits_m[1])}"
-        )
+    if _is_within(span_m, limits_m):
+        return
+    key, half_m = f"{axis[0]}_mm", (span_m[1] - span_m[0]) / 2
+    least, most = (
+        inward(1e3 * (limit_m + sign * half_m), least=sign > 0)
+        for limit_m, sign in zip(limits_m, (1, -1), strict=True)
+    )
+    fits = f"{key} from {least} to {most} is" if float(least) <= float(most) else f"no {key} is"
+    raise ValueError(
+        f"the {actuator.label} actuator must lie on the strip, which goes from "
+        f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
+        f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}: {fits} on it"
+        f"{in_metres(key, [(getattr(actuator, axis), half_m)], limits_m)}"
+    )
 
 
-def _in_metres(key: str, place_mm: float, most_m: float | None) -> str:
-    """Say what a place would be that was written in metres, if it would be on the strip."""
-    on_strip = most_m is None or abs(place_mm) < most_m
-    meant = 0 < abs(place_mm) < 1 and on_strip
-    return f"; if {key} is in metres, write {key} = {1e3 * place_mm:.6g}" if meant else ""
+def _is_within(span_m: tuple[float, float], limits_m: tuple[float, float]) -> bool:
+    return span_m[0] >= limits_m[0] - ROUNDING_M and span_m[1] <= limits_m[1] + ROUNDING_M
 
 
 def _mm(length_m: float) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
 
 def require_word(name: str, value: str, words: Iterable[str]) -> None:
@@ -53,6 +56,23 @@ def require_known(name: str, value: str, words: Iterable[str]) -> None:
         near = difflib.get_close_matches(value.lower(), listed, n=1)
         told = f", did you mean {near[0]}?" if near else ""
         raise ValueError(f"{name} must be one of {', '.join(listed)}; got {value!r}{told}")
+
+
+def inward(limit: float, *, least: bool, digits: int = 6) -> str:
+    """Say a limit in a few digits, rounded to the side of what it allows: what is told is taken.
+
+    >>> inward(8560.416, least=False), inward(2.8365, least=True, digits=3), inward(0.3, least=True)
+    ('8560.41', '2.84', '0.3')
+    """
+    if not math.isfinite(limit) or not limit:
+        return f"{limit:g}"
+    exact = Decimal(repr(float(limit)))
+    place = Decimal((0, (1,), exact.adjusted() - digits + 1))
+    rounding = ROUND_CEILING if least else ROUND_FLOOR
+    return f"{float(exact.quantize(place, rounding, _DECIMALS)):.{digits}g}"
+
+
+_DECIMALS: Final = Context(prec=40)
 
 
 def is_line(text: object) -> bool:
@@ -172,14 +192,39 @@ def in_mind(path: str, value: object, fits: Callable[[float], bool]) -> str:
         return ""
     if key.endswith(_DECIBELS):
         meant = "; its sign is meant the other way: "
-        return f"{meant}{write}{-value:.6g}" if fits(-value) else ""
+        return f"{meant}{write}{-value:.6g}" if fits(float(f"{-value:.6g}")) else ""
     ending = next((ending for ending in _UNITS if key.endswith(ending)), "")
     units = _PER_CENT if key in _FRACTIONS else _UNITS.get(ending, ())
     for unit, factor in units:
-        if fits(value * factor):
+        told = f"{value * factor:.6g}"
+        if fits(float(told)):
             these = "this is" if units is _PER_CENT else "these are"
-            return f"; if {these} {unit}, {write}{value * factor:.6g}"
+            return f"; if {these} {unit}, {write}{told}"
     return ""
+
+
+def in_metres(
+    key: str, given_m: Sequence[tuple[float, float]], limits_m: tuple[float, float]
+) -> str:
+    """Say what places in millimetres would be that were written in metres, if all are on the strip.
+
+    Given is each place with the half of what lies there, from left to right.
+
+    >>> in_metres("x_mm", [(-35e-6, 0.006), (35e-6, 0.006)], (-0.1, 0.1))
+    '; if x_mm is in metres, write x_mm = -35 and x_mm = 35'
+    """
+    told = [f"{1e6 * place_m:.6g}" for place_m, _ in given_m]
+    places_m = [float(mm) / 1e3 for mm in told]
+    spans_m = [(at - half, at + half) for at, (_, half) in zip(places_m, given_m, strict=True)]
+    fit = all(limits_m[0] <= start and end <= limits_m[1] for start, end in spans_m)
+    apart = all(one[1] <= two[0] for one, two in pairwise(spans_m))
+    if not (fit and apart and all(0 < abs(place_m) < _MILLIMETRE_M for place_m, _ in given_m)):
+        return ""
+    return f"; if {key} is in metres, write {' and '.join(f'{key} = {mm}' for mm in told)}"
+
+
+_MILLIMETRE_M: Final = 1e-3
+"""A smaller number of millimetres may be one of metres."""
 
 
 def _without_quotes(text: str) -> str:

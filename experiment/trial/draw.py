@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiment.study.sections.design import MAX_TRIALS
 from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
     AUDIBILITY_BLOCK,
@@ -124,9 +125,10 @@ def block_count(design: Design) -> int:
         if repeats % count == 0:
             return count
     shortest = math.ceil(total / repeats)
+    least = f" or at least {shortest}" if shortest <= MAX_TRIALS else ""
     raise PlanError(
-        f"design.break_every must be 0 or at least {shortest} (the shortest block with the same "
-        f"number of every stimulus); got {design.break_every}"
+        f"design.break_every must be 0{least} (the shortest block with the same number of every "
+        f"stimulus has {shortest} trials); got {design.break_every}"
     )
 
 

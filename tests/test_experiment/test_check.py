@@ -107,7 +107,7 @@ PAPER_TOLD = (
     "K = 141.72 N",
     "main: fit",
     "205.6 to 654.4 Hz",
-    "155: 75 left, 75 right, 5 both, 0 blank",
+    "155: 75 left, 75 right, 5 both (3.2% of those with a stimulus), 0 blank",
     "peak of the burst over the fingertip's contact area at 200 Vpp",
     "of the plate with its free ends",
     "computed by 40 modes up to 23.2 kHz",

@@ -119,11 +119,11 @@ def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
         ({"--edge": "elastic"}, "--edge must be one of simply-supported, clamped, measured-cutoff"),
         (
             {"--edge": "measured-cutoff", "--cutoff-hz": "900"},
-            "--cutoff-hz must lie above 1365.87 Hz (simply supported) and below 3096.28 Hz (clamp",
+            "--cutoff-hz must lie above 1365.88 Hz (simply supported) and below 3096.28 Hz (clamp",
         ),
         ({"--cutoff-hz": "2.5"}, "; got 2.5; if these are kilohertz, write --cutoff-hz 2500"),
         ({"--actuator": "disc:0.012@35"}, "; if these are metres, write diameter_mm = 12"),
-        ({"--actuator": "disc:12@0.035"}, "; if x_mm is in metres, write x_mm = 35"),
+        ({"--actuator": "disc:12@0.035"}, "5.965 mm; if X is in metres, write @35\n"),
         ({"--actuator": "bla"}, "--actuator must be disc:DIAMETER@X, rectangle:ALONGxACROSS@X or"),
         ({"--actuator": "rectangle:6@35"}, "--actuator must be disc:DIAMETER@X, rectangle:ALON"),
         ({"--actuator": "disc:6x7@35"}, "--actuator must be disc:DIAMETER@X, rectangle:ALONGxA"),

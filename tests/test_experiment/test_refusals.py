@@ -188,8 +188,8 @@ def without_diameter(left: str) -> str:
             ": design.both_trials and both_fraction exclude each other; got both",
         ),
         (
-            "design.both_fraction = 0.1",
-            "got 0.1, which gives 16.67; the nearest are 0.0964 (16 trials) and 0.1018 (17)",
+            "design.both_fraction = 0.01",
+            "which gives 1.52; the nearest are 0.006623 (1 trial) and 0.01316 (2 trials)",
         ),
         (
             "design = {trials_per_side = 1000, both_fraction = 0.9}",
@@ -197,16 +197,22 @@ def without_diameter(left: str) -> str:
         ),
         (
             "design.repeats_per_level = 2001",
-            "repeats_per_level times the number of levels, 5, must be at most 10000; got 10005",
+            "repeats_per_level must be at most 2000 with 5 levels, 10000 trials a side; got 2001",
         ),
         # the strip
         ("strip = {edge = 'clamped', edge_stiffness_n = 9}", "only; got edge = clamped"),
-        (CUTOFF.format(5000), "above 1926.03 Hz (simply supported) and below 4366.1 Hz (clamped);"),
         (
             CUTOFF.format(5000),
-            "got 5000: clamped, 5000 Hz fits 0.573 mm of thickness or 23.4 mm of",
+            "above 1926.04 Hz (simply supported) and below 4366.09 Hz (clamped);",
         ),
-        (CUTOFF.format(1000), "; got 1000: simply supported, 1000 Hz fits 0.26 mm of thickness or"),
+        (
+            CUTOFF.format(5000),
+            "got 5000: clamped, 5000 Hz fits 0.573 mm of thickness or 23.3 mm of",
+        ),
+        (
+            CUTOFF.format(1000),
+            "got 1000: simply supported, 1000 Hz fits 0.259 mm of thickness or",
+        ),
         (CUTOFF.format(1000), "or 34.7 mm of width; you have 0.5 mm and 25 mm"),
         # what is known of another plate than the paper's
         (THIN, "strip needs material (or youngs_modulus_gpa, poisson_ratio and density_kg_m3), l"),
@@ -311,7 +317,7 @@ def without_diameter(left: str) -> str:
         ),
         ("strip.viscous_time_us = 8e-7", "; if these are seconds, write viscous_time_us = 0.8"),
         (array().replace("12.8", "0.0128"), "these are metres, write diameter_mm = 12.8"),
-        (array().replace("35", "0.035"), "; if x_mm is in metres, write x_mm = 35"),
+        (array().replace("35", "0.035"), "; if x_mm is in metres, write x_mm = -35 and x_mm = 35"),
         (array(", y_mm = 0.0125"), "; if y_mm is in metres, write y_mm = 12.5"),
         (array(PIEZO.replace("-180", "-180e-12")), "these are m/V, write piezo_d31_pm_v = -180"),
         (FINGERTIP.format(2e-4, 1000), "got 0.0002; if these are kilograms, write mass_g = 0.2"),

@@ -5,12 +5,13 @@ from .actuator import (
     PIEZO_KEYS,
     SIDES,
     Actuator,
+    displacements_are_known,
     paper_actuators,
 )
 from .dataset import About, Dataset, ParticipantColumn, Participants
-from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, Design
+from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, MAX_TRIALS, Design
 from .equipment import Contact, DeviceSettings, Masking
-from .finger import FINGER_KEYS, FingerLoad
+from .finger import FINGER_KEYS, ROUNDING_M, FingerLoad, check_fingers
 from .plate import (
     PAPER_CUTOFF_HZ,
     PAPER_LENGTH_MM,
@@ -38,12 +39,14 @@ __all__ = [
     "EARLIEST_ANSWER_S",
     "FINGER_KEYS",
     "LEAST_LEVEL_VPP",
+    "MAX_TRIALS",
     "MEASURED_KEYS",
     "PAPER_CUTOFF_HZ",
     "PAPER_LENGTH_MM",
     "PAPER_THRESHOLD_UM",
     "PATCH_KEYS",
     "PIEZO_KEYS",
+    "ROUNDING_M",
     "SIDES",
     "THRESHOLD_VPP",
     "About",
@@ -66,7 +69,9 @@ __all__ = [
     "SharedStimulus",
     "Simulation",
     "Texts",
+    "check_fingers",
     "completed",
+    "displacements_are_known",
     "drive_samples",
     "file_keys",
     "instructions_of",

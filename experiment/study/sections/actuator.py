@@ -30,6 +30,8 @@ _LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
 _LEAST_D31_PM_V: Final = 0.5
 """Quartz has about 2, films of polymer 20, ceramics 100 to 300."""
 
+LEAST_FINGER_MM: Final = 1.0
+
 MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
 PIEZO_KEYS: Final = (
     "piezo_thickness_mm",
@@ -73,7 +75,7 @@ class Actuator:
         default=None, description="of a rectangle or motor, across the strip"
     )
     finger_diameter_mm: float = Field(
-        default=10.0, ge=1, le=50, description="contact of the fingertip above it"
+        default=10.0, ge=LEAST_FINGER_MM, le=50, description="contact of the fingertip above it"
     )
     measured_displacement_um: float | None = Field(
         default=None,
@@ -283,6 +285,11 @@ class Actuator:
 def _span_m(centre_m: float, length_m: float | None) -> tuple[float, float]:
     half_m = (length_m or 0.0) / 2
     return centre_m - half_m, centre_m + half_m
+
+
+def displacements_are_known(actuators: tuple[Actuator, ...]) -> bool:
+    """Tell whether the two actuators under the fingers have a basis each."""
+    return all(one.basis is not None for one in actuators if one.side != "other")
 
 
 _PAPER_MEASURED: Final = dict(zip(MEASURED_KEYS, (2.6, 100.0, 300.0), strict=True))

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
 from experiment.study.sections.table import section
-from experiment.terms.checks import require_word
+from experiment.terms.checks import inward, require_word
 from experiment.terms.record import ANSWERS
 from stimuli.checks import finite
 
@@ -27,8 +27,8 @@ ASSUMED_ANSWER_S: Final = 1.0
 """How long a person is taken to need for an answer, when a session's length is estimated."""
 _EXCLUSIVE: Final = (("trials_per_side", "repeats_per_level"), ("both_trials", "both_fraction"))
 _FRACTION_DIGITS: Final = 4
-_FRACTION_ROUNDING: Final = 0.500001 * 10**-_FRACTION_DIGITS
-"""Half a unit of the last digit, and the rounding of the sums."""
+_FRACTION_ROUNDING: Final = 0.1
+"""By so much of a fraction that is asked for may that of whole trials be off."""
 
 _Level = Annotated[float, Field(ge=LEAST_LEVEL_VPP)]
 _Wait = Annotated[float, Field(ge=0.01, le=60)]
@@ -55,7 +55,10 @@ class Design:
     )
     both_trials: int = Field(default=5, ge=0, le=MAX_TRIALS, description="both fingers at once")
     both_fraction: float | None = Field(
-        default=None, ge=0, le=0.9, description="or: their part of all trials with a stimulus"
+        default=None,
+        ge=0,
+        le=0.9,
+        description="or: about this part of all trials with a stimulus",
     )
     both_level: _Level | Literal["random"] = Field(
         default="random", description="their level in Vpp; random: drawn from levels_vpp"
@@ -126,7 +129,8 @@ class Design:
         if self.order == "balanced" and self.trials_per_side % len(self.levels_vpp):
             raise ValueError(
                 "trials_per_side must be a multiple of the number of levels, "
-                f"{len(self.levels_vpp)}, where order is balanced; got {self.trials_per_side}"
+                f"{len(self.levels_vpp)}, where order is balanced; got {self.trials_per_side}; "
+                f"write {_multiples(self.trials_per_side, len(self.levels_vpp))}"
             )
         self._check_responses()
         finite("foreperiod_s[1]", self.foreperiod_s[1], least=self.foreperiod_s[0])
@@ -134,16 +138,20 @@ class Design:
     def _work_out_trials(self) -> None:
         """Put the numbers of trials in the place of the other ways to say them."""
         if self.repeats_per_level is not None:
-            trials = self.repeats_per_level * len(self.levels_vpp)
-            if trials > MAX_TRIALS:
+            trials, most = self.repeats_per_level * len(self.levels_vpp), self._most_repeats
+            if self.repeats_per_level > most:
                 raise ValueError(
-                    f"repeats_per_level times the number of levels, {len(self.levels_vpp)}, must "
-                    f"be at most {MAX_TRIALS}; got {trials}"
+                    f"repeats_per_level must be at most {most} with {len(self.levels_vpp)} "
+                    f"levels, {MAX_TRIALS} trials a side; got {self.repeats_per_level}"
                 )
             _put(self, trials_per_side=trials, repeats_per_level=None)
         if self.both_fraction is not None:
             trials = _both_trials(self.both_fraction, 2 * self.trials_per_side)
             _put(self, both_trials=trials, both_fraction=None)
+
+    @property
+    def _most_repeats(self) -> int:
+        return MAX_TRIALS // len(self.levels_vpp)
 
     @property
     def both_level_vpp(self) -> float | None:
@@ -181,11 +189,18 @@ def _put(design: Design, **keys: int | None) -> None:
         object.__setattr__(design, key, value)
 
 
+def _multiples(trials: int, levels: int) -> str:
+    """Name the multiples of a number of levels next to a number of trials."""
+    below = trials // levels * levels
+    return " or ".join(str(one) for one in (below, below + levels) if 0 < one <= MAX_TRIALS)
+
+
 def _both_trials(fraction: float, single_trials: int) -> int:
     """Return how many trials with both fingers make a fraction of all with a stimulus.
 
-    With s of one finger, b of both: b = s f / (1 - f). A fraction is told, and taken, to
-    four decimals; more would refuse 0.0964 where 16 of 166 trials are meant.
+    With s of one finger, b of both: b = s f / (1 - f), to the next whole number. A lab that writes
+    a tenth means about a tenth, but not a third less: what rounding moves by more than a tenth of
+    what was asked is refused, and so is a fraction that comes to no trial at all.
     """
 
     def fraction_of(both_trials: int) -> float:
@@ -194,19 +209,20 @@ def _both_trials(fraction: float, single_trials: int) -> int:
     exact = single_trials * fraction / (1 - fraction)
     nearest = round(exact)
     if nearest > MAX_TRIALS:
+        most = inward(fraction_of(MAX_TRIALS), least=False, digits=_FRACTION_DIGITS)
         raise ValueError(
-            f"both_fraction must be at most {_told(fraction_of(MAX_TRIALS))}, {MAX_TRIALS} trials "
+            f"both_fraction must be at most {most}, {MAX_TRIALS} trials "
             f"beside {single_trials} of one finger; got {fraction:g}"
         )
-    if abs(fraction_of(nearest) - fraction) <= _FRACTION_ROUNDING:
+    if abs(fraction_of(nearest) - fraction) <= _FRACTION_ROUNDING * fraction:
         return nearest
     fewer = math.floor(exact)
-    raise ValueError(
-        f"both_fraction must give a whole number of trials beside {single_trials} of one finger; "
-        f"got {fraction:g}, which gives {exact:.2f}; the nearest are {_told(fraction_of(fewer))} "
-        f"({fewer} trials) and {_told(fraction_of(fewer + 1))} ({fewer + 1})"
+    named = " and ".join(
+        f"{fraction_of(trials):.{_FRACTION_DIGITS}g} ({trials} trial{'' if trials == 1 else 's'})"
+        for trials in (fewer, fewer + 1)
     )
-
-
-def _told(fraction: float) -> str:
-    return f"{fraction:.{_FRACTION_DIGITS}f}"
+    raise ValueError(
+        f"both_fraction must be within {_FRACTION_ROUNDING:.0%} that of a whole number of trials "
+        f"beside {single_trials} of one finger; got {fraction:g}, which gives {exact:.2f}; the "
+        f"nearest are {named}"
+    )

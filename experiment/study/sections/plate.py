@@ -10,8 +10,15 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.table import ASKED_FOR, refuse_below, section
-from experiment.terms.checks import is_line, require_known
+from experiment.study.sections.table import (
+    ASKED_FOR,
+    KeyRange,
+    file_keys,
+    range_of,
+    refuse_below,
+    section,
+)
+from experiment.terms.checks import inward, is_line, require_known
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
@@ -259,11 +266,13 @@ class Plate:
         (_, least_hz), (_, most_hz) = found
         if least_hz < cutoff_hz < most_hz:
             return
-        name, end_hz = found[cutoff_hz >= most_hz]
+        too_high = cutoff_hz >= most_hz
+        name, end_hz = found[too_high]
         raise ValueError(
-            f"measured_cutoff_hz must lie above {least_hz:.6g} Hz (simply supported) and below "
-            f"{most_hz:.6g} Hz (clamped); got {cutoff_hz:.10g}: {name}, {cutoff_hz:.6g} Hz "
-            f"{self.fitting(end_hz, cutoff_hz)}"
+            f"measured_cutoff_hz must lie above {inward(least_hz, least=True)} Hz (simply "
+            f"supported) and below {inward(most_hz, least=False)} Hz (clamped); got "
+            f"{cutoff_hz:.10g}: {name}, {cutoff_hz:.6g} Hz "
+            f"{self._sizes_within(cutoff_hz / end_hz, thicker=too_high)}"
         )
 
     def fitting(self, cutoff_hz: float, wanted_hz: float) -> str:
@@ -271,9 +280,30 @@ class Plate:
 
         Cut-offs go as thickness over width squared, whatever ideal edges the plate has.
         """
-        ratio = wanted_hz / cutoff_hz
+        thickness_mm, width_mm = self._sizes(wanted_hz / cutoff_hz)
+        return self._told_fit({"thickness": f"{thickness_mm:.3g}", "width": f"{width_mm:.3g}"})
+
+    def _sizes_within(self, ratio: float, *, thicker: bool) -> str:
+        """Say the same of a cut-off that must stay beyond another: rounded to that side."""
+        sizes = dict(zip(("thickness", "width"), self._sizes(ratio), strict=True))
+        told = {}
+        for size, mm in sizes.items():
+            upward = thicker == (size == "thickness")
+            # not quite at the limit, which itself is refused
+            text = inward(mm * (1 + (1e-9 if upward else -1e-9)), least=upward, digits=3)
+            field = file_keys(type(self))[f"{size}_mm"]
+            limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
+            if limits.hold(float(text)):
+                told[size] = text
+        return self._told_fit(told)
+
+    def _sizes(self, ratio: float) -> tuple[float, float]:
+        """Return the thickness and the width, in mm, that multiply cut-offs by a ratio."""
+        return self.thickness_mm * ratio, self.width_mm / ratio**0.5
+
+    def _told_fit(self, sizes: dict[str, str]) -> str:
+        fits = " or ".join(f"{float(text):g} mm of {size}" for size, text in sizes.items())
         return (
-            f"fits {self.thickness_mm * ratio:.3g} mm of thickness or "
-            f"{self.width_mm / ratio**0.5:.3g} mm of width; you have {self.thickness_mm:g} mm and "
+            f"fits {fits or 'no plate near it'}; you have {self.thickness_mm:g} mm and "
             f"{self.width_mm:g} mm"
         )

@@ -28,7 +28,7 @@ from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic.dataclasses import dataclass
 from pydantic_core import ArgsKwargs, core_schema
 
-from experiment.terms.checks import in_mind, unknown_key
+from experiment.terms.checks import in_mind, inward, unknown_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -117,7 +117,11 @@ class KeyRange:
         if whole:
             return f"a whole number from {self.ge} to {self.le}"
         signs = ((">", self.gt), (">=", self.ge), ("<=", self.le), ("<", self.lt))
-        told = [f"{sign} {limit:.12g}" for sign, limit in signs if limit is not None]
+        told = [
+            f"{sign} {inward(limit, least=sign[0] == '>', digits=12)}"
+            for sign, limit in signs
+            if limit is not None
+        ]
         return " ".join(filter(None, ("a finite number", " and ".join(told))))
 
 
