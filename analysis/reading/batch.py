@@ -17,6 +17,7 @@ from analysis.axis import axis_of
 from analysis.reading.checks import check_rows
 from analysis.reading.plans import (
     PLAN,
+    beside,
     check_plan,
     progress,
     read_record,
@@ -24,8 +25,9 @@ from analysis.reading.plans import (
     told_rows,
 )
 from analysis.reading.rows import mapped_rows, own_rows, with_responses
-from analysis.reading.sources import TABLE, unreadable
+from analysis.reading.sources import unreadable
 from analysis.reading.text import CHUNK_ROWS, ResultFileError, text_chunks
+from experiment.terms.record import COLUMNS, SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 
 
 MOST_BYTES = 2_000_000
+_SCHEMA = COLUMNS[0].name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -167,9 +170,7 @@ def _table(source: InputTable, record: SessionRecord, told: Sequence[Any]) -> Re
         path=source.path,
         trials=len(told),
         file=InputFile(name=source.name, sha256=sha256_of(source.path)),
-        plan=InputFile(name=source.name.removesuffix(TABLE) + PLAN, sha256=sha256)
-        if plan
-        else None,
+        plan=InputFile(name=beside(source.name, PLAN), sha256=sha256) if plan else None,
         progress=progress(told, plan, source.path) if plan else None,
         compared=record.compared,
         altered=tuple(told_of(one, source.name) for one in record.altered),
@@ -190,9 +191,19 @@ def _parts(
                     stream, file, bom_allowed=bom_allowed, empty_allowed=record.plan is not None
                 )
                 for lines, rows in chunks:
+                    if record.altered and record.compared and record.plan:
+                        _set_schema(header, rows)
                     yield _Rows(place=place, file=file, header=header, lines=lines, rows=rows)
         except OSError as error:
             raise unreadable(error, source.path) from None
+
+
+def _set_schema(header: list[str], rows: list[list[str]]) -> None:
+    """Put in the schema that the journal tells, whatever the cells of the table do."""
+    if _SCHEMA in header:
+        place = header.index(_SCHEMA)
+        for row in rows:
+            row[place] = str(SCHEMA)
 
 
 def _joined(parts: Iterator[_Rows]) -> Iterator[list[_Rows]]:

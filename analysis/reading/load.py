@@ -22,10 +22,10 @@ from analysis.reading.checks import (
     refuse_repeat,
 )
 from analysis.reading.columns import COUNTED_COLUMNS, count_columns
-from analysis.reading.plans import PLAN, lost_words, removed_tables
+from analysis.reading.plans import PLAN, left_out
 from analysis.reading.reasons import with_reasons
 from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows, typed
-from analysis.reading.sources import find_sources, unchanged, unreadable
+from analysis.reading.sources import TABLE, find_sources, unchanged, unreadable
 from analysis.reading.text import ResultFileError, one_line, shown, text_chunks
 from experiment.terms.record import Column
 
@@ -141,18 +141,18 @@ class LoadedTrials:
         The tables that were read.
     inputs : tuple of InputFile
         These, their plans and the map, in the order of their names.
-    without_table : tuple of str
-        Session folders that hold no trials.csv.
+    without_table : mapping of str to str
+        Session folders that hold no trials.csv, and what can be done.
     progress : tuple of SessionProgress
         Of each session that has a plan, how far it came.
     axis : Axis
         What the levels are.
     altered : mapping of str to tuple of str
         By the path of its table, where a session is not as it was recorded, a line each.
+    lost : mapping of str to tuple of str
+        Sessions of which no table is left, though it is told of them or other files are: why.
     not_compared : tuple of str
-        Names of the trials.csv that have no journal beside them.
-    lost : tuple of str
-        Sessions that have ended and of which there is no folder any more, a line each.
+        Names of the tables that have no journal beside them.
     cells : pandas.DataFrame or None
         Of a table of counts, what `analysis.reading.load.read_counted` returns; there are no trials
         then.
@@ -161,12 +161,12 @@ class LoadedTrials:
     trials: pd.DataFrame
     paths: tuple[Path, ...]
     inputs: tuple[InputFile, ...]
-    without_table: tuple[str, ...]
+    without_table: Mapping[str, str]
     progress: tuple[SessionProgress, ...]
     axis: Axis
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
-    lost: tuple[str, ...] = ()
     cells: pd.DataFrame | None = None
 
 
@@ -236,18 +236,25 @@ def read_inputs(
     ResultFileError
         As `read_trials`, and for a table or a plan that changes while the others are read.
     """
-    sources, folders = find_sources([Path(path) for path in paths])
-    without_table = tuple(folder.name for folder in folders)
+    found = find_sources([Path(path) for path in paths])
+    sources = found.tables
+    if not sources:
+        without = left_out(found, accept_altered=accept_altered)
+        why = [*without.told.values(), *(one for lines in without.lost.values() for one in lines)]
+        message = f"no session in this folder has a {TABLE}; {why[0]}"
+        raise ResultFileError(paths[0], None, message)
     files = [path for one in sources for path in (one.path, one.path.with_name(PLAN))]
     counts = count_columns(columns.table) if columns else None
     if columns and counts:
         with unchanged(files), watched(sources) as asked:
             cells, inputs = read_counted(asked, columns, counts)
+        without = left_out(found, accept_altered=accept_altered)
         return LoadedTrials(
             trials=with_reasons(no_rows()),
             paths=tuple(source.path for source in sources),
             inputs=_inputs(inputs, columns),
-            without_table=without_table,
+            without_table=without.told,
+            lost=without.lost,
             progress=(),
             axis=axis_of(columns.axis),
             cells=cells,
@@ -258,7 +265,7 @@ def read_inputs(
             for batch in batches(asked)
             for one in read_batch(batch, columns, accept_altered=accept_altered)
         ]
-    removed = removed_tables(folders, accept_altered=accept_altered) if columns is None else {}
+    without = left_out(found, accept_altered=accept_altered)
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
     if not any(table.trials for table in tables):
@@ -271,12 +278,12 @@ def read_inputs(
         trials=trials,
         paths=tuple(source.path for source in sources),
         inputs=_inputs(inputs, columns),
-        without_table=without_table,
+        without_table=without.told,
+        lost=without.lost,
         progress=tuple(table.progress for table in tables if table.progress is not None),
         axis=Axis() if columns is None else axis_of(columns.axis),
-        altered={str(table.path): table.altered for table in tables if table.altered} | removed,
+        altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
-        lost=lost_words(map(Path, paths)) if columns is None else (),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,17 +11,17 @@ import pandas as pd
 
 from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
-from experiment.archive.files import HEADS
+from experiment.archive.files import HEADS, LinkError
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import JOURNAL, examine, lost_sessions, removed_file
+from experiment.integrity.sessions import JOURNAL, examine, refuse_links, removed_journal
 from experiment.terms.record import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from analysis.reading.sources import InputTable
+    from analysis.reading.sources import InputTable, Sources
     from experiment.integrity.sessions import Difference, Examined
     from experiment.trial.plan import Plan, Trial
 
@@ -100,6 +101,8 @@ class SessionRecord:
 def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     """Read what lies beside a table; of a session that was altered no plan is read if in doubt.
 
+    A table of another name beside a journal is taken for a copy, and compared like trials.csv.
+
     Raises ResultFileError as `read_plan`; for a session of another version of this program; and for
     the first difference from what was recorded, unless that is accepted.
 
@@ -107,18 +110,16 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     >>> read_record(Path("table.csv"), accept_altered=False).compared
     False
     """
-    if table.name != TABLE or not table.with_name(JOURNAL).is_file():
-        removed = removed_file(table.parent, JOURNAL) if table.name == TABLE else ()
+    journal = table.with_name(JOURNAL)
+    if table.name == TABLE or journal.is_file() or journal.is_symlink():
+        _refuse_links(table)
+    if not journal.is_file():
+        removed = removed_journal(table.parent) if table.name == TABLE else ()
         plan, sha256 = read_plan(table) or (None, "")
         return SessionRecord(plan=plan, plan_file_sha256=sha256, altered=removed)
     found = _examined(table)
     if found.differences and not accept_altered:
-        first, *others = found.differences
-        more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
-        message = f"{first.message}{first.hint}{more}; tactstrip analyze --accept-altered"
-        raise ResultFileError(
-            first.path, first.line, f"{message} takes it, with a mark{_mended(found)}"
-        )
+        raise _refusal(found, "takes it")
     trusted = found.history is not None or not found.differences
     return SessionRecord(
         plan=found.plan if trusted else None,
@@ -128,61 +129,100 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     )
 
 
-def removed_tables(
-    folders: Iterable[InputTable], *, accept_altered: bool
-) -> dict[str, tuple[str, ...]]:
-    """Tell of sessions without a table that had one when their head was kept, as lines by table.
-
-    One that was cut off before has none yet, and is no such session.
-
-    Raises ResultFileError for the first of them, unless that is accepted.
-
-    >>> removed_tables([], accept_altered=False)
-    {}
-    """
-    found: dict[str, tuple[str, ...]] = {}
-    for folder in folders:
-        for difference in removed_file(folder.path, TABLE):
-            if not accept_altered:
-                message = f"{difference.message}; tactstrip export DIR builds it anew"
-                raise ResultFileError(
-                    difference.path, None, f"{message}, tactstrip verify DIR names what differs"
-                )
-            found[str(difference.path)] = (told_of(difference, f"{folder.name}/{TABLE}"),)
-    return found
-
-
-def lost_words(folders: Iterable[Path]) -> tuple[str, ...]:
-    """Tell of sessions below folders that have ended and of which there is no folder any more.
-
-    >>> lost_words([])
-    ()
-    """
-    below = (HEADS, f"sub-*/{HEADS}")
-    people = {heads.parent for one in folders for where in below for heads in one.glob(where)}
-    return tuple(
-        f"{person.resolve().name}/{HEADS}:{one.line}: {one.message}"
-        for person in sorted(people)
-        for one in lost_sessions(person)
-    )
+def _refuse_links(table: Path) -> None:
+    try:
+        refuse_links(table.parent, table.name)
+    except LinkError as error:
+        raise ResultFileError(error.path, None, error.message) from None
 
 
 def _examined(table: Path) -> Examined:
     try:
-        return examine(table.parent)
-    except RecordSchemaError as error:
-        raise ResultFileError(error.path, error.line, error.message) from None
+        return examine(table.parent, table.name)
+    except (RecordSchemaError, LinkError) as error:
+        line = None if isinstance(error, LinkError) else error.line
+        raise ResultFileError(error.path, line, error.message) from None
     except OSError as error:
         raise unreadable(error, table) from None
     except ValueError as error:
         raise ResultFileError(table, None, str(error)) from None
 
 
-def _mended(found: Examined) -> str:
-    """Say what puts a record right of which only the table is another one."""
-    if all(one.mended_by == "export" for one in found.differences):
-        return ", tactstrip export DIR builds it anew from the journal"
-    return ""
+def _refusal(found: Examined, does: str) -> ResultFileError:
+    """Say the first of the differences, what accepts it and, of one of the table, what mends it."""
+    first, *others = found.differences
+    more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
+    mended = all(one.mended_by == "export" for one in found.differences)
+    return _not_accepted(
+        first,
+        f"{more}; tactstrip analyze --accept-altered {does}, with a mark"
+        + (", tactstrip export DIR builds it anew from the journal" if mended else ""),
+    )
+
+
+def _not_accepted(first: Difference, what: str) -> ResultFileError:
+    return ResultFileError(first.path, first.line, f"{first.message}{first.hint}{what}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """Sessions of which there is no table, by their names.
+
+    Attributes
+    ----------
+    told : mapping of str to str
+        What can be done about each that is as it was recorded.
+    lost : mapping of str to tuple of str
+        What is not as it was recorded in the others.
+    """
+
+    told: Mapping[str, str]
+    lost: Mapping[str, tuple[str, ...]]
+
+
+def left_out(sources: Sources, *, accept_altered: bool) -> LeftOut:
+    """Look at the sessions without a table.
+
+    Raises ResultFileError as `read_record`, and for a session of which no file is left, unless that
+    is accepted.
+
+    >>> from analysis.reading.sources import Sources
+    >>> left_out(Sources(tables=()), accept_altered=False)
+    LeftOut(told={}, lost={})
+    """
+    told, lost = {}, {}
+    for table in sources.without:
+        found = _examined(table.path)
+        if found.differences and not accept_altered:
+            raise _refusal(found, "leaves the session out")
+        if found.differences:
+            lost[_session(table)] = tuple(told_of(one, table.name) for one in found.differences)
+        else:
+            told[_session(table)] = (
+                "tactstrip export DIR builds it" if found.history else "nothing was recorded in it"
+            )
+    for table, difference in sources.lost:
+        if not accept_altered:
+            raise _not_accepted(
+                difference,
+                "; restore it from a copy; tactstrip analyze --accept-altered leaves "
+                "the session out, with a mark",
+            )
+        lost[_session(table)] = (told_of(difference, table.name),)
+    return LeftOut(told=told, lost=lost)
+
+
+def _session(table: InputTable) -> str:
+    return beside(table.name, "").removesuffix("/") or table.path.resolve().parent.name
+
+
+def beside(name: str, file: str) -> str:
+    """Return the name of a file beside another.
+
+    >>> beside("sub-01/ses-01/trials.csv", "plan.json"), beside("trials.csv", "plan.json")
+    ('sub-01/ses-01/plan.json', 'plan.json')
+    """
+    return name[: name.rfind("/") + 1] + file
 
 
 def told_of(difference: Difference, name: str) -> str:
@@ -195,7 +235,7 @@ def told_of(difference: Difference, name: str) -> str:
     >>> told_of(one, "sub-01/ses-01/trials.csv")
     'sub-01/ses-01/header.json: is missing'
     """
-    folder = name.removesuffix(TABLE)
+    folder = beside(name, "")
     if difference.path.name == HEADS:
         folder = "".join(f"{part}/" for part in folder.split("/")[:-2])
     line = "" if difference.line is None else f":{difference.line}"
@@ -304,3 +344,35 @@ def _ended(journal: Path) -> int:
             return sum(line.count(b'"event":"trial_end"') for line in stream)
     except OSError as error:
         raise unreadable(error, journal) from None
+
+
+def contacts(
+    progress: Iterable[SessionProgress], sessions: Iterable[tuple[str, str]]
+) -> dict[str, tuple[str, ...]]:
+    """Tell by what is stated of force and contact of the fingers which sessions state it.
+
+    The participants and sessions are those of the trials; without a plan nothing is stated.
+
+    >>> contacts([], [("01", "01"), ("02", "01")])
+    {'not stated': ('sub-01/ses-01', 'sub-02/ses-01')}
+    """
+    of_plan = {(one.participant, one.session): one.study for one in progress}
+    words = {"": "not stated"}  # by the study's section: studies of a lab mostly differ elsewhere
+    stated: dict[str, list[str]] = {}
+    for participant, session in sessions:
+        text = of_plan.get((participant, session))
+        section = "" if text is None else json.dumps(json.loads(text).get("contact"))
+        if text is not None and section not in words:
+            words[section] = _contact(text)
+        stated.setdefault(words[section], []).append(f"sub-{participant}/ses-{session}")
+    return {told: tuple(which) for told, which in stated.items()}
+
+
+def _contact(text: str) -> str:
+    from experiment.study.read import study_from_canonical
+    from experiment.study.study import StudyError
+
+    try:
+        return study_from_canonical(text).contact.words
+    except StudyError:
+        return "not known, for this version cannot read the study"

@@ -9,10 +9,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from analysis.reading.text import ResultFileError, one_line
+from experiment.archive.files import LinkError, refuse_link
+from experiment.integrity.heads import person_of
+from experiment.integrity.places import lost_sessions, refuse_given_link
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
+
+    from experiment.integrity.sessions import Difference
 
 
 TABLE = "trials.csv"
@@ -35,11 +40,30 @@ class InputTable:
     name: str
 
 
-def find_sources(paths: list[Path]) -> tuple[list[InputTable], list[InputTable]]:
-    """List the tables to read, and the session folders without one by their names.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sources:
+    """What there is to read.
+
+    Attributes
+    ----------
+    tables : tuple of InputTable
+        The tables.
+    without : tuple of InputTable
+        Where the trials.csv would be of session folders that have none.
+    lost : tuple of tuple of InputTable and Difference
+        The same of sessions of which no file is left, and what tells of them.
+    """
+
+    tables: tuple[InputTable, ...]
+    without: tuple[InputTable, ...] = ()
+    lost: tuple[tuple[InputTable, Difference], ...] = ()
+
+
+def find_sources(paths: list[Path]) -> Sources:
+    """List the tables to read, and the sessions without one.
 
     Raises ValueError without a path, ResultFileError for a path that is no regular file or cannot
-    be read, and for a folder without a table.
+    be read, for a folder without a session, and for a symbolic link to a session.
 
     >>> import tempfile
     >>> from pathlib import Path
@@ -47,29 +71,58 @@ def find_sources(paths: list[Path]) -> tuple[list[InputTable], list[InputTable]]
     ...     for name in ("a", "b"):
     ...         (Path(folder) / name).mkdir()
     ...         (Path(folder) / name / "t.csv").touch()
-    ...     [s.name for s in find_sources(sorted(Path(folder).glob("*/t.csv")))[0]]
+    ...     [s.name for s in find_sources(sorted(Path(folder).glob("*/t.csv"))).tables]
     ['a/t.csv', 'b/t.csv']
     """
     if not paths:
         raise ValueError("paths must name at least one file or folder, got none")
     tables: list[tuple[Path, Path]] = []
     without: list[tuple[Path, Path]] = []
+    lost: list[tuple[tuple[Path, Path], Difference]] = []
     for path in paths:
         if not _is_folder(path):
             _check_file(path)
             tables.append((path.parent, path))
             continue
-        sessions = _sessions(path)
-        found = [session for session in sessions if _holds(session / TABLE)]
-        if not found:
-            raise ResultFileError(path, None, _nothing(sessions))
-        for session in found:
-            _check_file(session / TABLE)
-            tables.append((path, session / TABLE))
-        without += [(path, session) for session in sessions if session not in found]
-    names = _names(tables + without)
-    sources = [InputTable(path=path, name=names[path]) for _, path in tables]
-    return sources, [InputTable(path=path, name=names[path]) for _, path in without]
+        with _links_refused():
+            refuse_given_link(path)
+            gone = _lost(path)
+            sessions = [folder for folder in _sessions(path) if folder not in gone]
+        if not sessions and not gone:
+            raise ResultFileError(path, None, f"no sub-*/ses-*/{TABLE} in this folder")
+        for session in sessions:
+            if _holds(session / TABLE):
+                with _links_refused():
+                    refuse_link(session / TABLE)
+                _check_file(session / TABLE)
+                tables.append((path, session / TABLE))
+            else:
+                without.append((path, session / TABLE))
+        lost += [((path, folder / TABLE), told) for folder, told in gone.items()]
+    names = _names([*tables, *without, *(place for place, _ in lost)])
+    return Sources(
+        tables=tuple(InputTable(path=path, name=names[path]) for _, path in tables),
+        without=tuple(InputTable(path=path, name=names[path]) for _, path in without),
+        lost=tuple((InputTable(path=path, name=names[path]), told) for (_, path), told in lost),
+    )
+
+
+@contextmanager
+def _links_refused() -> Iterator[None]:
+    try:
+        yield
+    except LinkError as error:
+        raise ResultFileError(error.path, None, error.message) from None
+
+
+def _lost(folder: Path) -> dict[Path, Difference]:
+    """Find the sessions of which no file is left, though it is told of them."""
+    name = folder.resolve().name
+    if not name.startswith("ses-"):
+        lost = (one for person in _people(folder) for one in lost_sessions(person))
+        return {one.folder: one.difference for one in lost}
+    own = next((one for one in lost_sessions(person_of(folder)) if one.folder.name == name), None)
+    return {} if own is None else {folder: own.difference}
 
 
 def _holds(path: Path) -> bool:
@@ -81,12 +134,6 @@ def _holds(path: Path) -> bool:
     except OSError as error:
         raise unreadable(error, path) from None
     return True
-
-
-def _nothing(sessions: list[Path]) -> str:
-    if not sessions:
-        return f"no sub-*/ses-*/{TABLE} in this folder"
-    return f"no session in this folder has a {TABLE}; tactstrip export DIR builds it"
 
 
 def _names(found: list[tuple[Path, Path]]) -> dict[Path, str]:
@@ -107,17 +154,23 @@ def _is_folder(path: Path) -> bool:
 
 
 def _sessions(folder: Path) -> list[Path]:
-    own_name = folder.resolve().name
-    if own_name.startswith("ses-"):
+    if folder.resolve().name.startswith("ses-"):
         return [folder]
-    people = [folder] if own_name.startswith("sub-") else _folders(folder, "sub-")
-    return [session for person in people for session in _folders(person, "ses-")]
+    return [session for person in _people(folder) for session in _folders(person, "ses-")]
+
+
+def _people(folder: Path) -> list[Path]:
+    return [folder] if folder.resolve().name.startswith("sub-") else _folders(folder, "sub-")
 
 
 def _folders(folder: Path, prefix: str) -> list[Path]:
     """List folders by name; unlike a glob, never pass over one that cannot be read."""
     try:
-        return sorted(f for f in folder.iterdir() if f.name.startswith(prefix) and f.is_dir())
+        found = sorted(path for path in folder.iterdir() if path.name.startswith(prefix))
+        for path in found:
+            if not path.is_file():
+                refuse_link(path)
+        return [path for path in found if path.is_dir()]
     except OSError as error:
         raise unreadable(error, folder) from None
 

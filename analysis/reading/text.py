@@ -8,7 +8,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
 
@@ -177,3 +177,16 @@ def _wrong_width(row: list[str], expected: int) -> str:
     if not row:
         return f"an empty line; each row has {expected} fields"
     return f"too {'few' if len(row) < expected else 'many'} fields: {len(row)}, not {expected}"
+
+
+_NAMED = 5
+
+
+def named(names: Sequence[str]) -> str:
+    """List the first of some names and say how many there are besides.
+
+    >>> named(["a", "b"]), named("abcdefg")
+    ('a, b', 'a, b, c, d, e and 2 more')
+    """
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more

@@ -210,7 +210,7 @@ def _marks(analysis: Analysis) -> tuple[pd.DataFrame, list[str]]:
     marks = {
         "simulated": 0 < counts.simulated < counts.trials,
         "device_kind": bool(counts.without_device) or len(devices(trials)) > 1,
-        "altered": bool(analysis.altered),
+        "altered": bool(analysis.altered or analysis.lost),
     }
     altered = trials["file"].isin([*analysis.altered])
     return trials.assign(altered=altered), [name for name, is_told in marks.items() if is_told]

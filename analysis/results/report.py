@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -309,16 +308,13 @@ def _plates(analysis: Analysis) -> Iterator[Element]:
 
 
 def _contact(analysis: Analysis) -> Iterator[Element]:
-    """Tell what the studies state of the fingers on the plate; a bare table states nothing."""
-    from experiment.study.read import study_from_canonical
-    from experiment.study.study import StudyError
-
-    stated: dict[str, None] = {}
-    for text in analysis.studies:
-        with contextlib.suppress(StudyError):  # told with the plate
-            stated[study_from_canonical(text).contact.words] = None
+    """Tell what the studies state of the fingers on the plate; where it differs, whose it is."""
     yield element("h2", "Force and contact of the fingers")
-    yield element("p", foreign("; ".join(stated) or "not stated"), ".")
+    if len(analysis.contacts) > 1:
+        told = (f"{words}: {', '.join(which)}" for words, which in analysis.contacts.items())
+        yield element("ul", *(element("li", foreign(one)) for one in told))
+    else:
+        yield element("p", foreign(next(iter(analysis.contacts), "not stated")), ".")
 
 
 def _definitions(analysis: Analysis) -> Iterator[Element]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
 from analysis.axis import VOLTS, shortest, with_limits
 from analysis.definitions import TOTAL
+from analysis.reading.text import named
 from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
@@ -187,18 +188,13 @@ def count_rows(counts: Counts, style: Style) -> list[list[str]]:
     return [[told, str(getattr(counts, name))] for name, told in named.items() if told]
 
 
-_NAMED = 5
-
-
 def not_compared_words(names: Sequence[str]) -> str:
     """Say which tables could be edited without being found out.
 
     >>> not_compared_words(["a.csv"])
     'Not compared with a journal, for none lies beside it: a.csv'
     """
-    told = ", ".join(names[:_NAMED])
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"Not compared with a journal, for none lies beside it: {told}{more}"
+    return f"Not compared with a journal, for none lies beside it: {named(names)}"
 
 
 CONTROL_HEAD: Final = [

@@ -34,8 +34,11 @@ def summary_text(analysis: Analysis) -> str:
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
         "devices": devices(analysis.trials),
-        "altered": [one for told in analysis.altered.values() for one in told],
+        "altered": [
+            one for told in (*analysis.altered.values(), *analysis.lost.values()) for one in told
+        ],
         "not_compared": list(analysis.not_compared),
+        "contact": {words: list(which) for words, which in analysis.contacts.items()},
         "excluded": _records(analysis.excluded),
         "levels": _records(levels_told(analysis)),
         "both": _records(analysis.both),

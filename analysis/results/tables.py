@@ -9,7 +9,8 @@ from analysis.answers import counting, detection
 from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
 from analysis.definitions import METHODS
-from analysis.reading.text import ResultFileError
+from analysis.reading.plans import contacts
+from analysis.reading.text import ResultFileError, named
 from analysis.thresholds.people import people_of, people_of_counts
 from analysis.thresholds.table import group_table, thresholds_of
 
@@ -89,8 +90,12 @@ class Analysis:
         Canonical texts of the studies in the plans beside the tables, each once.
     altered : mapping of str to tuple of str
         As `LoadedTrials.altered`: sessions that are not as they were recorded.
+    lost : mapping of str to tuple of str
+        As `LoadedTrials.lost`: such sessions of which no table is left.
     not_compared : tuple of str
         Tables of sessions without a journal.
+    contacts : mapping of str to tuple of str
+        As `analysis.reading.plans.contacts`.
     """
 
     levels: pd.DataFrame
@@ -115,7 +120,9 @@ class Analysis:
     axis: Axis
     studies: tuple[str, ...] = ()
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
+    contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
@@ -124,7 +131,7 @@ class Analysis:
     @property
     def mark(self) -> str:
         """What every output says of the trials where they are no plain results; else empty."""
-        return "; ".join(filter(None, (self._simulated, self._practice, self._altered)))
+        return "; ".join(filter(None, (self._simulated, self._practice, self._altered, self._lost)))
 
     @property
     def _simulated(self) -> str:
@@ -146,6 +153,12 @@ class Analysis:
             if number
             else ""
         )
+
+    @property
+    def _lost(self) -> str:
+        number = len(self.lost)
+        some = "" if number == 1 else "s"
+        return f"Lost after recording, left out: {number} session{some}" if number else ""
 
 
 def analyse(
@@ -198,6 +211,7 @@ def analyse(
         )
         raise ResultFileError(one["file"], int(one["line"]), message)
     excluded = counting.excluded_table(trials)
+    stated = contacts(loaded.progress, _sessions_of(trials))
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
     people = people_of(trials) if loaded.cells is None else people_of_counts(loaded.cells)
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
@@ -218,13 +232,15 @@ def analyse(
         control=counting.control_table(trials),
         counts=_counts(trials) if loaded.cells is None else _counts_of(loaded.cells),
         inputs=loaded.inputs,
-        warnings=tuple(_warnings(loaded, excluded)),
+        warnings=tuple(_warnings(loaded, excluded, stated)),
         ci=ci,
         seed=seed,
         axis=loaded.axis,
         studies=tuple(dict.fromkeys(one.study for one in loaded.progress)),
         altered=loaded.altered,
+        lost=loaded.lost,
         not_compared=loaded.not_compared,
+        contacts=stated,
     )
 
 
@@ -285,7 +301,14 @@ def _counts(trials: pd.DataFrame) -> Counts:
     )
 
 
-def _warnings(loaded: LoadedTrials, excluded: pd.DataFrame) -> Iterator[str]:
+def _sessions_of(trials: pd.DataFrame) -> list[tuple[str, str]]:
+    told = trials[["participant", "session"]].drop_duplicates()
+    return list(told.itertuples(index=False, name=None))
+
+
+def _warnings(
+    loaded: LoadedTrials, excluded: pd.DataFrame, stated: Mapping[str, tuple[str, ...]]
+) -> Iterator[str]:
     trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
     yield from _incomplete(loaded)
@@ -303,11 +326,16 @@ def _warnings(loaded: LoadedTrials, excluded: pd.DataFrame) -> Iterator[str]:
         yield f"the trials come from {studies} different studies (study_sha256)"
     for differences in loaded.altered.values():
         yield from (f"altered after recording: {one}" for one in differences)
+    for session, differences in loaded.lost.items():
+        yield from (f"session {session} is left out: {one}" for one in differences)
     without = without_device(trials).sum()
     if without:
         yield f"{without} of {len(trials)} trials are of people on a mock device or an emulator"
     if 0 < trials["simulated"].sum() < len(trials):
         yield f"{trials['simulated'].sum()} of {len(trials)} trials are simulated, the others real"
+    if len(stated) > 1:
+        told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
+        yield f"force and contact of the fingers are not the same in all sessions: {told}"
     yield from _about_none(counted)
 
 
@@ -332,9 +360,8 @@ def _studies(loaded: LoadedTrials) -> int:
 
 
 def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
-    for folder in loaded.without_table:
-        yield f"session {folder} has no trials.csv; tactstrip export DIR builds it"
-    yield from loaded.lost
+    for folder, told in loaded.without_table.items():
+        yield f"session {folder} has no trials.csv; {told}"
     for one in loaded.progress:
         if one.valid < one.planned:
             where = _session(one.participant, one.session)

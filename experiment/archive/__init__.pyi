@@ -1,8 +1,8 @@
 from . import manifest as manifest
 from .bids import describe, export_bids
 from .disk import DISK, FOLDER_MODE, UNWAITED, Disk, LockError, lock_on, make_folder, write_new
-from .files import HEADS, TEMPORARY, ArchiveError, refuse_link, write_atomically
-from .folders import SessionFolder, session_folders
+from .files import HEADS, TEMPORARY, ArchiveError, LinkError, refuse_link, write_atomically
+from .folders import SessionFolder
 from .history import BROKEN, History, OpenTrial, replay
 from .journal import (
     Journal,
@@ -33,6 +33,7 @@ __all__ = [
     "JournalFile",
     "JournalLineError",
     "JournalWriteError",
+    "LinkError",
     "LockError",
     "Manifest",
     "OpenTrial",
@@ -53,7 +54,6 @@ __all__ = [
     "remove",
     "replay",
     "search",
-    "session_folders",
     "write_atomically",
     "write_new",
 ]

@@ -22,7 +22,6 @@ from experiment.archive.bids_tables import (
 )
 from experiment.archive.disk import lock_on
 from experiment.archive.files import HEADS, ArchiveError, replaced
-from experiment.archive.folders import session_folders
 from experiment.archive.journal import read_journal
 from experiment.archive.manifest import Manifest
 from experiment.archive.participants import (
@@ -36,6 +35,7 @@ from experiment.study.read import study_from_canonical
 from experiment.terms.record import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from experiment.archive.files import NewFolder
@@ -114,14 +114,18 @@ class Export:
 
 
 def export_bids(
-    root: Path, out: Path, *, with_sourcedata: bool = False, allow_simulated: bool = False
+    folders: Sequence[SessionFolder],
+    out: Path,
+    *,
+    with_sourcedata: bool = False,
+    allow_simulated: bool = False,
 ) -> Export:
-    """Write all sessions of a study's folder as a BIDS data set.
+    """Write sessions of a study's folder as a BIDS data set.
 
     Parameters
     ----------
-    root : Path
-        The study's folder.
+    folders : sequence of SessionFolder
+        The sessions, of one study's folder.
     out : Path
         The data set's folder: new, empty, or an unchanged export, which is replaced as a whole.
     with_sourcedata : bool
@@ -139,7 +143,9 @@ def export_bids(
     JournalError, PlanError, StudyError
         If a session's record cannot be trusted; nothing is changed then.
     """
-    folders = session_folders(root)
+    if not folders:
+        raise ArchiveError("there is no session to export that began")
+    root = folders[0].root
     plans = [folder.read_plan() for folder in folders]  # all, before a lock or anything is made
     people = tuple(sorted({folder.participant for folder in folders}))
     about = Manifest(what="BIDS data set", participants=people)

@@ -43,6 +43,14 @@ class ArchiveError(ValueError):
     """A session's folder that is there and must not be, or the other way round."""
 
 
+class LinkError(ArchiveError):
+    """A symbolic link where a session's own folder or file has to be."""
+
+    def __init__(self, path: Path, message: str) -> None:
+        super().__init__(f"{path}: {message}")
+        self.path, self.message = path, message
+
+
 def check_identifier(name: str, value: str) -> str:
     """Return a participant's or session's identifier.
 
@@ -60,12 +68,13 @@ def check_identifier(name: str, value: str) -> str:
 def refuse_link(path: Path) -> None:
     """Refuse a symbolic link: what is written or removed there would be another place's.
 
-    ArchiveError where it is one.
+    LinkError where it is one.
     """
     if path.is_symlink():
-        raise ArchiveError(
-            f"{path}: must not be a symbolic link, for what it points to lies elsewhere; put the "
-            "file or folder itself there: nothing was changed"
+        raise LinkError(
+            path,
+            "must not be a symbolic link, for what it points to lies elsewhere; put the file or "
+            "folder itself there: nothing was changed",
         )
 
 

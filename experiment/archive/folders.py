@@ -86,6 +86,11 @@ class SessionFolder:
         return self.root / f"sub-{self.participant}" / f"ses-{self.session}"
 
     @property
+    def name(self) -> str:
+        """What the session is called."""
+        return f"sub-{self.participant}/ses-{self.session}"
+
+    @property
     def plan_path(self) -> Path:
         """The sealed plan."""
         return self.path / "plan.json"
@@ -156,8 +161,8 @@ class SessionFolder:
     def refuse_loss(self) -> None:
         """Refuse a session of which plan or journal were lost; none at all is no loss.
 
-        A journal is made, empty, before the plan: a plan without one has lost it, while an empty
-        one without a plan is of a session that never began.
+        A journal is made, empty, before header and plan: either without one has lost it, while an
+        empty one without a plan is of a session that never began.
 
         Raises
         ------
@@ -169,6 +174,8 @@ class SessionFolder:
         if not self.plan_path.exists() and there[self.journal_path.name]:
             there[self.journal_path.name] = self.journal_path.stat().st_size > 0
         left = [name for name, is_there in there.items() if is_there]
+        if not left and self.header_path.exists() and not self.journal_path.exists():
+            left = [self.header_path.name]
         gone = [name for name in (self.plan_path.name, self.journal_path.name) if not there[name]]
         if not left or not gone:
             return
@@ -357,24 +364,3 @@ def _read_plan(path: Path) -> Plan:
         return plan_from_json(path.read_text(encoding="utf-8"))
     except (PlanError, UnicodeDecodeError) as error:
         raise PlanError(f"{path}: {error}") from error
-
-
-def session_folders(root: Path) -> list[SessionFolder]:
-    """List the sessions below a study's folder, by participant and session.
-
-    Raises
-    ------
-    ArchiveError
-        If there is none.
-    """
-    plans = sorted(root.glob("sub-*/ses-*/plan.json"))
-    if not plans:
-        raise ArchiveError(f"{root}: there is no session below this folder")
-    return [
-        SessionFolder(
-            root,
-            plan.parent.parent.name.removeprefix("sub-"),
-            plan.parent.name.removeprefix("ses-"),
-        )
-        for plan in plans
-    ]

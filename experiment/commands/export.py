@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from experiment.terms.exits import CommandError, refusals
+
+if TYPE_CHECKING:
+    from experiment.archive.folders import SessionFolder
+    from experiment.integrity.places import FoundSessions
 
 
 @click.command()
@@ -30,7 +35,12 @@ from experiment.terms.exits import CommandError, refusals
 )
 @refusals
 def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simulated: bool) -> None:
-    """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set."""
+    """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set.
+
+    DIR is the folder of a study, a person (sub-*) or a session (ses-*). Of a session that has lost
+    its plan or journal nothing can be built: it is named and the exit code is 2. The tables of
+    others are written, a data set is not.
+    """
     if out is not None:
         _export_bids(folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated)
     elif with_sourcedata:
@@ -40,7 +50,7 @@ def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simul
 
 
 def _export_tables(folder: Path) -> None:
-    from experiment.archive.folders import SessionFolder, session_folders
+    from experiment.integrity.places import find_sessions
     from experiment.integrity.sessions import refuse_altered
 
     def write(session: SessionFolder) -> None:
@@ -52,31 +62,68 @@ def _export_tables(folder: Path) -> None:
             click.echo(session.write_trials())
 
     # A plan that cannot be read stops all of it, before a lock is made or a table written; a
-    # damaged journal is known only under its lock, and does not stop the other sessions.
-    sessions = session_folders(folder)
-    for work in (SessionFolder.read_plan, write):
-        refused = []
-        for session in sessions:
-            try:
-                work(session)
-            except ValueError as error:
-                refused.append(str(error))
-        if refused:
-            others = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-            raise CommandError(refused[0] + others)
+    # damaged journal is known only under its lock, and does not stop the other sessions. Neither
+    # does what is lost: their tables can be built all the same.
+    found = find_sessions(folder)
+    refused = [str(link) for link in found.links]
+    sessions = []
+    for session in _begun(found):
+        try:
+            if session.plan_path.exists():
+                session.read_plan()
+            sessions.append(session)
+        except ValueError as error:
+            refused.append(str(error))
+    _refuse(refused)
+    for session in sessions:
+        try:
+            session.read_plan()
+            write(session)
+        except ValueError as error:
+            refused.append(str(error))
+    _refuse([*refused, *_lost(found)])
+
+
+def _begun(found: FoundSessions) -> list[SessionFolder]:
+    """List the sessions that began, or of which something is lost; tell of the others."""
+    from experiment.integrity.sessions import examine
+
+    sessions = []
+    for session in found.sessions:
+        if session.plan_path.exists() or examine(session.path).begun:
+            sessions.append(session)
+        else:
+            click.echo(f"never began: {session.name}", err=True)
+    return sessions
+
+
+def _lost(found: FoundSessions) -> list[str]:
+    return [f"{one.difference}; restore it from a copy" for one in found.lost]
+
+
+def _refuse(refused: list[str]) -> None:
+    if refused:
+        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
+        raise CommandError(refused[0] + more)
 
 
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simulated: bool) -> None:
     from experiment.archive.bids import describe, export_bids
-    from experiment.archive.folders import session_folders
+    from experiment.integrity.places import find_sessions
 
-    folders = session_folders(folder)
+    found = find_sessions(folder)
+    folders = _begun(found)
+    for link in found.links:
+        raise link
     for each in folders:
         each.read_plan()
+        each.refuse_loss()
+    for lost in _lost(found):
+        raise CommandError(f"{lost}; nothing was written")
     for each in folders:
         _refuse_differences(each.path)
     exported = export_bids(
-        folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
+        folders, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
     )
     click.echo(f"{out}: {len(exported.sessions)} sessions")
     for session in exported.unfinished:

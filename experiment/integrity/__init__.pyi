@@ -1,27 +1,29 @@
-from .heads import SessionHead, enter_head, read_heads
+from .heads import SessionHead, enter_head, person_of, read_heads
+from .places import FoundSessions, find_sessions, lost_sessions, refuse_given_link
 from .sessions import (
     JOURNAL,
     Difference,
     Examined,
     examine,
-    lost_sessions,
-    people_of,
     refuse_altered,
-    removed_file,
-    session_paths,
+    refuse_links,
+    removed_journal,
 )
 
 __all__ = [
     "JOURNAL",
     "Difference",
     "Examined",
+    "FoundSessions",
     "SessionHead",
     "enter_head",
     "examine",
+    "find_sessions",
     "lost_sessions",
-    "people_of",
+    "person_of",
     "read_heads",
     "refuse_altered",
-    "removed_file",
-    "session_paths",
+    "refuse_given_link",
+    "refuse_links",
+    "removed_journal",
 ]

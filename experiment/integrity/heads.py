@@ -47,10 +47,20 @@ class SessionHead:
         return "\t".join((f"ses-{self.session}", self.head_sha256, self.ended)) + "\n"
 
 
+def person_of(folder: Path) -> Path:
+    """Return the folder of a session's person, of "." too, which names no other folder.
+
+    >>> from pathlib import Path
+    >>> person_of(Path("sub-01/ses-01")).as_posix(), person_of(Path()).as_posix()
+    ('sub-01', '..')
+    """
+    return folder / ".." if folder.name in {"", ".."} else folder.parent
+
+
 def read_heads(person: Path) -> tuple[SessionHead, ...]:
     """Read what is kept in a person's folder; nothing where there is no file.
 
-    HeadError where it is no such table, or tells of a session twice; ArchiveError for a link.
+    HeadError where it is no such table, or tells of a session twice; LinkError for a link.
     """
     path = person / HEADS
     refuse_link(path)

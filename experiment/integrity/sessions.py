@@ -10,7 +10,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
-from experiment.archive.files import HEADS, ArchiveError
+from experiment.archive.files import HEADS, ArchiveError, refuse_link
 from experiment.archive.history import replay
 from experiment.archive.journal import (
     JournalError,
@@ -18,8 +18,8 @@ from experiment.archive.journal import (
     RecordSchemaError,
     read_journal,
 )
-from experiment.integrity.heads import HeadError, read_heads
-from experiment.integrity.table import TableSchemaError, table_differences
+from experiment.integrity.heads import HeadError, person_of, read_heads
+from experiment.integrity.table import table_differences
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
@@ -75,6 +75,8 @@ class Examined:
         Hash of the journal's last line; none where it has none, or cannot be trusted.
     compared : bool
         Whether there is a journal, with which the table was compared.
+    begun : bool
+        Whether there is, or was, anything of it but what is made before a plan.
     ended : bool
         Whether the last line is the one whose hash was kept when a sitting ended.
     differences : tuple of Difference
@@ -86,37 +88,56 @@ class Examined:
     history: History | None
     head_sha256: str | None
     compared: bool
+    begun: bool
     ended: bool
     differences: tuple[Difference, ...]
 
 
-def examine(folder: Path) -> Examined:
+def examine(folder: Path, table: str = TABLE) -> Examined:
     """Compare what the files of a session say of each other; nothing is changed or locked.
 
     Parameters
     ----------
     folder : Path
         ``sub-<participant>/ses-<session>``.
+    table : str
+        Name of the table in it; that of a copy is compared as trials.csv is.
 
     Raises
     ------
-    RecordSchemaError, ArchiveError
-        If the session is of another version of this program; sessions.tsv is a link.
+    RecordSchemaError
+        If the session is of another version of this program.
+    LinkError
+        If a file, the folder or the person's is a symbolic link.
     OSError
         If a file cannot be read.
     """
-    return _Examiner(folder).examined()
+    refuse_links(folder, table)
+    return _Examiner(folder, table).examined()
+
+
+def refuse_links(folder: Path, table: str = TABLE) -> None:
+    """Refuse a session of which a file, the folder or the person's is a symbolic link.
+
+    LinkError for the first.
+    """
+    person = person_of(folder)
+    if "sub-" in {person.name[:4], person.resolve().name[:4]}:
+        refuse_link(person)
+    for path in (folder, *(folder / name for name in (*FILES, table))):
+        refuse_link(path)
 
 
 class _Examiner:
     """One session, read once."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, table: str) -> None:
         self._folder = folder
+        self._table_name = table
         self._found: list[Difference] = []
         self._bytes = {
             name: (folder / name).read_bytes() if (folder / name).is_file() else None
-            for name in (PLAN, HEADER, TABLE)
+            for name in (PLAN, HEADER, table)
         }
 
     def _note(
@@ -126,7 +147,7 @@ class _Examiner:
         message: str,
         mended_by: Literal["export", "resume"] | None = None,
     ) -> None:
-        path = self._folder.parent / name if name == HEADS else self._folder / name
+        path = (person_of(self._folder) if name == HEADS else self._folder) / name
         self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
 
     def examined(self) -> Examined:
@@ -137,16 +158,17 @@ class _Examiner:
         history = self._history(plan, journal) if plan and journal and sound else None
         kept = self._head()
         registered = self._registered(journal, kept) if journal else None
-        if journal is None and kept and not (self._folder / JOURNAL).is_file():
-            self._found.append(_removed(self._folder / JOURNAL, kept))
-        elif journal is None and self._bytes[TABLE] is not None and not self._found:
-            self._note(JOURNAL, None, "is missing: the table cannot be compared with it")
+        begun = kept is not None or self._begun()
+        if begun and not (self._folder / JOURNAL).is_file():
+            self._journal_missing(kept)
         ended = journal is not None and 0 < len(journal.entries) == registered
         if history and history.finished and journal and journal.torn and ended:
             told = f"{len(journal.torn)} bytes follow the line that ended the session"
             self._note(JOURNAL, len(journal.entries) + 1, told)
         if history and journal:
-            self._table(history, journal, registered)
+            self._table(history, journal, registered, kept)
+        elif begun and self._bytes[self._table_name] is None:
+            self._note(self._table_name, None, f"is missing, too, and cannot be built {_WITHOUT}")
         raw = self._bytes[PLAN]
         return Examined(
             plan=plan,
@@ -154,9 +176,27 @@ class _Examiner:
             history=history,
             head_sha256=journal.sha256[-1] if journal and journal.entries else None,
             compared=(self._folder / JOURNAL).is_file(),
+            begun=begun,
             ended=ended,
             differences=tuple(self._found),
         )
+
+    def _begun(self) -> bool:
+        """Tell whether a file is left of a session that began: its journal was made before them."""
+        journal = self._folder / JOURNAL
+        if journal.is_file() and journal.stat().st_size:
+            return True
+        there = {name for name, raw in self._bytes.items() if raw is not None}
+        return bool(there - {HEADER} if journal.is_file() else there)
+
+    def _journal_missing(self, kept: SessionHead | None) -> None:
+        if kept is not None:
+            self._found.append(_removed(self._folder, kept))
+        elif not self._found:
+            with_it = "the table cannot be compared with it"
+            without = "nothing tells of the session's trials"
+            told = without if self._bytes[self._table_name] is None else with_it
+            self._note(JOURNAL, None, f"is missing: {told}")
 
     def _journal(self) -> JournalFile | None:
         path = self._folder / JOURNAL
@@ -255,22 +295,25 @@ class _Examiner:
             self._note(HEADS, kept.line, message, "resume")
         return lines
 
-    def _table(self, history: History, journal: JournalFile, registered: int | None) -> None:
+    def _table(
+        self,
+        history: History,
+        journal: JournalFile,
+        registered: int | None,
+        kept: SessionHead | None,
+    ) -> None:
         told = [entry.event for entry in journal.entries[:registered]]
         least = told.count("trial_end")
-        raw = self._bytes[TABLE]
+        raw, name = self._bytes[self._table_name], self._table_name
         if raw is None:
-            if registered:
-                self._note(TABLE, None, "is missing", "export")
+            if registered and kept:
+                self._note(name, None, _missing(kept), "export")
             return
-        try:
-            differences = table_differences(raw, history.rows, least=least)
-        except TableSchemaError as error:
-            raise RecordSchemaError(self._folder / TABLE, 2, str(error)) from error
-        for line, message in differences:
-            self._note(TABLE, line, message, "export")
+        for line, message in table_differences(raw, history.rows, least=least):
+            self._note(name, line, message, "export" if name == TABLE else None)
 
 
+_WITHOUT = f"without {PLAN} and {JOURNAL} as they were recorded"
 _NO_HEAD = "has no line of this session, whose journal has ended"
 _KILLED = "; where the session was killed in that moment, tactstrip run --resume puts it right"
 
@@ -288,63 +331,24 @@ def _kept_head(folder: Path) -> SessionHead | None:
     if not _in_place(folder):
         return None
     session = folder.resolve().name.removeprefix("ses-")
-    return next((head for head in read_heads(folder.parent) if head.session == session), None)
+    return next((head for head in read_heads(person_of(folder)) if head.session == session), None)
 
 
-def _removed(path: Path, kept: SessionHead) -> Difference:
-    message = f"is missing; line {kept.line} of {HEADS} tells of it"
-    return Difference(path=path, line=None, message=message)
+def _removed(folder: Path, kept: SessionHead) -> Difference:
+    return Difference(path=folder / JOURNAL, line=None, message=_missing(kept))
 
 
-def removed_file(folder: Path, name: str) -> tuple[Difference, ...]:
-    """Tell of a journal or table that is missing though a head was kept, which comes after both.
+def _missing(kept: SessionHead) -> str:
+    return f"is missing; line {kept.line} of {HEADS} tells of it"
 
-    No other file is read but sessions.tsv.
-    """
+
+def removed_journal(folder: Path) -> tuple[Difference, ...]:
+    """Tell of a journal that is missing though a head of it was kept; no other file is read."""
     try:
-        kept = None if (folder / name).is_file() else _kept_head(folder)
+        kept = None if (folder / JOURNAL).is_file() else _kept_head(folder)
     except ArchiveError:  # `examine` tells
         return ()
-    return () if kept is None else (_removed(folder / name, kept),)
-
-
-def session_paths(root: Path) -> list[Path]:
-    """List the folders of sessions with any file of a record, below a study's, a person's or one.
-
-    ArchiveError where there is none.
-    """
-    name = root.resolve().name
-    if name.startswith("ses-"):
-        found = [root]
-    else:
-        found = sorted(root.glob("ses-*" if name.startswith("sub-") else "sub-*/ses-*"))
-    paths = [path for path in found if any((path / file).exists() for file in FILES)]
-    if not paths:
-        raise ArchiveError(f"{root}: there is no session below this folder")
-    return paths
-
-
-def people_of(root: Path, sessions: list[Path]) -> list[Path]:
-    """List the folders of people: of these sessions, and of those who have lost all of theirs."""
-    alone = [path.parent for path in root.glob(f"sub-*/{HEADS}")]
-    return sorted({*alone, *(path.parent for path in sessions)})
-
-
-def lost_sessions(person: Path) -> tuple[Difference, ...]:
-    """List the sessions of a person that have ended and of which there is no folder any more."""
-    try:
-        heads = read_heads(person)
-    except ArchiveError:  # told of with each of the person's sessions
-        return ()
-    return tuple(
-        Difference(
-            path=person / HEADS,
-            line=head.line,
-            message=f"session {head.session} ended on {head.ended}, and its folder is lost",
-        )
-        for head in heads
-        if not (person / f"ses-{head.session}").is_dir()
-    )
+    return () if kept is None else (_removed(folder, kept),)
 
 
 def refuse_altered(folder: Path) -> tuple[Difference, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from typing import TYPE_CHECKING, TypeAlias
 
-from experiment.terms.record import COLUMNS, SCHEMA, format_value, trials_csv
+from experiment.terms.record import COLUMNS, format_value, trials_csv
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -18,10 +18,6 @@ if TYPE_CHECKING:
 _NAMES = [column.name for column in COLUMNS]
 
 
-class TableSchemaError(ValueError):
-    """A table of another version of this program."""
-
-
 def table_differences(
     found: bytes, rows: Sequence[TrialRow], *, least: int
 ) -> list[tuple[int, str]]:
@@ -30,8 +26,6 @@ def table_differences(
     A session that was cut off wrote its table before: so many rows at `least` have to be there, and
     those that are have to be the first ones, byte by byte.
 
-    TableSchemaError where it is a table of another schema.
-
     >>> table_differences(trials_csv([]).encode(), [], least=0)
     []
     """
@@ -39,8 +33,6 @@ def table_differences(
     if found == text.encode() or _is_earlier(found, text, least):
         return []
     told = found.decode(errors="replace")
-    if found.startswith(b"schema,") and (other := _schema(told)) != str(SCHEMA):
-        raise TableSchemaError(f"schema must be {SCHEMA}; got {other}")
     differences = list(_of_cells(told, rows, least))
     if not differences:
         lines = zip(found.split(b"\n"), text.encode().split(b"\n"), strict=False)
@@ -52,12 +44,6 @@ def table_differences(
 def _is_earlier(found: bytes, text: str, least: int) -> bool:
     whole = found.endswith(b"\n") and text.encode().startswith(found)
     return whole and found.count(b"\n") - 1 >= least
-
-
-def _schema(told: str) -> str:
-    line = told.split("\n")[1:2]
-    cell = line[0].split(",")[0] if line else ""
-    return cell if cell.isdecimal() else str(SCHEMA)
 
 
 def _of_cells(told: str, rows: Sequence[TrialRow], least: int) -> Iterator[tuple[int, str]]:

@@ -274,7 +274,7 @@ def test_paths_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
     assert str(tmp_path / "loop") in str(refused(tmp_path / "loop"))
     assert "cannot be read" in str(refused(tmp_path / ("x" * 300)))
     (tmp_path / "sub-1" / "ses-01").mkdir(parents=True)
-    assert "tactstrip export DIR builds it" in str(refused(tmp_path))
+    assert "no session in this folder has a trials.csv; nothing was" in str(refused(tmp_path))
     with pytest.raises(ValueError, match="paths must name at least one"):
         read_trials([])
 
@@ -304,7 +304,7 @@ def test_a_table_that_is_a_dead_link_is_never_passed_over(tmp_path: Path) -> Non
     link.unlink()
     link.symlink_to(tmp_path / "gone.csv")
     session(tmp_path, "1")
-    assert str(refused(tmp_path)) == f"{link}: no such file or folder"
+    assert str(refused(tmp_path)).startswith(f"{link}: must not be a symbolic link")
 
 
 @pytest.mark.slow
@@ -351,7 +351,7 @@ def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
     found = read_inputs([tmp_path / "sub-1", tmp_path / "sub-2"])
     names = [f"sub-{number}/ses-01/trials.csv" for number in ("1", "2")]
     assert [file.name for file in found.inputs] == names
-    assert found.without_table == ("sub-1/ses-02",)
+    assert found.without_table == {"sub-1/ses-02": "nothing was recorded in it"}
     assert [file.name for file in read_inputs(tables).inputs] == names
 
 

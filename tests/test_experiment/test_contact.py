@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from analysis.commands.analyze import write_analysis
 from experiment.archive.bids_tables import events_sidecar
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
@@ -74,3 +75,29 @@ def test_a_statement_that_contradicts_itself_is_refused(text: str, said: str) ->
     with pytest.raises(StudyError) as refused:
         study_from_text(f"[contact]\n{text}\n", "s.toml")
     assert str(refused.value).startswith(f"s.toml: contact.{said}")
+
+
+def test_statements_that_differ_are_told_with_their_sessions_and_as_a_warning(
+    tmp_path: Path,
+    make_study: Callable[[str], Study],
+    short_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    results, out = tmp_path / "results", tmp_path / "out"
+    for person, text in (("01", LOAD_CELL), ("02", ""), ("03", LOAD_CELL)):
+        study = make_study(short_study_text + text)
+        Lab(study, results, monkeypatch, participant=person).begin()
+    analysis = write_analysis([results], out, figures=False)
+    stated = {
+        "measured, 0.5 N: a load cell below the plate": ["sub-01/ses-01", "sub-03/ses-01"],
+        "not stated": ["sub-02/ses-01"],
+    }
+    assert json.loads((out / "summary.json").read_bytes())["contact"] == stated
+    told = "; ".join(f"{words} ({', '.join(which)})" for words, which in stated.items())
+    assert [one for one in analysis.warnings if "contact" in one] == [
+        f"force and contact of the fingers are not the same in all sessions: {told}"
+    ]
+    page = (out / "report.html").read_text("utf-8")
+    assert page.count("a load cell below the plate: sub-01/ses-01, sub-03/ses-01") == 1
+    alone = write_analysis([results / "sub-01"], tmp_path / "alone", figures=False)
+    assert not [one for one in alone.warnings if "contact" in one]

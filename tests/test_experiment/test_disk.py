@@ -27,6 +27,7 @@ from experiment.archive.participants import (
     write_tombstone,
 )
 from experiment.archive.withdraw import held, look_up, remove
+from experiment.integrity.places import find_sessions
 from experiment.session.simulate import simulate_study
 from tests.test_experiment.lab import Lab
 
@@ -387,8 +388,8 @@ def test_records_of_a_person_give_others_no_right(tmp_path: Path, study: Study, 
         study, tmp_path / "new" / "study", participants=1, seed=1, gains=()
     )
     root = study_folder.root
-    export_bids(root, tmp_path / "out" / "bids", with_sourcedata=True)
-    export_bids(root, tmp_path / "out" / "bids", with_sourcedata=True)
+    export_bids(find_sessions(root).sessions, tmp_path / "out" / "bids", with_sourcedata=True)
+    export_bids(find_sessions(root).sessions, tmp_path / "out" / "bids", with_sourcedata=True)
     study_folder.journal_path.write_bytes(study_folder.journal_path.read_bytes() + b"torn")
     study_folder.open_journal(lambda: 0.0).close()
     study_folder.write_trials()

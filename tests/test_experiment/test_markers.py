@@ -12,6 +12,7 @@ import pytest
 
 from device.clock import MonotonicClock, VirtualClock
 from experiment.archive.bids import export_bids
+from experiment.integrity.places import find_sessions
 from experiment.session.markers import RECORDING_START, LslMarkers, MarkerError
 from experiment.session.simulate import SimulatedResponder
 from tests.test_experiment.sessions import COMMAND, Sessions
@@ -101,7 +102,7 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
             assert at_s[f"response/{row['response']}/{trial}"] == pytest.approx(felt_s, abs=3e-6)
     assert len(seen) == 1 + len(rows) + len(answered)
     assert sessions.header()["markers"].startswith("LSL stream tactstrip, pylsl ")
-    export_bids(sessions.out, tmp_path / "bids")
+    export_bids(find_sessions(sessions.out).sessions, tmp_path / "bids")
     (events,) = (tmp_path / "bids").rglob("*_events.tsv")
     heading, *lines = (line.split("\t") for line in events.read_text("utf-8").splitlines())
     onsets = [float(line[heading.index("onset")]) for line in lines]

@@ -16,6 +16,7 @@ from experiment.archive.folders import SessionFolder
 from experiment.archive.manifest import NAME, Holding, search
 from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
 from experiment.archive.withdraw import held, look_up, remove
+from experiment.integrity.places import find_sessions
 from tactstrip import main
 from tests.test_experiment.sessions import contents
 
@@ -233,7 +234,7 @@ UNSEARCHED = "Not searched (links, damaged manifests, no permission):"
 def test_an_analysis_inside_an_export_is_listed(results: Path, tmp_path: Path) -> None:
     bids = tmp_path / "bids"
     only_01 = shutil.copytree(results, tmp_path / "one", ignore=shutil.ignore_patterns("sub-02"))
-    export_bids(only_01, bids)
+    export_bids(find_sessions(only_01).sessions, bids)
     analysis = shutil.copytree(results / "analysis", bids / "derivatives" / "ana")
     done = CliRunner().invoke(
         main, [*map(str, withdrawing(results, "02")), "--also", str(bids)], input="02\n"
@@ -247,7 +248,7 @@ def test_of_an_export_the_whole_is_listed_and_what_was_put_into_it(
     results: Path, tmp_path: Path
 ) -> None:
     bids = tmp_path / "bids"
-    export_bids(results, bids, with_sourcedata=True)
+    export_bids(find_sessions(results).sessions, bids, with_sourcedata=True)
     whole = Holding(bids, "BIDS data set")
     assert search([bids], "02").holdings == (whole,)
     copies = [bids / "analysis", bids / "sourcedata" / "more"]
@@ -268,7 +269,7 @@ def test_of_an_export_the_whole_is_listed_and_what_was_put_into_it(
 
 def test_an_export_with_files_gone_is_listed_once(results: Path, tmp_path: Path) -> None:
     bids = tmp_path / "bids"
-    export_bids(results, bids)
+    export_bids(find_sessions(results).sessions, bids)
     shutil.rmtree(bids / "sub-01")
     assert search([bids], "02").holdings == (Holding(bids, "BIDS data set"),)
 
