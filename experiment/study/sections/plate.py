@@ -75,6 +75,10 @@ def is_as_measured(keys: dict[str, Any]) -> bool:
     )
 
 
+def _is_a_plate(thickness: float, width: float) -> bool:
+    return thickness <= width / 2
+
+
 def one_line(text: str) -> str:
     """Return a text, or refuse it where it is more than a line or nothing to read."""
     if not is_line(text):
@@ -168,7 +172,7 @@ class Plate:
 
     def __post_init__(self) -> None:
         self._check_material()
-        if self.thickness_mm > self.width_mm / 2:
+        if not _is_a_plate(self.thickness_mm, self.width_mm):
             raise ValueError(
                 f"thickness_mm must be at most half of width_mm = {self.width_mm:g}, or it is no "
                 f"plate; got {self.thickness_mm:g}: are the two swapped?"
@@ -286,14 +290,15 @@ class Plate:
     def _sizes_within(self, ratio: float, *, thicker: bool) -> str:
         """Say the same of a cut-off that must stay beyond another: rounded to that side."""
         sizes = dict(zip(("thickness", "width"), self._sizes(ratio), strict=True))
-        told = {}
+        sizes_now, told = {"thickness": self.thickness_mm, "width": self.width_mm}, {}
         for size, mm in sizes.items():
             upward = thicker == (size == "thickness")
             # not quite at the limit, which itself is refused
             text = inward(mm * (1 + (1e-9 if upward else -1e-9)), least=upward, digits=3)
             field = file_keys(type(self))[f"{size}_mm"]
             limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
-            if limits.hold(float(text)):
+            changed = sizes_now | {size: float(text)}
+            if limits.hold(float(text)) and _is_a_plate(**changed):
                 told[size] = text
         return self._told_fit(told)
 
