@@ -97,12 +97,12 @@ def jobs(
             continue
         source, turn = _source(load, width_m)
         places = turn * across
-        centre = np.full(x.size, source.span.centre)
         if skip and not source.span.centre:
             places = -np.abs(places)
-        load_x = np.full(x.size, load.x_m)
-        table = np.column_stack([np.abs(x - load_x), load_x, x]) / width_m
-        table = np.column_stack([np.round(table, _DECIMALS), places, centre])
+        table = np.empty((x.size, 5))
+        table[:, 0], table[:, 1], table[:, 2] = np.abs(x - load.x_m), load.x_m, x
+        table[:, :3] = np.round(table[:, :3] / width_m, _DECIMALS)
+        table[:, 3], table[:, 4] = places, source.span.centre
         source = replace(source, span=Span(centre=0.0, length=source.span.length))
         key = source if skip else index
         groups.setdefault(key, []).append((index, source, table))

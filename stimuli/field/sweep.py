@@ -42,6 +42,9 @@ _LOWEST_REACH: Final = 1.2
 _LOWEST: Final = (0.003, 0.1)
 """Below this part of that cut-off, or this part of the interval, nothing is solved by itself."""
 
+_LOWEST_MOST: Final = _LOWEST[1] * _LOWEST_TOPS[1]
+"""Part of that cut-off above which each frequency may be solved by itself."""
+
 _NEXT: Final = 3.0
 """Times the least frequency that is solved, up to which the next one asked for tells of it."""
 
@@ -114,6 +117,9 @@ def bands(
     [3, 3]
     """
     supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
+    every = np.arange(frequencies_hz.size)
+    if every.size < _FEWEST and frequencies_hz.min(initial=np.inf) >= _LOWEST_MOST * supported_hz:
+        return (Band(rows=every, solved_hz=frequencies_hz),) if every.size else ()
     viscous = strip.material.viscous_time_s > 0
     singular_hz = _first_singular_hz(strip)
     top_hz = _UPPER * singular_hz

@@ -168,13 +168,14 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     True
     """
     flat = np.abs(g) < _FLAT
-    some = bool(np.any(flat))
+    some = bool(flat.any())
     given, g = g, np.where(flat, 1.0, g) if some else g
     up, down, fall = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across)), np.exp(-g)
     above = np.exp(-g * (0.5 - span.high))
     off_centre = bool(np.any(span.centre))
     below = np.exp(-g * (0.5 + span.low)) if off_centre else above
-    whole: Complex | float = -np.expm1(-g * span.length) / g if span.length else 1.0
+    less = _less_one if span.length > _LONG else np.expm1
+    whole: Complex | float = -less(-g * span.length) / g if span.length else 1.0
     near, far = _images(g, across, span, places=(up, down), ends=(above, below), whole=whole)
     if not off_centre:
         parts = (1 + sign) * (near - far)

@@ -66,12 +66,11 @@ class Contour:
             a[:, np.newaxis] for a in (self.lowest, self.reach, self.tilt, self.step)
         )
         place = np.arcsinh((p - 1j * low) / reach)
-        total = np.zeros_like(p)
-        for turn in (place, 1j * np.pi - place):
-            t = self.stretch * np.arcsinh((turn - 1j * tilt) / self.stretch)
-            side = np.where(t.imag > 0, 1, -1)
-            fall = np.exp(2j * np.pi * side * t / step)
-            total += side * fall / (1 - fall)
+        turns = np.stack([place, 1j * np.pi - place])
+        t = self.stretch * np.arcsinh((turns - 1j * tilt) / self.stretch)
+        side = np.where(t.imag > 0, 1, -1)
+        fall = np.exp(2j * np.pi * side * t / step)
+        total: Complex = (side * fall / (1 - fall)).sum(axis=0)
         return total
 
 

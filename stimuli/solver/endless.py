@@ -101,9 +101,9 @@ class Waves:
         """Return the waves that propagate as they come in from afar, with opposite residues."""
         p, reach = self.known.p, float(np.max(question.distance)) + question.source.half_length
         running = (p.real > p.imag) & (p.imag * reach < _FAINTEST)
-        if not np.any(running):
+        if not running.any():
             return None
-        some = np.any(running, axis=0)
+        some = running.any(axis=0)
         n = p.shape[1]
         strength = np.where(running[..., np.newaxis], -self.strength[:, :n], 0.0)[:, some]
         back = replace(
@@ -166,9 +166,9 @@ def summed(question: Question, found: Iterable[Waves], *, skip: bool = True) -> 
     for waves in found:
         moved = question.lopsided if skip and waves.known.sign < 0 else np.ones_like(far)
         for points, method in ((far & moved, _far), (~far & moved, _near)):
-            if np.any(points):
+            if points.any():
                 some = (question, waves)
-                if not np.all(points):
+                if not points.all():
                     some = (question.at(points), waves.among(points))
                 part = method(*some)
                 value[:, points] += part.value
@@ -244,7 +244,7 @@ def _leaked(
     """Return the error of the path's trapezoidal rule due to each wave, equation (52)."""
     modes = waves.known
     pair = np.abs(np.diff(modes.p, axis=1)) < _TIGHT * np.abs(modes.p[:, 1:])
-    if modes.branch is None and np.any(pair):
+    if modes.branch is None and pair.any():
         tight = np.zeros(modes.p.shape, dtype=np.bool_)
         tight[:, 1:] = pair
         tight[:, :-1] |= pair

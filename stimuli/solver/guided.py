@@ -185,7 +185,7 @@ def _overlap(gi: Complex, gj: Complex, sign: int) -> tuple[Complex, Complex]:
     gap = gj**2 - gi**2
     flat = 4 * np.abs(gi * gj) < np.abs(gap)
     value = (alike - other) / np.where(flat, 1, gi * gj)
-    if np.any(flat):
+    if flat.any():
         a, b = gi[flat], gj[flat]
         edges = [shape(g, _END, -1) * slope(h, _END, -1) for g, h in ((a, b), (b, a))]
         value[flat] = 2 * (edges[0] - edges[1]) / gap[flat]
@@ -216,7 +216,7 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
     >>> bool(p[0].real == 0 and p[1].imag == 0)
     True
     """
-    if np.all(np.isinf(hold)):
+    if np.isinf(hold).all():
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
     x = section_roots(
@@ -241,15 +241,15 @@ def _near_cutoff(z: Complex, k: Exact | Complex, hold: Exact | Complex, sign: in
     # it half of the digits of a double. One step in long doubles, from a root that is near enough
     # already, brings back what k itself tells.
     near = np.abs(z) < _NEAR_CUTOFF * np.abs(k[:, np.newaxis]) ** 2
-    rows = np.any(near, axis=1)
-    if not np.any(rows):
+    rows = near.any(axis=1)
+    if not rows.any():
         return z
     exact, some = z[rows].astype(np.clongdouble), near[rows]
     c = 2 * hold[rows, np.newaxis]
     weights, bending = (c / (1 + c), 1 / (1 + c)), (k[rows, np.newaxis] / 2) ** 2
     value, slope = relation(-exact / 4, bending, weights, symmetric=sign > 0)
     step = np.where(some, -4 * value / slope, 0.0)
-    if not (np.any(k.imag) or np.any(hold.imag)):
+    if not (k.imag.any() or hold.imag.any()):
         step = step.real + 0j
     z = z.copy()
     z[rows] = (exact - step).astype(np.complex128)

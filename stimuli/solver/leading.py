@@ -58,8 +58,8 @@ _FEW: Final = 8
 _CAUTION: Final = 3.0
 """What the first coefficient left out is multiplied with."""
 
-_LOOSER: Final = 3.0
-"""Times the wanted error that is asked of the rest: what it errs by lies 1e3 and more below."""
+_LOOSER: Final = 6.0
+"""Times the wanted error that is asked of the rest: what it errs by lies a hundredfold below."""
 
 _MOST_RTOL: Final = 0.1
 _TINIEST: Final = 1e-300

@@ -137,14 +137,16 @@ class Source:
         c = self.half_length
         if c == 0:
             return np.exp(1j * s * distance)
-        turn = 1j * s
-        value: Complex = np.exp(turn * np.maximum(distance - c, 0.0)) * np.expm1(2 * c * turn)
-        inside = np.flatnonzero(distance < c)
-        if inside.size:
+        turn, inside = 1j * s, distance < c
+        if inside.all():
+            value = np.expm1(turn * (c - distance)) + np.expm1(turn * (c + distance))
+            return np.asarray(value / turn)
+        value = np.exp(turn * np.maximum(distance - c, 0.0)) * np.expm1(2 * c * turn)
+        if inside.any():
             ways = c - distance[inside], c + distance[inside]
             some = np.broadcast_to(turn, value.shape)[..., inside]
             value[..., inside] = np.expm1(some * ways[0]) + np.expm1(some * ways[1])
-        return value / turn
+        return np.asarray(value / turn)
 
 
 def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
@@ -179,7 +181,7 @@ def transformed(
     part1, part2 = one * first.kernel, two * second.kernel
     value: Complex = part1 - part2
     terms: Real = np.abs(part1[..., ::4, :]) + np.abs(part2[..., ::4, :])
-    if not np.all(np.isinf(hold)):
+    if not np.isinf(hold).all():
         psi1, psi2 = first.shape / first.end, second.shape / second.end
         load1, load2 = one * first.load / first.end, two * second.load / second.end
         grip = 2 * (2 * k2 * hold + 2 * k2 / (g1 + g2) - sign * (second.lag - first.lag))
@@ -255,7 +257,7 @@ class Question:
     def lossless(self) -> bool:
         """Whether the field is real but for propagating waves."""
         held = self.hold[np.isfinite(self.hold)]
-        return not (np.any(self.k.imag) or np.any(held.imag))
+        return not (self.k.imag.any() or held.imag.any())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

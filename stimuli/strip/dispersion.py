@@ -46,39 +46,35 @@ def relation(x: Any, bending: Any, weights: tuple[Any, Any], *, symmetric: bool)
     slack, grip = weights
     waves = cross_waves(x, bending)
     a, b, apart = waves.a, waves.b, waves.apart
-    cos_a, cos_b = _scaled_cosine(a), _scaled_cosine(b)
-    sinc_a, sinc_b = scaled_sinc(a), scaled_sinc(b)
-    sinc_s = scaled_sinc(waves.total)
-    sinc_d = np.exp(2j * b) * scaled_sinc(waves.difference)
-    twist = np.where(
-        apart,
-        (sinc_d - sinc_s) / np.where(apart, 2 * a * b, 1),
-        ratio(sinc_a * cos_b - sinc_b * cos_a, np.where(apart, 1, waves.gap)),
-    )
+    sinc_a, sinc_b, sinc_s, sinc_d = scaled_sinc(np.stack([a, b, waves.total, waves.difference]))
+    turn_a, turn_b = np.exp(2j * np.stack([a, b]))
+    cos_a, cos_b = (turn_a + 1) / 2, (turn_b + 1) / 2  # times exp(i a) and exp(i b)
+    sinc_d = turn_b * sinc_d
+    every = bool(apart.all())
+    twist = (sinc_d - sinc_s) / np.where(apart, 2 * a * b, 1)
+    if not every:
+        near = ratio(sinc_a * cos_b - sinc_b * cos_a, np.where(apart, 1, waves.gap))
+        twist = np.where(apart, twist, near)
     if symmetric:
         value = slack * cos_a * cos_b + grip * (sinc_s + sinc_d) / 2
         bend = grip * (twist - sinc_a * sinc_b)
         return value, (bend - slack * (sinc_a * cos_b + cos_a * sinc_b)) / 2
     slope_a, slope_b = _sinc_slope(a, cos_a, sinc_a), _sinc_slope(b, cos_b, sinc_b)
-    twist_slope = np.where(
-        apart,
-        ((sinc_a - cos_a) * cos_b - a**2 * twist) / np.where(apart, 2 * (a * b) ** 2, 1),
-        ratio(slope_a * cos_b - slope_b * cos_a, np.where(apart, 1, waves.gap)),
-    )
+    steep = (sinc_a - cos_a) * cos_b - a * a * twist
+    twist_slope = steep / np.where(apart, 2 * (a * b) ** 2, 1)
+    if not every:
+        near = ratio(slope_a * cos_b - slope_b * cos_a, np.where(apart, 1, waves.gap))
+        twist_slope = np.where(apart, twist_slope, near)
     value = slack * sinc_a * sinc_b + grip * twist
     return value, slack * (slope_a * sinc_b + sinc_a * slope_b) + grip * twist_slope
 
 
-def _scaled_cosine(angle: Complex) -> Complex:
-    """Return exp(i t) cos(t)."""
-    turn: Complex = np.exp(2j * angle)
-    return (turn + 1) / 2
-
-
 def _sinc_slope(root: Complex, cosine: Complex, sinc: Complex) -> Complex:
     """Return the derivative of sin(t) / t by t^2."""
-    square = root**2
+    square = root * root
     small = abs(square) < _SMALL
+    if not small.any():
+        return (cosine - sinc) / (2 * square)
     near = -sinc / 6 * (1 + square / 15)
     return np.where(small, near, (cosine - sinc) / (2 * np.where(small, 1, square)))
 

@@ -88,7 +88,7 @@ def section_roots(
     start = _ordered(found)[:, : count + (spare + 1) // 2]
     sections = _Sections(bending=bending, compliance=compliance, symmetric=symmetric)
     x = _polished(sections, start, count, settled)
-    if not (np.any(bending.imag) or np.any(compliance.imag)):
+    if not (bending.imag.any() or compliance.imag.any()):
         x = _mirrored(x, np.abs(bending)[:, np.newaxis])
     return _ordered(x)[:, :count]
 
@@ -208,12 +208,12 @@ def _polished(sections: _Sections, x: Complex, count: int, settled: float) -> Co
         value, slope = sections.at(some, rows[:, np.newaxis])
         between = some[:, :, np.newaxis] - some[:, np.newaxis, :]
         between[:, place, place] = math.inf
-        step = ratio(value, slope - value * np.sum(ratio(1.0, between), axis=2))
+        step = ratio(value, slope - value * ratio(1.0, between).sum(axis=2))
         x[rows] = some - step
-        nearest = np.min(np.abs(between), axis=2)
+        nearest = np.abs(between).min(axis=2)
         bending = np.abs(sections.bending[rows])[:, np.newaxis]
         moved = np.abs(step) ** 2 > settled * nearest * (np.abs(x[rows]) + bending)
-        rows = rows[np.any(moved[:, :count], axis=1)]
+        rows = rows[moved[:, :count].any(axis=1)]
         if not rows.size:
             break
     return _merged(sections, x)

@@ -70,17 +70,19 @@ def cross_waves(x: Complex, bending: complex) -> CrossWaves:
     >>> complex(waves.total[0]), complex(waves.difference[0])
     ((4+0j), (5e-21+0j))
     """
-    first, second = outgoing_root(x + bending), outgoing_root(x - bending)
+    first, second = outgoing_root(np.stack([x + bending, x - bending]))
     swap = first.imag < second.imag
     a, b = np.where(swap, second, first), np.where(swap, first, second)
     gap = np.where(swap, -2 * bending, 2 * bending)
     total, difference = a + b, a - b
     plain = abs(total) >= abs(difference)
+    larger = np.where(plain, total, difference)
+    smaller = ratio(gap, larger)
     return CrossWaves(
         a=a,
         b=b,
-        total=np.where(plain, total, ratio(gap, difference)),
-        difference=np.where(plain, ratio(gap, total), difference),
+        total=np.where(plain, larger, smaller),
+        difference=np.where(plain, smaller, larger),
         gap=gap,
     )
 
@@ -117,7 +119,7 @@ def ratio(top: Complex | float, bottom: Complex, limit: Real | float = 0.0) -> C
     [0.5j, 0j]
     """
     zero = bottom == 0
-    if not np.any(zero):
+    if not zero.any():
         return np.asarray(top / bottom)
     return np.where(zero, limit, top / np.where(zero, 1, bottom))
 

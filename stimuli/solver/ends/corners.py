@@ -197,7 +197,7 @@ def end_functions(
     """
     number = np.arange(n_sources, 0, -1)
     beyond = np.exp(-_TAPER * (np.sqrt(n_sources) - np.sqrt(number)))
-    lossless = not (np.any(k.imag) or np.any(hold.imag))
+    lossless = not (k.imag.any() or hold.imag.any())
     path = contour(waves.p, _PATH, finest=1e-30, nearest=float(beyond[-1]), mirrored=lossless)
     return EndFunctions(
         k=k[:, np.newaxis],
@@ -272,7 +272,7 @@ def _both_edges(
     here, whole = _less_one(-apart * places), np.expm1(-apart)
     change = near * here + far * ((whole - here) / (1 + here)) - one * (through * whole)
     change = change / np.where(flat, 1, 1 + sign * np.exp(-g2))
-    if np.any(flat):  # there the two differ by much, and each is a safe quotient, (73)
+    if flat.any():  # there the two differ by much, and each is a safe quotient, (73)
         first, second = (shape(g, 0.5 - places, sign) / shape(g, _EDGE, sign) for g in (g1, g2))
         return np.where(flat, first, one), np.where(flat, second - first, change)
     return one, change

@@ -192,7 +192,7 @@ def reflected(question: Question, ends: Ends, waves: tuple[Guided, ...]) -> Answ
     backs = _turning(question, ends, waves, counts)
     for some, moved in ((one, _moved(question, one)) for one in waves):
         by_waves = moved & (some.sign in backs) & (counts[some.sign] > 0)
-        if np.any(by_waves):
+        if by_waves.any():
             back = backs[some.sign]
             first = some.first(back.scale.shape[1])
             part = _turned_back(question.at(by_waves), ends.at(by_waves), first, back)
@@ -254,11 +254,9 @@ def _felt(question: Question, ends: Ends, waves: Guided) -> NDArray[np.intp]:
         return np.zeros(question.across.size, dtype=np.intp)
     decay, straight = waves.p.imag[..., np.newaxis], np.abs(ends.load - ends.point)
     slowest = decay[:, :1]
-    least = np.full((waves.p.shape[1], straight.size), np.inf)
-    for way in _ways(question, ends):
-        for one, other in (way, way[::-1]):  # an end makes any wave of any other
-            fainter = decay * one + slowest * (other - straight)
-            least = np.minimum(least, np.min(fainter, axis=0))
+    one = np.concatenate([np.stack(way) for way in _ways(question, ends)])[:, np.newaxis]
+    other = one[[1, 0, 3, 2]] - straight  # an end makes any wave of any other
+    least = np.min([d * one + s * other for d, s in zip(decay, slowest, strict=True)], axis=(0, 1))
     felt = np.count_nonzero((least < _digits(question.rtol)) & _moved(question, waves), axis=0)
     counts = np.maximum(felt, 1) + 1
     return np.where(counts <= waves.p.shape[1] - _BEHIND, counts, 0)
