@@ -150,5 +150,13 @@ def section() -> str:
             "|" + "---|" * len(titles),
             *(row(case) for case in cases()),
             "",
+            (
+                "1.5 ms was asked for. Loads beside the centre line move two symmetries, each with "
+                "its own waves and paths; more of them, wherever they are, add little. Between "
+                "held edges with free ends a third of the time goes to the singular corner of edge "
+                "and end, at each frequency anew, unless the ends are too far to be felt (below "
+                "cut-off); see [decision 8](decisions/0008-one-frequency.md)."
+            ),
+            "",
         ]
     )
