@@ -20,6 +20,7 @@ NAMES = (
         "sweep",
         "single",
         "motion",
+        "gains",
         "skipping",
         "link",
     ),

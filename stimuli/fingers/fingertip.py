@@ -12,11 +12,11 @@ import numpy as np
 from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
-from stimuli.field.synthesis import MOST_TIME_S, synthesized
 from stimuli.fingers.pressed import Impedance, Pressed, pressed_peaks, pressing
 from stimuli.load import LOADS, Load
+from stimuli.motion.history import by_spectra
 from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
-from stimuli.motion.peaks import LOOKS, crests, patched_peaks, peaks_of, wait_of
+from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
 from stimuli.motion.section import ECHOED, echoless
 from stimuli.strip.patch import cutoff_factor
 from stimuli.strip.strip import Strip
@@ -152,12 +152,12 @@ def _rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
 RTOL: Final = 3e-3
 """Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
 
-_LATE: Final = 0.75
-"""A largest value beyond this part of the time after the drive asks for twice that time."""
+_QUIET: Final = 1e-3
+"""What a finger feels at less than this part of another one is known to `rtol` of that part only,
+0.3 dB at -80."""
 
-_MOST_DOUBLINGS: Final = 3
-_ECHOED: Final = 2
-"""So many times is that doubled at once where ends send echoes on and on: they may add up late."""
+_ECHO_POINTS: Final = 5
+"""Every so many points of an area tell whether an echo counts."""
 
 
 def felt(
@@ -182,8 +182,8 @@ def felt(
         A burst or any other drive, with the amplitude 1.
     rtol : float
         Wanted relative error of the displacement over time; bursts without a window take much
-        longer where it is small. On a strip with patches see `felt_error`; with impedances, levels
-        below -50 dB are known less well.
+        longer where it is small. Levels below -60 dB are known less well, with impedances those
+        below -50 dB. On a strip with patches see `felt_error`.
 
     Returns
     -------
@@ -226,7 +226,7 @@ def felt(
         sizes = motions(scene, drive)
         return patched_peaks(strip, sizes, places, drive, wait_s=wait_s).peak_m
     found = by_modes(scene, places, drive, rtol, far_m)
-    return _by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
+    return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
 
 
 def felt_error(
@@ -267,12 +267,28 @@ def asked(
         instance("loads", load, LOADS, "a tuple of loads")
     tips = checked_fingertips(fingertips)
     areas = [tip.points_m(strip) + _centres(tip, loads) for tip in tips]
+    if _is_even(strip, loads, tips):
+        areas = [_folded(area, strip.width_m) for area in areas]
     points_m = tuple(dict.fromkeys(point for area in areas for point in area))
     scene = Scene(strip=causal(strip, drive), loads=tuple(loads), points_m=points_m)
     row = {point: index for index, point in enumerate(points_m)}
     places = [np.array([row[point] for point in area]) for area in areas]
     far_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in tips for load in loads)
     return scene, places, far_m
+
+
+def _is_even(strip: Strip, loads: Sequence[Load], tips: Sequence[Fingertip]) -> bool:
+    """Tell whether all that moves or loads the strip lies on its centre line."""
+    pressed = [tip for tip in tips if tip.impedance is not None]
+    return all(one.y_m == strip.width_m / 2 for one in (*loads, *strip.patches, *pressed))
+
+
+def _folded(
+    area: tuple[tuple[float, float], ...], width_m: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the points of an area without those that are mirror images of others across."""
+    lower = ((x_m, min(y_m, round(width_m - y_m, _DIGITS))) for x_m, y_m in area)
+    return tuple(dict.fromkeys(lower))
 
 
 def causal(strip: Strip, drive: Drive) -> Strip:
@@ -363,37 +379,14 @@ def by_modes(
         if not is_enough(section.strip, ECHOED * reference_hz):
             return None
         motion, wait_s = motion_of(section, reference_hz, ECHOED), wait_of(section.strip, far_m)
-        return peaks_of(motion, places, drive, wait_s=wait_s, with_error=False).peak_m
+        some = [place[::_ECHO_POINTS] for place in places]
+        return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m
 
     section = echoless(scene, quickly, rtol)
     wait_s = wait_of(section.strip, far_m)
     for motion in motions(section, drive):
         found = peaks_of(motion, places, drive, wait_s=wait_s)
-        if np.all(found.error_m <= rtol * found.peak_m):
+        counts_m = np.maximum(found.peak_m, _QUIET * np.max(found.peak_m, axis=0))
+        if np.all(found.error_m <= rtol * counts_m):
             return found.peak_m, motion, section
     return None
-
-
-def _by_spectra(
-    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
-) -> Real:
-    """Return the greatest absolute values over time at the places of each fingertip."""
-    wait_s = wait_of(scene.strip, far_m)
-    step_s = 1 / (LOOKS * reference_of(scene, drive))
-    first = 0 if scene.strip.length_m is None else _ECHOED
-    for doubling in range(first, _MOST_DOUBLINGS + 1):
-        late_s = wait_s * 2**doubling
-        end_s = min(drive.duration_s + late_s, MOST_TIME_S)
-        times_s = np.append(np.arange(0.0, end_s, step_s), end_s)
-        size_m = np.abs(synthesized(scene, drive, times_s, rtol))
-        latest = max(np.max(np.argmax(_over(size_m, place), axis=0)) for place in places)
-        if times_s[latest] <= drive.duration_s + _LATE * late_s or end_s == MOST_TIME_S:
-            break
-    crests_m = crests(size_m.T).T
-    return np.stack([_over(crests_m, place) for place in places])
-
-
-def _over(size_m: Real, place: NDArray[np.intp]) -> Real:
-    """Return the largest value over some points, the last axis."""
-    largest: Real = np.max(size_m[..., place], axis=-1)
-    return largest

@@ -1,5 +1,5 @@
 from .frames import frames_of
-from .history import transient, transient_work
+from .history import by_spectra, transient, transient_work
 from .motion import (
     Bare,
     Motion,
@@ -17,11 +17,9 @@ from .motion import (
 )
 from .oscillators import Oscillators, poles
 from .peaks import (
-    LOOKS,
     TOO_MANY_FOR_PATCHES,
     PatchesUnknownError,
     Peaks,
-    crests,
     patched_peaks,
     peaks_of,
     wait_of,
@@ -30,7 +28,6 @@ from .section import ECHOED, echoless
 
 __all__ = [
     "ECHOED",
-    "LOOKS",
     "TOO_MANY_FOR_PATCHES",
     "Bare",
     "Motion",
@@ -38,7 +35,7 @@ __all__ = [
     "PatchesUnknownError",
     "Peaks",
     "bare_of",
-    "crests",
+    "by_spectra",
     "echoless",
     "enough_of",
     "frames_of",

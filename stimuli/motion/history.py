@@ -1,4 +1,4 @@
-"""The displacement over time at any times: by modes where they reach the wanted error."""
+"""The displacement over time by modes, if they reach the wanted error; and peaks by spectra."""
 
 from __future__ import annotations
 
@@ -6,14 +6,22 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.field.synthesis import TransientWork, checked_times, synthesis_work, synthesized
-from stimuli.motion.motion import motions, unpatched
+from stimuli.field.synthesis import (
+    MOST_TIME_S,
+    TransientWork,
+    checked_times,
+    synthesis_work,
+    synthesized,
+)
+from stimuli.motion.motion import motions, reference_of, unpatched
 from stimuli.motion.oscillators import moved
-from stimuli.motion.peaks import INTERPOLATED, Course, LoadedRow
+from stimuli.motion.peaks import INTERPOLATED, LOOKS, Course, LoadedRow, crests, wait_of
 from stimuli.motion.section import AGREED, sections
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
 
     from stimuli.arrays import Real
     from stimuli.drive.sampled import Drive
@@ -27,6 +35,13 @@ _FINEST: Final = 1e-3
 _STILL: Final = 1e-9
 _CAUTION: Final = 2.0
 """What the inertia of the upper modes is multiplied with: at single times the others had more."""
+
+_LATE: Final = 0.75
+"""A largest value beyond this part of the time after the drive asks for twice that time."""
+
+_MOST_DOUBLINGS: Final = 3
+_ECHOED: Final = 2
+"""So many times is that doubled at once where ends send echoes on and on: they may add up late."""
 
 
 def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6) -> Real:
@@ -180,3 +195,28 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real,
     least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
     largest = np.maximum(largest, least)
     return found, _CAUTION * doubt + INTERPOLATED * largest, largest
+
+
+def by_spectra(
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
+) -> Real:
+    """Return the greatest absolute values over time at the places of each fingertip."""
+    wait_s = wait_of(scene.strip, far_m)
+    step_s = 1 / (LOOKS * reference_of(scene, drive))
+    first = 0 if scene.strip.length_m is None else _ECHOED
+    for doubling in range(first, _MOST_DOUBLINGS + 1):
+        late_s = wait_s * 2**doubling
+        end_s = min(drive.duration_s + late_s, MOST_TIME_S)
+        times_s = np.append(np.arange(0.0, end_s, step_s), end_s)
+        size_m = np.abs(synthesized(scene, drive, times_s, rtol))
+        latest = max(np.max(np.argmax(_over(size_m, place), axis=0)) for place in places)
+        if times_s[latest] <= drive.duration_s + _LATE * late_s or end_s == MOST_TIME_S:
+            break
+    crests_m = crests(size_m.T).T
+    return np.stack([_over(crests_m, place) for place in places])
+
+
+def _over(size_m: Real, place: NDArray[np.intp]) -> Real:
+    """Return the largest value over some points, the last axis."""
+    largest: Real = np.max(size_m[..., place], axis=-1)
+    return largest

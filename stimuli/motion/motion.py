@@ -19,6 +19,7 @@ from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patched import PatchedModes, has_room, patched_modes
+from stimuli.motion.section import ECHOED
 from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
@@ -43,6 +44,10 @@ _SPANS: Final = 8.0
 
 _FEWEST, _MORE = 8.0, 1.75
 """Modes are kept up to such a multiple of the first cut-off; if that is not enough, to more."""
+
+_SLOW: Final = 8.0
+"""A burst so many times slower than the cut-off, as those of plates a few millimetres wide are,
+moves upper modes so little that those which tell echoes may be enough."""
 
 _FEWEST_PATCHED: Final = 6.0
 """The same of a plate with patches, whose functions hold what is finer."""
@@ -101,10 +106,17 @@ class Motion:
 def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
-    asked = multiples_of(drive, reference_hz, scene.strip)
+    asked = [*multiples_of(drive, reference_hz, scene.strip)]
+    if is_slow(drive, reference_hz) and not scene.strip.patches:
+        asked.insert(0, ECHOED)
     multiples = enough_of(scene.strip, reference_hz, asked)
     for multiple in multiples:
         yield motion_of(scene, reference_hz, multiple, multiples[-1])
+
+
+def is_slow(drive: Drive, reference_hz: float) -> bool:
+    """Tell whether a burst is much slower than the cut-off."""
+    return not isinstance(drive, SampledDrive) and _SLOW * drive.band_hz()[1] <= reference_hz
 
 
 def enough_of(strip: Strip, reference_hz: float, multiples: Iterable[float]) -> list[float]:

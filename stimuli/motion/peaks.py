@@ -11,6 +11,7 @@ import numpy as np
 
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import MOST_TIME_S
+from stimuli.motion.motion import is_slow
 from stimuli.motion.oscillators import followed, moved, step_weights
 
 if TYPE_CHECKING:
@@ -38,7 +39,11 @@ _PARTS: Final = 2
 _LATE: Final = 0.75
 _MOST_WAITS: Final = 8.0
 _CHECKED: Final = 7
-"""The error is estimated at every so many points."""
+"""The error is estimated at every so many points, and when the peak is."""
+
+_NEAR, _NEIGHBOURS = 0.5, 2
+"""Only where those move by this part of their largest value all points are looked at; a peak has
+so many looks beside it."""
 
 _PATCHED: Final = 0.03
 """Part of the own finger's displacement that has to be known where patches count."""
@@ -102,8 +107,9 @@ def peaks_of(
         Whether the error is asked for; else it is left 0.
     """
     oscillators = motion.oscillators
-    checked = [group[::_CHECKED] for group in groups] if with_error else []
-    rows = [LoadedRow(motion, load, checked) for load in range(oscillators.rest_m.shape[0])]
+    checked = [group[::_CHECKED] for group in groups]
+    doubtful = checked if with_error else []
+    rows = [LoadedRow(motion, load, doubtful) for load in range(oscillators.rest_m.shape[0])]
     decays = bool(np.all(oscillators.poles.real < 0))
     found = np.zeros((len(groups), len(rows)))
     # the checked points' alone; with each of two doubts added; with each taken off
@@ -112,14 +118,20 @@ def peaks_of(
     for waited, answers, samples in _course(motion, drive, wait_s):
         before = found.copy()
         for column, row in enumerate(rows):
-            moved_m = moved(row.weights, row.rest_m, answers, samples)
-            crests_m = crests(np.abs(moved_m))
-            for line, group in enumerate(groups):
-                found[line, column] = max(found[line, column], np.max(crests_m[group]))
-            for line, some in enumerate(checked):
+            for line, (group, some) in enumerate(zip(groups, checked, strict=True)):
+                moved_m = moved(row.weights[some], row.rest_m[some], answers, samples)
+                at = _near(np.max(np.abs(moved_m), axis=0), found[line, column])
+                if at.size:
+                    whole_m = moved(
+                        row.weights[group], row.rest_m[group], answers[:, at], samples[at]
+                    )
+                    largest_m = np.max(crests(np.abs(whole_m)))
+                    found[line, column] = max(found[line, column], largest_m)
+                if not with_error:
+                    continue
                 doubts = row.doubts(line, answers, samples)
                 signed = [sign * doubt for sign in (1, -1) for doubt in doubts]
-                sums = [moved_m[some], *(moved_m[some] + doubt for doubt in signed)]
+                sums = [moved_m, *(moved_m + doubt for doubt in signed)]
                 largest = [np.max(np.abs(one)) for one in sums]
                 doubted[:, line, column] = np.maximum(doubted[:, line, column], largest)
         latest = waited if np.any(found > before) else latest
@@ -140,6 +152,20 @@ def peaks_of(
         )
         error_m = error_m + np.maximum(_SHIFTED[0] * half, _SHIFTED[1] * octave)
     return Peaks(peak_m=found, error_m=error_m)
+
+
+def _near(size: Real, found: float) -> NDArray[np.intp]:
+    """Return the numbers of looks that may hold the peak, and those beside them.
+
+    `size` are the largest values over some of the points, `found` what was found before.
+    """
+    near = size >= _NEAR * max(float(np.max(size)), found)
+    if not np.any(near):
+        return np.flatnonzero(near)
+    wide = near.copy()
+    wide[1:] |= near[:-1]
+    wide[:-1] |= near[1:]
+    return np.flatnonzero(wide if wide.sum() > _NEIGHBOURS else np.ones_like(wide))
 
 
 class PatchesUnknownError(ValueError):
@@ -264,7 +290,9 @@ class Course:
         self._viscous_s = motion.viscous_s
         lag = [-1 / self._viscous_s] if self._viscous_s else []
         self._poles = np.append(motion.oscillators.poles, lag)
-        self._samples, self._step_s, self._held = _played(drive, _STEPS * motion.reference_hz)
+        # a slow drive is straight enough from look to look
+        steps = LOOKS if is_slow(drive, motion.reference_hz) else _STEPS
+        self._samples, self._step_s, self._held = _played(drive, steps * motion.reference_hz)
         self._every = max(1, round(1 / (LOOKS * motion.reference_hz * self._step_s)))
         self._samples = np.append(self._samples, np.zeros(-(self._samples.size - 1) % self._every))
 

@@ -334,7 +334,7 @@ def _waits(call: Any) -> list[float]:
 
 
 def test_what_modes_do_not_reach_is_left_to_the_spectra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
+    monkeypatch.setattr(fingertip, "by_spectra", lambda *_: "spectra")
     with monkeypatch.context() as patch:
         patch.setattr(MOTION, "MOST_WAVES", 50)
         assert felt(plate(length_m=30.0), *pair(), burst()) == "spectra"
@@ -354,11 +354,43 @@ def test_the_work_of_a_finger_tells_what_was_chosen(monkeypatch: pytest.MonkeyPa
     assert felt_work(plate(), *pair(), burst()).words.startswith("spectra, which take minutes")
 
 
+def test_what_modes_exchange_moves_them_as_their_equations_have_it() -> None:
+    rng, n = np.random.default_rng(3), 12
+    squared, driven = rng.uniform(1, 100, n) ** 2, rng.normal(size=n)
+    shared = rng.normal(size=(n, 2)) * np.array([np.arange(n) % 2, np.arange(n) % 2 == 0]).T
+    shared[3] = 0.0  # one that exchanges nothing, beside the odd and the even ones
+    damping = np.diag(0.01 * squared) + shared @ shared.T
+    omega = 20.0
+    expected = np.linalg.solve(np.diag(squared - omega**2) - 1j * omega * damping, driven)
+    found, modes, drives = poles(squared, damping, 1.0)
+    swings = modes @ (drives @ driven / (-1j * omega - found))
+    back = modes.conj() @ (drives.conj() @ driven / (-1j * omega - found.conj()))
+    np.testing.assert_allclose((swings + back) / 2, expected, rtol=1e-9)
+
+
+def test_a_finger_on_the_centre_line_feels_what_both_its_halves_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    half = felt(plate(), *pair(), burst())
+    monkeypatch.setattr(fingertip, "_is_even", lambda *_: False)
+    np.testing.assert_allclose(felt(plate(), *pair(), burst()), half, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_slow_bursts_need_fewer_modes_and_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    narrow = plate(CLAMPED, width_m=0.008, length_m=0.15)
+    discs = [MomentDisc(x_m=x, y_m=0.004, radius_m=0.003) for x in (-0.02, 0.02)]
+    tips = [Fingertip(x_m=x, y_m=0.004, radius_m=0.003) for x in (-0.02, 0.02)]
+    few = felt(narrow, discs, tips, burst())
+    monkeypatch.setattr(MOTION, "_SLOW", math.inf)
+    np.testing.assert_allclose(few, felt(narrow, discs, tips, burst()), rtol=5e-3)
+
+
 # --- long plates
 
 
 def test_a_long_plate_is_as_an_endless_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fingertip, "_by_spectra", lambda *_: "spectra")
+    monkeypatch.setattr(fingertip, "by_spectra", lambda *_: "spectra")
     long, endless = (
         felt(plate(K_2500, 0.01, length_m), *pair(), burst()) for length_m in (100.0, None)
     )
@@ -469,5 +501,5 @@ def test_echoes_that_add_up_late_are_in_the_spectra_too(monkeypatch: pytest.Monk
     monkeypatch.setattr(fingertip, "by_modes", lambda *_: None)
     by_spectra = felt(strip, loads, tips, drive, rtol=1e-3)
     np.testing.assert_allclose(by_modes, by_spectra, rtol=2e-3)
-    monkeypatch.setattr(fingertip, "_ECHOED", 0)
+    monkeypatch.setattr(sys.modules["stimuli.motion.history"], "_ECHOED", 0)
     assert felt(strip, loads, tips, drive, rtol=1e-3)[1, 0] < 0.95 * by_spectra[1, 0]

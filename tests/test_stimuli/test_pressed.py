@@ -416,3 +416,14 @@ def test_fingers_are_refused_where_modes_are_not_enough() -> None:
     short = Burst(frequency_hz=500.0, cycles=1, window="none")
     with pytest.raises(ValueError, match="fingertips must have no impedance where"):
         felt(on(FIRM, 0.2, loss=0.01), DISCS, tips, short, rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_fingers_on_a_long_plate_feel_no_echo_from_far_away(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tips = [dataclasses.replace(tip, impedance=finger(2e-4, 500.0, 1.0)) for tip in TIPS]
+    long = on(FIRM, 1.7, loss=0.02)
+    part = felt(long, DISCS, tips, CYCLE)
+    monkeypatch.setattr(sys.modules["stimuli.fingers.pressed"], "echoless", lambda scene, *_: scene)
+    np.testing.assert_allclose(part, felt(long, DISCS, tips, CYCLE), rtol=3e-3)
