@@ -62,7 +62,8 @@ MEANINGS: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
             "voided": "a stimulus went out, the trial does not count and is presented again",
         },
         "displacement_basis": {
-            "measured": "from a displacement measured at the actuator",
+            "measured": "from a displacement measured at the actuator, by the lab or, on the "
+            "paper's own plate, by the paper",
             "predicted": "from the layers of the actuator",
         },
         "device_kind": {

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_orig
 
 import click
 
-from experiment.commands.plate import QUESTIONS, completed, fit_study, plate_options
+from experiment.commands.plate import (
+    QUESTIONS,
+    completed,
+    fit_study,
+    plate_options,
+    told_paths,
+)
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
 
@@ -74,6 +80,11 @@ _CONDITIONS: Final = """\
 # name = "two-cycles"
 # cycles = 2
 """
+_INIT: Final = (
+    "What `tactstrip init` was told, and what it chose by itself, for the sources that the check "
+    "tells. What it was told and what you change is yours; what is still as it was chosen, or the "
+    "default, is not. Without this section all that the file states is told as yours."
+)
 _COLUMN: Final = 37
 """Where a key's comment begins, unless the value is longer."""
 _WIDTH: Final = 100
@@ -94,10 +105,10 @@ def write_study_text(preset: str) -> str:
     from experiment.study.study import Study
 
     require_word("preset", preset, _OVERRIDES)
-    return _text(Study(**_OVERRIDES[preset]), preset)
+    return _text(Study(**_OVERRIDES[preset]), preset, ())
 
 
-def _text(study: Study, preset: str) -> str:
+def _text(study: Study, preset: str, told: tuple[str, ...]) -> str:
     sections = [_comment(_INTRODUCTIONS[preset])]
     for name, table in study.sections().items():
         if name == "condition":
@@ -110,7 +121,19 @@ def _text(study: Study, preset: str) -> str:
             sections.append(
                 _section(f"[{name}]", table, _LEVELS[preset] if name == "design" else "")
             )
+    sections.append(_init(study, told))
     return "\n".join(sections)
+
+
+def _init(study: Study, told: tuple[str, ...]) -> str:
+    """Write what of a study is not its lab's."""
+    from experiment.study.stated import chosen_values
+
+    chosen = chosen_values(study, told)
+    lines = [f"{_comment(_INIT)}[init]", "told = [", *(f'    "{path}",' for path in told), "]"]
+    if chosen:
+        lines += ["[init.chosen]", *(f'"{path}" = {_toml(one)}' for path, one in chosen.items())]
+    return "\n".join(lines) + "\n"
 
 
 def _section(heading: str, table: object, remark: str = "") -> str:
@@ -166,7 +189,7 @@ def _comment(text: str) -> str:
 
 def _toml(value: object) -> str:
     """Write a value in TOML; JSON's texts are TOML's, and a whole number needs no point."""
-    if isinstance(value, tuple):
+    if isinstance(value, tuple | list):
         return f"[{', '.join(_toml(item) for item in value)}]"
     if isinstance(value, float) and value.is_integer():
         return str(int(value))
@@ -215,14 +238,16 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
         raise CommandError(f"{file} exists and is left as it is; name another file")
     if not file.parent.is_dir():
         raise CommandError(f"{file}: No such file or directory")
-    found = None
+    found, told = None, tuple[str, ...]()
     if preset == PLATE:
-        study, found = fit_study(completed(given), _OF_A_PLATE)
+        known = completed(given)
+        told = told_paths(known)
+        study, found = fit_study(known, _OF_A_PLATE)
     else:
         study = Study(**_OVERRIDES[preset])
     file.open("x").close()
     try:
-        write_atomically(file, _text(study, preset))
+        write_atomically(file, _text(study, preset, told))
     except OSError:
         file.unlink(missing_ok=True)
         raise

@@ -125,6 +125,13 @@ def _by_options(refusal: str) -> str:
     return re.sub(r"^(.+); \1$", r"\1", refusal)  # the same of both
 
 
+def told_paths(known: dict[str, Any]) -> tuple[str, ...]:
+    """Return the keys of the study that were typed, each with its section."""
+    actuators = dict.fromkeys(key for one in _pair(known["actuator"]) for key in one)
+    strip = [f"strip.{key}" for key in QUESTIONS if key in known and key != "actuator"]
+    return (*strip, *(f"actuator.{key}" for key in actuators))
+
+
 def _number(name: str, text: str) -> float:
     try:
         return float(text)

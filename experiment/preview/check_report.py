@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
 from experiment.preview.displacements import displacement_findings
 from experiment.preview.findings import Findings
+from experiment.study.origins import instead_of_trials
 from experiment.study.sections.presentation import key_doubts, unsaid_in
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.sources import (
     cutoff_source,
     displacement_source,
     measured_beside,
+    others_than_the_plates,
     patch_words,
     plate_sources,
     plate_words,
@@ -40,6 +43,7 @@ _VERDICTS: Final = {
         "or say in accept_unfit why this stimulus is wanted"
     ),
 }
+_WIDTH: Final = 85
 THICK: Final = 0.1
 """From this (k h)^2 on, the theory of thin plates misses by more than a few per cent."""
 
@@ -86,6 +90,11 @@ def check_findings(check: StudyCheck, file_name: str, machine: Findings | None =
         f"{words_of_the_others(study)}; --json lists them",
         sources={one.key: one.facts for one in study_sources(study)},
     )
+    others = others_than_the_plates(study)
+    for origin, whose in (("yours", "yours"), ("paper", "the paper's")):
+        keys = ", ".join(one.key for one in others if one.origin == origin)
+        for line in textwrap.wrap(f"{whose}: {keys}", _WIDTH) if keys else ():
+            found.tell("", line)
     if machine is not None:
         found.take(machine)
     found.space()
@@ -115,6 +124,7 @@ def _strip(check: StudyCheck) -> Findings:
         cutoff_hz=check.cutoff_hz,
         edge=basis,
         edge_stiffness_n=check.edge_stiffness_n,
+        cutoff_source=cutoff_source(check.study.plate, model=True).facts,
     )
     found.note(measured_cutoff_hz=check.study.plate.measured_cutoff_hz)
     off, told = measured_beside(check.study.plate) or (None, [])
@@ -169,6 +179,9 @@ def _actuator(study: Study, place: int) -> Findings:
     moved = displacement_source(study, place)
     words = "" if moved is None else f"; {moved.words}"
     found.tell("", f"place and size: {sources[f'actuator[{place}].x_mm'].words}{words}")
+    across = sources[f"actuator[{place}].y_mm"]
+    if across.origin == "assumed":
+        found.tell("", f"y: {across.words}")
     if actuator.patch is not None:
         found.tell("", patch_words(study.strip, actuator.patch))
     return found
@@ -246,7 +259,7 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
     found.tell("device", _device_words(study), device=asdict(study.device))
     found.tell("contact", study.contact.words, contact=asdict(study.contact))
-    stated = asdict(design) | {"both_level_vpp": design.both_level_vpp}
+    stated = asdict(design) | {"both_level_vpp": design.both_level_vpp} | instead_of_trials(design)
     del stated["both_level"]  # text or a number; told as a number or null
     found.note(design=stated)
     found.tell("answers", ", ".join(design.responses))

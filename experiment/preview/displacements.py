@@ -68,7 +68,12 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
 
     name, basis, own_um = gains.actuators[column], gains.bases[column], peak_um(column)
     others: list[dict[str, Any]] = [
-        {"finger": side, "peak_um": peak_um(row), "level_db": one.level_db(row, column)}
+        {
+            "finger": side,
+            "peak_um": peak_um(row),
+            "level_db": one.level_db(row, column),
+            "level_source": "computed",
+        }
         | _level_of(one, row, column)
         for row, side in enumerate(OWN_FINGERS)
         if row != column

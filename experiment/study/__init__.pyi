@@ -1,3 +1,4 @@
+from .origins import instead_of_trials
 from .physics import (
     ASSUMED_LOSS,
     LEAST_LOSS,
@@ -25,12 +26,14 @@ from .sources import (
     finger_words,
     in_short,
     measured_beside,
+    others_than_the_plates,
     patch_words,
     plate_sources,
     plate_words,
     study_sources,
     words_of_the_others,
 )
+from .stated import chosen_values
 from .study import Study, StudyError, UnusableStudyError, told_by_file
 
 __all__ = [
@@ -42,16 +45,19 @@ __all__ = [
     "StudyError",
     "UnusableStudyError",
     "bare_strip",
+    "chosen_values",
     "cutoff_source",
     "displacement_source",
     "field_strip",
     "finger_words",
     "fingertips_of",
     "in_short",
+    "instead_of_trials",
     "is_recorded",
     "loads_of",
     "loads_per_volt",
     "measured_beside",
+    "others_than_the_plates",
     "paper_study",
     "patch_errors",
     "patch_words",

@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.study.sections.design import Design
+from experiment.study.sections.table import stated_of, with_stated
+from experiment.study.stated import as_stated, not_recorded, without_init
 from experiment.study.study import Study, StudyError
 from experiment.terms.checks import NUMBERS, unknown_key
 
@@ -95,7 +97,7 @@ def study_from_canonical(text: str) -> Study:
         raise StudyError(f"{where} must be JSON text; got {error}") from error
     if not isinstance(tables, dict):
         raise StudyError(f"{where} must be a JSON object; got {type(tables).__name__}")
-    study = _study(tables, where)
+    study = _study(not_recorded(tables), where)
     if study.canonical != text:
         raise StudyError(f"{where} must be complete, in its canonical form; got another one")
     return study
@@ -123,7 +125,8 @@ def with_levels(study: Study, levels_vpp: Sequence[float]) -> Study:
     """
     tables = json.loads(study.canonical)
     tables["design"]["levels_vpp"] = list(levels_vpp)
-    return _study(tables, f"study {study.name} with other levels")
+    placed = _study(tables, f"study {study.name} with other levels")
+    return as_stated(placed, study, design={"levels_vpp": placed.design.levels_vpp})
 
 
 def read_levels(path: Path | str, participant: str) -> tuple[float, ...]:
@@ -282,7 +285,7 @@ def _study(
     recorded: tuple[Condition, ...] = (),
 ) -> Study:
     try:
-        return _completed(Study(**tables), folder, recorded)
+        return _completed(Study(**without_init(tables)), folder, recorded)
     except ValueError as error:
         raise StudyError(f"{where}: {error}") from error
 
@@ -309,9 +312,7 @@ def _with_samples(condition: Condition, study: Study, folder: Path | None) -> Co
 
     rate_hz = study.device.sample_rate_hz
     data = read_click(folder / condition.file, rate_hz).astype("<f8").tobytes()
-    return replace(
-        condition, samples_base64=base64.b64encode(data).decode(), sample_rate_hz=rate_hz
-    )
+    return _found(condition, samples_base64=base64.b64encode(data).decode(), sample_rate_hz=rate_hz)
 
 
 def _with_window(condition: Condition, study: Study, recorded: tuple[Condition, ...]) -> Condition:
@@ -323,4 +324,8 @@ def _with_window(condition: Condition, study: Study, recorded: tuple[Condition, 
     from experiment.study.physics import chosen_burst
 
     burst = chosen_burst(study, condition)
-    return replace(condition, auto_cycles=burst.cycles, auto_window=burst.window)
+    return _found(condition, auto_cycles=burst.cycles, auto_window=burst.window)
+
+
+def _found(condition: Condition, **keys: Any) -> Condition:
+    return with_stated(replace(condition, **keys), stated_of(condition))

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Final
 
+from experiment.study.origins import (
+    ASSUMED,
+    PAPERS,
+    YOURS,
+    Origin,
+    Source,
+    counted,
+    plain_sources,
+    source,
+    stated,
+)
 from experiment.study.sections.actuator import (
     CARRIER_PATCH_KEYS,
     MEASURED_KEYS,
@@ -14,9 +24,7 @@ from experiment.study.sections.actuator import (
 )
 from experiment.study.sections.finger import FINGER_KEYS
 from experiment.study.sections.plate import PAPER_CUTOFF_HZ, PAPER_LENGTH_MM, Plate
-from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
-from experiment.study.sections.table import file_keys
-from stimuli import MATERIALS
+from stimuli import MATERIALS, ElasticEdge
 from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
@@ -27,58 +35,15 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
     from stimuli import BondedPatch, Strip
 
-Origin = Literal["paper", "yours", "measured", "handbook", "computed", "assumed"]
-
 _MATERIAL_KEYS: Final = ("youngs_modulus_gpa", "poisson_ratio", "density_kg_m3")
-# What the paper states of its experiment. All other values that a study leaves out are ours.
-_OF_THE_PAPER: Final = frozenset(
-    (
-        "burst.frequency_hz",
-        "burst.cycles",
-        "design.levels_vpp",
-        "design.trials_per_side",
-        "design.both_trials",
-    )
-)
-
-
-_FILLED_IN: Final = {
-    "simulation.threshold_um": PAPER_THRESHOLD_UM,
-    "simulation.threshold_vpp": THRESHOLD_VPP,
-}
-"""Defaults that another section decides on."""
-
-_WHOSE: Final = {"paper": "the paper's", "yours": "yours", "assumed": "assumed by tactstrip"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """A number of a study by its key in the file, and where it is from."""
-
-    key: str
-    value: Any  # a number, several, or a word that stands for some
-    origin: Origin
-    words: str
-
-    @property
-    def printed(self) -> str:
-        """The value in words."""
-        if isinstance(self.value, bool):
-            return str(self.value).lower()  # as in the file
-        values = self.value if isinstance(self.value, tuple | list) else [self.value]
-        return ", ".join(f"{one:.6g}" if isinstance(one, float) else str(one) for one in values)
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """The same to other programs."""
-        return {"value": self.value, "source": self.origin, "words": self.words}
 
 
 def study_sources(study: Study) -> tuple[Source, ...]:
     """Return the source of every number of a study, in the order of its sections.
 
-    A study that is read again from its plan has all its keys, so a number that is the paper's is
-    told by its value: a lab that writes what the paper states of its plate has the paper's plate.
+    A number that the study's file states is the lab's, whatever its value. Of a study that is read
+    again from its plan nobody knows what was stated: there a number is told by its value. A plan
+    holds the sources of its own study.
 
     Parameters
     ----------
@@ -100,7 +65,7 @@ def study_sources(study: Study) -> tuple[Source, ...]:
             tables = table if isinstance(table, tuple) else (table,)
             for place, one in enumerate(tables):
                 path = f"{name}[{place}]" if isinstance(table, tuple) else name
-                found += _plain(path, one, study.burst if name == "condition" else None)
+                found += plain_sources(path, one, study.burst if name == "condition" else None)
     return tuple(found)
 
 
@@ -115,24 +80,36 @@ def plate_sources(study: Study) -> tuple[Source, ...]:
     found = list(_strip(study.plate))
     for place, actuator in enumerate(study.actuators):
         path = f"actuator[{place}]"
-        papers = _is_the_papers(study, actuator)
-        stated: tuple[Origin, str] = ("paper", "the paper's") if papers else ("yours", "yours")
-        for key in ("x_mm", "y_mm", "diameter_mm", "length_x_mm", "length_y_mm"):
-            value = getattr(actuator, key)
-            if value is not None:
-                found.append(_source(f"{path}.{key}", value, *stated))
-        found.append(_default(f"{path}.finger_diameter_mm", actuator.finger_diameter_mm, 10.0))
+        found += _placed(study, actuator, path)
         if actuator.patch_counts:
             words = "yours: its layers stiffen and load the plate"
-            found.append(_source(f"{path}.patch_counts", actuator.patch_counts, "yours", words))
+            found.append(source(f"{path}.patch_counts", actuator.patch_counts, "yours", words))
             layers = (*PATCH_KEYS, *CARRIER_PATCH_KEYS)
             given = [(key, getattr(actuator, key)) for key in layers]
-            found += [_source(f"{path}.{k}", v, *_YOURS) for k, v in given if v is not None]
+            found += [source(f"{path}.{k}", v, *YOURS) for k, v in given if v is not None]
         displacement = displacement_source(study, place)
         found += [displacement] if displacement else []
         if displacement and displacement.origin == "measured" and actuator.measured_as is None:
-            found.append(_source(f"{path}.measured_as", "peak", "assumed", _TAKEN_AS_PEAK))
+            found.append(source(f"{path}.measured_as", "peak", "assumed", _TAKEN_AS_PEAK))
     return (*found, *finger_sources(study))
+
+
+def _placed(study: Study, actuator: Actuator, path: str) -> Iterator[Source]:
+    """Yield the sources of an actuator's place and size, and of its finger's contact."""
+    papers = _is_the_papers(study, actuator)
+    for key in ("x_mm", "y_mm", "diameter_mm", "length_x_mm", "length_y_mm"):
+        value = getattr(actuator, key)
+        if value is not None:
+            whose = stated(actuator, key, by_value=not papers)
+            left_out = _MIDDLE if key == "y_mm" and not papers else PAPERS
+            yield source(f"{path}.{key}", value, *(whose or left_out))
+    key, value = "finger_diameter_mm", actuator.finger_diameter_mm
+    whose = stated(actuator, key, by_value=value != _FINGER_DIAMETER_MM)
+    yield source(f"{path}.{key}", value, *(whose or ASSUMED))
+
+
+_MIDDLE: Final[tuple[Origin, str]] = ("assumed", "assumed: the middle of the plate's width")
+_FINGER_DIAMETER_MM: Final = 10.0
 
 
 def finger_sources(study: Study) -> Iterator[Source]:
@@ -141,11 +118,11 @@ def finger_sources(study: Study) -> Iterator[Source]:
     if load.impedance is None:
         return
     for key in FINGER_KEYS[:-1]:
-        yield _source(f"finger_load.{key}", getattr(load, key), "yours", f"yours: {load.source}")
+        yield source(f"finger_load.{key}", getattr(load, key), "yours", f"yours: {load.source}")
     above = [one.name for one in study.conditions if not load.impedance.holds_for(one.drive)]
     if above:
         words = "left out: their bursts reach above the band of its values"
-        yield _source("finger_load", tuple(above), "computed", words)
+        yield source("finger_load", tuple(above), "computed", words)
 
 
 def finger_words(study: Study, condition: Condition) -> tuple[str, ...]:
@@ -198,12 +175,13 @@ def words_of_the_others(study: Study) -> str:
     >>> words_of_the_others(paper_study()).split(", ")[:2]
     ["5 the paper's", '0 yours']
     """
-    origins: list[str] = [
-        one.origin
-        for one in study_sources(study)
-        if not one.key.startswith(("strip.", "actuator[", "finger_load"))
-    ]
-    return ", ".join(f"{origins.count(origin)} {words}" for origin, words in _WHOSE.items())
+    return counted(others_than_the_plates(study))
+
+
+def others_than_the_plates(study: Study) -> list[Source]:
+    """Return the sources of the numbers that are not of the plate and what moves it."""
+    of_plate = ("strip.", "actuator[", "finger_load")
+    return [one for one in study_sources(study) if not one.key.startswith(of_plate)]
 
 
 def measured_beside(plate: Plate) -> tuple[float, list[str]] | None:
@@ -240,7 +218,7 @@ def displacement_source(study: Study, place: int) -> Source | None:
         if actuator.piezo_d31_pm_v is None:
             return None
         layers = [getattr(actuator, key) for key in PIEZO_KEYS]
-        return _source(
+        return source(
             f"{path}.piezo", layers, "computed", "displacement computed from its layers, yours"
         )
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
@@ -249,8 +227,8 @@ def displacement_source(study: Study, place: int) -> Source | None:
     peak = "peak" if papers else _TAKEN_AS_PEAK
     at = f"{um:g} um {actuator.measured_as or peak} at {vpp:g} Vpp and {hz:g} Hz"
     if papers:
-        return _source(key, um, "paper", f"{at}, measured by the paper (section III-B)")
-    return _source(key, um, "measured", f"{at}, {_measured(actuator)}")
+        return source(key, um, "paper", f"{at}, measured by the paper (section III-B)")
+    return source(key, um, "measured", f"{at}, {_measured(actuator)}")
 
 
 def patch_words(strip: Strip, patch: BondedPatch) -> str:
@@ -267,28 +245,44 @@ def _strip(plate: Plate) -> Iterator[Source]:
     for key in ("width_mm", "length_mm", "thickness_mm"):
         value = getattr(plate, key)
         papers = plate.is_the_papers and (key != "length_mm" or value == PAPER_LENGTH_MM)
-        yield _source(f"strip.{key}", value, *(_PAPERS if papers else _YOURS))
+        yield source(f"strip.{key}", value, *(stated(plate, key, by_value=not papers) or PAPERS))
     if plate.material is not None:
         words = f"handbook: {MATERIALS[plate.material].source}"
-        yield _source("strip.material", plate.material, "handbook", words)
+        yield source("strip.material", plate.material, "handbook", words)
     for key in _MATERIAL_KEYS if plate.material is None else ():
-        value = getattr(plate, key)
-        if plate.is_the_papers:
-            yield _source(f"strip.{key}", value, "paper", "the paper's (section II-B)")
-        else:
-            yield _source(f"strip.{key}", value, *_YOURS)
+        whose = stated(plate, key, by_value=not plate.is_the_papers)
+        left_out: tuple[Origin, str] = ("paper", "the paper's (section II-B)")
+        yield source(f"strip.{key}", getattr(plate, key), *(whose or left_out))
     yield from _loss(plate)
+    yield from _edge(plate)
+
+
+def _edge(plate: Plate) -> Iterator[Source]:
+    whose = stated(plate, "edge", by_value=plate.edge != "measured-cutoff")
+    yield source("strip.edge", plate.edge, *(whose or _SPRINGS))
     if plate.edge_stiffness_n is not None:
-        yield _source("strip.edge_stiffness_n", plate.edge_stiffness_n, *_YOURS)
+        yield source("strip.edge_stiffness_n", plate.edge_stiffness_n, *YOURS)
+    if isinstance(plate.strip.edge, ElasticEdge):
+        whose = stated(plate, "edge_loss", by_value=plate.edge_loss != "none")
+        yield source("strip.edge_loss", plate.edge_loss, *(whose or _LOSSLESS))
     if plate.measured_cutoff_hz is not None:
         yield cutoff_source(plate)
+    if plate.edge != "measured-cutoff":
+        yield cutoff_source(plate, model=True)
+
+
+_SPRINGS: Final[tuple[Origin, str]] = (
+    "assumed",
+    "assumed by tactstrip: springs that give the measured cut-off",
+)
+_LOSSLESS: Final[tuple[Origin, str]] = ("assumed", "assumed by tactstrip: springs without loss")
 
 
 def _loss(plate: Plate) -> Iterator[Source]:
     for key in ("loss_factor", "viscous_time_us"):
         value = getattr(plate, key)
         if value:
-            yield _source(f"strip.{key}", value, *_YOURS)
+            yield source(f"strip.{key}", value, *YOURS)
     if not (plate.loss_factor or plate.viscous_time_us):
         from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS
 
@@ -298,21 +292,24 @@ def _loss(plate: Plate) -> Iterator[Source]:
         )
         if plate.length_mm == "endless":
             words = "none is stated: 0 on an endless plate"
-        yield _source("strip.loss_factor", plate.loss_factor, "assumed", words)
+        yield source("strip.loss_factor", plate.loss_factor, "assumed", words)
 
 
-def cutoff_source(plate: Plate) -> Source:
-    """Return where a plate's measured cut-off is from; without one it is computed."""
+def cutoff_source(plate: Plate, *, model: bool = False) -> Source:
+    """Return where a plate's measured cut-off is from; without one it is computed.
+
+    Of the `model` it is computed, too, where a measured one is but compared with it.
+    """
     key, value = "strip.measured_cutoff_hz", plate.measured_cutoff_hz
-    if value is None:
-        edges = plate.edge.replace("simply-", "simply ")
-        words = f"computed from {edges} edges"
-        return _source(key, plate.strip.cutoff_hz(), "computed", words)
-    if plate.is_the_papers and value == PAPER_CUTOFF_HZ and plate.measured_by is None:
+    if value is None or (model and plate.edge != "measured-cutoff"):
+        words = f"computed from {plate.edge.replace('simply-', 'simply ')} edges"
+        return source("strip.cutoff_hz", plate.strip.cutoff_hz(), "computed", words)
+    papers = plate.is_the_papers and value == PAPER_CUTOFF_HZ and plate.measured_by is None
+    if papers and stated(plate, "measured_cutoff_hz", by_value=False) is None:
         # uniform along the plate: its length does not enter the first cut-off
         at = "" if plate.is_as_measured else f", at length_mm = {PAPER_LENGTH_MM:g}"
-        return _source(key, value, "paper", f"measured by the paper (figure 4{at})")
-    return _source(key, value, "measured", _measured(plate))
+        return source(key, value, "paper", f"measured by the paper (figure 4{at})")
+    return source(key, value, "measured", _measured(plate))
 
 
 def in_short(source: Source, one: Plate | Actuator) -> str:
@@ -344,33 +341,3 @@ def _is_the_papers(study: Study, actuator: Actuator) -> bool:
     on_centre_line = actuator.y_mm == study.plate.width_mm / 2
     alike = actuator.basis is None or actuator.is_the_papers
     return study.plate.is_the_papers and placed and on_centre_line and alike
-
-
-_PAPERS: Final[tuple[Origin, str]] = ("paper", "the paper's")
-_YOURS: Final[tuple[Origin, str]] = ("yours", "yours")
-_ASSUMED: Final[tuple[Origin, str]] = ("assumed", "assumed by tactstrip")
-
-
-def _source(key: str, value: Any, origin: Origin, words: str) -> Source:
-    return Source(key=key, value=value, origin=origin, words=words)
-
-
-def _default(key: str, value: Any, default: Any) -> Source:
-    """Tell a number that a study may have left out; of the others only the lab can know."""
-    if value != default:
-        return _source(key, value, *_YOURS)
-    return _source(key, value, *(_PAPERS if key in _OF_THE_PAPER else _ASSUMED))
-
-
-def _plain(path: str, table: object, shared: object | None) -> Iterator[Source]:
-    """Go through a section's numbers; those of a condition may be those of [burst]."""
-    for key, field in file_keys(type(table)).items():
-        value = getattr(table, key, None)
-        first = value[0] if isinstance(value, tuple) and value else value
-        if isinstance(first, bool) or not isinstance(first, int | float):
-            continue
-        if shared is None:
-            default = field.get_default(call_default_factory=True)
-            yield _default(f"{path}.{key}", value, _FILLED_IN.get(f"{path}.{key}", default))
-        elif value != getattr(shared, key, None):
-            yield _source(f"{path}.{key}", value, *_YOURS)

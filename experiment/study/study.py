@@ -35,7 +35,14 @@ from experiment.study.sections.plate import (
 from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
-from experiment.study.sections.table import ASKED_FOR, FromTable, KeyRange, file_keys, section
+from experiment.study.sections.table import (
+    ASKED_FOR,
+    FromTable,
+    KeyRange,
+    file_keys,
+    filled,
+    section,
+)
 from experiment.terms.checks import in_metres, in_mind, inward
 
 if TYPE_CHECKING:
@@ -151,7 +158,7 @@ class Study:
             return tables
         plate = info.data.get("plate", Plate())
         return [
-            table | {"y_mm": plate.width_mm / 2}
+            filled(table, y_mm=plate.width_mm / 2)
             if isinstance(table, dict) and table.get("y_mm") is None
             else table
             for table in tables
@@ -183,8 +190,8 @@ class Study:
         ):
             return table
         if displacements_are_known(info.data.get("actuators", ())):
-            return table | {"threshold_um": PAPER_THRESHOLD_UM}
-        return table | {"threshold_vpp": THRESHOLD_VPP}
+            return filled(table, threshold_um=PAPER_THRESHOLD_UM)
+        return filled(table, threshold_vpp=THRESHOLD_VPP)
 
     def __post_init__(self) -> None:
         _check_places(self.actuators, self.strip)

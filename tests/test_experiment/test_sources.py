@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from experiment.commands.init import write_study_text
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
-from experiment.study.read import study_from_text
+from experiment.study.physics import study_gains
+from experiment.study.read import read_study, study_from_text, with_levels
+from experiment.study.sources import study_sources, words_of_the_others
+from experiment.study.study import StudyError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from experiment.preview.findings import Findings
+    from tests.test_experiment.conftest import Run
 
 DISCS = "".join(
     f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12\n'
@@ -32,3 +39,107 @@ def test_the_loss_of_springs_is_told_of_a_plate_without_ends(edge_loss: str, tol
     strip = 'length_mm = "endless"\nedge = "elastic"\nedge_stiffness_n = 200\nloss_factor = 0.02'
     text = f'[strip]\n{strip}\nedge_loss = "{edge_loss}"\n'
     assert f"the springs of the edges {told} (edge_loss = {edge_loss})" in found(text).text
+
+
+SIZES = "width_mm = 30\nlength_mm = 200\nthickness_mm = 0.5\n"
+STEEL = f'[strip]\n{SIZES}material = "steel"\nedge = "clamped"\n{DISCS}'
+
+
+def told(text: str) -> dict[str, tuple[Any, str]]:
+    """Return every number of a study by its key, and where it is from."""
+    return {one.key: (one.value, one.origin) for one in study_sources(study_from_text(text, "s"))}
+
+
+def test_what_the_file_states_is_the_labs_whatever_its_value() -> None:
+    text = f"{STEEL}finger_diameter_mm = 10\n[burst]\nfrequency_hz = 500\n"
+    found = told(f"{text}[design]\nrepeats_per_level = 15\nboth_fraction = 0.0323\n")
+    assert found["burst.frequency_hz"] == (500.0, "yours")
+    assert found["burst.cycles"] == (1, "paper")
+    assert found["design.repeats_per_level"] == (15, "yours")
+    assert found["design.trials_per_side"] == (75, "computed")
+    assert found["design.both_fraction"] == (0.0323, "yours")
+    assert found["design.both_trials"] == (5, "computed")
+    assert found["actuator[0].finger_diameter_mm"] == (10.0, "assumed")
+    assert found["actuator[1].finger_diameter_mm"] == (10.0, "yours")
+    assert found["strip.cutoff_hz"][1] == "computed"
+    assert found["strip.edge"] == ("clamped", "yours")
+    assert words_of_the_others(study_from_text(text, "s")).startswith("4 the paper's, 1 yours, ")
+
+
+def test_a_place_across_that_nobody_stated_is_assumed_in_the_middle() -> None:
+    (y_mm,) = (one for one in study_sources(study_from_text(STEEL, "s")) if "[0].y_mm" in one.key)
+    assert (y_mm.value, y_mm.words) == (15.0, "assumed: the middle of the plate's width")
+    stated = told(STEEL.replace("diameter_mm", "y_mm = 15\ndiameter_mm"))
+    assert stated["actuator[0].y_mm"] == (15.0, "yours")
+    assert told("")["actuator[0].y_mm"] == (12.5, "paper")
+
+
+def test_the_papers_numbers_are_the_labs_where_it_states_them() -> None:
+    found = told("[strip]\nwidth_mm = 25\nmeasured_cutoff_hz = 2900\n")
+    assert found["strip.width_mm"] == (25.0, "yours")
+    assert found["strip.thickness_mm"] == (0.5, "paper")
+    assert found["strip.measured_cutoff_hz"] == (2900.0, "measured")
+    assert told("")["strip.measured_cutoff_hz"] == (2900.0, "paper")
+
+
+def test_a_condition_states_its_own_numbers_only() -> None:
+    found = told('[[condition]]\nname = "a"\nfrequency_hz = 500\n[[condition]]\nname = "b"\n')
+    assert found["condition[0].frequency_hz"] == (500.0, "yours")
+    assert not [key for key in found if key.startswith("condition[1]") or key.endswith("].cycles")]
+
+
+def test_other_levels_are_the_labs_and_leave_the_others_whose_they_are() -> None:
+    study = with_levels(study_from_text("[burst]\ncycles = 1\n", "s"), (60.0, 95.0))
+    found = {one.key: one.origin for one in study_sources(study)}
+    assert (found["design.levels_vpp"], found["burst.cycles"]) == ("yours", "yours")
+    assert found["burst.frequency_hz"] == "paper"
+
+
+@pytest.mark.slow
+def test_a_chosen_window_is_computed() -> None:
+    found = told('[burst]\nwindow = "auto"\nwanted_level_db = -30\n')
+    assert found["burst.wanted_level_db"] == (-30.0, "yours")
+    assert found["condition[0].auto_cycles"][1] == "computed"
+
+
+@pytest.mark.parametrize("preset", ["paper", "recommended"])
+def test_what_init_writes_is_not_the_labs(preset: str) -> None:
+    text = write_study_text(preset)
+    sources = {one.key: one for one in study_sources(study_from_text(text, "s"))}
+    assert {one.origin for one in sources.values()} == {"paper", "assumed"}
+    if preset == "recommended":
+        assert sources["design.blank_trials"].words == "chosen by tactstrip init"
+        assert told(text.replace("blank_trials = 60", "blank_trials = 70")) == told(text) | {
+            "design.blank_trials": (70, "yours")
+        }
+
+
+@pytest.mark.slow
+def test_what_init_chose_for_a_plate_is_told_from_what_it_was_told(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sizes = ("--width-mm", "25", "--thickness-mm", "0.5", "--length-mm", "150")
+    more = ("--material", "steel", "--edge", "clamped", "--actuator", "disc:12.8@35")
+    assert run("init", "--preset", "plate", *sizes, *more).exit_code == 0
+    sources = {one.key: one for one in study_sources(read_study("study.toml"))}
+    for key in ("strip.width_mm", "strip.edge", "actuator[0].x_mm", "actuator[1].diameter_mm"):
+        assert sources[key].origin == "yours"
+    for key in ("design.levels_vpp", "design.break_every", "burst.frequency_hz"):
+        assert sources[key].origin != "yours"
+    assert sources["design.levels_vpp"].words == "chosen by tactstrip init"
+    assert sources["actuator[0].finger_diameter_mm"].origin == "assumed"
+
+
+@pytest.mark.parametrize("text", ["init = 3", "[init]\ntold = 3", "[init]\nbold = []"])
+def test_another_section_init_is_refused(text: str) -> None:
+    with pytest.raises(StudyError, match=r"^s: init must be left as `tactstrip init` wrote it"):
+        study_from_text(text, "s")
+
+
+@pytest.mark.parametrize("strip", ['edge = "clamped"', "length_mm = 150", "width_mm = 25.5"])
+def test_no_displacement_is_measured_on_a_plate_that_nobody_measured(strip: str) -> None:
+    others = f'material = "steel"\nlength_mm = 200\nedge = "clamped"\n{DISCS}'
+    text = f"[strip]\n{strip}\n{others if 'width' in strip else ''}"
+    (gains,) = study_gains(study_from_text(text, "s"))
+    assert gains.bases == (None, None)

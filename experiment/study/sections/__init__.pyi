@@ -30,7 +30,18 @@ from .stimulus import (
     stimulus_facts,
     unscaled_peak,
 )
-from .table import ASKED_FOR, FromTable, KeyRange, file_keys, section
+from .table import (
+    ASKED_FOR,
+    FromTable,
+    KeyRange,
+    Stated,
+    Table,
+    file_keys,
+    filled,
+    section,
+    stated_of,
+    with_stated,
+)
 
 __all__ = [
     "ASKED_FOR",
@@ -68,19 +79,24 @@ __all__ = [
     "Screen",
     "SharedStimulus",
     "Simulation",
+    "Stated",
+    "Table",
     "Texts",
     "check_fingers",
     "completed",
     "displacements_are_known",
     "drive_samples",
     "file_keys",
+    "filled",
     "instructions_of",
     "is_as_measured",
     "is_papers_plate",
     "key_doubts",
     "paper_actuators",
     "section",
+    "stated_of",
     "stimulus_facts",
     "unsaid_in",
     "unscaled_peak",
+    "with_stated",
 ]

@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
 from experiment.study.sections.plate import Density, Line, Modulus, dated, refuse_orphans
-from experiment.study.sections.table import refuse_below, refuse_incomplete, section
+from experiment.study.sections.table import Table, refuse_below, refuse_incomplete, section
 from experiment.terms.checks import NAME, NAME_RULE
 from stimuli import BondedPatch, MeasuredDisplacement, PiezoLayers
 
@@ -299,6 +299,9 @@ _PAPER_MEASURED: Final = dict(zip(MEASURED_KEYS, (2.6, 100.0, 300.0), strict=Tru
 def paper_actuators(*, measured: bool = True) -> list[dict[str, Any]]:
     """Return the paper's discs; where they are measured with 2.6 um at 100 Vpp and 300 Hz."""
     return [
-        {"side": side, "x_mm": x_mm, "diameter_mm": 12.8} | (_PAPER_MEASURED if measured else {})
+        Table(
+            {"side": side, "x_mm": x_mm, "diameter_mm": 12.8}
+            | (_PAPER_MEASURED if measured else {})
+        )
         for side, x_mm in (("left", -35.0), ("right", 35.0))
     ]

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.table import refuse_incomplete, section
+from experiment.study.sections.table import filled, refuse_incomplete, section
 from experiment.terms.checks import NAME, NAME_RULE, is_line
 from stimuli import Burst, SampledDrive
 from stimuli.drive.windows import Window
@@ -169,7 +169,8 @@ def completed(table: dict[str, Any], burst: SharedStimulus) -> dict[str, Any]:
         taken = {"frequency_hz": None, "cycles": 1, "window": "none"}
     if given.get("window", "auto") != "auto":
         taken["wanted_level_db"] = None
-    return {"accept_unfit": None if own else burst.accept_unfit} | taken | given
+    taken = {"accept_unfit": None if own else burst.accept_unfit} | taken
+    return filled(table, **{key: taken[key] for key in taken.keys() - given.keys()})
 
 
 def drive_samples(condition: Condition, settings: DeviceSettings) -> NDArray[np.float64]:

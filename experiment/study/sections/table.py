@@ -31,7 +31,7 @@ from pydantic_core import ArgsKwargs, core_schema
 from experiment.terms.checks import in_mind, inward, unknown_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from pydantic.fields import FieldInfo
     from pydantic_core import ErrorDetails
@@ -64,7 +64,51 @@ def section(cls: type[_Section]) -> type[_Section]:
 def _fill(instance: Any, keys: dict[str, Any]) -> Any:
     """Check keys and put them into a new instance; keys may have any name that a file has."""
     validator = type(instance).__pydantic_validator__
-    return validator.validate_python(ArgsKwargs((), keys), self_instance=instance)
+    made = validator.validate_python(ArgsKwargs((), keys), self_instance=instance)
+    return with_stated(made, _origin_of(keys))
+
+
+@plain_dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """What of a section its writer stated, told by the file and never by the values."""
+
+    keys: Mapping[str, Any] | None  # with their values; none where nobody recorded it
+    chosen: frozenset[str] = frozenset()  # what `tactstrip init` chose and nobody changed
+
+
+class Table(dict[str, Any]):
+    """A table in which keys were filled in, and what of it was stated."""
+
+    def __init__(self, keys: Mapping[str, Any], stated: Stated | None = None) -> None:
+        super().__init__(keys)
+        self.stated = Stated(keys={}) if stated is None else stated
+
+
+def filled(table: dict[str, Any], **keys: Any) -> Table:
+    """Return a table with more keys, which nobody stated."""
+    return Table(table | keys, _origin_of(table))
+
+
+def stated_of(section: object) -> Stated:
+    """Return what of a section was stated."""
+    stated: Stated = vars(section)[_STATED]
+    return stated
+
+
+def _origin_of(table: dict[str, Any]) -> Stated:
+    if isinstance(table, Table):
+        return table.stated
+    return Stated(keys={key: value for key, value in table.items() if value is not None})
+
+
+# beside the fields, so that it is no part of what makes two studies the same
+_STATED: Final = "_stated"
+
+
+def with_stated(section: _Section, stated: Stated) -> _Section:
+    """Tell what of a section was stated, and return it."""
+    object.__setattr__(section, _STATED, stated)
+    return section
 
 
 class _AsTable:
