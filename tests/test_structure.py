@@ -30,7 +30,7 @@ LATER = {
     *("motion", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
-    *("study/origins.py", "study/stated.py"),
+    *("study/origins.py", "study/stated.py", "results/numbers.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(

@@ -47,6 +47,7 @@ class SessionProgress:
     file_sha256: str  # of the study as its file states it, before levels were placed
     unexported: int  # trials of which the journal beside the table tells, and the table does not
     study: str  # the canonical text that the plan holds
+    sources: str  # of its numbers, as JSON text; of none in older plans
 
 
 def read_plan(table: Path) -> tuple[Plan, str] | None:
@@ -318,11 +319,11 @@ def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
     >>> from types import SimpleNamespace
     >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
     >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f",
-    ...     study="{}")
+    ...     study="{}", sources={})
     >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
     >>> progress(told, plan, Path("trials.csv"))
     SessionProgress(participant='01', session='01', valid=1, planned=2, file_sha256='f',
-    unexported=0, study='{}')
+    unexported=0, study='{}', sources='{}')
     """
     numbers = {trial.number for trial in plan.trials}
     return SessionProgress(
@@ -333,6 +334,7 @@ def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
         file_sha256=plan.file_sha256,
         unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(told)),
         study=plan.study,
+        sources=json.dumps(plan.sources),
     )
 
 

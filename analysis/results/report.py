@@ -9,6 +9,7 @@ from analysis.axis import alone, shortest
 from analysis.definitions import DEFINITIONS, TOTAL
 from analysis.results.figures.confusion import stimulus
 from analysis.results.markup import element, figure, foreign, page, table
+from analysis.results.numbers import plates
 from analysis.results.rows import (
     CONTROL_HEAD,
     PAGE,
@@ -63,7 +64,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         *_reaction_times(analysis, drawn),
         *_both_and_blank(analysis),
         *_control(analysis),
-        *_plates(analysis),
+        *plates(analysis),
         *_contact(analysis),
         *_definitions(analysis),
         *_sources(analysis),
@@ -277,34 +278,6 @@ def _who(row: pd.Series[Any]) -> list[Content]:
     if "condition" not in row.index:
         return [name]
     return [element("span", name, ", ", foreign(row["condition"]))]
-
-
-def _plates(analysis: Analysis) -> Iterator[Element]:
-    """Tell what the plates are known by; sessions whose plates are the same are told once."""
-    from experiment.study.read import study_from_canonical
-    from experiment.study.sources import plate_sources
-    from experiment.study.study import StudyError
-
-    yield element("h2", "The plate")
-    told = []
-    for text in analysis.studies:
-        try:
-            sources = plate_sources(study_from_canonical(text))
-        except StudyError as error:
-            yield element("p", foreign(f"A plan's plate is not told here: {error}"))
-            continue
-        if sources not in told:
-            told.append(sources)
-    if not told:
-        yield element("p", "No plan beside the tables tells of a plate.")
-    header = ["Number, by its key in study.toml", "Value", "Source"]
-    for place, sources in enumerate(told, start=1):
-        which = f"plate {place} of {len(told)}" if len(told) > 1 else "the plate"
-        rows: list[list[Content]] = [
-            [element("code", one.key), one.printed, foreign(one.words)] for one in sources
-        ]
-        yield table(f"What is known of {which}, and from whom (yours: the study's)", header, rows,
-                    header[2:])  # fmt: skip
 
 
 def _contact(analysis: Analysis) -> Iterator[Element]:

@@ -118,7 +118,7 @@ class Analysis:
     ci: str
     seed: int
     axis: Axis
-    studies: tuple[str, ...] = ()
+    studies: tuple[tuple[str, str], ...] = ()  # with the sources of their numbers
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
@@ -236,7 +236,7 @@ def analyse(
         ci=ci,
         seed=seed,
         axis=loaded.axis,
-        studies=tuple(dict.fromkeys(one.study for one in loaded.progress)),
+        studies=tuple(dict.fromkeys((one.study, one.sources) for one in loaded.progress)),
         altered=loaded.altered,
         lost=loaded.lost,
         not_compared=loaded.not_compared,

@@ -1,4 +1,4 @@
-from .origins import instead_of_trials
+from .origins import Source, instead_of_trials, sources_of_facts
 from .physics import (
     ASSUMED_LOSS,
     LEAST_LOSS,
@@ -28,6 +28,7 @@ from .sources import (
     measured_beside,
     others_than_the_plates,
     patch_words,
+    planned_sources,
     plate_sources,
     plate_words,
     study_sources,
@@ -41,6 +42,7 @@ __all__ = [
     "LEAST_LOSS",
     "MOST_LOSS",
     "PatchErrors",
+    "Source",
     "Study",
     "StudyError",
     "UnusableStudyError",
@@ -61,10 +63,12 @@ __all__ = [
     "paper_study",
     "patch_errors",
     "patch_words",
+    "planned_sources",
     "plate_sources",
     "plate_words",
     "read_levels",
     "read_study",
+    "sources_of_facts",
     "study_from_canonical",
     "study_gains",
     "study_sources",

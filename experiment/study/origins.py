@@ -71,7 +71,8 @@ class Source:
     @property
     def facts(self) -> dict[str, Any]:
         """The same to other programs."""
-        return {"value": self.value, "source": self.origin, "words": self.words}
+        value = list(self.value) if isinstance(self.value, tuple) else self.value
+        return {"value": value, "source": self.origin, "words": self.words}
 
 
 def sources_of_facts(facts: Mapping[str, Mapping[str, Any]]) -> tuple[Source, ...]:

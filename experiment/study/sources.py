@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+from math import isfinite
 from typing import TYPE_CHECKING, Final
 
 from experiment.study.origins import (
@@ -24,15 +26,17 @@ from experiment.study.sections.actuator import (
 )
 from experiment.study.sections.finger import FINGER_KEYS
 from experiment.study.sections.plate import PAPER_CUTOFF_HZ, PAPER_LENGTH_MM, Plate
+from experiment.terms.gains import OWN_FINGERS
 from stimuli import MATERIALS, ElasticEdge
 from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from experiment.study.sections.actuator import Actuator
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
+    from experiment.terms.gains import ConditionGains
     from stimuli import BondedPatch, Strip
 
 _MATERIAL_KEYS: Final = ("youngs_modulus_gpa", "poisson_ratio", "density_kg_m3")
@@ -67,6 +71,31 @@ def study_sources(study: Study) -> tuple[Source, ...]:
                 path = f"{name}[{place}]" if isinstance(table, tuple) else name
                 found += plain_sources(path, one, study.burst if name == "condition" else None)
     return tuple(found)
+
+
+def planned_sources(study: Study, gains: Iterable[ConditionGains]) -> tuple[Source, ...]:
+    """Return the sources of a study's numbers, and of the levels that its gain matrices have."""
+    return (*study_sources(study), *_levels(study, gains))
+
+
+def _levels(study: Study, gains: Iterable[ConditionGains]) -> Iterator[Source]:
+    from experiment.study.physics import ASSUMED_LOSS
+
+    with_loss = "" if study.plate.is_loss_stated else f"; loss factor {ASSUMED_LOSS:g} (assumed)"
+    for one in gains:
+        for own, other in permutations(range(len(OWN_FINGERS)), 2):
+            level_db = one.level_db(other, own)
+            if isfinite(level_db):
+                words = (
+                    f"computed: dB at the {OWN_FINGERS[other]} finger re the {OWN_FINGERS[own]} "
+                    f"one, whose actuator is driven{with_loss}"
+                )
+                key = f"{LEVEL}{one.condition}.{OWN_FINGERS[own]}"
+                yield source(key, round(level_db, 3), "computed", words)
+
+
+LEVEL: Final = "level_db."
+"""How the keys of levels at the other finger begin, which are no keys of a study's file."""
 
 
 def plate_sources(study: Study) -> tuple[Source, ...]:

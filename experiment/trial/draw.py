@@ -80,6 +80,8 @@ def draw_plan(
         from experiment.study.read import with_levels
 
         study = with_levels(study, levels_vpp)
+    from experiment.study.sources import planned_sources
+
     rng = np.random.Generator(np.random.PCG64(seed))
     order = _order(study, number, rng)
     trials = tuple(_number(_draw_trials(study.design, order, rng, _off_plate_generator(seed))))
@@ -97,6 +99,7 @@ def draw_plan(
             trials=trials,
             warm_up=_warm_up(study, trials),
             gains=gains,
+            sources={one.key: one.facts for one in planned_sources(study, gains)},
             participant_number=number,
         )
     )

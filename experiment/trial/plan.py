@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains, gains_from_json
@@ -95,6 +95,8 @@ class Plan:
         The trials presented to a person again after a resume.
     gains : tuple of ConditionGains
         The gain matrix of every condition; empty where displacements are not known.
+    sources : dict
+        Value, source and words of every number of the study, by its key; empty in older plans.
     participant_number : int or None
         By which the order of conditions was chosen, where it is balanced.
     sha256 : str
@@ -113,6 +115,7 @@ class Plan:
     trials: tuple[Trial, ...]
     warm_up: tuple[Trial, ...]
     gains: tuple[ConditionGains, ...] = ()
+    sources: dict[str, dict[str, Any]] = field(default_factory=dict)
     participant_number: int | None = None
     sha256: str = ""
 
@@ -155,6 +158,8 @@ def _contents(plan: Plan) -> dict[str, Any]:
     del contents["sha256"]
     if plan.participant_number is None:  # it says nothing, nor did it in plans before there was one
         del contents["participant_number"]
+    if not plan.sources:
+        del contents["sources"]
     contents["study"] = json.loads(plan.study)
     for name in ("trials", "warm_up"):  # by hand: asdict takes ten times as long
         contents[name] = [{f: getattr(t, f) for f in _TRIAL_FIELDS} for t in contents[name]]
@@ -208,7 +213,7 @@ def plan_from_json(text: str) -> Plan:
         contents = json.loads(text)
         if contents["schema"] != SCHEMA:
             raise PlanError(f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}")
-        contents.setdefault("participant_number", None)
+        contents = {"participant_number": None, "sources": {}} | contents
         fields = {name: contents[name] for name in Plan.__dataclass_fields__}
         fields["study"] = json.dumps(
             contents["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False

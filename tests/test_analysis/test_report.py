@@ -216,6 +216,23 @@ def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: 
     told = Outline((tmp_path / "out-paper" / "report.html").read_text(encoding="utf-8")).text
     assert "measured by the paper (figure 4)" in told
     assert "plan and simulated people have 0.01 (assumed), the check tries 0.005 and 0.02" in told
+    for key in ("strip.edge_loss", "burst.frequency_hz", "design.levels_vpp", "level_db.main.left"):
+        assert told.count(key) == 1
+    clamped = [simulate(tmp_path / "clamped", '\n[strip]\nedge = "clamped"\n')]
+    write_analysis(clamped, tmp_path / "out-clamped", figures=False)
+    told = Outline((tmp_path / "out-clamped" / "report.html").read_text(encoding="utf-8")).text
+    assert "computed from clamped edges" in told
+    assert "by its value" not in told
+
+
+def test_a_number_that_the_file_states_is_told_as_the_studys(
+    tmp_path: Path, simulate: Simulate
+) -> None:
+    again = "\n[burst]\nfrequency_hz = 500\n"
+    write_analysis([simulate(tmp_path / "lab", again)], tmp_path / "out", figures=False)
+    told = Outline((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
+    assert re.search(r"burst.frequency_hz\s*500\s*yours", told)
+    assert re.search(r"burst.cycles\s*1\s*the paper's", told)
 
 
 def test_the_report_says_how_the_fingers_lay_on_the_plate(
