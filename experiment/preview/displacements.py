@@ -128,6 +128,24 @@ def _where(strip: Strip, same_hz: float) -> str:
     return f", the cut-off of plate and patch ({cutoff_hz:.0f} Hz without)" if above else ""
 
 
+_SURE: Final = 0.03
+"""A displacement per volt that the assumed losses part by more is told."""
+
+
+def _tell_spread(found: Findings, study: Study) -> None:
+    """Tell where a measurement was made so near to a mode that the loss decides what it says."""
+    from experiment.study.physics import LEAST_LOSS, MOST_LOSS, field_strip, loads_per_volt
+
+    both = [loads_per_volt(study, field_strip(study, loss)) for loss in (LEAST_LOSS, MOST_LOSS)]
+    for actuator, (least, _), (most, _) in zip(study.actuators, *both, strict=True):
+        factor = max(most / least, least / most) if least and most else 1.0
+        if factor > 1 + _SURE:
+            at = f"{actuator.label}: measured at {actuator.measured_at_hz:g} Hz, next to the first"
+            found.tell("", f"{at} mode of the plate; its")
+            found.tell("", f"micrometres differ by a factor of {factor:.3g} between these losses:")
+            found.tell("", "measure at a lower frequency, or state loss_factor")
+
+
 def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
     """Tell what loss the displacements have, whose it is, and its Kelvin-Voigt time."""
     from experiment.study.physics import ASSUMED_LOSS, LEAST_LOSS, MOST_LOSS, field_strip
@@ -145,6 +163,7 @@ def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
         found.tell(
             "", f"(assumed); micrometres, plan and simulated people have {ASSUMED_LOSS:g} (assumed)"
         )
+        _tell_spread(found, check.study)
         if plate.material in _PLASTICS:
             found.tell("", "these are of glued metal; plastics lose more: state loss_factor")
     found.note(

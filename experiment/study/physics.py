@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from experiment.study.study import UnusableStudyError
+from experiment.terms.checks import inward
 from experiment.terms.gains import ConditionGains, significant
 from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
+from stimuli.motion.modes import AboveFirstModeError
 from stimuli.motion.peaks import TOO_MANY_FOR_PATCHES, PatchesUnknownError
 
 if TYPE_CHECKING:
@@ -147,16 +149,17 @@ def loads_per_volt(
         if actuator.basis is None:
             found.append((None, None))
             continue
-        cutoff_hz, at_hz = strip.cutoff_hz(), actuator.measured_at_hz
-        if at_hz is not None and at_hz >= cutoff_hz:
-            raise UnusableStudyError(
-                study.name,
-                f"the {actuator.label} actuator: measured_at_hz must lie below "
-                f"the plate's first cut-off, {cutoff_hz:.6g} Hz, from where on its ends count as "
-                f"much as the actuator; got {at_hz:g}: measure at a lower frequency",
-            )
         try:
             known = load_per_volt(strip, load, actuator.basis)
+        except AboveFirstModeError as error:
+            first = "cut-off" if strip.length_m is None else "mode"
+            named = f"the plate's first {first}, {inward(error.first_hz, least=False)} Hz"
+            raise UnusableStudyError(
+                study.name,
+                f"the {actuator.label} actuator: measured_at_hz must lie below {named}, from where "
+                "on its ends and its loss count as much as the actuator; got "
+                f"{actuator.measured_at_hz:.10g}: measure at a lower frequency",
+            ) from error
         except ValueError as error:
             too_many = str(error).startswith(TOO_MANY_FOR_PATCHES)
             why = _long_in_keys(study) if too_many else error

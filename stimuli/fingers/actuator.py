@@ -10,6 +10,7 @@ from stimuli.checks import finite, instance
 from stimuli.field.field import displacement
 from stimuli.field.scene import Scene
 from stimuli.load import DISCS, LOADS
+from stimuli.motion.modes import refuse_above_first_mode
 from stimuli.motion.motion import steady
 from stimuli.strip.patch import Layer, laminate, layer_of
 
@@ -37,7 +38,7 @@ class MeasuredDisplacement:
     level_vpp : float
         Peak-to-peak voltage of the sine, twice its amplitude, up to 1e5 V.
     frequency_hz : float
-        Its frequency, up to 1e6 Hz and below the strip's first cut-off.
+        Its frequency, up to 1e6 Hz and below the strip's first mode.
 
     Raises
     ------
@@ -209,10 +210,10 @@ def load_per_volt(
     ------
     ValueError
         If the load is not on the strip; for layers, if it is no moment; for a measured
-        displacement, if its frequency is not below the strip's first cut-off or the load's
-        centre lies on an edge, where nothing moves. From the cut-off on, what the centre does
-        depends on the strip's ends and on its loss as much as on the actuator, so that it
-        tells no load.
+        displacement, if its frequency is not below the strip's first mode (`AboveFirstModeError`;
+        without ends its first cut-off) or the load's centre lies on an edge, where nothing
+        moves. From there on, what the centre does depends on the strip's ends and on its loss
+        as much as on the actuator, so that it tells no load.
 
     Notes
     -----
@@ -246,12 +247,8 @@ def load_per_volt(
 
 def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> float:
     """Return the measured displacement over that of the unit load, equation (68)."""
-    cutoff_hz = scene.strip.cutoff_hz()
-    if measured.frequency_hz >= cutoff_hz:
-        raise ValueError(
-            f"frequency_hz must lie below the strip's first cut-off of {cutoff_hz:.6g} Hz, "
-            f"got {measured.frequency_hz!r}"
-        )
+    if not scene.strip.patches:
+        refuse_above_first_mode(scene.strip, measured.frequency_hz)
     (load,), width_m = scene.loads, scene.strip.width_m
     if min(load.y_m, width_m - load.y_m) < _LEAST_INSET * width_m:
         raise ValueError(f"load must move the strip at its own centre, got {load!r}")

@@ -1,5 +1,6 @@
 from .frames import frames_of
 from .history import by_spectra, transient, transient_work
+from .modes import AboveFirstModeError, refuse_above_first_mode
 from .motion import (
     Bare,
     Motion,
@@ -29,6 +30,7 @@ from .section import ECHOED, echoless
 __all__ = [
     "ECHOED",
     "TOO_MANY_FOR_PATCHES",
+    "AboveFirstModeError",
     "Bare",
     "Motion",
     "Oscillators",
@@ -47,6 +49,7 @@ __all__ = [
     "peaks_of",
     "poles",
     "reference_of",
+    "refuse_above_first_mode",
     "springs_lose",
     "steady",
     "transient",

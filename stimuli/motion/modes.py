@@ -8,7 +8,8 @@ are modes already but for the ends, so that as few of them are enough as there a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -178,6 +179,49 @@ def plate_modes(strip: Strip, highest_hz: float, *, centred: bool) -> list[Modes
         for waves in strip_waves(strip, _ABOVE * highest_hz, 2 * length_m, centred=centred)
         for odd in (False, True)
     ]  # fmt: skip
+
+
+class AboveFirstModeError(ValueError):
+    """A frequency from which on a plate's ends and loss count as much as what drives it.
+
+    >>> AboveFirstModeError(2950.0, 2891.118).first_hz
+    2891.118
+    """
+
+    def __init__(self, frequency_hz: float, first_hz: float) -> None:
+        super().__init__(
+            f"frequency_hz must lie below the strip's first mode, {first_hz:.6g} Hz (without ends "
+            f"its first cut-off), got {frequency_hz!r}"
+        )
+        self.first_hz = first_hz
+
+
+def refuse_above_first_mode(strip: Strip, frequency_hz: float) -> None:
+    """Refuse a frequency that is not below the first mode of a strip without patches.
+
+    Below sqrt(1 - nu^2) of the first cut-off there is none, (59), and none is sought.
+    """
+    if frequency_hz < math.sqrt(1 - strip.material.poisson_ratio**2) * strip.cutoff_hz():
+        return
+    first_hz = _first_mode_hz(strip)
+    if frequency_hz >= first_hz:
+        raise AboveFirstModeError(frequency_hz, first_hz)
+
+
+_FAR: Final = 40.0
+"""Ends so many widths apart hardly see each other: 5e-6 of the first mode on the paper's plate."""
+
+
+@lru_cache(maxsize=8)
+def _first_mode_hz(strip: Strip) -> float:
+    """Return the first mode's frequency, at most the first cut-off, which an endless strip has."""
+    cutoff_hz = strip.cutoff_hz()
+    if strip.length_m is None:
+        return cutoff_hz
+    length_m = min(strip.length_m, _FAR * strip.width_m)
+    modes = plate_modes(replace(strip, length_m=length_m), cutoff_hz, centred=True)
+    found_hz = [np.sqrt(group.squared) / (2 * math.pi) for group in modes]
+    return float(np.min(np.concatenate(found_hz), initial=cutoff_hz))
 
 
 def _modes(strip: Strip, waves: Waves, ends: Ends, highest_hz: float) -> Modes:

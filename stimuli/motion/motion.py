@@ -16,7 +16,7 @@ from stimuli.drive.sampled import SampledDrive
 from stimuli.field.field import displacement
 from stimuli.load import DISCS
 from stimuli.motion.basis import disc_rings
-from stimuli.motion.modes import Modes, n_waves, plate_modes
+from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.section import ECHOED
@@ -225,10 +225,7 @@ def steady(scene: Scene, frequency_hz: float) -> Complex:
     poles = motion.oscillators.poles
     first_hz = float(np.min(np.abs(poles))) / (2 * math.pi)
     if frequency_hz >= first_hz:
-        raise ValueError(
-            f"frequency_hz must lie below the first mode of the plate with its patches, "
-            f"{first_hz:.6g} Hz, got {frequency_hz!r}"
-        )
+        raise AboveFirstModeError(frequency_hz, first_hz)
     found = []
     for load, rest_m in enumerate(motion.oscillators.rest_m):
         weights = motion.oscillators.weights(load)

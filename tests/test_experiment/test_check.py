@@ -562,3 +562,24 @@ def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -
     of = "measured (by: A. Person; on: not stated)"
     assert f"2.6 um {taken} at 100 Vpp and 300 Hz, {of}" in own
     assert "um, from your measurement; " in own
+
+
+NEAR_A_MODE = "".join(
+    f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12.8\n'
+    "measured_displacement_um = 2\nmeasured_at_vpp = 100\nmeasured_at_hz = {hz}\n"
+    for side, x_mm in (("left", -35), ("right", 35))
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("hz", "keys", "told"),
+    [(2889, "", True), (2600, "", False), (2889, "loss_factor = 0.01\n", False)],
+)
+def test_a_measurement_next_to_a_mode_is_told_where_the_loss_is_assumed(
+    hz: float, keys: str, *, told: bool
+) -> None:
+    text = f"[strip]\nmeasured_cutoff_hz = 2900\n{keys}{NEAR_A_MODE.format(hz=hz)}"
+    said = "left: measured at 2889 Hz, next to the first mode of the plate; its"
+    assert (said in checked(text).stdout) == told
+    assert ("micrometres differ by a factor of 2." in checked(text).stdout) == told

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiment.study.physics import chosen_burst, study_gains
+from experiment.study.physics import chosen_burst, loads_per_volt, study_gains
 from experiment.study.read import paper_study, study_from_text
 from experiment.study.study import StudyError
 from experiment.terms.gains import (
@@ -345,3 +345,40 @@ def test_a_plan_of_another_schema_is_refused(contents: dict[str, Any], schema: i
 @pytest.mark.slow
 def test_the_same_study_has_the_same_matrix_again(paper: ConditionGains) -> None:
     assert study_gains(paper_study()) == (paper,)
+
+
+def near_the_first_mode(at_hz: float, keys: str = "") -> str:
+    """Return a study whose discs were measured there; its plate is not the paper's."""
+    sizes = "width_mm = 25.0001\nlength_mm = 200\nthickness_mm = 0.5\nmeasured_cutoff_hz = 2900\n"
+    metal = "youngs_modulus_gpa = 67\npoisson_ratio = 0.346\ndensity_kg_m3 = 2700\n"
+    known = MEASURED.format(2.0, at_hz)
+    return f"[strip]\n{sizes}{metal}{keys}{discs(known, known)}"
+
+
+# The plate's first mode is at 2891.1 Hz, where its free ends swing; its cut-off is at 2900 Hz. In
+# between the centre of a disc does what ends and loss make of it.
+@pytest.mark.parametrize(("at_hz", "taken"), [(2888.0, True), (2891.0, True), (2892.0, False)])
+def test_a_displacement_is_measured_below_the_first_mode(at_hz: float, *, taken: bool) -> None:
+    study = study_from_text(near_the_first_mode(at_hz), "s.toml")
+    if taken:
+        assert [basis for _, basis in loads_per_volt(study)] == ["measured", "measured"]
+        return
+    with pytest.raises(
+        StudyError, match=r"below the plate's first mode, 2891\.1\d* Hz, .* got 2892"
+    ):
+        loads_per_volt(study)
+
+
+def test_the_first_mode_that_is_named_is_the_first_that_is_refused() -> None:
+    with pytest.raises(StudyError) as caught:
+        loads_per_volt(study_from_text(near_the_first_mode(2895), "s.toml"))
+    first_hz = float(str(caught.value).partition("first mode, ")[2].partition(" Hz")[0])
+    loads_per_volt(study_from_text(near_the_first_mode(first_hz), "s.toml"))
+    with pytest.raises(StudyError):
+        loads_per_volt(study_from_text(near_the_first_mode(first_hz + 0.02), "s.toml"))
+
+
+def test_the_ends_of_a_long_plate_have_their_mode_as_those_of_a_short_one() -> None:
+    text = near_the_first_mode(2896.0).replace("length_mm = 200", "length_mm = 10000")
+    with pytest.raises(StudyError, match=r"first mode, 2894\.5"):
+        loads_per_volt(study_from_text(text, "s.toml"))
