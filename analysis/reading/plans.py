@@ -149,11 +149,13 @@ def _examined(table: Path) -> Examined:
         raise ResultFileError(table, None, str(error)) from None
 
 
-def _refusal(found: Examined, does: str) -> ResultFileError:
+def _refusal(found: Examined, does: str, *, without_table: bool = False) -> ResultFileError:
     """Say the first of the differences, what accepts it and, of one of the table, what mends it."""
     first, *others = found.differences
     more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
     mended = all(one.mended_by == "export" for one in found.differences)
+    if without_table and any(one.mended_by is None for one in found.differences):
+        more += f"; no {TABLE} can be built of it: restore it from a copy"
     return _not_accepted(
         first,
         f"{more}; tactstrip analyze --accept-altered {does}, with a mark"
@@ -195,7 +197,7 @@ def left_out(sources: Sources, *, accept_altered: bool) -> LeftOut:
     for table in sources.without:
         found = _examined(table.path)
         if found.differences and not accept_altered:
-            raise _refusal(found, "leaves the session out")
+            raise _refusal(found, "leaves the session out", without_table=True)
         if found.differences:
             lost[_session(table)] = tuple(told_of(one, table.name) for one in found.differences)
         else:

@@ -180,7 +180,9 @@ class SessionFolder:
         if not left or not gone:
             return
         table = self.trials_path.name
-        analysed = f"{table} can be analysed, and " if table in left else ""
+        # Without a journal nothing contradicts it; with one but no plan it is taken with a mark.
+        how = " (tactstrip analyze --accept-altered)" if self.journal_path.name in left else ""
+        analysed = f"{table} can be analysed{how}, and " if table in left else ""
         raise ArchiveError(
             f"{self.path}: {' and '.join(gone)} missing, {' and '.join(left)} left; restore from a "
             f"copy what is missing and go on by --resume; without a copy {analysed}the person "

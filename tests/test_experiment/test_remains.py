@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import pytest
 
 from analysis.reading.load import read_inputs
 from experiment.integrity.sessions import examine
-from tests.test_experiment.lab import Lab
+from tests.test_experiment.lab import Crash, Lab
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -110,6 +111,37 @@ def test_a_lost_session_is_left_out_with_a_mark_where_that_is_accepted(
     assert "altered" in (results.parent / "out" / "levels.csv").read_text("utf-8").split("\n")[0]
 
 
+SUBSETS = ["".join(some) for n in range(5) for some in combinations("phjt", n)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", SUBSETS)
+@pytest.mark.parametrize("ended", [False, True])
+def test_whatever_files_are_left_all_commands_agree(
+    results: Path, run: Run, killed: Path, left: str, *, ended: bool
+) -> None:
+    folder = results / SESSION if ended else killed
+    for letter in {*"phjt"} - {*left}:
+        (folder / FILES[letter]).unlink()
+    whole, honest = {*"phj"} <= {*left}, ended <= ("t" in left)
+    alone = "t" in left and "j" not in left  # a table without a journal is read all the same
+    never = not left and not ended
+    codes = (
+        0 if never or (whole and honest) else 1,
+        0 if never or (whole and honest) or alone else 2,
+        0 if never or whole else 2,
+        0 if never or whole else 2,
+    )
+    verified, analyzed = run("verify", results), analyze(run, results)
+    bids = run("export", results, "--bids", results.parent / "bids")
+    exported = run("export", results)
+    done = (verified, analyzed, exported, bids)
+    assert tuple(one.exit_code for one in done) == codes, [one.output for one in done]
+    promised = "tactstrip export DIR builds it" in " ".join(analyzed.output.split())
+    assert promised == (whole and "t" not in left)
+    assert (folder / "trials.csv").exists() == ("t" in left or whole)
+
+
 def test_other_sessions_are_built_where_one_is_lost(results: Path, run: Run) -> None:
     lose(results, "p")
     table = results / "sub-02/ses-01/trials.csv"
@@ -140,6 +172,17 @@ def test_a_table_that_can_be_built_anew_is_said_to_be(results: Path, run: Run) -
     assert "tactstrip export DIR builds it anew from the journal" in done.stderr
     assert run("export", results).exit_code == 0
     assert run("verify", results).exit_code == analyze(run, results).exit_code == 0
+
+
+@pytest.fixture
+def killed(make_study: Callable[[str], Study], short_study_text: str, results: Path) -> Path:
+    """The folder of a third person's session, killed amid it, with a table of what there was."""
+    with pytest.MonkeyPatch.context() as patch:
+        lab = Lab(make_study(short_study_text), results, patch, participant="03")
+        with lab.killed_after(lines=25), pytest.raises(Crash):
+            lab.begin()
+    lab.folder.write_trials()
+    return lab.folder.path
 
 
 @pytest.fixture
