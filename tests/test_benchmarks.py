@@ -12,6 +12,7 @@ from benchmarks import (
     analysis,
     calibration,
     field,
+    gains,
     hard_cases,
     screen,
     single,
@@ -145,6 +146,13 @@ def test_a_calibration_section_tells_coverage_bias_and_time(
     assert "| centred | 0.5 | all | ours | 20 |" in text
     assert "| 17 x 9 x 3 |" in text
     assert (tmp_path / "posterior.png").exists()
+
+
+def test_a_gain_matrix_and_a_check_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    (name, text), *_ = gains.STUDIES.items()
+    monkeypatch.setattr(gains, "STUDIES", {name: text})
+    monkeypatch.setattr(gains, "REPEATS", 1)
+    assert f"| {name} | " in gains.section()
 
 
 def test_what_is_not_measured_stays_on_the_page(
