@@ -44,6 +44,8 @@ _OF_A_PLATE: Final[dict[str, Any]] = {
     "study": {"name": PLATE},
     "design": _RECOMMENDED | {"levels_vpp": [40.0, 80.0, 120.0, 160.0, 200.0]},
 }
+_TRIED: Final = ("burst.frequency_hz", "burst.cycles")
+"""What is chosen for a plate, even if it comes out as the paper's."""
 PRESETS: Final = (*_OVERRIDES, PLATE)
 _INTRODUCTIONS: Final = {
     "paper": (
@@ -121,15 +123,15 @@ def _text(study: Study, preset: str, told: tuple[str, ...]) -> str:
             sections.append(
                 _section(f"[{name}]", table, _LEVELS[preset] if name == "design" else "")
             )
-    sections.append(_init(study, told))
+    sections.append(_init(study, told, _TRIED if preset == PLATE else ()))
     return "\n".join(sections)
 
 
-def _init(study: Study, told: tuple[str, ...]) -> str:
+def _init(study: Study, told: tuple[str, ...], tried: tuple[str, ...]) -> str:
     """Write what of a study is not its lab's."""
     from experiment.study.stated import chosen_values
 
-    chosen = chosen_values(study, told)
+    chosen = chosen_values(study, told, tried)
     lines = [f"{_comment(_INIT)}[init]", "told = [", *(f'    "{path}",' for path in told), "]"]
     if chosen:
         lines += ["[init.chosen]", *(f'"{path}" = {_toml(one)}' for path, one in chosen.items())]

@@ -126,11 +126,12 @@ def plate_sources(study: Study) -> tuple[Source, ...]:
 def _placed(study: Study, actuator: Actuator, path: str) -> Iterator[Source]:
     """Yield the sources of an actuator's place and size, and of its finger's contact."""
     papers = _is_the_papers(study, actuator)
+    is_own = stated(actuator, "x_mm", by_value=not papers) is not None
     for key in ("x_mm", "y_mm", "diameter_mm", "length_x_mm", "length_y_mm"):
         value = getattr(actuator, key)
         if value is not None:
             whose = stated(actuator, key, by_value=not papers)
-            left_out = _MIDDLE if key == "y_mm" and not papers else PAPERS
+            left_out = _MIDDLE if is_own and key == "y_mm" else PAPERS
             yield source(f"{path}.{key}", value, *(whose or left_out))
     key, value = "finger_diameter_mm", actuator.finger_diameter_mm
     whose = stated(actuator, key, by_value=value != _FINGER_DIAMETER_MM)

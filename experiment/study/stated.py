@@ -65,18 +65,21 @@ def _apart(name: str, table: Any, told: frozenset[str], chosen: dict[str, Any]) 
     return Table(table, Stated(keys=stated, chosen=kept))
 
 
-def chosen_values(study: Study, told: Iterable[str]) -> dict[str, Any]:
+def chosen_values(study: Study, told: Iterable[str], tried: Iterable[str]) -> dict[str, Any]:
     """Return the numbers of a study that `tactstrip init` chose, by their sections and keys.
 
-    Those are neither what it was `told`, such as strip.width_mm, nor the paper's study's.
+    Those are neither what it was `told`, such as strip.width_mm, nor the paper's study's, but for
+    what it `tried` until it was fit.
     """
-    paths, chosen = frozenset(told), dict[str, Any]()
+    paths, always, chosen = frozenset(told), frozenset(tried), dict[str, Any]()
     for name, one in json.loads(study.canonical).items():
         for table in one if isinstance(one, list) else [one]:
             papers = _papers_section(name, table.get("side"))
             for key, value in table.items() if name != "condition" else ():
-                if f"{name}.{key}" not in paths and _is_number(value) and value != papers.get(key):
-                    chosen[f"{name}.{key}"] = value
+                path = f"{name}.{key}"
+                is_new = path in always or value != papers.get(key)
+                if _is_number(value) and path not in paths and is_new:
+                    chosen[path] = value
     return chosen
 
 
