@@ -100,7 +100,9 @@ def refuse_given_link(root: Path) -> None:
 
     LinkError where it is one.
     """
-    if root.is_symlink() and (_kind(root) or root.name.startswith(_IN_PLACE)):
+    if root.name.startswith(_IN_PLACE):
+        refuse_link(root)
+    elif root.is_symlink() and _kind(root):
         raise LinkError(root, f"is a symbolic link to {root.resolve()}; give that folder itself")
     if root.name.startswith(_SESSION):
         refuse_link(root.parent)

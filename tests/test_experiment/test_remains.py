@@ -327,6 +327,18 @@ def test_a_link_given_as_the_path_is_refused_with_what_it_leads_to(
         assert (done.exit_code, done.stderr) == (2, told)
 
 
+@pytest.mark.parametrize("name", ["sub-01", SESSION])
+@pytest.mark.parametrize("given", ["sub-01", SESSION, f"{SESSION}/trials.csv"])
+def test_a_link_in_the_place_of_a_folder_is_refused_from_below_too(
+    results: Path, run: Run, name: str, given: str
+) -> None:
+    (results / name).rename(results.parent / "elsewhere")
+    (results / name).symlink_to(results.parent / "elsewhere")
+    done = run("analyze", results / given, "--out", results.parent / "out")
+    assert done.exit_code == 2
+    assert done.stderr.startswith(f"error: {results / name}: must not be a symbolic link")
+
+
 def test_the_folder_of_results_may_be_reached_by_a_link(results: Path, run: Run) -> None:
     link = results.parent / "link"
     link.symlink_to(results)
