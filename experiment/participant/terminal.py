@@ -5,45 +5,61 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import string
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from experiment.operator.requests import StopRequested
 from experiment.operator.terminal import KEY
 from experiment.participant.wrapping import filled
+from experiment.study.sections.presentation import untyped_of
 from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from device.clock import Clock
     from experiment.participant.settings import ResponderSettings
     from experiment.study.sections.presentation import Texts
     from experiment.terms.responder import AwaitedAnswer, Progress
 
 
-_ESCAPE_KEY: Final = "\x1b"
-_ANSWER_OF: Final = {
-    "\x1b[D": "left",
-    "\x1bOD": "left",
-    "l": "left",
-    "\x1b[C": "right",
-    "\x1bOC": "right",
-    "r": "right",
-    "\x1b[B": "both",
-    "\x1bOB": "both",
-    "b": "both",
-    " ": "none",
-    "n": "none",
-    _ESCAPE_KEY: ESCAPE,
+def _control(letter: str) -> tuple[str, ...]:
+    return f"\x1b[{letter}", f"\x1bO{letter}"
+
+
+def _numbered(number: int) -> tuple[str, ...]:
+    return (f"\x1b[{number}~",)
+
+
+_ARROWS: Final = {"up": "A", "down": "B", "right": "C", "left": "D"}
+_SIGNS: Final = (
+    "apostrophe' backslash\\ bracketleft[ bracketright] comma, equal= grave` less< minus- period. "
+    "pound# quoteleft` semicolon; slash/ num_add+ num_decimal. num_divide/ num_equal= "
+    "num_multiply* num_subtract-"
+)
+TYPED: Final[Mapping[str, tuple[str, ...]]] = {
+    **{letter: (letter, letter.upper()) for letter in string.ascii_lowercase},
+    **{digit: (digit,) for digit in string.digits},
+    **{f"num_{digit}": (digit,) for digit in string.digits},
+    **{word[:-1]: (word[-1],) for word in _SIGNS.split()},
+    **{key: _control(letter) for key, letter in _ARROWS.items()},
+    "home": (*_control("H"), *_numbered(1)), "end": (*_control("F"), *_numbered(4)),
+    "insert": _numbered(2), "delete": _numbered(3), "pageup": _numbered(5),
+    "pagedown": _numbered(6), "space": (" ",), "tab": ("\t",), "escape": ("\x1b",),
+    "return": ("\r", "\n"), "num_enter": ("\r", "\n", "\x1bOM"), "backspace": ("\x7f", "\b"),
+    **{f"f{i}": (_control(sign)[1], *_numbered(10 + i)) for i, sign in enumerate("PQRS", 1)},
+    **{f"f{i}": _numbered(number) for i, number in
+       enumerate((15, 17, 18, 19, 20, 21, 23, 24), 5)},
+}  # fmt: skip
+"""What a terminal sends for a key of `[keys]`: the signs of xterm, which the others follow."""
+_WORDS: Final = {
+    "return": "Enter",
+    "escape": "Esc",
+    **{side: f"{side} arrow" for side in _ARROWS},
 }
-TERMINAL_KEYS: Final = {
-    "left": "left arrow or l",
-    "right": "right arrow or r",
-    "both": "down arrow or b",
-    "none": "space or n",
-}
-"""What a person may press for each answer, for the explanation and for the session's header."""
 _ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
-_GO_ON: Final = ("\r", "\n", " ")
 
 
 class NoTerminalError(ValueError):
@@ -56,15 +72,15 @@ class TerminalResponder:
     Parameters
     ----------
     settings : ResponderSettings
-        What is read, and what may be answered; the keys are the terminal's own.
+        What is read, what may be answered, and the keys.
     clock : Clock
         The monotonic clock by which keys are timed.
 
     Raises
     ------
     NoTerminalError
-        If standard input is no terminal, the system has no POSIX terminals, or a text cannot be
-        encoded for it.
+        If standard input is no terminal, the system has no POSIX terminals, a text cannot be
+        encoded for it, or a key that is needed cannot be typed at it.
     """
 
     simulated = False
@@ -76,6 +92,7 @@ class TerminalResponder:
                 "use --responder simulated to try a study out without one"
             )
         _require_encodable(settings.texts, settings.parts, sys.stdout.encoding)
+        self._meaning, self._labels = _typed_keys(settings)
         self._clock = clock
         self._responses = settings.responses
         self._texts = settings.texts
@@ -104,8 +121,10 @@ class TerminalResponder:
     def begin(self, progress: Progress) -> bool:
         """Welcome and instruct; the fingers are laid on the plate when a part needs them."""
         self._fingers_on = False
+        self._forget_typed()
         self._say("", self._texts.welcome, self._with_keys(self._texts.instructions or ""), "")
-        self._say("Esc pauses the session, Esc again stops it.", "")
+        pause = self._labels["pause"]
+        self._say(f"{pause} pauses the session, {pause} again stops it.", "")
         return self._goes_on()
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
@@ -117,7 +136,7 @@ class TerminalResponder:
             *([texts.placement] if lay else []),
             self._with_keys(getattr(texts, part.value)),
             self._with_keys(texts.prompt_hands_off if part.hands_off else texts.prompt),
-            *_key_lines(part.answers(self._responses)),
+            *(f"  {answer:<6} {self._labels[answer]}" for answer in part.answers(self._responses)),
         )
         self._forget_typed()
         self._say("", "", *lines, "")
@@ -133,7 +152,7 @@ class TerminalResponder:
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass."""
         key = self._read(until_s)
-        return None if key is None else Press(_meaning(key), self._clock.now_s())
+        return None if key is None else Press(self._word(key), self._clock.now_s())
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; of a key that is none it is said that it does not count."""
@@ -145,7 +164,7 @@ class TerminalResponder:
         if key is None:
             self._say(" no answer")
             return None
-        response = _meaning(key)
+        response = self._word(key)
         counts = response in question.answers or response == ESCAPE
         self._say(f" {response}" if counts else f" ({response} is no answer here) ?")
         return Press(response, time_s)
@@ -155,14 +174,19 @@ class TerminalResponder:
         self._say(f" - {self._texts.correct if correct else self._texts.wrong}")
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
-        """Wait for Enter or the space bar to go on, or Esc to stop."""
+        """Wait for the key to go on, or that for a pause, which stops.
+
+        Of what was typed before only the latter counts.
+        """
+        self._forget_typed(but="pause")
         what = "Paused" if paused else "Break"
         self._say("", f"{what}: {progress.done} of {progress.planned} trials are done.", "")
         if minimum_s > 0:
-            self._say(f"Rest for at least {minimum_s:g} s; Esc stops the session.", "")
+            stops = f"{self._labels['pause']} stops the session"
+            self._say(f"Rest for at least {minimum_s:g} s; {stops}.", "")
             rested_s = self._clock.now_s() + minimum_s
             while (key := self._read(rested_s)) is not None:
-                if key == _ESCAPE_KEY:
+                if self._meaning.get(key) == "pause":
                     return False
         return self._goes_on()
 
@@ -170,22 +194,31 @@ class TerminalResponder:
         """Say nothing: the command reports how it ended."""
 
     def _with_keys(self, text: str) -> str:
-        return filled(text, TERMINAL_KEYS)
+        return filled(text, self._labels)
 
     def _goes_on(self) -> bool:
         """Wait for a person to go on; ``False`` means stop."""
-        self._say("Enter goes on, Esc stops the session.", "")
-        while (key := self._read(None)) not in _GO_ON:
-            if key == _ESCAPE_KEY:
-                return False
-        return True
+        go_on, pause = self._labels["go_on"], self._labels["pause"]
+        self._say(f"{go_on} goes on, {pause} stops the session.", "")
+        while True:
+            key = self._read(None)
+            meaning = None if key is None else self._meaning.get(key)
+            if meaning in {"go_on", "pause"}:
+                return meaning == "go_on"
 
-    def _forget_typed(self) -> None:
-        import termios
+    def _word(self, key: str) -> str:
+        """Return the answer that a key stands for, else its name."""
+        meaning = self._meaning.get(key, "go_on")
+        if meaning == "go_on":
+            return key if key.isprintable() else f"key {key!a}"
+        return ESCAPE if meaning == "pause" else meaning
 
-        with contextlib.suppress(termios.error):
-            termios.tcflush(self._input, termios.TCIFLUSH)
-        self._typed = ""
+    def _forget_typed(self, but: str = "") -> None:
+        """Drop the keys that were typed so far, but those of one meaning."""
+        while not self._gone and select.select([self._input], [], [], 0)[0]:
+            self._typed += self._typed_now()
+        keys = KEY.findall(self._typed)
+        self._typed = "".join(key for key in keys if self._meaning.get(key, "-") == but)
 
     def _say(self, *lines: str) -> None:
         """Write lines; the last stays open. A terminal that is gone ends the next wait."""
@@ -230,9 +263,28 @@ class TerminalResponder:
         return typed.decode(errors="replace")
 
 
-def _meaning(key: str) -> str:
-    """Return the answer that a key stands for, else its name."""
-    return _ANSWER_OF.get(key, key if key.isprintable() else f"key {key!a}")
+def _typed_keys(settings: ResponderSettings) -> tuple[dict[str, str], dict[str, str]]:
+    """Return what a terminal sends for each meaning, and how its keys are named in a text.
+
+    NoTerminalError where a meaning has no key that can be typed, or two share one.
+    """
+    answers = [answer for part in settings.parts for answer in part.answers(settings.responses)]
+    if said := untyped_of(settings.keys, tuple(dict.fromkeys(answers))):
+        raise NoTerminalError(f"{said}; or use --responder screen")
+    meanings: dict[str, str] = {}
+    labels = {}
+    for meaning, names in asdict(settings.keys).items():
+        typed = [name for name in names if name in TYPED]
+        shown = (_WORDS.get(name, name.removeprefix("num_")) for name in typed)
+        labels[meaning] = " or ".join(dict.fromkeys(shown))
+        for name in typed:
+            for sign in TYPED[name]:
+                if meanings.setdefault(sign, meaning) != meaning:
+                    raise NoTerminalError(
+                        f"keys.{meaning}: {name} is the same key at a terminal as one of "
+                        f"keys.{meanings[sign]}; use --responder screen, or other keys"
+                    )
+    return meanings, labels
 
 
 def _require_encodable(texts: Texts, parts: frozenset[SessionPart], encoding: str) -> None:
@@ -249,7 +301,3 @@ def _require_encodable(texts: Texts, parts: frozenset[SessionPart], encoding: st
                 f"{encoding}; got {error.object[error.start : error.end]!a} in {error.object!a}: "
                 "use a terminal of UTF-8, or --responder screen"
             ) from error
-
-
-def _key_lines(responses: tuple[str, ...]) -> list[str]:
-    return [f"  {response:<6} {TERMINAL_KEYS[response]}" for response in responses]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from experiment.preview.displacements import displacement_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import instead_of_trials
-from experiment.study.sections.presentation import key_doubts, unsaid_in
+from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.sources import (
     cutoff_source,
@@ -267,6 +267,12 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
         found.tell("instructions", f"your own, {unsaid}: say it if they do not", unsaid=unsaid)
     if doubts := key_doubts(study.texts, study.keys, design):
         found.tell("texts", "; ".join(doubts), key_doubts=doubts)
+    offered = (
+        *design.responses,
+        *(["none"] * bool(check.audibility_trials + check.control_trials)),
+    )
+    if untyped := untyped_of(study.keys, offered):
+        found.tell("keys", f"not for --responder terminal: {untyped}", untyped_keys=untyped)
     found.tell("levels", _levels_words(design))
     found.tell(
         "trials",

@@ -14,6 +14,7 @@ from experiment.terms.responder import AwaitedAnswer
 from experiment.trial import events
 from experiment.trial.engine import step, upcoming
 from experiment.trial.events import Event
+from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -40,8 +41,8 @@ TOO_EARLY: Final = (
 class Session:
     """A session in progress: the device is opened, the noise started, the journal open.
 
-    `resumed`: after an interruption a person gets the warm-up trials. `origin_s` is the clock's
-    reading at the session's beginning.
+    `resumed`: after an interruption a person who had answered with the fingers on gets the warm-up
+    trials. `origin_s` is the clock's reading at the session's beginning.
     """
 
     def __init__(
@@ -72,7 +73,7 @@ class Session:
         self._emission = StimulusOut(setting, study, journal, last_token=history.last_token)
         self._noise = NoiseWatch(setting.noise, journal)
         self._standing = Standing(plan, study.design, history)
-        again = resumed and not self._responder.simulated
+        again = resumed and not self._responder.simulated and _got_used_to_it(history)
         self._state = events.SessionState(
             pending=history.due(warm_up=again),
             keep_anticipated=study.design.anticipated == "keep",
@@ -305,3 +306,9 @@ class Session:
     def _farewell(self, effect: events.Farewell) -> None:
         self._noise.stop()
         self._participant.leave(self._standing.progress(self._state), finished=effect.finished)
+
+
+def _got_used_to_it(history: History) -> bool:
+    """Tell whether a person had answered with the fingers on, and is not to practise anyway."""
+    answered = any(row.kind != CONTROL and row.status == "ok" for row in history.rows)
+    return answered and all(task.trial.kind != "practice" for task in history.pending)

@@ -17,6 +17,7 @@ from experiment.archive.history import BROKEN
 from experiment.operator.requests import Requests
 from experiment.preview.check import check_study
 from experiment.session.markers import Markers, NoMarkers
+from experiment.study.sections.presentation import UNTYPED
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.terms.checks import is_line
 from experiment.terms.record import ANSWERS, NOT_AVAILABLE
@@ -134,12 +135,11 @@ def _mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]]:
 
     if responder not in {"screen", "terminal"}:
         return {}
-    if responder == "terminal":
-        from experiment.participant.terminal import TERMINAL_KEYS
-
-        keys = {meaning: words.split(" or ") for meaning, words in TERMINAL_KEYS.items()}
-    else:
-        keys = {meaning: list(names) for meaning, names in asdict(study.keys).items()}
+    untyped = UNTYPED if responder == "terminal" else frozenset()
+    keys = {
+        meaning: [name for name in names if name not in untyped]
+        for meaning, names in asdict(study.keys).items()
+    }
     accepted = {*plan.responses}
     if any(trial.kind == CONTROL for trial in plan.trials):
         accepted.add("none")

@@ -20,7 +20,7 @@ from experiment.archive.files import ArchiveError
 from experiment.archive.journal import Journal, JournalError
 from experiment.session.conduct import begin, resume
 from experiment.session.session import TOO_EARLY
-from experiment.terms.responder import ESCAPE, Progress
+from experiment.terms.responder import ESCAPE, Progress, SessionPart
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import seal
 from tests.test_experiment.lab import Crash, FakeNoise, Lab, Scripted, Watching
@@ -699,7 +699,7 @@ def off_plate(noisy: Lab) -> Lab:
     ("crashes", "parts"),
     [
         ([4], ["audibility main", "warm_up main control"]),
-        ([1, 9, 4], ["audibility", "audibility warm_up main", "warm_up main control", "control"]),
+        ([1, 7, 4], ["audibility", "audibility main", "warm_up main control", "control"]),
     ],
 )
 def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
@@ -713,6 +713,19 @@ def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
     told.append(off_plate.responder.parts)
     assert [" ".join(sitting) for sitting in told] == parts
     assert (off_plate.responder.calls["begin"], off_plate.responder.calls["end"]) == (1, 1)
+
+
+@pytest.mark.usefixtures("person")
+def test_who_had_no_trial_with_the_fingers_on_is_not_warmed_up_again(lab_of: LabOf) -> None:
+    """Nor is somebody who is still to practise."""
+    lab = lab_of("practice_trials = 3\naudibility_trials = 2\n")
+    for question in (2, 3, 2):
+        lab.crash(question)
+        assert SessionPart.WARM_UP not in lab.responder.parts
+    lab.crash(4)
+    assert lab.responder.parts == [SessionPart.PRACTICE, SessionPart.MAIN]
+    assert lab.resume().finished
+    assert lab.responder.parts == [SessionPart.WARM_UP, SessionPart.MAIN]
 
 
 def test_none_is_an_answer_with_the_fingers_off_without_a_displacement(off_plate: Lab) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import select
@@ -11,7 +12,12 @@ import time
 from typing import TYPE_CHECKING, Self
 
 import pytest
+from click.testing import CliRunner
 
+from experiment.operator.terminal import KEY
+from experiment.participant.terminal import TYPED
+from experiment.study.sections.presentation import KEY_NAMES, UNTYPED
+from tactstrip import main
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -110,7 +116,7 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
         terminal.begin()
         terminal.answer(LEFT, RIGHT, DOWN)
         terminal.go_on(b"Break: 3 of 5 trials are done.")
-        terminal.answer(b"l", b"r")
+        terminal.answer(LEFT, RIGHT)
         assert terminal.ended() == 0, terminal.shown
     recorded = sessions.rows()
     assert [row["response"] for row in recorded] == ["left", "right", "both", "left", "right"]
@@ -140,17 +146,100 @@ def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
     assert [row["status"] for row in sessions.rows()] == ["voided"] * 3
 
 
+@pytest.mark.parametrize("key", [b" ", LEFT, ENTER, b"  \r" + LEFT])
+def test_a_key_that_is_held_down_never_gets_past_the_operator(
+    sessions: Sessions, key: bytes
+) -> None:
+    """A key that is no answer is ignored for ever; one that is, Space too, stops the session."""
+    text = sessions.text.replace("[0.01, 0.02]", "[0.3, 0.4]").replace("both_trials = 1\n", "")
+    offered = '[design]\nboth_trials = 0\nresponses = ["left", "right", "none"]'
+    text = text.replace("[design]", offered).replace("window_s = 30", "window_s = 1")
+    sessions.write(text)
+    with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.begin()
+        until_s = time.monotonic() + PATIENCE_S
+        while terminal.process.poll() is None and time.monotonic() < until_s:
+            with contextlib.suppress(OSError):  # the terminal is gone with its process
+                terminal.press(key)
+            terminal.read(time.monotonic() + 0.05)
+        ended = terminal.ended()
+    rows = sessions.rows()
+    if key == ENTER:
+        assert ended == 0
+        assert {row["response"] for row in rows} == {"timeout"}
+    else:
+        assert ended == 4
+        assert b"Stopped: the participant pressed too early too often" in terminal.shown
+        assert len(rows) == 3
+    assert b"Paused" not in terminal.shown
+
+
+def test_the_keys_are_those_of_the_study(sessions: Sessions) -> None:
+    keys = '[keys]\nleft = ["f", "num_1"]\nright = ["j"]\nboth = ["f5"]\nnone = ["b"]\n'
+    sessions.write(sessions.text + keys + 'pause = ["f10", "lalt"]\ngo_on = ["space"]\n')
+    with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.expect(b"f10 pauses the session, f10 again stops it.")
+        terminal.go_on(b"space goes on, f10 stops the session.", b" ")
+        terminal.expect(b"left   f or 1\r\n  right  j\r\n  both   f5\r\n")
+        terminal.press(b" ")
+        terminal.answer(b"f", b"b", b"J", b"\x1b[15~")
+        terminal.go_on(b"Break: 3 of 5 trials are done.", b"\r")
+        terminal.expect(b"goes on")
+        terminal.press(b" ")
+        terminal.answer(b"1", b"\x1b[21~")
+        terminal.go_on(b"Paused: 4 of 5", b"\x1b[21~")
+        assert terminal.ended() == 4, terminal.shown
+    assert [row["response"] for row in sessions.rows() if row["status"] == "ok"] == [
+        *("left", "right", "both", "left")
+    ]
+    (note,) = [str(entry.facts["text"]) for entry in sessions.entries("note")]
+    assert "none was pressed, which is no answer here" in note
+    assert sessions.header()["response_mapping"] == {
+        "left": ["f", "num_1"], "right": ["j"], "both": ["f5"], "pause": ["f10"],
+        "go_on": ["space"],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ('pause = ["lalt"]', "keys.pause = ['lalt'] cannot be typed at a terminal"),
+        ('left = ["button_4", "rctrl"]', "keys.left = ['button_4', 'rctrl'] cannot be typed"),
+        ('left = ["4"]\nright = ["num_4"]', "keys.right: num_4 is the same key at a terminal"),
+    ],
+)
+def test_keys_that_a_terminal_cannot_type_are_refused_before_anything_begins(
+    sessions: Sessions, keys: str, said: str
+) -> None:
+    sessions.write(f"{sessions.text}\n[keys]\n{keys}\n")
+    with Terminal(sessions, "--seed", "1") as terminal:
+        assert terminal.ended() == 2
+    last = terminal.shown.decode().splitlines()[-1]
+    assert last.startswith(f"error: {said}"), terminal.shown
+    assert "use --responder screen" in last
+    assert not sessions.out.exists()
+    checked = CliRunner().invoke(main, ["check", str(sessions.study)])
+    told = "not for --responder terminal: " in checked.stdout
+    assert told is ("num_4" not in keys)
+
+
+def test_every_key_that_a_study_may_name_is_typed_or_known_not_to_be() -> None:
+    assert {*TYPED} | UNTYPED == KEY_NAMES
+    assert not {*TYPED} & UNTYPED
+    assert all(KEY.fullmatch(sign) for signs in TYPED.values() for sign in signs)
+
+
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Sessions) -> None:
     sessions.write(sessions.text + "control_trials = 2\n" + OFF_PLATE)
     with Terminal(sessions, "--seed", "1") as terminal:
         terminal.go_on(b"Enter goes on")
         terminal.expect(b"take both hands off the plate")
         terminal.expect(b"Did you notice anything, and where?")
-        terminal.go_on(b"none   space or n")
+        terminal.go_on(b"none   space")
         assert b"Lay one finger" not in terminal.shown
-        terminal.answer(b" ", b"n")
+        terminal.answer(b" ", b" ")
         terminal.expect(b"Lay one finger of each hand")
-        terminal.go_on(b"both   down arrow or b\r\nEnter goes on")
+        terminal.go_on(b"both   down arrow\r\nEnter goes on")
         terminal.answer(LEFT, LEFT, LEFT)
         terminal.go_on(b"Break")
         terminal.answer(LEFT, LEFT)

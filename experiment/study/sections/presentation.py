@@ -37,6 +37,19 @@ KEY_NAMES: Final = frozenset(
 """The names that PsychoPy 2026.2's keyboard has for keys on Linux, macOS and Windows, locks left
 out, and buttons of game controllers."""
 
+_MODIFIERS: Final = (
+    "lalt lcommand lctrl loption lshift lwindows menu pause ralt rcommand rctrl roption rshift "
+    "rwindows"
+)
+UNTYPED: Final = frozenset(
+    (
+        *_MODIFIERS.split(),
+        *(f"f{number}" for number in range(13, 20)),
+        *(f"button_{number}" for number in range(32)),
+    )
+)
+"""Keys of which a terminal tells a program nothing, or not the same everywhere."""
+
 _WITH_KEYS: Final = (
     *("instructions", "audibility", "practice", "warm_up", "main", "control"),
     *("prompt", "prompt_hands_off"),
@@ -163,7 +176,7 @@ class Texts:
     )
     practice: str = "Now a few trials for practice. You are told whether you were right."
     warm_up: str = "A few trials to get used to it again. They do not count."
-    main: str = "Now the experiment begins."
+    main: str = "Now the experiment itself."
     control: str = Field(
         default=(
             "Now take both hands off the plate. Answer as before; if you notice nothing, press "
@@ -178,7 +191,7 @@ class Texts:
     correct: str = Field(default="Correct", description="after a practice answer")
     wrong: str = "Not so"
     paused: str = "Paused: {done} of {planned} trials are done."
-    rest: str = "Have a break: {done} of {planned} trials are done. It goes on in {seconds} s."
+    rest: str = "Have a break: {done} of {planned} trials are done. You can go on in {seconds} s."
     rest_over: str = "Have a break: {done} of {planned} trials are done."
     go_on: str = Field(
         default="Press {go_on} to go on.", description="below screens that wait for this key"
@@ -207,6 +220,24 @@ class Texts:
                     f"texts.{name} has the key of an answer that is not offered there, {{{word}}}: "
                     f"leave it out, or add it to design.responses; got {list(responses)}"
                 )
+
+
+def untyped_of(keys: Keys, responses: tuple[str, ...]) -> str:
+    """Tell of the first meaning in use that has no key which a terminal can type.
+
+    >>> untyped_of(Keys(pause=("lalt",)), ("left", "right"))
+    "keys.pause = ['lalt'] cannot be typed at a terminal: add a key that can, such as a letter"
+    >>> untyped_of(Keys(pause=("lalt", "p"), both=("menu",)), ("left", "right"))
+    ''
+    """
+    for meaning in (*responses, "pause", "go_on"):
+        names = getattr(keys, meaning)
+        if set(names) <= UNTYPED:
+            return (
+                f"keys.{meaning} = {list(names)} cannot be typed at a terminal: add a key that "
+                "can, such as a letter"
+            )
+    return ""
 
 
 def instructions_of(design: Design) -> str:
