@@ -68,7 +68,8 @@ class FakeScreen(Scripted):
         self.log.append("closed")
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
-        return Press(question.answers[-1], question.onset_s + 0.15)
+        self._clock.wait(max(0.0, question.onset_s + 0.15 - self._clock.now_s()))
+        return Press(question.answers[-1], self._clock.now_s())
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         self.log.append(str(part))
@@ -285,10 +286,12 @@ def test_a_person_on_the_mock_is_refused_by_the_name_of_the_option(
     assert FakeScreen.log == []
 
 
-@pytest.mark.usefixtures("screen")
 @pytest.mark.slow
-def test_practice_goes_on_only_as_practice(sessions: Sessions) -> None:
-    assert sessions.run("--responder", "screen").exit_code == 0
+def test_practice_goes_on_only_as_practice(
+    sessions: Sessions, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(screen, "introduce", lambda *_: False)
+    assert sessions.run("--responder", "screen").exit_code == 4
     sessions.practice = False
     result = sessions.run("--responder", "screen", "--resume")
     assert (result.exit_code, "--practice-without-device" in result.stderr) == (2, True)
