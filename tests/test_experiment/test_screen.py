@@ -12,6 +12,7 @@ import signal
 import statistics
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -47,6 +48,8 @@ index = 0
 """
 SHORT = STUDY.replace("_side = 3", "_side = 1").replace("practice_trials = 2", "")
 SHORT = SHORT.replace("[0.6, 0.7]", "[0.3, 0.4]").replace("response_window_s = 1.0", "")
+HASTY = SHORT.replace("[0.3, 0.4]", "[1.0, 1.2]")
+"""A key that is pressed all the time comes before every onset."""
 TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()", "run")
 AT_A_SCREEN = (
     *("--participant", "01", "--responder", "screen", "--driver", "mock"),
@@ -181,6 +184,9 @@ class Sitting:
         self.process.kill()
         pytest.fail(f"none of {events} came; {self.process.communicate()}")
 
+    def rows_begun(self) -> list[dict[str, object]]:
+        return [entry for entry in self.journal() if entry["event"] == "trial_end"]
+
     def answer(self, *words: str, after_s: float = 0.25) -> None:
         """Go on until the next stimulus, press some time after it, and wait for the trial's end."""
         self.wait_for("stimulus_commanded", going_on=True)
@@ -298,6 +304,70 @@ def timing(sitting: Sitting) -> str:
         f"{max(beside_ms):.1f} ms, median {statistics.median(beside_ms):.1f} ms, after "
         "the start of xdotool"
     )
+
+
+@pytest.mark.parametrize("key", ["space", "Left"])
+def test_a_key_pressed_all_the_time_stops_a_session_that_nobody_watches(
+    sitting: Sitting, key: str
+) -> None:
+    sitting.start(study=HASTY)
+    sitting.wait_for("stimulus_commanded", "trial_end", going_on=True)
+    until_s = time.monotonic() + LONGEST_S
+    while sitting.process.poll() is None and time.monotonic() < until_s:
+        with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone
+            sitting.press("key", key, "key", "Return")
+    code, out, _ = sitting.end(pressing=False)
+    assert (code, "Stopped: the participant pressed too early" in out) == (4, True)
+    early = [row for row in sitting.rows() if row["anticipated"] == "true"]
+    assert len(early) == 3
+
+
+def test_a_pause_for_a_key_too_early_is_ended_by_the_operator_alone(
+    sitting: Sitting, display: dict[str, str]
+) -> None:
+    """The operator has a terminal; the participant has the window and presses all the time."""
+    import pty
+
+    sitting.study.write_text(HASTY, encoding="utf-8")
+    ours, theirs = pty.openpty()
+    words = [*TACTSTRIP, str(sitting.study), *AT_A_SCREEN, str(sitting.root / "results")]
+    process = subprocess.Popen(
+        words,
+        env=display | {"TERM": "xterm"},
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        text=True,
+    )
+    sitting._process = process
+    os.close(theirs)
+    reading = threading.Thread(target=drain, args=(ours,), daemon=True)
+    reading.start()
+    sitting.wait_for("stimulus_commanded", "trial_end", going_on=True)
+
+    def press_until_paused() -> None:
+        until_s = time.monotonic() + LONGEST_S
+        while not any(entry["event"] == "pause" for entry in sitting.journal()[begun:]):
+            assert time.monotonic() < until_s
+            sitting.press("key", "space")
+
+    for _ in range(2):
+        begun = len(sitting.journal())
+        press_until_paused()
+        trials = len(sitting.rows_begun())
+        for _ in range(20):
+            sitting.press("key", "space", "key", "Return")
+        assert len(sitting.rows_begun()) == trials
+        os.write(ours, b"r")
+    process.send_signal(signal.SIGTERM)
+    process.wait(LONGEST_S)
+
+
+def drain(terminal: int) -> None:
+    """Read what is shown until the terminal is gone."""
+    with contextlib.suppress(OSError):
+        while os.read(terminal, 4096):
+            pass
 
 
 def test_escape_twice_stops_and_resume_completes(sitting: Sitting) -> None:

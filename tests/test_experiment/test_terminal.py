@@ -6,9 +6,12 @@ import contextlib
 import os
 import re
 import select
+import shutil
 import signal
 import subprocess
+import sys
 import time
+from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
 import pytest
@@ -227,6 +230,73 @@ def test_every_key_that_a_study_may_name_is_typed_or_known_not_to_be() -> None:
     assert {*TYPED} | UNTYPED == KEY_NAMES
     assert not {*TYPED} & UNTYPED
     assert all(KEY.fullmatch(sign) for signs in TYPED.values() for sign in signs)
+
+
+WALL_CLOCK = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+int clock_gettime(clockid_t which, struct timespec *now)
+{
+    static int (*ours)(clockid_t, struct timespec *);
+    if (!ours) ours = (int (*)(clockid_t, struct timespec *)) dlsym(RTLD_NEXT, "clock_gettime");
+    int failed = ours(which, now);
+    FILE *file = which == CLOCK_REALTIME ? fopen(getenv("SET_BY"), "r") : NULL;
+    long set_by_s = 0;
+    if (file) { if (fscanf(file, "%ld", &set_by_s) != 1) set_by_s = 0; fclose(file); }
+    now->tv_sec += set_by_s;
+    return failed;
+}
+"""
+"""A wall clock of one's own, set by as many seconds as a file says."""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None or sys.platform != "linux", reason="no C compiler")
+@pytest.mark.parametrize("step_s", [1200, -1200], ids=["forward", "back"])
+def test_setting_the_wall_clock_in_a_session_and_between_two_sittings_moves_nothing(
+    sessions: Sessions, tmp_path: Path, step_s: int
+) -> None:
+    source, library, set_by = (tmp_path / name for name in ("wall.c", "wall.so", "set_by"))
+    source.write_text(WALL_CLOCK, encoding="utf-8")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
+    env = {"LD_PRELOAD": str(library), "SET_BY": str(set_by)}
+    with Terminal(sessions, "--seed", "1", env=env) as terminal:
+        terminal.begin()
+        terminal.answer(LEFT)
+        terminal.expect(b" ?")
+        set_by.write_text(str(step_s))  # while an answer is awaited
+        time.sleep(LATER_S)
+        terminal.press(RIGHT)
+        terminal.expect(b" ?")
+    set_by.write_text(str(3 * step_s))  # 40 minutes in between, by the calendar
+    with Terminal(sessions, "--resume", env=env) as terminal:
+        terminal.begin()
+        terminal.answer(LEFT, RIGHT)
+        terminal.go_on(b"Enter goes on")
+        terminal.answer(LEFT)
+        terminal.go_on(b"Break")
+        terminal.answer(LEFT)
+        set_by.write_text("0")
+        terminal.answer(LEFT)
+        assert terminal.ended() == 0, terminal.shown
+    entries = sessions.entries()
+    walls_s = [later.wall_s - entry.wall_s for entry, later in pairwise(entries)]
+    jumps = [round(wall_s / 60) for wall_s in walls_s if abs(wall_s) > 600]
+    assert jumps == [step_s / 60, 2 * step_s / 60, -3 * step_s / 60]
+    assert all(entry.t_s <= later.t_s for entry, later in pairwise(entries))
+    offsets_s = [entry.up_s - entry.t_s for entry in entries]
+    assert max(offsets_s) - min(offsets_s) < 0.01
+    rows = sessions.rows()
+    onsets_s = [float(row["onset_s"]) for row in rows if row["onset_s"] != "n/a"]
+    assert onsets_s == sorted(onsets_s)
+    assert onsets_s[-1] < PATIENCE_S
+    assert {row["onset_clock"] for row in rows} == {"1"}
+    assert all(LATER_S / 2 < float(row["rt_s"]) < 10 for row in rows if row["rt_s"] != "n/a")
+    (resumed,) = sessions.entries("session_resume")
+    assert resumed.facts["session_clock"] == "goes on"
+    assert not sessions.entries("note")
 
 
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Sessions) -> None:

@@ -20,7 +20,16 @@ from .plate import (
     is_as_measured,
     is_papers_plate,
 )
-from .presentation import Keys, Screen, Texts, instructions_of, key_doubts, unsaid_in
+from .presentation import (
+    UNTYPED,
+    Keys,
+    Screen,
+    Texts,
+    instructions_of,
+    key_doubts,
+    unsaid_in,
+    untyped_of,
+)
 from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
     Condition,
@@ -60,6 +69,7 @@ __all__ = [
     "ROUNDING_M",
     "SIDES",
     "THRESHOLD_VPP",
+    "UNTYPED",
     "About",
     "Actuator",
     "Condition",
@@ -98,5 +108,6 @@ __all__ = [
     "stimulus_facts",
     "unsaid_in",
     "unscaled_peak",
+    "untyped_of",
     "with_stated",
 ]
