@@ -213,7 +213,7 @@ def test_on_a_terminal_what_is_missing_is_asked_for_until_it_is_right() -> None:
         (b"did you mean aluminium?", b"aluminium"),
         (b"Edges: simply-supported, clamped, measured-cutoff: ", b"measured-cutoff"),
         (b"First cut-off as measured, in Hz: ", b"9000"),
-        (b"fits 1.02 mm of thickness or 17.5 mm of width; you have 0.5 mm and 25 mm", b"2500"),
+        (b"fits 1.03 mm of thickness or 17.4 mm of width; you have 0.5 mm and 25 mm", b"2500"),
         (b"one at -X and one at X: ", b"disc:12.8@99"),
         (b"must lie on the strip", b"disc:12.8@35"),
     ]
