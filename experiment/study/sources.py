@@ -82,13 +82,17 @@ def _levels(study: Study, gains: Iterable[ConditionGains]) -> Iterator[Source]:
     from experiment.study.physics import ASSUMED_LOSS
 
     with_loss = "" if study.plate.is_loss_stated else f"; loss factor {ASSUMED_LOSS:g} (assumed)"
+    load, drives = study.finger_load.impedance, {one.name: one.drive for one in study.conditions}
     for one in gains:
+        drive = drives.get(one.condition)
+        rests = load is not None and drive is not None and load.holds_for(drive)
+        with_load = "; with the finger load" if rests else ""
         for own, other in permutations(range(len(OWN_FINGERS)), 2):
             level_db = one.level_db(other, own)
             if isfinite(level_db):
                 words = (
                     f"computed: dB at the {OWN_FINGERS[other]} finger re the {OWN_FINGERS[own]} "
-                    f"one, whose actuator is driven{with_loss}"
+                    f"one, whose actuator is driven{with_loss}{with_load}"
                 )
                 key = f"{LEVEL}{one.condition}.{OWN_FINGERS[own]}"
                 yield source(key, round(level_db, 3), "computed", words)

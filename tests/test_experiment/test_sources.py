@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -13,6 +14,8 @@ from experiment.study.physics import study_gains
 from experiment.study.read import read_study, study_from_text, with_levels
 from experiment.study.sources import study_sources, words_of_the_others
 from experiment.study.study import StudyError
+from experiment.trial.draw import draw_plan
+from experiment.trial.plan import plan_from_json, seal
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -143,3 +146,25 @@ def test_no_displacement_is_measured_on_a_plate_that_nobody_measured(strip: str)
     text = f"[strip]\n{strip}\n{others if 'width' in strip else ''}"
     (gains,) = study_gains(study_from_text(text, "s"))
     assert gains.bases == (None, None)
+
+
+@pytest.mark.slow
+def test_a_plan_tells_the_levels_and_what_they_were_computed_with() -> None:
+    load = "mass_g = 0.3\nstiffness_n_m = 600\ndamping_n_s_m = 1.5\nholds_up_to_hz = 900\n"
+    study = study_from_text(f'{STEEL}[finger_load]\n{load}source = "ours"\n', "s")
+    (gains,) = study_gains(study)
+    plan = draw_plan(study, participant="01", session="01", seed=1, gains=(gains,))
+    level = plan.sources["level_db.main.left"]
+    assert level["value"] == pytest.approx(gains.level_db(1, 0), abs=1e-3)
+    assert level["source"] == "computed"
+    assert level["words"].endswith("; loss factor 0.01 (assumed); with the finger load")
+    assert plan_from_json(plan.to_json()) == plan
+    (key,) = [key for key in plan.sources if key.endswith("mass_g")]
+    assert plan.sources[key]["words"] == "yours: ours"
+
+
+def test_a_plan_without_sources_is_read() -> None:
+    plan = draw_plan(study_from_text("", "s"), participant="01", session="01", seed=1)
+    older = seal(replace(plan, sources={}))
+    assert '"sources"' not in older.to_json()
+    assert plan_from_json(older.to_json()) == older
