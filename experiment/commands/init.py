@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_orig
 
 import click
 
+from experiment.commands.options import working
 from experiment.commands.plate import (
     QUESTIONS,
     completed,
@@ -244,7 +245,8 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
     if preset == PLATE:
         known = completed(given)
         told = told_paths(known)
-        study, found = fit_study(known, _OF_A_PLATE)
+        with working("Trying bursts") as step:
+            study, found = fit_study(known, _OF_A_PLATE, step)
     else:
         study = Study(**_OVERRIDES[preset])
     file.open("x").close()
