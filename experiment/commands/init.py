@@ -200,8 +200,12 @@ def _toml(value: object) -> str:
 
 
 def _told(study: Study, found: ConditionCheck | None) -> None:
+    from experiment.study.sources import measured_beside
     from experiment.trial.draw import block_words
 
+    _, beside = measured_beside(study.plate) or (0.0, [])
+    for heading, words in zip(("cut-off", ""), beside, strict=False):
+        click.echo(f"{heading:8}{words}")
     if found is not None:
         cycles = "1 cycle" if study.burst.cycles == 1 else f"{study.burst.cycles} cycles"
         burst = f"{cycles} of {study.burst.frequency_hz:g} Hz, hann window"

@@ -148,6 +148,16 @@ def _by_options(refusal: str) -> str:
     return re.sub(r"^(.+); \1$", r"\1", refusal)  # the same of both
 
 
+def _by_questions(refusal: str) -> str:
+    """Say a refusal to somebody who was asked, and typed no option.
+
+    >>> _by_questions("--width-mm must be >= 2; if these are metres, write --width-mm 25")
+    'width must be >= 2; if these are metres, write 25'
+    """
+    refusal = re.sub(r"write --[\w-]+ ", "write ", refusal.removeprefix("--actuator: "))
+    return re.sub(r"--(\w+)(-\w+)?\b", r"\1", refusal.replace("--cutoff-hz", "the cut-off"))
+
+
 def told_paths(known: dict[str, Any]) -> tuple[str, ...]:
     """Return the keys of the study that were typed, each with its section."""
     actuators = dict.fromkeys(key for one in _pair(known["actuator"]) for key in one)
@@ -240,7 +250,7 @@ def _asked(key: str, known: dict[str, Any]) -> Any:
             try:
                 _check(stated | {key: value})
             except ValueError as error:
-                raise click.UsageError(str(error)) from error
+                raise click.UsageError(_by_questions(str(error))) from error
         return value
 
     question = QUESTIONS[key][1]

@@ -56,6 +56,10 @@ LEAST_UM_PER_VPP: Final = 1e-4
 """Less stays below a tenth of a micrometre, the least that is felt, at all levels to 1000 Vpp."""
 
 
+_REACH_M: Final = 1.0
+"""Two fingers farther apart are not laid on a plate at ease; its field would take minutes."""
+
+
 class StudyError(ValueError):
     """A study file, or a file of levels, that cannot be used; the message is one line."""
 
@@ -341,6 +345,11 @@ def _check_places(actuators: tuple[Actuator, ...], strip: Strip) -> None:
             "the left actuator must end, along the strip, before the right one begins at "
             f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
             f"{in_metres('x_mm', both, along_m)}"
+        )
+    if right.x_m - left.x_m > _REACH_M:
+        raise ValueError(
+            f"the left and right actuators must be at most {_mm(_REACH_M)} apart along the strip, "
+            f"within one person's reach; got {_mm(right.x_m - left.x_m)}"
         )
     for one, two in combinations(actuators, 2):
         if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):

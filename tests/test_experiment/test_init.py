@@ -87,6 +87,23 @@ def test_a_plate_without_a_fit_burst_is_written_and_said_to_be_unfit(run: Run) -
     assert (checked.exit_code, "UNFIT" in checked.stdout) == (1, True)
 
 
+def test_a_hopeless_plate_is_told_without_its_field(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_field(*_: object, **__: object) -> None:
+        raise AssertionError("a field was computed of a burst unfit by its energy")
+
+    monkeypatch.setattr("experiment.study.physics.study_gains", no_field)
+    long = HOPELESS | {"--length-mm": "10000", "--material": "pmma"}
+    assert "so are all others tried" in run(*words(long)).stdout
+
+
+def test_a_measured_cutoff_beside_an_edge_is_compared(run: Run) -> None:
+    told = run(*words(STEEL | {"--cutoff-hz": "4500"})).stdout
+    assert "\ncut-off 4500 Hz, measured (by: not stated; on: not stated): 45.3% above the" in told
+    assert "\n        clamped, 4500 Hz fits 0.727 mm of thickness or 24.9 mm of width; you" in told
+
+
 def test_two_actuators_lie_where_each_was_put(run: Run) -> None:
     assert run(*words(STEEL | {"--actuator": "disc:10@40"}, "--actuator", "motor:8x6@-30")
                ).exit_code == 0  # fmt: skip
@@ -205,7 +222,7 @@ class Terminal:
 def test_on_a_terminal_what_is_missing_is_asked_for_until_it_is_right() -> None:
     dialogue = [
         (b"Width between the held edges, in mm: ", b"0.025"),
-        (b"write --width-mm 25", b"25"),
+        (b"Error: width must be a finite number >= 2 and <= 1000; got 0.025; if", b"25"),
         (b"Thickness, in mm: ", b"0,5"),
         (b"write 0.5, with a point", b"0.5"),
         (b"Length, in mm, or endless: ", b"200"),

@@ -252,6 +252,10 @@ def without_diameter(left: str) -> str:
         (array(more=other("a", 30)), "the actuators right and a must not overlap"),
         (array(more=other("a", 0) + other("b", 5)), "the actuators a and b must not overlap"),
         (array(more=other("a", 99)), "the a actuator must lie on the strip"),
+        (
+            "strip.length_mm = 9000\n" + array().replace("35", "4000"),
+            "at most 1000 mm apart along the strip, within one person's reach; got 8000 mm",
+        ),
         # which they are
         (side("left"), "left and right, each once"),
         (side("left", "left"), "left and right, each once"),
