@@ -223,3 +223,36 @@ def test_a_finger_beside_the_plate_is_refused() -> None:
     )
     with pytest.raises(StudyError, match=r"finger_diameter_mm of the left actuator .* at most 8"):
         study_of(LOAD, more=more)
+
+
+LONG = (
+    '[strip]\nwidth_mm = 30\nlength_mm = 3000\nthickness_mm = 0.5\nmaterial = "steel"\n'
+    'edge = "clamped"\n'
+    + "".join(
+        f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12\n'
+        for side, x_mm in (("left", -35), ("right", 35))
+    )
+    + "[finger_load]\nmass_g = 0.3\nstiffness_n_m = 600\ndamping_n_s_m = 1.5\n"
+    'holds_up_to_hz = 1500\nsource = "x"\n'
+)
+
+
+@pytest.mark.slow
+def test_fingers_press_on_a_plate_of_any_length() -> None:
+    shorter, longer = (
+        study_gains(study_from_text(LONG.replace("3000", length), "s.toml"))[0].per_vpp
+        for length in ("3000", "10000")
+    )
+    assert shorter == longer
+
+
+def test_what_is_not_known_with_fingers_is_refused_by_the_users_keys(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def unknown(*_: object, **__: object) -> None:
+        raise ValueError("fingertips must have no impedance where modes do not give rtol = 0.003")
+
+    monkeypatch.setattr("stimuli.felt", unknown)
+    with pytest.raises(StudyError, match=r"\[finger_load\] on this .* length_mm$") as caught:
+        study_gains(study_from_text(LONG, "s.toml"))
+    assert "rtol" not in str(caught.value)
