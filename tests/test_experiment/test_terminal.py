@@ -232,6 +232,23 @@ def test_every_key_that_a_study_may_name_is_typed_or_known_not_to_be() -> None:
     assert all(KEY.fullmatch(sign) for signs in TYPED.values() for sign in signs)
 
 
+def test_without_a_recorder_the_operator_says_that_it_goes_on(sessions: Sessions) -> None:
+    pytest.importorskip("pylsl")
+    asked = b"Waiting until somebody records the LSL stream tactstrip"
+    with Terminal(sessions, "--lsl") as terminal:
+        terminal.expect(asked)
+        terminal.expect(b"Enter goes on without.")
+        terminal.process.send_signal(signal.SIGINT)
+        assert terminal.ended() != 0
+    assert not sessions.out.exists()
+    with Terminal(sessions, "--lsl") as terminal:
+        terminal.go_on(asked)
+        terminal.expect(b"Note: nobody records the LSL stream tactstrip.")
+        terminal.go_on(b"Enter goes on, Esc", ESCAPE)
+        assert terminal.ended() == 4, terminal.shown
+    assert not sessions.entries("marker")
+
+
 WALL_CLOCK = """
 #define _GNU_SOURCE
 #include <dlfcn.h>
