@@ -1,6 +1,8 @@
 from .answers.detection import level_table
 from .answers.intervals import group_interval, proportion_ci
 from .commands.analyze import write_analysis
+from .groups.difference import Difference
+from .groups.group import ConditionDifference, GroupFit, compare_conditions, fit_group
 from .reading.columns import ColumnMap, load_column_map
 from .reading.load import read_trials
 from .reading.text import ResultFileError
@@ -8,17 +10,21 @@ from .results.console import print_analysis
 from .results.tables import Analysis
 from .thresholds.fit import PsychometricFit, fit_psychometric, probit_mle
 from .thresholds.people import GuessRate
-from .thresholds.table import group_table, threshold_table
+from .thresholds.table import threshold_table
 
 __all__ = [
     "Analysis",
     "ColumnMap",
+    "ConditionDifference",
+    "Difference",
+    "GroupFit",
     "GuessRate",
     "PsychometricFit",
     "ResultFileError",
+    "compare_conditions",
+    "fit_group",
     "fit_psychometric",
     "group_interval",
-    "group_table",
     "level_table",
     "load_column_map",
     "print_analysis",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -41,14 +41,40 @@ def shortest(level: float) -> str:
     return f"{level:.10g}"
 
 
-def with_limits(at: float, low: float, high: float, unit: str) -> str:
-    """Return a level and its limits in words.
+def with_limits(at: float, low: float, high: float, unit: str, levels: Sequence[float]) -> str:
+    """Return a level and its limits in words; an open limit is that of the tested levels.
 
-    >>> with_limits(81.07, 74.0, 88.21, "V"), with_limits(0.01505, 0.01389, 0.01639, "V")
-    ('81.1 V (74.0 to 88.2)', '0.0150 V (0.0139 to 0.0164)')
+    >>> with_limits(81.07, 74.0, 88.21, "V", [60, 200])
+    '81.1 V (74.0 to 88.2)'
+    >>> with_limits(71.07, -math.inf, 88.21, "V", [60, 200])
+    '71.1 V (< 60 to 88.2)'
+    >>> with_limits(0.01505, 0.01389, 0.01639, "mm", [0.01, 0.02])
+    '0.0150 mm (0.0139 to 0.0164)'
     """
-    told = [rounded(value, high - low) for value in (at, low, high)]
-    return f"{told[0]} {unit} ({told[1]} to {told[2]})"
+    ends = [end for end in (low, at, high) if math.isfinite(end)]
+    spread = max(ends) - min(ends)
+    least = f"< {shortest(min(levels))}" if low == -math.inf else rounded(low, spread)
+    most = f"> {shortest(max(levels))}" if high == math.inf else rounded(high, spread)
+    return f"{rounded(at, spread)} {unit} ({least} to {most})"
+
+
+def bounded(low: float, high: float, unit: str, levels: Sequence[float]) -> str:
+    """Return what two limits say of a level that lies outside the tested ones.
+
+    >>> bounded(-math.inf, 60.0, "V", [60, 200]), bounded(-math.inf, 68.18, "V", [60, 200])
+    ('< 60 V', 'at most 68.2 V (95 %)')
+    >>> bounded(200.0, math.inf, "V", [60, 200]), bounded(-math.inf, math.inf, "V", [60, 200])
+    ('> 200 V', 'not bounded by these levels')
+    """
+    if math.isfinite(high):
+        lowest = min(levels)
+        sure = high < lowest or math.isclose(high, lowest)
+        return f"< {shortest(lowest)} {unit}" if sure else f"at most {alone(high, unit)} (95 %)"
+    if math.isfinite(low):
+        highest = max(levels)
+        sure = low > highest or math.isclose(low, highest)
+        return f"> {shortest(highest)} {unit}" if sure else f"at least {alone(low, unit)} (95 %)"
+    return "not bounded by these levels"
 
 
 def alone(level: float, unit: str) -> str:

@@ -37,8 +37,16 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "kind, side": "single, both or blank; where the stimulus was, or which side was driven",
         "counted, reason": "whether a trial is counted; if not, the first reason that holds",
         "threshold_vpp, threshold_low_vpp, threshold_high_vpp": "level felt half of the time: "
-        "posterior median and 95 % equal-tailed limits, volts peak-to-peak; in a row 'all' the "
-        "median over participants",
+        "posterior median and 95 % equal-tailed limits, volts peak-to-peak; a limit outside the "
+        "tested levels is open (n/a); in a row 'all' the middle of the group, in which everybody "
+        "takes part",
+        "spread_db, spread_low_db, spread_high_db": "standard deviation of thresholds between "
+        "participants, posterior median and 95 % limits, dB (on a linear axis the levels' unit); "
+        "below five participants mostly from its prior",
+        "new_low_vpp, new_high_vpp": "where another participant's threshold is expected, 95 %",
+        "condition_a, condition_b": "of a difference: by how much b lies above a",
+        "difference_db, low_db, high_db": "20 log10(threshold b / threshold a), posterior median "
+        "and 95 % limits, without the thresholds' priors; n/a where an end is open",
         "threshold_db, threshold_low_db, threshold_high_db": "the same in dB re 1 V peak-to-peak",
         "status": "ok, or why there is no threshold or how it is limited",
         "printed": "the threshold as a reader is told it",

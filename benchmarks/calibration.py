@@ -15,9 +15,9 @@ from scipy.special import ndtr
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.definitions import METHODS
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
-from analysis.thresholds.likelihood import Tables
+from analysis.thresholds.grid import STANDARD, Nodes, Ruler, surfaces
 from analysis.thresholds.people import GuessRate
-from analysis.thresholds.posterior import STANDARD, Nodes, posterior
+from analysis.thresholds.posterior import posterior
 from benchmarks.timing import duration, median_s
 
 if TYPE_CHECKING:
@@ -31,14 +31,13 @@ STUDIES: Final = 2000
 BESIDE: Final = 200
 """Studies that psignifit fits too: it takes a third of a second for each."""
 GRIDS: Final = (
-    Nodes(mu=9, log_sigma=5, lapse=3),
-    Nodes(mu=17, log_sigma=9, lapse=4),
-    Nodes(mu=25, log_sigma=17, lapse=5),
+    Nodes(between=11, outside=4, log_sigma=7, lapse=3),
+    Nodes(between=21, outside=6, log_sigma=11, lapse=4),
+    Nodes(between=31, outside=10, log_sigma=17, lapse=5),
     STANDARD,
-    Nodes(mu=81, log_sigma=49),
-    Nodes(mu=161, log_sigma=97),
+    Nodes(between=101, outside=24, log_sigma=33, lapse=8),
 )
-FINEST: Final = Nodes(mu=401, log_sigma=201, lapse=16)
+FINEST: Final = Nodes(between=301, outside=60, log_sigma=81, lapse=16)
 FIGURE: Final = Path(__file__).parent.parent / "docs" / "posterior.png"
 N: Final = 30
 SIGMA: Final = 0.1
@@ -101,22 +100,19 @@ SETTINGS: Final = (
 )
 
 
-def tables(setting: Setting, counts: Floats) -> Tables:
-    """Return counts as the posterior takes them."""
-    u = (setting.x - setting.x[0]) / np.ptp(setting.x)
-    return Tables(
-        u=np.broadcast_to(u, counts.shape),
-        detected=counts,
-        presented=np.full(counts.shape, float(N)),
-        guess_rate=np.full(len(counts), setting.guess_rate),
-    )
-
-
-def ours(setting: Setting, counts: Floats, nodes: Nodes | None = None) -> Floats:
+def ours(setting: Setting, counts: Floats, nodes: Nodes = STANDARD) -> Floats:
     """Return limits and median of each threshold on the axis, shape (studies, 3)."""
-    guesses = [GuessRate(mean=setting.guess_rate)] * len(counts)
-    known = posterior(tables(setting, counts), guesses, nodes)
-    return np.asarray(setting.x[0] + np.ptp(setting.x) * known.mu)
+    ruler = Ruler.of(setting.x, "log10")
+    rulers = [ruler] * len(counts)
+    found = surfaces(
+        np.broadcast_to(setting.x / ruler.step, counts.shape),
+        counts,
+        np.full(counts.shape, float(N)),
+        rulers=rulers,
+        guesses=[GuessRate(mean=setting.guess_rate)] * len(counts),
+        nodes=nodes,
+    )
+    return np.asarray(posterior(found, rulers).mu * ruler.step)
 
 
 def theirs(setting: Setting, counts: Floats, steps: int | None = None) -> Floats:
@@ -219,16 +215,22 @@ def grids() -> list[Grid]:
     """Time the grids on the forced choices of the first setting."""
     setting, found = SETTINGS[1], []
     counts = setting.counts(200)
-    true = ours(setting, counts[:40], FINEST)
-    for nodes in (*GRIDS, None):
-        error = np.quantile(np.abs(ours(setting, counts[:40], nodes) - true).max(axis=1), 0.9)
+    true = _printed(setting, ours(setting, counts[:40], FINEST))
+    for nodes in GRIDS:
+        here = _printed(setting, ours(setting, counts[:40], nodes))
+        error = 20 * np.quantile(np.abs(here - true).max(axis=1), 0.9)
         alone, batch = _times(setting, counts, nodes)
-        name = f"{nodes.mu} x {nodes.log_sigma} x {nodes.lapse}" if nodes else "adaptive"
+        name = f"{nodes.between + 2 * nodes.outside} x {nodes.log_sigma} x {nodes.lapse}"
         found.append(Grid(name=name, error=float(error), alone_s=alone, batch_s=batch))
     return found
 
 
-def _times(setting: Setting, counts: Floats, nodes: Nodes | None) -> tuple[float, float]:
+def _printed(setting: Setting, points: Floats) -> Floats:
+    """Return points as they are told: no limit lies outside the levels."""
+    return np.clip(points, setting.x[0], setting.x[-1])
+
+
+def _times(setting: Setting, counts: Floats, nodes: Nodes) -> tuple[float, float]:
     alone = median_s(lambda i: ours(setting, counts[i : i + 1], nodes), 100)
     return alone, median_s(lambda _: ours(setting, counts, nodes), 3) / len(counts)
 
@@ -239,7 +241,9 @@ def beside() -> Grid | None:
         return None
     setting = SETTINGS[1]
     counts = setting.counts(4)
-    moved = [np.abs(theirs(setting, k) - theirs(setting, k, 120))[[0, 2]].max() for k in counts]
+    moved = [
+        20 * np.abs(theirs(setting, k) - theirs(setting, k, 120))[[0, 2]].max() for k in counts
+    ]
     alone = median_s(lambda i: theirs(setting, counts[i % 4]), 4)
     return Grid(name="psignifit", error=float(np.median(moved)), alone_s=alone, batch_s=alone)
 
@@ -250,19 +254,14 @@ def draw(found: list[Grid], other: Grid | None) -> None:
 
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()
-    fixed = found[:-1]
     for label, times, colour in (
-        ("one fit alone", [one.alone_s for one in fixed], "#0072B2"),
-        ("one of 200 in a batch", [one.batch_s for one in fixed], "#D55E00"),
+        ("one fit alone", [one.alone_s for one in found], "#0072B2"),
+        ("one of 200 in a batch", [one.batch_s for one in found], "#D55E00"),
     ):
-        axes.loglog([one.error for one in fixed], times, "o-", color=colour, label=label)
-    last = found[-1]
-    axes.loglog(
-        [last.error] * 2, [last.alone_s, last.batch_s], "s", color="#009E73", label="adaptive"
-    )
+        axes.loglog([one.error for one in found], times, "o-", color=colour, label=label)
     if other is not None:
         axes.loglog([other.error], [other.alone_s], "^", color="#CC79A7", label="psignifit, alone")
-    axes.set_xlabel("error of limits and median, log10 V (90 % of fits are better)")
+    axes.set_xlabel("error of limits and median, dB (90 % of fits are better)")
     axes.set_ylabel("seconds per fit, one thread")
     axes.grid(visible=True, which="both", alpha=0.3)
     axes.legend()
@@ -317,14 +316,15 @@ _THRESHOLDS: Final = (
     f"the paper's levels or {', '.join(f'{v:g}' for v in CENTRED)} V. Ours is the posterior "
     "median, psignifit's the posterior mean (three free parameters, its default grid): of all "
     "tables, whatever their status, and of those of which we give a threshold as a number (status "
-    "ok or lapse_at_bound; these are a choice by outcome, the same for both programs). psignifit "
-    "fits the first of the same studies; fewer, as each takes a third of a second on a busy "
-    "machine. Where the levels say little its prior, which falls off outside them, pulls the "
+    "ok, lapse_at_bound or separated; chosen by their outcome, the same for both programs). "
+    "psignifit fits the first of the same studies; fewer, as each takes a third of a second on a "
+    "busy machine. Where the levels say little its prior, which falls off outside them, pulls the "
     "threshold towards them, here to where it is. With every figure its standard error."
 )
 _TIMES: Final = (
-    "Time of one posterior against the error of its three points (log10 V, 90 % quantile of 40 "
-    f"tables beside a grid of {FINEST.mu} x {FINEST.log_sigma} x {FINEST.lapse}); forced choice, "
-    "centred levels, one thread. psignifit's error is that of its limits beside a finer grid of "
+    "Time of one posterior against the error of its three points (dB, 90 % quantile of 40 "
+    f"tables beside a grid of {FINEST.between + 2 * FINEST.outside} x {FINEST.log_sigma} x "
+    f"{FINEST.lapse}, cut off at the levels); forced choice, centred levels, one thread. "
+    "psignifit's error is that of its limits beside a finer grid of "
     "its own, median of four tables."
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from analysis.thresholds.posterior import Nodes
+from analysis.thresholds.grid import Nodes
 from benchmarks import __main__ as command
 from benchmarks import (
     analysis,
@@ -138,13 +138,13 @@ def test_a_calibration_section_tells_coverage_bias_and_time(
 ) -> None:
     monkeypatch.setattr(calibration, "STUDIES", 20)
     monkeypatch.setattr(calibration, "BESIDE", 0)
-    monkeypatch.setattr(calibration, "GRIDS", (Nodes(mu=17, log_sigma=9, lapse=3),))
-    monkeypatch.setattr(calibration, "FINEST", Nodes(mu=41, log_sigma=25, lapse=5))
+    monkeypatch.setattr(calibration, "GRIDS", (Nodes(between=11, outside=4, log_sigma=7, lapse=3),))
+    monkeypatch.setattr(calibration, "FINEST", Nodes(between=31, log_sigma=17, lapse=5))
     monkeypatch.setattr(calibration, "FIGURE", tmp_path / "posterior.png")
     text = calibration.section()
     assert "| one cell, wilson | 0.5 |" in text
     assert "| centred | 0.5 | all | ours | 20 |" in text
-    assert "| 17 x 9 x 3 |" in text
+    assert "| 19 x 7 x 3 |" in text
     assert (tmp_path / "posterior.png").exists()
 
 

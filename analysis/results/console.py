@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
+from analysis.definitions import TOTAL
 from analysis.results.rows import (
     TERMINAL,
     blank_cells,
@@ -74,6 +75,7 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         *_total_lines(analysis),
         *_control_lines(analysis.control),
         *_threshold_lines(analysis),
+        *_difference_lines(analysis),
         *_population_lines(analysis),
         *_excluded_lines(analysis.excluded),
     ):
@@ -128,6 +130,13 @@ def _threshold_lines(analysis: Analysis) -> Iterator[str]:
             each = "; " + ", ".join(f"{name} {printed}" for name, printed in told)
         where = f" in condition {group['condition']}" if analysis.counts.conditions > 1 else ""
         yield f"Threshold{where}: {group['printed']}{each}."
+
+
+def _difference_lines(analysis: Analysis) -> Iterator[str]:
+    table = analysis.differences
+    for _, row in table[table["participant"].eq(TOTAL)].iterrows():
+        a, b = row["condition_a"], row["condition_b"]
+        yield f"Threshold in condition {b} against {a}: {row['printed']}."
 
 
 def _population_lines(analysis: Analysis) -> Iterator[str]:

@@ -83,7 +83,7 @@ NAMES = (
     SUMMARY,
     manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
-    *("thresholds.csv", "confusion.csv", "trials_clean.csv"),
+    *("thresholds.csv", "differences.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
     REPORT,
 )
@@ -189,6 +189,7 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
         "blank.csv": analysis.blank,
         "control.csv": analysis.control,
         "thresholds.csv": _with_groups(analysis.thresholds, analysis.groups),
+        "differences.csv": analysis.differences,
         "confusion.csv": analysis.confusion,
     }
     tables |= {name: table for name, table in possible.items() if len(table)}
@@ -248,12 +249,11 @@ def _alike(words: pd.Series[Any]) -> str:
 
 
 def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame:
-    """Put below the participants of each condition a row of their group: its median."""
+    """Put below the participants of each condition a row of their group."""
     import pandas as pd
 
     rows = groups.assign(
         participant=TOTAL,
-        threshold_vpp=groups["median_vpp"],
         trials=[
             thresholds.loc[thresholds["condition"].eq(name), "trials"].sum()
             for name in groups["condition"]

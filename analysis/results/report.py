@@ -35,16 +35,17 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from analysis.groups.population import PopulationThreshold
     from analysis.results.figures.figures import Picture
     from analysis.results.markup import Content
     from analysis.results.tables import Analysis
-    from analysis.thresholds.population import PopulationThreshold
 
 
 _TITLE = "Detection of vibrotactile stimuli"
 _CENSORED = (
-    "A threshold outside the tested levels is told as below or above them, never as a number. "
-    "Such thresholds take part in the median; a mean is given only where everybody has a number."
+    "A threshold outside the tested levels is told as below or above them, never as a number; so "
+    "is a limit. Everybody takes part in the group's threshold, those below and above included. "
+    "A participant's interval is for that session; what another day brings needs a second one."
 )
 
 
@@ -159,6 +160,7 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
     ]
     header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
     yield table("Thresholds of the group", header, groups, ["Threshold"])
+    yield from _differences(analysis)
     if analysis.population:
         header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
         fitted = [_population(one, analysis.axis.unit) for one in analysis.population]
@@ -172,6 +174,17 @@ def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Eleme
         caption = f"Thresholds of participants{_where(analysis, condition)}"
         cells = [_threshold(row, analysis.axis.unit) for _, row in rows.iterrows()]
         yield table(caption, header, cells, ["Threshold (95 %)", "Status", "Guess rate from"])
+
+
+def _differences(analysis: Analysis) -> Iterator[Element]:
+    for (a, b), rows in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
+        cells: list[list[Content]] = [
+            ["Group" if row["participant"] == TOTAL else foreign(str(row["participant"])),
+             str(row["printed"])]
+            for _, row in rows.iterrows()
+        ]  # fmt: skip
+        caption = f"Threshold in condition {b} against {a}"
+        yield table(caption, ["Participant", "Difference (95 %)"], cells, ["Difference (95 %)"])
 
 
 def _population(one: PopulationThreshold, unit: str) -> list[Content]:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
     from analysis.answers.serial import SerialEffect
+    from analysis.groups.population import PopulationThreshold
     from analysis.results.tables import Analysis, Counts
-    from analysis.thresholds.population import PopulationThreshold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,7 +237,10 @@ def left_out_rows(excluded: pd.DataFrame) -> Iterator[tuple[str, int, list[tuple
 
 def population_text(one: PopulationThreshold, unit: str) -> str:
     """Return the threshold of a population and its limits; empty text where there is none."""
-    return "" if one.reason else with_limits(one.threshold_vpp, *one.threshold_limits_vpp, unit)
+    if one.reason:
+        return ""
+    low, high = one.threshold_limits_vpp
+    return with_limits(one.threshold_vpp, low, high, unit, levels=(low, high))
 
 
 _SERIAL = {

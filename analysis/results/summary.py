@@ -16,8 +16,8 @@ from experiment.terms.record import NOT_AVAILABLE
 if TYPE_CHECKING:
     import pandas as pd
 
+    from analysis.groups.population import PopulationThreshold
     from analysis.results.tables import Analysis
-    from analysis.thresholds.population import PopulationThreshold
 
 
 SCHEMA = 1
@@ -46,6 +46,7 @@ def summary_text(analysis: Analysis) -> str:
         "control": _records(analysis.control),
         "thresholds": _records(analysis.thresholds),
         "groups": _records(analysis.groups),
+        "differences": _records(analysis.differences),
         "population": [_population(one) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
         "reaction_times": _records(analysis.reaction_times),

@@ -9,10 +9,11 @@ from analysis.answers import counting, detection
 from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
 from analysis.definitions import METHODS
+from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError, named
 from analysis.thresholds.people import people_of, people_of_counts
-from analysis.thresholds.table import group_table, thresholds_of
+from analysis.thresholds.table import thresholds_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
 
     from analysis.answers.choice import Choices
     from analysis.axis import Axis
+    from analysis.groups.population import PopulationThreshold
     from analysis.reading.batch import InputFile
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
-    from analysis.thresholds.population import PopulationThreshold
 
 
 # Left out as planned, or presented again: nothing to warn of.
@@ -58,8 +59,10 @@ class Analysis:
     ----------
     levels, participants, both, blank, excluded : pandas.DataFrame
         As `analysis.answers.detection` and `analysis.answers.counting` return them.
-    thresholds, groups : pandas.DataFrame
-        As `analysis.thresholds.table` returns them.
+    thresholds : pandas.DataFrame
+        As `analysis.thresholds.table.thresholds_of` returns it.
+    groups, differences : pandas.DataFrame
+        As `analysis.groups.tables` returns them.
     population : tuple of PopulationThreshold
         As `population_thresholds` returns it; empty unless asked for.
     confusion : pandas.DataFrame
@@ -105,6 +108,7 @@ class Analysis:
     excluded: pd.DataFrame
     thresholds: pd.DataFrame
     groups: pd.DataFrame
+    differences: pd.DataFrame
     population: tuple[PopulationThreshold, ...]
     confusion: pd.DataFrame
     choice: tuple[Choices, ...]
@@ -222,7 +226,8 @@ def analyse(
         blank=detection.blank_table(trials, ci),
         excluded=excluded,
         thresholds=thresholds,
-        groups=group_table(thresholds, loaded.axis),
+        groups=group_table(people, loaded.axis),
+        differences=difference_table(people, loaded.axis),
         population=_population(people, loaded.axis) if population else (),
         confusion=confusion_table(trials),
         choice=choices(trials, seed),
@@ -245,7 +250,7 @@ def analyse(
 
 
 def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:
-    from analysis.thresholds.population import population_thresholds  # statsmodels is slow to load
+    from analysis.groups.population import population_thresholds  # statsmodels is slow to load
 
     return population_thresholds(people, axis=axis)
 

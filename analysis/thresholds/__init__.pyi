@@ -1,22 +1,55 @@
-from .fit import PsychometricFit, fit_psychometric, probit_mle
+from .density import quantiles, trapezoid
+from .fit import (
+    BOUNDED,
+    WITH_THRESHOLD,
+    FitStatus,
+    PsychometricFit,
+    checked_levels,
+    fit_many,
+    fit_psychometric,
+    in_volts,
+    probit_mle,
+    status_of,
+    within_levels,
+)
+from .grid import Ruler, Surface, sigma_prior, surfaces
 from .levels import Placement, place_levels
-from .people import GuessRate, PersonCounts, people_of, people_of_counts
-from .population import PopulationThreshold, population_thresholds
-from .table import group_table, threshold_table, thresholds_of
+from .mle import REACH, SIGMA_FACTOR, SIGMA_MEDIAN
+from .people import Guessing, GuessRate, PersonCounts, people_of, people_of_counts
+from .probit import increasing_exists
+from .table import WORDS, levels_of, threshold_table, thresholds_of
 
 __all__ = [
+    "BOUNDED",
+    "REACH",
+    "SIGMA_FACTOR",
+    "SIGMA_MEDIAN",
+    "WITH_THRESHOLD",
+    "WORDS",
+    "FitStatus",
     "GuessRate",
+    "Guessing",
     "PersonCounts",
     "Placement",
-    "PopulationThreshold",
     "PsychometricFit",
+    "Ruler",
+    "Surface",
+    "checked_levels",
+    "fit_many",
     "fit_psychometric",
-    "group_table",
+    "in_volts",
+    "increasing_exists",
+    "levels_of",
     "people_of",
     "people_of_counts",
     "place_levels",
-    "population_thresholds",
     "probit_mle",
+    "quantiles",
+    "sigma_prior",
+    "status_of",
+    "surfaces",
     "threshold_table",
     "thresholds_of",
+    "trapezoid",
+    "within_levels",
 ]

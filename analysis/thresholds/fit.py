@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
@@ -9,18 +10,18 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.axis import LARGEST, XScale
-from analysis.thresholds.likelihood import Tables, at_upper_lapse, probabilities, scale
+from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.mle import Tables, at_upper_lapse, fit_lapsing, probabilities
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior
-from analysis.thresholds.probit import Lines, deviance, fit_lines, increasing_exists
-from stimuli.checks import whole
+from analysis.thresholds.probit import Lines, deviance, fit_lines, increasing_exists, scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.thresholds.posterior import Nodes, Posterior
+    from analysis.thresholds.posterior import Posterior
 
     Floats = NDArray[np.float64]
 
@@ -33,13 +34,23 @@ FitStatus = Literal[
     "decreasing",
     "flat",
     "separated",
+    "median_below_levels",
+    "median_above_levels",
     "lapse_at_bound",
 ]
-WITH_THRESHOLD: Final = ("ok", "lapse_at_bound")
+WITH_THRESHOLD: Final = ("ok", "lapse_at_bound", "separated")
 """Statuses of a table that tells a threshold."""
+BOUNDED: Final = (
+    "threshold_below_levels",
+    "threshold_above_levels",
+    "median_below_levels",
+    "median_above_levels",
+)
+"""Statuses of a table that tells only a bound of the threshold."""
 
 _SLOPE_P: Final = 0.05
-_SURELY: Final = 0.975
+_GAIN: Final = 1e-13
+"""Of log likelihood; a step that gains less moves no digit that is told."""
 _LEVEL: Final = 1e-12
 """A rise of the normal quantile over all levels that is no more is rounding."""
 _NAN: Final = float("nan")
@@ -61,17 +72,19 @@ class PsychometricFit:
     Attributes
     ----------
     status : str
-        A word of `FitStatus`; where it is not in `WITH_THRESHOLD` the numbers below are NaN.
+        A word of `FitStatus`; where it is not in `WITH_THRESHOLD` the numbers below are NaN, but
+        for the limits of those in `BOUNDED`.
     threshold : float
         Level felt half of the time, posterior median, in the levels' unit.
     threshold_limits : tuple of float
-        95 % equal-tailed limits.
+        95 % equal-tailed limits; outside the tested levels an end is open, -inf or inf.
     sigma : float
-        Posterior median of the width: log10 units, or the levels' unit on a linear axis.
+        Posterior median of the width: log10 units, or the levels' unit on a linear axis. NaN where
+        detection rises in one step (``separated``): the prior alone would tell it.
     lapse_rate : float
         Posterior mean.
     mle_threshold, mle_sigma, mle_lapse_rate : float
-        The likeliest values, sigma and lambda within their priors' bounds.
+        The likeliest values, sigma and lambda within their priors' bounds; NaN where ``separated``.
     deviance : float
         At these.
     """
@@ -182,25 +195,37 @@ def fit_psychometric(
     'threshold_below_levels'
     """
     x, k, n = _table(levels_vpp, detected, presented, name="levels_vpp")
+    axis = checked_levels("levels_vpp", x, x_scale)
+    guess = guess_rate if isinstance(guess_rate, GuessRate) else GuessRate(mean=guess_rate)
+    fit = fit_many(axis[None], k[None], n[None], guesses=(guess,), x_scale=x_scale)[0]
+    return in_volts(fit) if x_scale == "log10" else fit
+
+
+def checked_levels(name: str, levels: NDArray[np.generic], x_scale: XScale) -> Floats:
+    """Return levels on the axis; a ValueError unless they can lie there."""
+    if levels.size and levels.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be finite numbers; got {levels.tolist()!r}")
+    x = levels.astype(np.float64)
+    if not (np.abs(x) <= LARGEST).all():
+        wrong = x[~(np.abs(x) <= LARGEST)].tolist()
+        raise ValueError(f"{name} must be finite and at most {LARGEST:g}; got {wrong}")
     if x_scale not in get_args(XScale):
         raise ValueError(f"x_scale must be one of log10, linear; got {x_scale!r}")
     if x_scale == "log10" and (x <= 0).any():
         raise ValueError(
-            f"levels_vpp must be above 0 on the axis log10; got {x[x <= 0].tolist()}: use "
+            f"{name} must be above 0 on the axis log10; got {x[x <= 0].tolist()}: use "
             'x_scale="linear"'
         )
-    axis = np.log10(x) if x_scale == "log10" else x
-    guess = guess_rate if isinstance(guess_rate, GuessRate) else GuessRate(mean=guess_rate)
-    fit = fit_many(axis[None], k[None], n[None], guesses=(guess,))[0]
-    return _in_volts(fit) if x_scale == "log10" else fit
+    return np.log10(x) if x_scale == "log10" else x
 
 
-def _in_volts(fit: PsychometricFit) -> PsychometricFit:
+def in_volts(fit: PsychometricFit) -> PsychometricFit:
+    """Return a fit on the axis log10 as one in the levels' unit."""
     low, high = fit.threshold_limits
     return replace(
         fit,
         threshold=10.0**fit.threshold,
-        threshold_limits=(10.0**low, 10.0**high),
+        threshold_limits=(low if low == -math.inf else 10.0**low, 10.0**high),
         mle_threshold=10.0**fit.mle_threshold,
     )
 
@@ -211,103 +236,117 @@ def fit_many(
     presented: Floats,
     *,
     guesses: Sequence[GuessRate],
-    nodes: Nodes | None = None,
-    jobs: int = 1,
+    x_scale: XScale = "log10",
 ) -> tuple[PsychometricFit, ...]:
-    """Fit many tables as one array job, or as several beside each other, on the axis of x.
+    """Fit many tables as one array job, on the axis of x.
 
     Tables are (fits, levels), with counts that are checked; where presented is 0 the level is not
-    used. Each has its guess rate. By default the posterior's grid is as fine as each table needs.
-    `jobs` processes, at least 1, else a ValueError, are worth it for thousands of tables.
+    used. Each has its guess rate.
     """
-    whole("jobs", jobs, least=1, most=1024)
-    if jobs > 1:
-        return _spread(x, detected, presented, guesses=guesses, nodes=nodes, jobs=jobs)
     shown = np.asarray(presented, dtype=np.float64)
-    scaled = scale(x, shown)
-    many = [int(place) for place in np.flatnonzero(scaled.width > 0)]
+    many = [i for i, row in enumerate(shown) if np.ptp(x[i][row > 0]) > 0]
     fits = [PsychometricFit(status="one_level")] * len(shown)
     if not many:
         return tuple(fits)
+    rulers = [Ruler.of(x[i][shown[i] > 0], x_scale) for i in many]
+    step = np.array([one.step for one in rulers])
     tables = Tables(
-        u=scaled.u[many],
+        u=x[many] / step[:, None],
         detected=np.asarray(detected, dtype=np.float64)[many],
         presented=shown[many],
-        guess_rate=np.array([guesses[place].mean for place in many]),
+        guess_rate=np.array([guesses[i].mean for i in many]),
     )
-    known = posterior(tables, [guesses[place] for place in many], nodes)
-    statuses = _statuses(tables, known)
-    p, q = probabilities(tables, known.best)
+    counts = (tables.u, tables.detected, tables.presented)
+    found = surfaces(*counts, rulers=rulers, guesses=[guesses[i] for i in many])
+    known = posterior(found, rulers)
+    best = fit_lapsing(tables, known.best, least_gain=_GAIN)
+    p, q = probabilities(tables, best)
     misfit = deviance(tables.detected, tables.presented, p, q)
-    for row, place in enumerate(many):
-        if statuses[row] in WITH_THRESHOLD:
-            fit = _fit(known, row, low=float(scaled.low[place]), width=float(scaled.width[place]))
-            fits[place] = replace(fit, status=statuses[row], deviance=float(misfit[row]))
-        else:
-            fits[place] = PsychometricFit(status=statuses[row])
+    words = _statuses(tables, known.mu, at_upper_lapse(best), rulers)
+    for row, i in enumerate(many):
+        fit = _fit(known, best, row, rulers[row], words[row])
+        fits[i] = replace(fit, deviance=float(misfit[row])) if fit.mle_sigma > 0 else fit
     return tuple(fits)
 
 
-def _spread(
-    x: Floats,
-    detected: Floats,
-    presented: Floats,
-    *,
-    guesses: Sequence[GuessRate],
-    nodes: Nodes | None,
-    jobs: int,
-) -> tuple[PsychometricFit, ...]:
-    from joblib import Parallel, delayed
-
-    parts = [part for part in np.array_split(np.arange(len(x)), jobs) if len(part)]
-    fitted = Parallel(n_jobs=jobs)(
-        delayed(fit_many)(
-            x[part],
-            detected[part],
-            presented[part],
-            guesses=[guesses[i] for i in part],
-            nodes=nodes,
-        )
-        for part in parts
-    )
-    return tuple(fit for part in fitted for fit in part)
-
-
-def _fit(known: Posterior, row: int, *, low: float, width: float) -> PsychometricFit:
-    at, best = low + width * known.mu[row], known.best[row]
-    return PsychometricFit(
-        status="ok",
-        threshold=float(at[1]),
-        threshold_limits=(float(at[0]), float(at[2])),
-        sigma=float(width * np.exp(known.log_sigma[row, 1])),
+def _fit(
+    known: Posterior, best: Floats, row: int, ruler: Ruler, status: FitStatus
+) -> PsychometricFit:
+    """Lay one table's posterior on its axis, as far as its status lets it be told."""
+    low, middle, high = (float(value) for value in known.mu[row])
+    limits = within_levels(low, high, ruler)
+    if status in BOUNDED:
+        return PsychometricFit(status=status, threshold_limits=limits)
+    if status not in WITH_THRESHOLD:
+        return PsychometricFit(status=status)
+    fit = PsychometricFit(
+        status=status,
+        threshold=middle * ruler.step,
+        threshold_limits=limits,
         lapse_rate=float(known.lapse_rate[row]),
-        mle_threshold=float(low + width * best[0]),
-        mle_sigma=float(width * np.exp(best[1])),
-        mle_lapse_rate=float(best[2]),
+    )
+    if status == "separated":
+        return fit
+    return replace(
+        fit,
+        sigma=float(ruler.step * np.exp(known.log_sigma[row, 1])),
+        mle_threshold=float(ruler.step * best[row, 0]),
+        mle_sigma=float(ruler.step * np.exp(best[row, 1])),
+        mle_lapse_rate=float(best[row, 2]),
     )
 
 
-def _statuses(tables: Tables, known: Posterior) -> list[FitStatus]:
-    """Decide the status of each table: the first line that holds.
+def within_levels(low: float, high: float, ruler: Ruler) -> tuple[float, float]:
+    """Return limits on the axis: outside the levels they are open, or no closer than these.
+
+    >>> ruler = Ruler(low=0.0, high=10.0, step=0.5, tail=3.0)
+    >>> within_levels(-2.0, 4.0, ruler), within_levels(11.0, 12.0, ruler)
+    ((-inf, 2.0), (5.0, inf))
+    """
+    return (
+        -math.inf if low < ruler.low else min(low, ruler.high) * ruler.step,
+        math.inf if high > ruler.high else max(high, ruler.low) * ruler.step,
+    )
+
+
+def status_of(
+    x: Floats, detected: Floats, presented: Floats, mu: tuple[float, float, float], ruler: Ruler
+) -> FitStatus:
+    """Return the status of many people's tables pooled, with the limits and median of their mu."""
+    levels, place = np.unique(x[presented > 0], return_inverse=True)
+    if len(levels) == 1:
+        return "one_level"
+    k, n = np.zeros(len(levels)), np.zeros(len(levels))
+    np.add.at(k, place, detected[presented > 0])
+    np.add.at(n, place, presented[presented > 0])
+    pooled = Tables(
+        u=levels[None] / ruler.step, detected=k[None], presented=n[None], guess_rate=np.zeros(1)
+    )
+    return _statuses(pooled, np.array([mu]), np.zeros(1, dtype=bool), [ruler])[0]
+
+
+def _statuses(
+    tables: Tables, mu: Floats, at_bound: NDArray[np.bool_], rulers: Sequence[Ruler]
+) -> list[FitStatus]:
+    """Decide the status of each table, whose mu has limits and median (fits, 3): the first line.
 
     A table that does not rise says "flat", unless it can hardly be but the upper end of a function
     that rises below its levels: then the threshold lies there. At the lower end there is no such
     line: answers at chance may have other reasons than levels that are too low.
     """
     k, n = tables.detected, tables.presented
-    lines = fit_lines(tables.u, k, n)
-    p_rise, p_fall = _slope_p(lines)
-    below, above = known.mu[:, 1] < 0, known.mu[:, 1] > 1
+    p_rise, p_fall = _slope_p(fit_lines(scale(tables.u, n).u, k, n))
+    low, high = np.array([[one.low, one.high] for one in rulers]).T
     rows: list[tuple[NDArray[np.bool_], FitStatus]] = [
         ((k == n).all(axis=1), "threshold_below_levels"),
         ((k == 0).all(axis=1), "threshold_above_levels"),
         (p_fall < _SLOPE_P, "decreasing"),
-        ((p_rise >= _SLOPE_P) & (known.below > _SURELY), "threshold_below_levels"),
+        ((p_rise >= _SLOPE_P) & (mu[:, 2] < low), "threshold_below_levels"),
         (p_rise >= _SLOPE_P, "flat"),
+        (mu[:, 1] < low, "median_below_levels"),
+        (mu[:, 1] > high, "median_above_levels"),
         (~increasing_exists(tables.u, k, n), "separated"),
-        (below, "threshold_below_levels"),
-        (above, "threshold_above_levels"),
-        (at_upper_lapse(known.best), "lapse_at_bound"),
+        (at_bound, "lapse_at_bound"),
         (np.ones(len(tables), dtype=bool), "ok"),
     ]
     chosen = np.argmax([holds for holds, _ in rows], axis=0)
@@ -329,18 +368,12 @@ def _table(
     from analysis.definitions import MOST_PRESENTED
 
     k, n = checked_counts(detected, presented)
-    given = np.asarray(x)
-    if given.size and given.dtype.kind not in "iuf":
-        raise ValueError(f"{name} must be finite numbers; got {x!r}")
-    levels = given.astype(np.float64)
+    levels = checked_levels(name, np.asarray(x), "linear")
     if levels.ndim != 1 or levels.shape != k.shape or k.shape != n.shape:
         raise ValueError(
             f"{name}, detected and presented must be lists of one length; got the shapes "
             f"{levels.shape}, {k.shape}, {n.shape}"
         )
-    if not (np.abs(levels) <= LARGEST).all():
-        wrong = levels[~(np.abs(levels) <= LARGEST)].tolist()
-        raise ValueError(f"{name} must be finite and at most {LARGEST:g}; got {wrong}")
     if (n > MOST_PRESENTED).any():
         raise ValueError(f"presented must be at most {MOST_PRESENTED:.0e}; got {n.max():g}")
     if not (n > 0).any():

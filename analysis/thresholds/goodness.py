@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.thresholds.fit import WITH_THRESHOLD
-from analysis.thresholds.likelihood import Tables, fit_lapsing, probabilities, scale
+from analysis.thresholds.grid import Ruler
+from analysis.thresholds.mle import Tables, fit_lapsing, probabilities
 from analysis.thresholds.probit import deviance
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from analysis.axis import XScale
     from analysis.thresholds.fit import PsychometricFit
     from analysis.thresholds.people import GuessRate
 
@@ -44,26 +45,27 @@ def deviance_p(
     *,
     fits: Sequence[PsychometricFit],
     guesses: Sequence[GuessRate],
+    x_scale: XScale,
     seed: int,
 ) -> Floats:
-    """Return `bootstrap_p` of the fits that have a threshold, NaN for the others: (fits,).
+    """Return `bootstrap_p` of the fits that have a likeliest function, NaN for others: (fits,).
 
     Tables and guess rates are those that `fit_many` took; a distributed rate counts as its mean.
     """
     found = np.full(len(fits), np.nan)
-    some = [i for i, fit in enumerate(fits) if fit.status in WITH_THRESHOLD]
+    some = [i for i, fit in enumerate(fits) if fit.mle_sigma > 0]
     if not some:
         return found
-    scaled = scale(x[some], presented[some])
+    step = np.array([Ruler.of(x[i][presented[i] > 0], x_scale).step for i in some])
     tables = Tables(
-        u=scaled.u,
+        u=x[some] / step[:, None],
         detected=detected[some],
         presented=presented[some],
         guess_rate=np.array([guesses[i].mean for i in some]),
     )
     likeliest = [(fits[i].mle_threshold, fits[i].mle_sigma, fits[i].mle_lapse_rate) for i in some]
     mu, sigma, lapse = np.array(likeliest).T
-    best = np.stack([(mu - scaled.low) / scaled.width, np.log(sigma / scaled.width), lapse], axis=1)
+    best = np.stack([mu / step, np.log(sigma / step), lapse], axis=1)
     found[some] = bootstrap_p(tables, best, seed=seed)
     return found
 
@@ -80,9 +82,9 @@ def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = RE
 
     A table that is its own fit deviates less than any that is drawn:
 
-    >>> one = Tables(u=np.array([[0.0, 0.5, 1.0]]), detected=np.array([[16.0, 50.0, 84.0]]),
+    >>> one = Tables(u=np.array([[0.0, 2.0, 4.0]]), detected=np.array([[16.0, 50.0, 84.0]]),
     ...              presented=np.full((1, 3), 100.0), guess_rate=np.zeros(1))
-    >>> best = fit_lapsing(one, np.array([[0.5, -0.7, 0.0]]))
+    >>> best = fit_lapsing(one, np.array([[2.0, 0.7, 0.0]]))
     >>> bool(bootstrap_p(one, best, seed=1, replicates=99)[0] > 0.9)
     True
     """

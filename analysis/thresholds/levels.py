@@ -10,10 +10,10 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from analysis.axis import VOLTS
-from analysis.thresholds.fit import fit_many
-from analysis.thresholds.likelihood import Tables, scale
+from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
+from analysis.thresholds.grid import Ruler, surfaces
 from analysis.thresholds.people import GuessRate, people_of
-from analysis.thresholds.posterior import STANDARD, posterior
+from analysis.thresholds.posterior import posterior
 from analysis.thresholds.table import printed
 from experiment.study.sections.design import LEAST_LEVEL_VPP
 
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 FELT: Final = (0.15, 0.35, 0.55, 0.75, 0.95)
 """How often the placed levels are to be felt: between guesses and lapses."""
 
-_PLACING: Final = ("ok", "lapse_at_bound", "separated")
-"""Statuses of pilots whose posterior tells where the threshold lies."""
 _WIDEST_DB: Final = 14.0
 """Limits of a pilot's threshold that lie farther apart place levels nearly anywhere."""
 _LOWEST_MOST: Final = 0.35
@@ -125,7 +123,7 @@ def place_levels(
     guess = people.guesses[0].rate
     x = np.log10(people.level_vpp)
     fit = fit_many(x, people.detected, people.presented, guesses=[guess])[0]
-    if fit.status not in _PLACING:
+    if fit.status not in WITH_THRESHOLD:
         words = printed(fit, people.level_vpp[0], VOLTS)
         raise LevelsError(
             f"the pilot of participant {participant} cannot place levels: {fit.status} ({words}); "
@@ -158,18 +156,14 @@ def place_levels(
 
 def _known(people: PersonCounts, guess: GuessRate) -> tuple[Function, tuple[float, float]]:
     """Return the function at the posterior medians, and the threshold's limits."""
-    scaled = scale(np.log10(people.level_vpp), people.presented)
-    tables = Tables(
-        u=scaled.u,
-        detected=people.detected,
-        presented=people.presented,
-        guess_rate=np.array([guess.mean]),
-    )
-    known = posterior(tables, [guess])
-    low, middle, high = 10 ** (scaled.low[0] + scaled.width[0] * known.mu[0])
+    x = np.log10(people.level_vpp)
+    ruler = Ruler.of(x[people.presented > 0], "log10")
+    counts = (x / ruler.step, people.detected, people.presented)
+    known = posterior(surfaces(*counts, rulers=[ruler], guesses=[guess]), [ruler])
+    low, middle, high = 10 ** (known.mu[0] * ruler.step)
     function = Function(
         threshold_vpp=float(middle),
-        sigma=float(scaled.width[0] * np.exp(known.log_sigma[0, 1])),
+        sigma=float(ruler.step * np.exp(known.log_sigma[0, 1])),
         lapse_rate=float(known.lapse_rate[0]),
         guess_rate=guess.mean,
     )
@@ -215,22 +209,19 @@ def expected_error_db(
     stimuli are spread evenly over the levels; one level alone finds no threshold: NaN.
     """
     x = np.log10(levels_vpp)
-    width = float(np.ptp(x))
-    if width == 0:
+    if np.ptp(x) == 0:
         return math.nan
     shown = np.diff(np.round(np.linspace(0, trials, len(x) + 1))).astype(np.int64)
     p = function.guess_rate + (1 - function.guess_rate - function.lapse_rate) * _felt(
         function, levels_vpp
     )
     drawn = np.random.default_rng(seed).binomial(shown, p, (_STUDIES, len(x)))
-    tables = Tables(
-        u=np.broadcast_to((x - x[0]) / width, drawn.shape),
-        detected=drawn.astype(np.float64),
-        presented=np.broadcast_to(shown.astype(np.float64), drawn.shape),
-        guess_rate=np.full(_STUDIES, function.guess_rate),
-    )
-    known = posterior(tables, [GuessRate(mean=function.guess_rate)] * _STUDIES, STANDARD)
-    errors = x[0] + width * known.mu[:, 1] - math.log10(function.threshold_vpp)
+    ruler = Ruler.of(x, "log10")
+    counts = (drawn.astype(np.float64), np.broadcast_to(shown.astype(np.float64), drawn.shape))
+    rulers, guesses = [ruler] * _STUDIES, [GuessRate(mean=function.guess_rate)] * _STUDIES
+    u = np.broadcast_to(x / ruler.step, drawn.shape)
+    known = posterior(surfaces(u, *counts, rulers=rulers, guesses=guesses), rulers)
+    errors = known.mu[:, 1] * ruler.step - math.log10(function.threshold_vpp)
     return 20 * math.sqrt(float(np.square(errors).mean()))
 
 

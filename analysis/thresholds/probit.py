@@ -157,3 +157,27 @@ def _halved(
 def _log_likelihood(line: Floats, x: Floats, detected: Floats, presented: Floats) -> Floats:
     z = line[:, :1] + line[:, 1:] * x
     return np.asarray((detected * log_ndtr(z) + (presented - detected) * log_ndtr(-z)).sum(axis=1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scaled:
+    """Levels of many tables, scaled."""
+
+    u: Floats  # from 0 to 1, (fits, levels); where nothing was presented, 0
+    low: Floats  # each table's lowest level, and beside it its range: (fits,)
+    width: Floats
+
+
+def scale(x: Floats, presented: Floats) -> Scaled:
+    """Scale the levels at which something was presented to run from 0 to 1.
+
+    Examples
+    --------
+    >>> scale(np.array([[5.0, 7.0, 9.0]]), np.array([[1.0, 1.0, 0.0]])).u.tolist()
+    [[0.0, 1.0, 0.0]]
+    """
+    lowest = np.where(presented > 0, x, np.inf).min(axis=1)
+    at = np.where(presented > 0, x, lowest[:, None])
+    width = np.ptp(at, axis=1)
+    u = (at - lowest[:, None]) / np.where(width > 0, width, 1.0)[:, None]
+    return Scaled(u=u, low=lowest, width=width)

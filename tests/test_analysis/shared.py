@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 
 from analysis import ColumnMap, ResultFileError
 from analysis.reading.load import read_inputs
-from analysis.thresholds.likelihood import Tables
+from analysis.thresholds.mle import Tables
 from experiment.terms.record import TrialRow, is_correct, trials_csv
 from tactstrip import main
 

@@ -94,7 +94,7 @@ def earlier(example: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_the_example_gives_every_file(example: Path) -> None:
-    assert set(files(example)) == {*NAMES} - {"control.csv"}  # it has no such trials
+    assert set(files(example)) == {*NAMES} - {"control.csv", "differences.csv"}  # one condition
 
 
 @pytest.mark.slow
@@ -124,14 +124,15 @@ def test_the_tables_have_the_promised_columns(example: Path) -> None:
         assert files(example)[name].splitlines()[0].decode() == ",".join(columns.split())
 
 
+@pytest.mark.slow
 def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     run("analyze", *EXAMPLE, "--out", tmp_path, "--seed", 7, "--no-figures")
     told = summary(tmp_path)
     assert list(told) == [
         *("schema", "definitions", "inputs", "versions", "seed", "counts", "mark", "devices"),
         *("altered", "not_compared", "contact", "excluded", "levels"),
-        *("both", "blank", "control", "thresholds", "groups", "population", "choice"),
-        *("reaction_times", "warnings"),
+        *("both", "blank", "control", "thresholds", "groups", "differences", "population"),
+        *("choice", "reaction_times", "warnings"),
     ]
     assert told["inputs"] == [
         {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}

@@ -24,7 +24,6 @@ from analysis.results.figures.figures import FIGURES
 from analysis.results.figures.reaction import draw as draw_reaction
 from analysis.results.figures.thresholds import draw as draw_thresholds
 from analysis.results.tables import Analysis, analyse
-from analysis.thresholds.table import group_table
 from tests.test_analysis.shared import LEAST, PAPER, felt, loaded
 
 if TYPE_CHECKING:
@@ -158,34 +157,35 @@ NAN = float("nan")
 FOUND = ("ok", 90.0, 80.0, 101.0, "")
 BELOW = ("threshold_below_levels", NAN, NAN, NAN, "< 60 V")
 ABOVE = ("threshold_above_levels", NAN, NAN, NAN, "> 200 V")
-SENTENCES = ("below the lowest tested level", "above the highest tested level", "median of 4")
+SENTENCES = ("below the lowest tested level", "above the highest tested level", "group of 4")
 
 
 @pytest.mark.parametrize(
     ("people", "present", "absent"),
     [
         (
-            [FOUND, ("ok", 100.0, 20.0, 900.0, "")],
-            ("Threshold (V peak-to-peak, log.)", "threshold, 95 % interval", "mean of 2"),
+            [FOUND, ("ok", 100.0, NAN, 900.0, "")],
+            ("Threshold (V peak-to-peak, log.)", "threshold, 95 % interval", "group of 2"),
             (),
         ),
-        ([FOUND, BELOW, BELOW, ABOVE], SENTENCES, ("mean of",)),
+        ([FOUND, BELOW, BELOW, ABOVE], SENTENCES, ()),
         ([FOUND, ("flat", NAN, NAN, NAN, "")], ("<!-- S01 -->", "none: flat"), ()),
         ([FOUND] * 61, ("61 participants",), ("<!-- S01 -->",)),
-        ([BELOW, BELOW], ("median of 2",), ()),
+        ([FOUND], (), ("group of",)),
     ],
-    ids=["interval and unit", "censored: no mean", "none: why", "a crowd", "censored only"],
+    ids=["interval and unit", "censored", "none: why", "a crowd", "one person"],
 )
 def test_thresholds_are_drawn_with_their_words(
     people: list[tuple[Any, ...]], present: tuple[str, ...], absent: tuple[str, ...]
 ) -> None:
     limits = ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
+    group = dict(zip(("status", *limits), ("ok", 95.0, NAN, 120.0), strict=True))
     thresholds = pd.DataFrame(people, columns=["status", *limits, "printed"])
     names = [f"S{number:02d}" for number in range(len(people))]
     thresholds = thresholds.assign(participant=names, condition="main")
     shown = analysis_of(
         thresholds=thresholds,
-        groups=group_table(thresholds),
+        groups=pd.DataFrame([group | {"condition": "main", "participants": len(people)}]),
         participants=pd.DataFrame({"level_vpp": PAPER}),
     )
     svg = written(lambda: draw_thresholds(shown))[1].decode()

@@ -10,13 +10,13 @@ import pytest
 from analysis import GuessRate, PsychometricFit
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.goodness import bootstrap_p, deviance_p
-from analysis.thresholds.likelihood import fit_lapsing
+from analysis.thresholds.mle import fit_lapsing
 from analysis.thresholds.probit import deviance
 from benchmarks.calibration import psychometric
 from tests.test_analysis.shared import counts_at
 
 LEVELS = [60.0, 85.0, 110.0, 140.0, 200.0]
-U = np.log(np.array(LEVELS) / 60) / np.log(200 / 60)
+U = 20 * np.log10(np.array(LEVELS) / 60)
 
 
 tables = partial(counts_at, U)
@@ -29,7 +29,7 @@ def test_p_is_uniform_under_the_model(guess: float) -> None:
     p = psychometric(LEVELS, threshold_vpp=105, sigma=0.12, guess_rate=guess, lapse_rate=0.02)
     k = np.random.default_rng(1).binomial(30, p, (400, 5)).astype(float)
     drawn = tables(k, 30, guess)
-    best = fit_lapsing(drawn, np.tile([0.5, -1.0, 0.02], (400, 1)))
+    best = fit_lapsing(drawn, np.tile([5.0, 1.0, 0.02], (400, 1)))
     values = bootstrap_p(drawn, best, seed=2)
     assert ((values > 0) & (values <= 1)).all()
     for share, sd in ((0.05, 0.011), (0.25, 0.022), (0.5, 0.025)):
@@ -38,7 +38,7 @@ def test_p_is_uniform_under_the_model(guess: float) -> None:
 
 def test_a_table_that_no_function_gives_has_the_least_p() -> None:
     drawn = tables([2, 25, 6, 28, 29], 30)
-    best = fit_lapsing(drawn, np.array([[0.4, -1.0, 0.02]]))
+    best = fit_lapsing(drawn, np.array([[4.0, 1.0, 0.02]]))
     assert bootstrap_p(drawn, best, seed=1)[0] == pytest.approx(1 / 500)
     assert bootstrap_p(drawn, best, seed=1, replicates=49)[0] == pytest.approx(1 / 50)
 
@@ -48,7 +48,7 @@ def test_neither_order_nor_company_nor_empty_levels_matter() -> None:
     x, n = np.tile(np.log10(LEVELS), (3, 1)), np.full((3, 5), 30.0)
     guesses = [GuessRate(mean=0.0)] * 3
     fits = fit_many(x, k, n, guesses=guesses)
-    p = partial(deviance_p, guesses=guesses)
+    p = partial(deviance_p, guesses=guesses, x_scale="log10")
     values = p(x, k, n, fits=fits, seed=5).tolist()
     assert p(x[::-1], k[::-1], n[::-1], fits=fits[::-1], seed=5).tolist() == values[::-1]
     padded = [np.pad(one, ((0, 0), (0, 2)), constant_values=0.0) for one in (x, k, n)]
@@ -60,7 +60,7 @@ def test_a_fit_without_a_threshold_has_no_p() -> None:
     x, k = np.log10([LEVELS]), np.full((1, 5), 30.0)
     guesses = [GuessRate(mean=0.0)]
     none = [PsychometricFit(status="threshold_below_levels")]
-    assert np.isnan(deviance_p(x, k, k, fits=none, guesses=guesses, seed=1)).all()
+    assert np.isnan(deviance_p(x, k, k, fits=none, guesses=guesses, x_scale="log10", seed=1)).all()
 
 
 def test_the_deviance_is_zero_where_the_proportions_are_met_and_ignores_empty_places() -> None:

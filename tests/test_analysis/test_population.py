@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis.groups.population import PopulationThreshold, population_thresholds
 from analysis.thresholds.people import people_of, people_of_counts
-from analysis.thresholds.population import PopulationThreshold, population_thresholds
 from benchmarks.calibration import psychometric
 from tests.test_analysis.shared import felt
 
@@ -103,7 +103,7 @@ def test_more_trials_than_the_model_can_hold_are_told() -> None:
     ("trials", "said"),
     [
         (study(people=1), "one participant tells nothing of others"),
-        (study(none_offered=False), "a guess rate is 0.5, above 0.03"),
+        (study(none_offered=False), "the guess rate is 0.5, above 0.03"),
         (study(level_vpp=60.0), "one level only"),
         (study(response="left"), "nothing is missed above a level"),
         (study(response="none"), "nothing is missed above a level"),
@@ -119,7 +119,7 @@ def test_where_the_model_does_not_hold_it_only_says_why(trials: pd.DataFrame, sa
 @pytest.mark.process
 def test_statsmodels_is_imported_by_nothing_else() -> None:
     code = (
-        "import sys, analysis.thresholds.table, analysis.thresholds.population; "
+        "import sys, analysis.thresholds.table, analysis.groups.population; "
         "print('statsmodels' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)

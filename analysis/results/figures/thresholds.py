@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from analysis.results.tables import Analysis
 
 
-BELOW: Final = "threshold_below_levels"
-ABOVE: Final = "threshold_above_levels"
+_BELOW: Final = ("threshold_below_levels", "median_below_levels")
+_ABOVE: Final = ("threshold_above_levels", "median_above_levels")
 
 _PERSON = "black"
 _WORDS_COLOUR = "#595959"
@@ -36,7 +36,7 @@ _ROW_IN = 0.21
 _TALLEST_IN = 9.0
 _AROUND_IN = 2.0
 _BEYOND = 0.35
-_POINTED = {BELOW: "<", ABOVE: ">"}
+_POINTED = dict.fromkeys(_BELOW, "<") | dict.fromkeys(_ABOVE, ">")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,10 +62,11 @@ def alt(analysis: Analysis) -> str:
 
 
 def draw(analysis: Analysis) -> Figure:
-    """Draw one line for each participant, and median and mean below.
+    """Draw one line for each participant, and the group's below.
 
-    A threshold outside the tested levels is an arrow at their end; where there is none the reason
-    stands in words. Above 60 participants the lines are ordered by threshold and not named.
+    A threshold outside the tested levels is an arrow at their end, with the limit that is known;
+    an open limit runs to the end of the axis; where there is none the reason stands in words. Above
+    60 participants the lines are ordered by threshold and not named.
     """
     conditions = list(analysis.groups["condition"])
     rows = [_rows(analysis, condition) for condition in conditions]
@@ -83,41 +84,36 @@ def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
     group = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
     if len(people) > _NAMED:
         rank = people["threshold_vpp"].astype(float)
-        rank = rank.mask(people["status"].eq(BELOW), -np.inf).mask(
-            people["status"].eq(ABOVE), np.inf
+        rank = rank.mask(people["status"].isin(_BELOW), -np.inf).mask(
+            people["status"].isin(_ABOVE), np.inf
         )
         people = people.iloc[np.argsort(rank.to_numpy(), kind="stable")]
     rows = [_row(str(one["participant"]), one) for _, one in people.iterrows()]
-    nan = float("nan")
-    number = group["participants"]
-    if number > 1:
-        status, at = str(group["status"]), float(group["median_vpp"])
-        words = "no median" if np.isnan(at) else ""
-        rows.append(_Mark(name=f"median of {number}", at=at, low=nan, high=nan, status=status,
-                         words=words, colour=GROUP))  # fmt: skip
-    if not np.isnan(group["mean_vpp"]):
-        at, low, high = (float(group[n]) for n in ("mean_vpp", "mean_low_vpp", "mean_high_vpp"))
-        rows.append(_Mark(name=f"mean of {number}", at=at, low=low, high=high, status="ok",
-                         words="", colour=GROUP))  # fmt: skip
+    if group["participants"] > 1:
+        rows.append(_row(f"group of {group['participants']}", group, GROUP))
     return rows
 
 
-def _row(name: str, one: pd.Series[Any]) -> _Mark:
+def _row(name: str, one: pd.Series[Any], colour: str = _PERSON) -> _Mark:
     at, low, high = (
         float(one[column])
         for column in ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
     )
-    return _Mark(name=name, at=at, low=low, high=high, status=str(one["status"]),
-                words=f"none: {str(one['status']).replace('_', ' ')}", colour=_PERSON)  # fmt: skip
+    status = str(one["status"])
+    if status in _POINTED or not np.isnan(at):  # what a table calls n/a is an open limit
+        low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+    return _Mark(name=name, at=at, low=low, high=high, status=status,
+                words=f"none: {status.replace('_', ' ')}", colour=colour)  # fmt: skip
 
 
 def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
     first, last = _just_outside(axes, levels_vpp)
-    named = len(rows) <= _NAMED + 2
+    named = len(rows) <= _NAMED + 1
     for place, row in enumerate(rows):
         if row.status in _POINTED:
-            where = first if row.status == BELOW else last
+            where = first if row.status in _BELOW else last
+            _draw_limits(axes, row, place)
             axes.plot(where, place, color=row.colour, marker=_POINTED[row.status], ms=6, zorder=3)
         elif not np.isnan(row.at):
             _draw_value(axes, row, place, size=4.0 if named else 2.0)
@@ -138,6 +134,12 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
 
 
 def _draw_value(axes: Axes, row: _Mark, place: int, *, size: float) -> None:
+    _draw_limits(axes, row, place)
+    marker = "D" if row.colour == GROUP else "o"
+    axes.plot(row.at, place, color=row.colour, marker=marker, ms=size, zorder=3)
+
+
+def _draw_limits(axes: Axes, row: _Mark, place: int) -> None:
     left, right = axes.get_xlim()
     if not np.isnan(row.low):
         axes.hlines(place, max(row.low, left), min(row.high, right), color=row.colour, lw=1.4)
@@ -148,8 +150,6 @@ def _draw_value(axes: Axes, row: _Mark, place: int, *, size: float) -> None:
             at = min(max(limit, left), right)
             axes.plot(at, place, color=row.colour, marker=marker if beyond else "|", ms=4,
                       ls="", clip_on=False)  # fmt: skip
-    marker = "D" if row.colour == GROUP else "o"
-    axes.plot(row.at, place, color=row.colour, marker=marker, ms=size, zorder=3)
 
 
 def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
@@ -167,12 +167,13 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
     if any(not np.isnan(row.at) and row.colour == _PERSON for row in rows):
         told = "threshold, 95 % interval"
         axes.plot([], [], color=_PERSON, marker="o", ms=4, lw=1.4, label=told)
-    for status, words in (
-        (BELOW, "below the lowest tested level"),
-        (ABOVE, "above the highest tested level"),
+    for statuses, words in (
+        (_BELOW, "below the lowest tested level"),
+        (_ABOVE, "above the highest tested level"),
     ):
-        if status in held:
-            axes.plot([], [], color=_PERSON, marker=_POINTED[status], ls="", ms=6, label=words)
+        if held.intersection(statuses):
+            pointed = _POINTED[statuses[0]]
+            axes.plot([], [], color=_PERSON, marker=pointed, ls="", ms=6, label=words)
     if any(row.colour == GROUP for row in rows):
-        told = "group; of a mean, 95 % interval"
+        told = "group, everybody taking part, 95 % interval"
         axes.plot([], [], color=GROUP, marker="D", ms=4, lw=1.4, label=told)

@@ -13,10 +13,12 @@ from analysis.axis import VOLTS
 from analysis.thresholds.probit import increasing_exists
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
-    from analysis.thresholds.people import PersonCounts
+    from analysis.thresholds.people import Guessing, PersonCounts
 
     Floats = NDArray[np.float64]
 
@@ -98,7 +100,7 @@ def _population(people: PersonCounts, condition: str, axis: Axis) -> PopulationT
     cells = (np.array(rows)[person], column)
     x = axis.on_axis(people.level_vpp[cells])
     detected, presented = people.detected[cells], people.presented[cells]
-    reason = _reason(x, detected, presented, [people.guesses[i].rate.mean for i in rows])
+    reason = _reason(x, detected, presented, [people.guesses[i] for i in rows])
     fitted = None if reason else _fit(x, detected, presented, person)
     if fitted is None:
         return PopulationThreshold(
@@ -120,14 +122,14 @@ def _population(people: PersonCounts, condition: str, axis: Axis) -> PopulationT
     )
 
 
-def _reason(x: Floats, detected: Floats, presented: Floats, guess_rates: list[float]) -> str:
+def _reason(x: Floats, detected: Floats, presented: Floats, guesses: Sequence[Guessing]) -> str:
     """Say why there is no such model, or nothing."""
-    if len(guess_rates) == 1:
+    if len(guesses) == 1:
         return "one participant tells nothing of others"
-    if max(guess_rates) > _MOST_GUESSES:
+    rate = _guess_rate(guesses)
+    if rate > _MOST_GUESSES:
         return (
-            f"the model has no guesses, and a guess rate is {max(guess_rates):.2g}, "
-            f"above {_MOST_GUESSES:g}"
+            f"the model has no guesses, and the guess rate is {rate:.2g}, above {_MOST_GUESSES:g}"
         )
     if np.ptp(x) == 0:
         return "one level only"
@@ -136,6 +138,17 @@ def _reason(x: Floats, detected: Floats, presented: Floats, guess_rates: list[fl
     if not increasing_exists(x[None], detected[None], presented[None])[0]:
         return "nothing is missed above a level at which something is felt"
     return ""
+
+
+def _guess_rate(guesses: Sequence[Guessing]) -> float:
+    """Return the rate at which blank trials of all were answered with one side, or 1/2.
+
+    What is only assumed of guesses, for want of blank trials, says nothing against the model.
+    """
+    forced = [one.rate.mean for one in guesses if one.rate.beta is None]
+    after = [one.rate.beta for one in guesses if one.rate.beta and one.basis != "assumed"]
+    answered, blanks = sum(a - 0.5 for a, _ in after), sum(a + b - 1 for a, b in after)
+    return max([*forced, answered / blanks if blanks else 0.0])
 
 
 def _fit(

@@ -1,12 +1,13 @@
-"""The likelihood of a psychometric function with guesses and lapses, and where it is greatest.
+"""The likeliest psychometric function with guesses and lapses, of many tables at once.
 
-The levels of each table are scaled so that they run from 0 to 1. Parameters are mu, log sigma and
-lambda, bounded as their prior is (docs/statistics.md, section 8); tables are arrays (fits, levels),
-unused places have ``presented`` 0.
+Levels are in steps of the prior (`analysis.thresholds.grid.Ruler`). Parameters are mu, log sigma
+and lambda, bounded where the prior's grid ends; tables are arrays (fits, levels), unused places
+have ``presented`` 0.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -19,10 +20,16 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-LOWER: Final = (-1.0, float(np.log(0.02)), 0.0)
-UPPER: Final = (1.5, 0.0, 0.1)
-"""Bounds of mu, log sigma and lambda on the scaled levels."""
-
+SIGMA_MEDIAN: Final = 2.0
+SIGMA_FACTOR: Final = 2.5
+REACH: Final = 24.0
+"""So far outside the levels a threshold is looked for."""
+MOST_LAPSES: Final = 0.1
+LOG_SIGMA: Final = (
+    math.log(SIGMA_MEDIAN) - 3.2 * math.log(SIGMA_FACTOR),
+    math.log(SIGMA_MEDIAN) + 3.2 * math.log(SIGMA_FACTOR),
+)
+"""Between these log sigma is looked for: 99.9 % of its prior."""
 _MOST_STEPS: Final = 200
 _ENOUGH: Final = 1e-12
 _SQRT_2PI: Final = float(np.sqrt(2 * np.pi))
@@ -42,7 +49,7 @@ _LEAST: Final = 1e-100
 class Tables:
     """Counts at scaled levels, many tables at once: (fits, levels)."""
 
-    u: Floats  # levels, scaled to run from 0 to 1
+    u: Floats  # levels, in steps of the prior
     detected: Floats
     presented: Floats
     guess_rate: Floats  # gamma, the probability of a detection of what is not felt: (fits,)
@@ -53,6 +60,17 @@ class Tables:
             detected=self.detected[which],
             presented=self.presented[which],
             guess_rate=self.guess_rate[which],
+        )
+
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Return the least and greatest mu, log sigma and lambda, (fits, 3) each."""
+        used = self.presented > 0
+        lowest = np.where(used, self.u, np.inf).min(axis=1) - REACH
+        highest = np.where(used, self.u, -np.inf).max(axis=1) + REACH
+        ones = np.ones(len(self))
+        return (
+            np.stack([lowest, LOG_SIGMA[0] * ones, 0.0 * ones], axis=1),
+            np.stack([highest, LOG_SIGMA[1] * ones, MOST_LAPSES * ones], axis=1),
         )
 
     def __len__(self) -> int:
@@ -96,12 +114,14 @@ def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Fl
     # Thousands of drawn tables are fitted at once, which a general optimiser takes one by one; with
     # expected instead of observed information a step goes uphill wherever its damping is enough,
     # and each table keeps a damping of its own.
-    at = np.clip(start, LOWER, UPPER)
+    lower, upper = tables.bounds()
+    at = np.clip(start, lower, upper)
     value, damping = log_likelihood(tables, at), np.ones(len(tables))
     active = np.arange(len(tables))
     for _ in range(_MOST_STEPS):
         part, here, best = tables[active], at[active], value[active]
-        new = np.clip(here + _free_step(part, here, damping[active]), LOWER, UPPER)
+        ends = (lower[active], upper[active])
+        new = np.clip(here + _free_step(part, here, damping[active], ends), *ends)
         reached = log_likelihood(part, new)
         better = reached >= best - _ROUNDING * np.abs(best)
         moving = (np.abs(new - here) > _ENOUGH).any(axis=1)
@@ -117,19 +137,20 @@ def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Fl
 
 def at_upper_lapse(parameters: Floats) -> NDArray[np.bool_]:
     """Tell where lambda stands at its upper bound, shape (fits,)."""
-    return np.asarray(parameters[:, 2] >= UPPER[2] - _AT_BOUND)
+    return np.asarray(parameters[:, 2] >= MOST_LAPSES - _AT_BOUND)
 
 
-def _free_step(tables: Tables, at: Floats, damping: Floats) -> Floats:
+def _free_step(tables: Tables, at: Floats, damping: Floats, ends: tuple[Floats, Floats]) -> Floats:
     """Return (information + damping)^-1 times score, over the parameters that are free to move."""
     score, information = _score(tables, at)
-    stuck = ((at <= LOWER) & (score < 0)) | ((at >= UPPER) & (score > 0))
+    lower, upper = ends
+    stuck = ((at <= lower) & (score < 0)) | ((at >= upper) & (score > 0))
     metric = np.stack([np.exp(-2 * at[:, 1]), np.ones(len(at)), np.full(len(at), _LAPSE)], axis=1)
     size = np.einsum("fii->fi", information)
     information += (damping[:, None] * metric + _SOLVABLE * size)[:, :, None] * np.eye(3)
     for _ in range(2):
         step = _solve(score, information, stuck)
-        leaving = ((at <= LOWER) & (step < 0)) | ((at >= UPPER) & (step > 0))
+        leaving = ((at <= lower) & (step < 0)) | ((at >= upper) & (step > 0))
         if not (leaving & ~stuck).any():
             break
         stuck |= leaving
@@ -156,27 +177,3 @@ def _score(tables: Tables, at: Floats) -> tuple[Floats, Floats]:
     score = (slopes * (tables.detected / p - missed / q)[:, None, :]).sum(axis=2)
     weight = tables.presented / (p * q)
     return score, np.einsum("fil,fjl,fl->fij", slopes, slopes, weight)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scaled:
-    """Levels of many tables, scaled."""
-
-    u: Floats  # from 0 to 1, (fits, levels); where nothing was presented, 0
-    low: Floats  # each table's lowest level, and beside it its range: (fits,)
-    width: Floats
-
-
-def scale(x: Floats, presented: Floats) -> Scaled:
-    """Scale the levels at which something was presented to run from 0 to 1.
-
-    Examples
-    --------
-    >>> scale(np.array([[5.0, 7.0, 9.0]]), np.array([[1.0, 1.0, 0.0]])).u.tolist()
-    [[0.0, 1.0, 0.0]]
-    """
-    lowest = np.where(presented > 0, x, np.inf).min(axis=1)
-    at = np.where(presented > 0, x, lowest[:, None])
-    width = np.ptp(at, axis=1)
-    u = (at - lowest[:, None]) / np.where(width > 0, width, 1.0)[:, None]
-    return Scaled(u=u, low=lowest, width=width)

@@ -1,0 +1,155 @@
+"""The threshold of a group, in which everybody takes part.
+
+Person i: mu_i ~ N(M, tau), log sigma_i ~ N(S, omega), guesses and lapses integrated out
+(docs/statistics.md, section 8). Nothing is drawn: each value of the hyperparameters is two products
+of matrices with each person's likelihood on its grid.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr
+
+from analysis.thresholds.density import quantiles, trapezoid
+from analysis.thresholds.grid import sigma_prior
+from analysis.thresholds.mle import SIGMA_FACTOR, SIGMA_MEDIAN
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from analysis.thresholds.grid import Ruler, Surface
+
+    Floats = NDArray[np.float64]
+
+
+SPREAD: Final = 6.0
+"""Half-normal prior of tau, steps; smaller ones cover too little where people differ much."""
+_LEAST_SPREAD: Final = 0.05
+_OMEGA: Final = np.array([0.15, 0.4, 0.8])
+"""log sigma of people varies by this; half-normal prior of 0.5. Three values are enough."""
+_OMEGA_SPREAD: Final = 0.5
+_OUTSIDE: Final = 18.0
+_TINY: Final = 1e-300
+_MATTERS: Final = 1e-5
+"""Of the greatest density; what is less likely is left out of the next grid."""
+_PASSES: Final = 12
+_SETTLED: Final = 0.6
+_SQRT_2PI: Final = math.sqrt(2 * math.pi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hierarchy:
+    """The posterior of the middle M and the spread tau of a group, in steps of the prior."""
+
+    middle: Floats
+    spread: Floats
+    density: Floats  # (middle, spread), priors included
+
+    def of_middle(self) -> Floats:
+        """Return the points of `density.QUANTILES` of M."""
+        return np.asarray(quantiles((self.density @ trapezoid(self.spread))[None], self.middle)[0])
+
+    def of_spread(self) -> Floats:
+        """Return the points of `density.QUANTILES` of tau."""
+        return np.asarray(quantiles((trapezoid(self.middle) @ self.density)[None], self.spread)[0])
+
+    def of_a_new_person(self) -> Floats:
+        """Return the points of `density.QUANTILES` of the next person's mu."""
+        weight = np.outer(trapezoid(self.middle), trapezoid(self.spread)) * self.density
+        reach = 5 * self.spread[-1]
+        mu = np.linspace(self.middle[0] - reach, self.middle[-1] + reach, 161)
+        z = (mu[:, None, None] - self.middle[:, None]) / self.spread
+        normal = np.exp(-0.5 * z * z) / self.spread
+        return np.asarray(quantiles((normal * weight).sum(axis=(1, 2))[None], mu)[0])
+
+
+def normal_weights(x: Floats, middle: Floats, spread: Floats) -> Floats:
+    """Return the weights by which values at nodes x are averaged over normal distributions.
+
+    Exact for what is linear between the nodes and flat beyond them, however narrow the
+    distribution; shape (middle, x), for as many spreads as middles.
+
+    >>> x = np.array([0.0, 1.0, 3.0])
+    >>> weights = normal_weights(x, np.array([1.4]), np.array([1e-9]))
+    >>> weights.round(6).tolist(), bool(np.isclose((weights @ x)[0], 1.4))
+    ([[0.0, 0.8, 0.2]], True)
+    """
+    # The mean of Phi over each cell, from its antiderivative; its differences are the integrals of
+    # hat functions.
+    z = (x - middle[:, None]) / spread[:, None]
+    rising = spread[:, None] * (z * ndtr(z) + np.exp(-0.5 * z * z) / _SQRT_2PI)
+    below = np.diff(rising, axis=1) / np.diff(x)
+    ends = np.ones((len(middle), 1))
+    return np.maximum(np.diff(below, axis=1, prepend=0 * ends, append=ends), 0.0)
+
+
+def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool = True) -> Hierarchy:
+    """Return the posterior of a group from its people's likelihoods, on the ruler of all levels.
+
+    M has the prior of a single mu, or none: a difference of two groups is not to be pulled to 0.
+    """
+    outside = np.arange(1, 8) / 7 * _OUTSIDE
+    between = np.linspace(ruler.low, ruler.high, 25)
+    middle = np.unique(np.concatenate([ruler.low - outside, between, ruler.high + outside]))
+    spread = _LEAST_SPREAD + np.concatenate([[0.0], 0.3 * np.cumsum(1.4 ** np.arange(10))])
+    half = 2.4 * math.log(SIGMA_FACTOR)
+    log_sigma = math.log(SIGMA_MEDIAN) + np.linspace(-half, half, 7)
+    # A coarse grid over the priors finds what matters; a grid on that is the last one, unless it
+    # shows that less of it matters.
+    for turn in range(_PASSES):
+        total = _log_likelihood(found, middle, spread, log_sigma)
+        of_spread = np.exp(-0.5 * (spread / SPREAD) ** 2)
+        of_omega = np.exp(-0.5 * (_OMEGA / _OMEGA_SPREAD) ** 2)
+        cells = np.exp(total - total.max()) @ of_omega
+        if prior_of_middle:
+            cells *= ruler.mu_prior(middle)[:, None, None]
+        cells *= of_spread[:, None] * sigma_prior(log_sigma)
+        in_middle, in_spread = trapezoid(middle), trapezoid(spread)
+        in_sigma = trapezoid(log_sigma)
+        density = cells @ in_sigma
+        margins = (
+            (middle, density @ in_spread, 41),
+            (spread, in_middle @ density, 21),
+            (log_sigma, np.einsum("mts,m,t->s", cells, in_middle, in_spread), 7),
+        )
+        boxes = [matters(axis, margin) for axis, margin, _ in margins]
+        if turn and not any(
+            np.ptp(box) < _SETTLED * np.ptp(axis)
+            for box, (axis, _, _) in zip(boxes, margins, strict=True)
+        ):
+            break
+        middle, spread, log_sigma = (
+            np.linspace(*box, count) for box, (_, _, count) in zip(boxes, margins, strict=True)
+        )
+        # The density of a small spread is the narrowest.
+        spread = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
+    return Hierarchy(middle=middle, spread=spread, density=density)
+
+
+def _log_likelihood(
+    found: Sequence[Surface], middle: Floats, spread: Floats, log_sigma: Floats
+) -> Floats:
+    """Return the log likelihood of the hyperparameters, shape (middle, spread, S, omega)."""
+    of_mu, of_sigma = ([np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
+                       for axes in ((middle, spread), (log_sigma, _OMEGA)))  # fmt: skip
+    weights: dict[int, Floats] = {}
+    total = np.zeros((len(of_mu[0]), len(of_sigma[0])))
+    for one in found:
+        for axis, (at, width) in ((one.mu, of_mu), (one.log_sigma, of_sigma)):
+            if id(axis) not in weights:
+                weights[id(axis)] = normal_weights(axis, at, width)
+        person = weights[id(one.mu)] @ one.values @ weights[id(one.log_sigma)].T
+        total += np.log(np.maximum(person, _TINY))
+    return total.reshape(len(middle), len(spread), len(log_sigma), len(_OMEGA))
+
+
+def matters(axis: Floats, margin: Floats) -> tuple[float, float]:
+    """Return the ends of what matters, with a node around."""
+    near = np.flatnonzero(margin > _MATTERS * margin.max())
+    return float(axis[max(near[0] - 1, 0)]), float(axis[min(near[-1] + 1, len(axis) - 1)])

@@ -1,0 +1,183 @@
+"""Tables of groups: the threshold of each condition, and the difference of every two."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pandas as pd
+
+from analysis.axis import bounded, rounded, with_limits
+from analysis.groups.group import FEW, PeopleTables, difference_on_axis, group_on_axis
+from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
+from analysis.thresholds.table import WORDS, levels_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from analysis.axis import Axis
+    from analysis.groups.difference import Difference
+    from analysis.groups.group import ConditionDifference, GroupFit
+    from analysis.thresholds.people import PersonCounts
+
+    Floats = NDArray[np.float64]
+
+
+GROUP_COLUMNS: Final = (
+    "condition", "participants", "status", "threshold_vpp", "threshold_low_vpp",
+    "threshold_high_vpp", "spread_db", "spread_low_db", "spread_high_db", "new_low_vpp",
+    "new_high_vpp", "printed", "below", "above",
+)  # fmt: skip
+DIFFERENCE_COLUMNS: Final = (
+    "condition_a", "condition_b", "participant", "difference_db", "low_db", "high_db", "status",
+    "printed",
+)  # fmt: skip
+GROUP: Final = "all"
+_ALONE: Final = "one participant tells nothing of others"
+_BELOW: Final = ("threshold_below_levels", "median_below_levels")
+_ABOVE: Final = ("threshold_above_levels", "median_above_levels")
+
+
+def group_table(people: PersonCounts, axis: Axis) -> pd.DataFrame:
+    """Return the threshold of the group of each condition, in which everybody takes part.
+
+    Parameters
+    ----------
+    people : PersonCounts
+        From `people_of`, or `people_of_counts`.
+    axis : Axis
+        Of the levels.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `GROUP_COLUMNS`, defined in docs/statistics.md, section 4; ``below`` and ``above``
+        count the people whose own threshold lies outside the levels.
+    """
+    people = people.by_content()
+    rows = [
+        [condition, *_group(_tables(people, rows, axis), axis)]
+        for condition, rows in _conditions(people).items()
+    ]
+    return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
+
+
+def difference_table(people: PersonCounts, axis: Axis) -> pd.DataFrame:
+    """Return the difference of every two conditions in dB, per participant and for the group.
+
+    The same people are compared where any took part in both, and others are left out there; where
+    nobody did, the groups are. Nothing is compared on a linear axis, which has no dB.
+
+    Parameters
+    ----------
+    people, axis
+        As for `group_table`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns `DIFFERENCE_COLUMNS`; the last row of a pair is the group's, ``all``.
+    """
+    people = people.by_content()
+    rows: list[list[object]] = []
+    if axis.x_scale == "log10":
+        for (a, rows_a), (b, rows_b) in itertools.combinations(_conditions(people).items(), 2):
+            rows += [[a, b, *row] for row in _pair(people, rows_a, rows_b, axis)]
+    return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
+
+
+def _conditions(people: PersonCounts) -> dict[str, list[int]]:
+    """Return the rows of each condition, sorted by name."""
+    names = sorted({condition for condition, _ in people.names})
+    return {
+        name: [i for i, (condition, _) in enumerate(people.names) if condition == name]
+        for name in names
+    }
+
+
+def _tables(people: PersonCounts, rows: Sequence[int], axis: Axis) -> PeopleTables:
+    chosen = list(rows)
+    return PeopleTables(
+        x=axis.on_axis(people.level_vpp[chosen]),
+        detected=people.detected[chosen],
+        presented=people.presented[chosen],
+        guesses=[people.guesses[i].rate for i in chosen],
+        x_scale=axis.x_scale,
+    )
+
+
+def _group(tables: PeopleTables, axis: Axis) -> list[object]:
+    """Return the values of a group, from ``participants`` on, of `GROUP_COLUMNS`."""
+    number = len(tables.x)
+    if number == 1:
+        return [number, "one_participant", *[math.nan] * 8, _ALONE, math.nan, math.nan]
+    fit, people = group_on_axis(tables)
+    outside = [sum(one.status in words for one in people) for words in (_BELOW, _ABOVE)]
+    levels_vpp = [axis.level(float(x)) for x in np.unique(tables.x[tables.presented > 0])]
+    at, new = (levels_of(limits, axis) for limits in (fit.threshold_limits, fit.new_person_limits))
+    return [
+        number,
+        fit.status,
+        *(_known(value) for value in (axis.level(fit.threshold), *at)),
+        *(_known(value) for value in (fit.spread_db, *fit.spread_limits_db, *new)),
+        _group_words(fit, number, levels_vpp, axis),
+        *outside,
+    ]
+
+
+def _known(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+def _group_words(fit: GroupFit, number: int, levels_vpp: Sequence[float], axis: Axis) -> str:
+    low, high = levels_of(fit.threshold_limits, axis)
+    if fit.status in BOUNDED:
+        return bounded(low, high, axis.unit, levels_vpp)
+    if fit.status not in WITH_THRESHOLD:
+        return WORDS[fit.status]
+    words = with_limits(axis.level(fit.threshold), low, high, axis.unit, levels_vpp)
+    unit = "dB" if axis.x_scale == "log10" else axis.unit
+    least, most = fit.spread_limits_db
+    told = [rounded(value, most - least) for value in (fit.spread_db, least, most)]
+    words += f"; between people {told[0]} {unit} ({told[1]} to {told[2]})"
+    return f"{words}, mostly from its prior" if number < FEW else words
+
+
+def _pair(
+    people: PersonCounts, rows_a: Sequence[int], rows_b: Sequence[int], axis: Axis
+) -> list[list[object]]:
+    """Return the rows of two conditions, from ``participant`` on."""
+    of_a, of_b = ({people.names[i][1]: i for i in rows} for rows in (rows_a, rows_b))
+    both = [name for name in of_a if name in of_b]
+    chosen = (
+        ([of_a[name] for name in both], [of_b[name] for name in both]) if both else (rows_a, rows_b)
+    )
+    a, b = (_tables(people, rows, axis) for rows in chosen)
+    found = difference_on_axis(a, b, same_people=bool(both))
+    rows = [[name, *_difference(one)] for name, one in zip(both, found.people, strict=True)]
+    rows.sort(key=lambda row: str(row[0]))
+    alone = len(both) == 1 or (not both and min(len(rows_a), len(rows_b)) == 1)
+    group = [*[math.nan] * 3, "one_participant", _ALONE] if alone else _difference(found)
+    return [*rows, [GROUP, *group]]
+
+
+def _difference(one: Difference | ConditionDifference) -> list[object]:
+    low, high = one.difference_limits_db
+    return [
+        one.difference_db,
+        _known(low),
+        _known(high),
+        one.status,
+        {
+            # A sign at the beginning would look like a formula to a spreadsheet.
+            "ok": f"{'lower' if one.difference_db < 0 else 'higher'} by "
+            f"{abs(one.difference_db):.1f} dB ({low:+.1f} to {high:+.1f})",
+            "at_least": f"at least {low:+.1f} dB (95 %)",
+            "at_most": f"at most {high:+.1f} dB (95 %)",
+            "unknown": "not bounded by these levels",
+        }[one.status],
+    ]

@@ -1,0 +1,398 @@
+"""Likelihoods of psychometric functions over threshold and width, one grid for everything.
+
+Single thresholds, groups and differences of conditions all start here. Lengths along the axis are
+in steps of its prior: 1 dB where levels are logarithmic, 1/8 of the range where they are linear.
+Prior (docs/statistics.md, section 8): mu uniform between the levels, falling outside as exp(-d/t);
+sigma log-normal; lambda Beta(1, 10) on [0, 0.1]; gamma a number, or Beta.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr
+
+from analysis.thresholds.density import legendre, quantiles, trapezoid
+from analysis.thresholds.mle import (
+    LOG_SIGMA,
+    MOST_LAPSES,
+    REACH,
+    SIGMA_FACTOR,
+    SIGMA_MEDIAN,
+    Tables,
+    fit_lapsing,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from analysis.axis import XScale
+    from analysis.thresholds.people import GuessRate
+
+    Floats = NDArray[np.float64]
+
+
+MOST_GUESSES: Final = 0.9
+_TINY: Final = 1e-300
+_MATTERS: Final = 15.0
+"""Of log likelihood below the greatest: what is less likely counts for nothing."""
+_CHUNK_CELLS: Final = 400_000
+_ZOOMS: Final = 40
+_SETTLED: Final = 0.7
+_ROOM: Final = 0.1
+_CLOSE: Final = 0.1
+"""Steps of the prior; so far the points of a grid and of half of it may lie apart."""
+_SEEN: Final = 0.1
+"""Of the greatest likelihood, that half of the nodes must see."""
+_ALONE: Final = 0.75
+_ALONE_GUESS: Final = 0.4
+"""A single node of lambda or gamma with more of the posterior does not tell its shape."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nodes:
+    """How many points a grid has in each direction."""
+
+    between: int = 61  # of mu between the levels
+    outside: int = 16  # of mu on either side of them, ever farther apart
+    log_sigma: int = 25
+    lapse: int = 6
+    guess: int = 7
+
+
+STANDARD: Final = Nodes()
+"""Limits within 0.03 dB; docs/benchmarks.md has error against time."""
+_ZOOMED: Final = Nodes(outside=0, guess=12)
+_FINEST: Final = Nodes(between=121, outside=0, log_sigma=49, lapse=12, guess=12)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ruler:
+    """The levels of a table, and what a step of the prior is on their axis.
+
+    >>> Ruler.of(np.array([1.0, 2.0]), "log10").step, Ruler.of(np.array([3.0, 11.0]), "linear").step
+    (0.05, 1.0)
+    """
+
+    low: float  # lowest and highest level, in steps
+    high: float
+    step: float  # of the prior, on the axis
+    tail: float  # steps over which the prior of mu falls to 1/e outside the levels
+
+    @classmethod
+    def of(cls, x: Floats, x_scale: XScale) -> Ruler:
+        """Measure levels on the axis; a linear one must have some range."""
+        step, tail = (1 / 20, 3.0) if x_scale == "log10" else (float(np.ptp(x)) / 8, 2.0)
+        return cls(low=float(x.min()) / step, high=float(x.max()) / step, step=step, tail=tail)
+
+    def mu_prior(self, mu: Floats) -> Floats:
+        """Return the prior density of mu, 1 between the levels."""
+        outside = np.maximum(np.maximum(self.low - mu, mu - self.high), 0.0)
+        return np.asarray(np.exp(-outside / self.tail))
+
+
+def sigma_prior(log_sigma: Floats) -> Floats:
+    """Return the prior density of log sigma, 1 at its median."""
+    z = (log_sigma - math.log(SIGMA_MEDIAN)) / math.log(SIGMA_FACTOR)
+    return np.asarray(np.exp(-0.5 * z * z))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Axes:
+    """Nodes along each parameter, and the weights of those that are integrated out."""
+
+    mu: Floats
+    log_sigma: Floats
+    lapse: Floats
+    lapse_weight: Floats
+    guess: Floats
+    guess_weight: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Surface:
+    """The likelihood of one table over mu and log sigma, greatest 1; flat beyond the ends of mu.
+
+    Guesses and lapses are integrated out; mu is in steps of the prior.
+    """
+
+    mu: Floats
+    log_sigma: Floats
+    values: Floats  # (mu, log sigma)
+    lapse_rate: float  # posterior mean
+    best: tuple[float, float, float]  # the likeliest node: mu, log sigma, lambda
+
+    def over_mu(self) -> Floats:
+        """Return the likelihood of mu, sigma integrated out with its prior."""
+        return np.asarray(self.values @ _in_sigma(self.log_sigma))
+
+
+def surfaces(
+    u: Floats,
+    detected: Floats,
+    presented: Floats,
+    *,
+    rulers: Sequence[Ruler],
+    guesses: Sequence[GuessRate],
+    nodes: Nodes = STANDARD,
+) -> list[Surface]:
+    """Return the likelihood of every table; (fits, levels), levels in steps of the prior.
+
+    Tables with the same levels share one grid: counts times logarithms of probabilities is one
+    product of matrices. Where the likelihood is too narrow for it, a table gets grids of its own,
+    ever narrower.
+    """
+    found: dict[int, Surface] = {}
+    for rows in _alike(u, presented, rulers, guesses):
+        first = rows[0]
+        used = presented[first] > 0
+        asked = (tuple(u[first, used].tolist()), rulers[first], guesses[first])
+        axes, tables = _laid_out(*asked, nodes)
+        pieces = min(len(rows), -(-len(rows) * tables.shape[1] // _CHUNK_CELLS))
+        for part in np.array_split(rows, pieces):
+            k, n = detected[np.ix_(part, used)], presented[np.ix_(part, used)]
+            batch = _Batch.of(_Asked(*asked), k, n, axes, tables)
+            some, doubtful = batch.surfaces()
+            for i, row in enumerate(part):
+                again = doubtful[i] and nodes is STANDARD
+                found[int(row)] = _zoomed(batch, i) if again else some[i]
+    return [found[i] for i in range(len(u))]
+
+
+def _alike(
+    u: Floats, presented: Floats, rulers: Sequence[Ruler], guesses: Sequence[GuessRate]
+) -> Iterator[NDArray[np.intp]]:
+    """Yield the rows of tables that have levels, ruler and guess rate in common."""
+    groups: dict[object, list[int]] = {}
+    for i in range(len(u)):
+        key = (
+            u[i, presented[i] > 0].tobytes(),
+            (presented[i] > 0).tobytes(),
+            rulers[i],
+            guesses[i],
+        )
+        groups.setdefault(key, []).append(i)
+    for rows in groups.values():
+        yield np.array(rows)
+
+
+@lru_cache(maxsize=16)
+def _laid_out(
+    u: tuple[float, ...], ruler: Ruler, guess: GuessRate, nodes: Nodes
+) -> tuple[Axes, Floats]:
+    """Return the grid of levels: people, groups and conditions of a study ask for it in turn."""
+    axes = _over_prior(ruler, guess, nodes)
+    return axes, _logarithms(np.array(u), axes)
+
+
+def _over_prior(ruler: Ruler, guess: GuessRate, nodes: Nodes) -> Axes:
+    """Lay axes over all that the prior allows."""
+    # Of one level, or of levels next to each other, the nodes lie at least as far as a step around.
+    middle, half = (ruler.low + ruler.high) / 2, max((ruler.high - ruler.low) / 2, 1.0)
+    between = np.linspace(middle - half, middle + half, nodes.between)
+    steps = np.cumsum(_growing(nodes.outside) * REACH)
+    mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
+    log_sigma = np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
+    lapse, lapse_weight = _lapses(0.0, MOST_LAPSES, nodes.lapse)
+    gamma, share = guess.nodes(1 if guess.known else nodes.guess)
+    return Axes(
+        mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=gamma,
+        guess_weight=share,
+    )  # fmt: skip
+
+
+@cache
+def _growing(count: int) -> Floats:
+    """Return steps that sum to 1, of which the last is twenty times the first."""
+    steps = 20 ** (np.arange(count) / max(count - 1, 1))
+    return np.asarray(steps / steps.sum())
+
+
+def _lapses(low: float, high: float, points: int) -> tuple[Floats, Floats]:
+    at, weight = legendre(points)
+    lapse = low + (high - low) * at
+    return lapse, weight * (1 - lapse) ** 9
+
+
+def _zoomed(batch: _Batch, i: int) -> Surface:
+    """Return the likelihood of one table on axes that hold no more than what matters.
+
+    The part that matters, with a node around, is laid out anew until it fills its axes.
+    """
+    asked, k, n = batch.asked, batch.k[i : i + 1], batch.n[i : i + 1]
+    axes, log = batch.axes, batch.log[i]
+    # No node of a grid that is too coarse need lie near the likeliest point.
+    likeliest = fit_lapsing(
+        Tables(
+            u=np.array([asked.u]), detected=k, presented=n, guess_rate=np.array([asked.guess.mean])
+        ),
+        np.array([batch.best(i)]),
+    )[0]
+    ends: tuple[Floats, ...] = ()
+    for _ in range(_ZOOMS):
+        box = _around(_box(log, axes), likeliest, axes)
+        settled = bool(ends) and not any(
+            np.ptp(new) < _SETTLED * np.ptp(old) for new, old in zip(box, ends, strict=True)
+        )
+        ends = box
+        axes = _within(box, asked.guess, _FINEST if settled else _ZOOMED)
+        one = _Batch.of(asked, k, n, axes, _logarithms(np.array(asked.u), axes))
+        (surface,), doubtful = one.surfaces()
+        if settled or not doubtful[0]:
+            break
+        log = one.log[0]
+    return surface
+
+
+def _box(log: Floats, axes: Axes) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the ends of what matters in mu, log sigma, lambda and gamma."""
+    every = (axes.guess, axes.lapse, axes.mu, axes.log_sigma)
+    # Beta's own density counts: a guess rate may be told by the blanks more than by the table.
+    weight = np.maximum(axes.guess_weight / axes.guess_weight.max(), _TINY)
+    cells = log.reshape([len(one) for one in every]) + np.log(weight)[:, None, None, None]
+    near = cells > cells.max() - _MATTERS
+    limits = ((0.0, MOST_GUESSES), (0.0, MOST_LAPSES), *((one[0], one[-1]) for one in every[2:]))
+    ends = []
+    for i, (axis, limit) in enumerate(zip(every, limits, strict=True)):
+        where = np.flatnonzero(near.any(axis=tuple(j for j in range(4) if j != i)))
+        padded = np.concatenate([limit[:1], axis, limit[1:]])
+        ends.append(padded[[where[0], where[-1] + 2]])
+    return ends[2], ends[3], ends[1], ends[0]
+
+
+def _around(
+    box: tuple[Floats, Floats, Floats, Floats], point: Floats, axes: Axes
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Let a box in mu, log sigma and lambda hold a point, with some of its own width around."""
+    held = []
+    for (low, high), at, limits in zip(
+        box, point, ((axes.mu[0], axes.mu[-1]), LOG_SIGMA, (0.0, MOST_LAPSES)), strict=False
+    ):
+        room = _ROOM * (high - low)
+        held.append(
+            np.array([max(min(low, at - room), limits[0]), min(max(high, at + room), limits[1])])
+        )
+    return held[0], held[1], held[2], box[3]
+
+
+def _within(box: tuple[Floats, ...], guess: GuessRate, nodes: Nodes) -> Axes:
+    """Lay axes over a box."""
+    mu, log_sigma, lapses, gammas = box
+    lapse, lapse_weight = _lapses(lapses[0], lapses[1], nodes.lapse)
+    gamma, share = (
+        guess.nodes(1) if guess.known else guess.between(gammas[0], gammas[1], nodes.guess)
+    )
+    return Axes(
+        mu=np.linspace(mu[0], mu[1], nodes.between),
+        log_sigma=np.linspace(log_sigma[0], log_sigma[1], nodes.log_sigma),
+        lapse=lapse,
+        lapse_weight=lapse_weight,
+        guess=gamma,
+        guess_weight=share,
+    )
+
+
+def _logarithms(u: Floats, axes: Axes) -> Floats:
+    """Return log p and log(1 - p) at every level and node, shape (2 levels, nodes).
+
+    p = gamma + (1 - gamma - lambda) Phi(z), 1 - p = lambda + (1 - gamma - lambda) Phi(-z).
+    """
+    z = (u[:, None, None] - axes.mu[:, None]) * np.exp(-axes.log_sigma)
+    gamma, lapse = axes.guess[:, None, None, None], axes.lapse[:, None, None]
+    rest = 1 - gamma - lapse
+    p = gamma + rest * ndtr(z)[:, None, None]
+    q = lapse + rest * ndtr(-z)[:, None, None]
+    both = np.concatenate([p, q]).reshape(2 * len(u), -1)
+    return np.asarray(np.log(np.maximum(both, _TINY, out=both), out=both))
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What tables have in common: levels, ruler and guess rate."""
+
+    u: tuple[float, ...]
+    ruler: Ruler
+    guess: GuessRate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Batch:
+    """Tables on common axes, and their log likelihood, greatest 0.
+
+    Shape (fits, gamma x lambda, mu x log sigma).
+    """
+
+    asked: _Asked
+    k: Floats
+    n: Floats
+    axes: Axes
+    log: Floats
+
+    @classmethod
+    def of(cls, asked: _Asked, k: Floats, n: Floats, axes: Axes, tables: Floats) -> _Batch:
+        """Evaluate counts: log likelihood is counts times logarithms."""
+        log = np.concatenate([k, n - k], axis=1) @ tables
+        log -= log.max(axis=1, keepdims=True)
+        shape = (len(k), len(axes.guess) * len(axes.lapse), -1)
+        return cls(asked=asked, k=k, n=n, axes=axes, log=log.reshape(shape))
+
+    def best(self, i: int) -> tuple[float, float, float]:
+        """Return the likeliest node of a table: mu, log sigma, lambda."""
+        axes = self.axes
+        shape = [len(one) for one in (axes.guess, axes.lapse, axes.mu, axes.log_sigma)]
+        _, lapse, mu, sigma = np.unravel_index(int(self.log[i].argmax()), shape)
+        return float(axes.mu[mu]), float(axes.log_sigma[sigma]), float(axes.lapse[lapse])
+
+    def surfaces(self) -> tuple[list[Surface], NDArray[np.bool_]]:
+        """Return each table's likelihood over mu and log sigma, and whether it is too narrow."""
+        axes = self.axes
+        shape = (len(self.log), len(axes.mu), len(axes.log_sigma))
+        cells = np.exp(self.log)
+        weight = (axes.guess_weight[:, None] * axes.lapse_weight).ravel()
+        values = (weight @ cells).reshape(shape)
+        mu = trapezoid(axes.mu) * self.asked.ruler.mu_prior(axes.mu)
+        sigma = _in_sigma(axes.log_sigma)
+        shares = weight * (cells @ np.outer(mu, sigma).ravel())
+        shares /= shares.sum(axis=1, keepdims=True)
+        shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
+        lapse_rate = shares.sum(axis=1) @ axes.lapse
+        top = values.max(axis=(1, 2), keepdims=True)
+        found = [
+            Surface(
+                mu=axes.mu, log_sigma=axes.log_sigma, values=one,
+                lapse_rate=float(lapse_rate[i]),
+                best=self.best(i),
+            )
+            for i, one in enumerate(values / top)
+        ]  # fmt: skip
+        return found, self._doubtful(values / top, shares)
+
+    def _doubtful(self, values: Floats, shares: Floats) -> NDArray[np.bool_]:
+        """Tell where half of the nodes tell something else, or one node has nearly everything."""
+        axes = self.axes
+        full, half = (
+            quantiles(
+                (values[:, ::every, ::every] @ _in_sigma(axes.log_sigma[::every]))
+                * self.asked.ruler.mu_prior(axes.mu[::every]),
+                axes.mu[::every],
+            )
+            for every in (1, 2)
+        )
+        alone = shares.sum(axis=1).max(axis=1) > _ALONE
+        if len(axes.guess) > 1:  # the tail of a guess rate after few blanks is long
+            alone |= shares.sum(axis=2).max(axis=1) > _ALONE_GUESS
+        # What lies outside the levels is never printed.
+        low, high = self.asked.ruler.low, self.asked.ruler.high
+        apart = np.abs(np.clip(full, low, high) - np.clip(half, low, high)).max(axis=1)
+        missed = values[:, ::2, ::2].max(axis=(1, 2)) < _SEEN
+        return np.asarray((apart > _CLOSE) | missed | alone)
+
+
+def _in_sigma(log_sigma: Floats) -> Floats:
+    return trapezoid(log_sigma) * sigma_prior(log_sigma)
