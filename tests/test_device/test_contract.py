@@ -322,6 +322,11 @@ def converter_rig(_: pytest.FixtureRequest) -> Rig:
     return Rig(device=device, clock=clock, silence=lambda: None, emitted=None)
 
 
+BY_HAND = (
+    "a driver's own heartbeat is not cut from here: pull its cable, and see the output go to zero"
+)
+
+
 def own_rig(request: pytest.FixtureRequest) -> Rig:
     clock = MonotonicClock()
     settings = DriverSettings(
@@ -331,7 +336,7 @@ def own_rig(request: pytest.FixtureRequest) -> Rig:
     return Rig(
         device=make_device(request.config.getoption("--driver"), settings, clock),
         clock=clock,
-        silence=lambda: None,
+        silence=lambda: pytest.skip(BY_HAND),
         emitted=None,
         in_real_time=True,
         long_s=1.2,
