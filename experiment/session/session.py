@@ -124,18 +124,18 @@ class Session:
             self._device.stop()
         return self._state.phase is events.Phase.FINISHED
 
-    def _mark_start(self) -> None:
+    def _mark_start(self, time_s: float | None = None) -> None:
         """Send the first marker of a sitting; by its time the record is aligned to others.
 
         A recorder hears nothing of what was sent before it was connected, so that it is not sent
-        before the start key, nor to nobody.
+        before the start key, nor to nobody; before a marker for a past time it has that time.
         """
         if self._marked or not self._state.greeted or not self._markers.heard():
             return
         self._marked = True
-        now_s = self._clock.now_s()
-        self._markers.send(RECORDING_START, now_s)
-        told = {"marker": RECORDING_START, "at_s": round(now_s - self._origin_s, 6)}
+        at_s = self._clock.now_s() if time_s is None else time_s
+        self._markers.send(RECORDING_START, at_s)
+        told = {"marker": RECORDING_START, "at_s": round(at_s - self._origin_s, 6)}
         self._journal.append("marker", told, sync=True)
 
     def _mark_trial(self, end: events.EndTrial) -> None:
@@ -143,6 +143,7 @@ class Session:
         delivery, onset_s = self._emission.delivery, self._emission.onset_s
         if delivery is None or delivery.outcome is not Outcome.FIRED:
             return
+        self._mark_start(onset_s)
         self._markers.send(stimulus_marker(end.task, delivery), onset_s)
         if end.response is not None and end.rt_s is not None:
             self._markers.send(response_marker(end.task, end.response), onset_s + end.rt_s)
