@@ -9,6 +9,9 @@ from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 
+# As the program has it; before numpy is imported.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 NAMES = (
     *(
         "startup",
