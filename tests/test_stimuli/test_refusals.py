@@ -256,7 +256,7 @@ REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     *fields(LAYERS, "must be a finite number", (*NONE, 1e16, -1.0)),
     (lambda v: change(LAYERS, d31_m_v=v), (0.0,), "d31_m_v must not be 0"),
     (lambda v: load_per_volt(PLATE, disc(), change(MEASURED, frequency_hz=v)),
-     (PLATE.cutoff_hz(), 5000.0), "frequency_hz must lie below the strip's first cut-off of 4366"),
+     (PLATE.cutoff_hz(), 5000.0), "frequency_hz must lie below the strip's first mode, 4366.1 Hz"),
     (lambda v: load_per_volt(PLATE, v, MEASURED), (force(0.0, 0.0),),
      "load must move the strip at its own centre"),
     (lambda v: load_per_volt(PLATE, v, MEASURED), (2.6e-6,), "load must be a load"),
