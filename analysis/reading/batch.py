@@ -146,7 +146,7 @@ def _read(
         frames.append(_typed(parts, columns))
         for part in parts:
             counts[part.place] += len(part.rows)
-    rows = with_responses(pd.concat(frames, ignore_index=True))
+    rows = with_responses(pd.concat(frames, ignore_index=True), columns.task if columns else "")
     planned = [str(s.path) for s, one in zip(sources, records, strict=True) if one.plan]
     signed = columns is not None and axis_of(columns.axis).signed
     check_rows(rows, planned=frozenset(planned), signed=signed)

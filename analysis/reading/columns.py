@@ -39,7 +39,6 @@ class CountColumns:
     # their columns that tell whose and which function a row belongs to: that of the participant may
     # be among them; the others together are the condition
     group: tuple[str, ...] = ()
-    none_offered: bool = True  # false for a forced choice, where who feels nothing guesses
 
     def __post_init__(self) -> None:
         names = [self.detected, self.presented, *self.group]
@@ -47,8 +46,6 @@ class CountColumns:
             raise ValueError(f"[table]: names of columns must be text, got {names}")
         if len({*names}) < len(names):
             raise ValueError(f"[table]: each column may be named once, got {', '.join(names)}")
-        if type(self.none_offered) is not bool:
-            raise ValueError(f"[table] none_offered: true or false, got {self.none_offered!r}")
 
     def conditions(self, participant: str) -> list[str]:
         """Return their columns that are the condition, given their name of the participant."""
@@ -62,16 +59,14 @@ def count_columns(section: Mapping[str, Any]) -> CountColumns | None:
 
     >>> count_columns({"detected": "k"})
     Traceback (most recent call last):
-    ValueError: [table] needs detected and presented, and may have group and none_offered; got
-    detected
+    ValueError: [table] needs detected and presented, and may have group; got detected
     """
     if not section:
         return None
     known = tuple(CountColumns.__dataclass_fields__)
     if {*section} - {*known} or not {"detected", "presented"} <= {*section}:
         raise ValueError(
-            "[table] needs detected and presented, and may have group and none_offered; "
-            f"got {', '.join(section)}"
+            f"[table] needs detected and presented, and may have group; got {', '.join(section)}"
         )
     group = section.get("group", [])
     if type(group) not in (list, tuple):
@@ -84,6 +79,14 @@ COUNTED_REQUIRED = ("participant", "level_vpp")
 REQUIRED = ("participant", "side", "level_vpp", "response")
 _BY_COLUMN = ("columns", "values", "constant", "units")
 SECTIONS = (*_BY_COLUMN, "axis", "table")
+KEYS = ("task", "alternatives")
+"""They stand before any section."""
+YES_NO, FORCED = "yes/no", "forced choice"
+_ALTERNATIVES = (2, 100)
+_TASKLESS = (
+    'counts, and answers of 0 and 1, need task = "yes/no" (who felt nothing could say so) or '
+    'task = "forced choice" (who felt nothing had to guess) at the top of the map'
+)
 # What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
 UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
     {
@@ -126,8 +129,12 @@ class ColumnMap:
     axis : mapping of str to str
         ``x_scale``, ``log10`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
     table : mapping
-        For counts instead of trials: ``detected``, ``presented``, ``group``, ``none_offered``, see
+        For counts instead of trials: ``detected``, ``presented``, ``group``, see
         `analysis.reading.columns.CountColumns`.
+    task : str
+        ``yes/no`` or ``forced choice``; needed for counts, and where the answer is ``detected``.
+    alternatives : int
+        Of a forced choice: who feels nothing is right once in so many times.
     name, sha256 : str
         File name and checksum of the map, where it was read from a file.
 
@@ -135,7 +142,7 @@ class ColumnMap:
     ------
     ValueError
         For a column that trials.csv does not have, a word it does not allow, an unknown unit, a
-        constant with a source or a unit, or ``detected`` beside ``response``.
+        constant with a source or a unit, ``detected`` beside ``response``, or counts without task.
 
     Examples
     --------
@@ -150,11 +157,14 @@ class ColumnMap:
     units: Mapping[str, str] = field(default_factory=dict)
     axis: Mapping[str, str] = field(default_factory=dict)
     table: Mapping[str, Any] = field(default_factory=dict)
+    task: str = ""
+    alternatives: int = 2
     name: str = ""
     sha256: str = ""
 
     def __post_init__(self) -> None:
         _check_entries(self)
+        _check_task(self)
         _check_counts(self)
         signed = axis_of(self.axis).signed
         for ours, word in self.constant.items():
@@ -226,6 +236,8 @@ class ColumnMap:
             if not named.keys() & {*_ANSWERED}:
                 raise ResultFileError(file, 1, _TWO_ANSWERS)
             sources = {o: t for o, t in sources.items() if o not in _ANSWERED or o in named}
+        if "detected" in {*sources, *self.constant} and not (self.task or self.table):
+            raise ResultFileError(file, 1, _TASKLESS)
         required = COUNTED_REQUIRED if self.table else REQUIRED
         _check_required({*sources, *self.constant}, required, file)
         return list(sources.items())
@@ -240,7 +252,8 @@ class ColumnMap:
     def conditions(self) -> list[str]:
         """List their columns that together are the condition, for a table of counts.
 
-        >>> ColumnMap(table={"detected": "k", "presented": "n", "group": ["speed"]}).conditions()
+        >>> counts = {"detected": "k", "presented": "n", "group": ["speed"]}
+        >>> ColumnMap(table=counts, task="yes/no").conditions()
         ['speed']
         """
         counts = count_columns(self.table)
@@ -253,8 +266,8 @@ def load_column_map(path: str | Path) -> ColumnMap:
     Parameters
     ----------
     path : str or Path
-        The file; sections ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``,
-        ``[axis]``, ``[table]``.
+        The file; keys ``task`` and ``alternatives``, then sections ``[columns]``,
+        ``[values.COLUMN]``, ``[constant]``, ``[units]``, ``[axis]``, ``[table]``.
 
     Returns
     -------
@@ -288,6 +301,8 @@ def load_column_map(path: str | Path) -> ColumnMap:
 
 def _sections(document: dict[str, Any]) -> dict[str, Any]:
     for name, section in document.items():
+        if name in KEYS:
+            continue
         if name not in SECTIONS or type(section) is not dict:
             known = ", ".join(f"[{section}]" for section in SECTIONS)
             raise ValueError(f"[{name}] is not a section of a map, allowed {known}")
@@ -321,6 +336,19 @@ def _check_entries(columns: ColumnMap) -> None:
         raise ValueError("[columns] detected: allowed only without response, got both")
 
 
+def _check_task(columns: ColumnMap) -> None:
+    task, number = columns.task, columns.alternatives
+    if task not in ("", YES_NO, FORCED):
+        raise ValueError(f'task: allowed "{YES_NO}", "{FORCED}", got {task!r}')
+    least, most = _ALTERNATIVES
+    if type(number) is not int or not least <= number <= most:
+        raise ValueError(
+            f"alternatives: must be a whole number from {least} to {most}, got {number!r}"
+        )
+    if number > least and task != FORCED:
+        raise ValueError(f'alternatives: allowed beside task = "{FORCED}" only')
+
+
 def _check_counts(columns: ColumnMap) -> None:
     """Refuse what a table of counts cannot have."""
     if count_columns(columns.table) is None:
@@ -332,6 +360,8 @@ def _check_counts(columns: ColumnMap) -> None:
                 raise ValueError(f"[{section}] {ours}: with [table] allowed {allowed_here}")
     if columns.conditions() and {"condition"} & {*_named(columns), *columns.constant}:
         raise ValueError("[table] group: it is the condition already, so condition has no other")
+    if not columns.task:
+        raise ValueError(_TASKLESS)
 
 
 def _named(columns: ColumnMap) -> dict[str, str]:

@@ -21,7 +21,7 @@ from analysis.reading.checks import (
     refuse_broken,
     refuse_repeat,
 )
-from analysis.reading.columns import COUNTED_COLUMNS, count_columns
+from analysis.reading.columns import COUNTED_COLUMNS, YES_NO, count_columns
 from analysis.reading.plans import PLAN, left_out
 from analysis.reading.reasons import with_reasons
 from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows, typed
@@ -73,7 +73,7 @@ def read_counted(
         raise ResultFileError(frames[0]["file"].iloc[0], None, "nothing was presented in any row")
     cells = rows.groupby(CELL, as_index=False)[["detected", "presented"]].sum()
     unknown = dict.fromkeys(UNKNOWN, float("nan"))
-    return cells.assign(**unknown, none_offered=counts.none_offered), inputs
+    return cells.assign(**unknown, none_offered=columns.task == YES_NO), inputs
 
 
 def _frames(source: InputTable, columns: ColumnMap, counts: CountColumns) -> Iterator[pd.DataFrame]:
@@ -153,6 +153,8 @@ class LoadedTrials:
         Sessions of which no table is left, though it is told of them or other files are: why.
     not_compared : tuple of str
         Names of the tables that have no journal beside them.
+    alternatives : int
+        Of a forced choice.
     cells : pandas.DataFrame or None
         Of a table of counts, what `analysis.reading.load.read_counted` returns; there are no trials
         then.
@@ -167,6 +169,7 @@ class LoadedTrials:
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
+    alternatives: int = 2
     cells: pd.DataFrame | None = None
 
 
@@ -257,6 +260,7 @@ def read_inputs(
             lost=without.lost,
             progress=(),
             axis=axis_of(columns.axis),
+            alternatives=columns.alternatives,
             cells=cells,
         )
     with unchanged(files), watched(sources) as asked:
@@ -282,6 +286,7 @@ def read_inputs(
         lost=without.lost,
         progress=tuple(table.progress for table in tables if table.progress is not None),
         axis=Axis() if columns is None else axis_of(columns.axis),
+        alternatives=2 if columns is None else columns.alternatives,
         altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
     )

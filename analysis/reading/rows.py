@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.reading.cells import CellFault, CellReader, first_fault
+from analysis.reading.columns import FORCED, YES_NO
 from analysis.reading.text import ResultFileError, shown
 from experiment.terms.record import (
     COLUMNS,
@@ -44,6 +45,7 @@ UNNUMBERED = 0
 _HINT = "; a table made elsewhere needs --columns MAP.toml"
 _KIND_OF_SIDE: Mapping[str, str] = MappingProxyType({"both": "both", "none": "blank"})
 _NAMES = tuple(column.name for column in COLUMNS)
+_OTHER = {"left": "right", "right": "left"}
 
 
 def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
@@ -139,14 +141,14 @@ def no_rows() -> pd.DataFrame:
     return with_responses(own_rows(text, ""))
 
 
-def with_responses(rows: pd.DataFrame) -> pd.DataFrame:
+def with_responses(rows: pd.DataFrame, task: str = "") -> pd.DataFrame:
     """Turn ``detected`` into the response it stands for, and fill in what is correct.
 
-    A detected stimulus was answered with its side, a missed one with ``none``. A blank trial has
-    no side: a felt one counts for the only side at which its file has stimuli. Then tell where
-    "none" was an answer.
+    A detected stimulus was answered with its side, a missed one with ``none`` or, in a forced
+    choice, with the other side. A blank trial has no side: a felt one counts for the only side at
+    which its file has stimuli. Then tell where "none" was an answer.
 
-    ``none_offered`` is true where ``detected`` says yes or no, or where "none" was answered in the
+    ``none_offered`` is what the task says; without one it is true where "none" was answered in the
     same file and condition, else missing. Control trials tell nothing of it: "none" is always an
     answer there.
 
@@ -155,21 +157,26 @@ def with_responses(rows: pd.DataFrame) -> pd.DataFrame:
     >>> from analysis.reading.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "1", "side": ["left", "left", "none"],
     ...     "level_vpp": ["60", "60", "0"], "detected": ["1", "0", "1"]}, index=[2, 3, 4])
-    >>> rows = with_responses(mapped_rows(text, "t.csv", ColumnMap()))
+    >>> rows = with_responses(mapped_rows(text, "t.csv", ColumnMap(task="yes/no")), "yes/no")
     >>> rows[["response", "correct"]].to_numpy().tolist()
     [['left', True], ['none', False], ['left', False]]
     """
-    yes_or_no = "response" not in rows
-    if yes_or_no:
-        answers = rows["detected"].astype(object).replace({"0": "none"})
+    if "response" not in rows:
+        missed = rows["side"].astype(object).map(_OTHER) if task == FORCED else "none"
+        answers = rows["detected"].astype(object)
+        answers = answers.mask(answers.eq("0"), missed)
         felt = answers.eq("1")
         answers = answers.mask(felt, _felt_side(rows, felt))
         rows["response"] = pd.Categorical(answers, categories=list(RESPONSES))
     stated = rows["correct"].astype("boolean")
     rows["correct"] = stated.fillna(expected_correct(rows))
-    none = rows["response"].eq("none") & rows["kind"].ne("control") | yes_or_no
+    none = rows["response"].eq("none") & rows["kind"].ne("control")
     said = none.groupby([rows["file"], rows["condition"]]).transform("any").astype(bool)
-    rows["none_offered"] = said.astype("boolean").mask(~said)
+    rows["none_offered"] = (
+        pd.array([task == YES_NO] * len(rows), dtype="boolean")
+        if task
+        else said.astype("boolean").mask(~said)
+    )
     return rows[[*_NAMES, "file", "line", "none_offered"]]
 
 

@@ -12,7 +12,7 @@ from analysis.definitions import METHODS
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError, named
-from analysis.thresholds.people import people_of, people_of_counts
+from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
 
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ def analyse(
     excluded = counting.excluded_table(trials)
     stated = contacts(loaded.progress, _sessions_of(trials))
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
-    people = people_of(trials) if loaded.cells is None else people_of_counts(loaded.cells)
+    people = people_in(trials, loaded.cells, loaded.alternatives)
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
     return Analysis(
         levels=detection.levels_of(cells),

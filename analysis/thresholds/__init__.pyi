@@ -15,7 +15,7 @@ from .fit import (
 from .grid import Ruler, Surface, sigma_prior, surfaces
 from .levels import Placement, place_levels
 from .mle import REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import Guessing, GuessRate, PersonCounts, people_of, people_of_counts
+from .people import Guessing, GuessRate, PersonCounts, people_in
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
 
@@ -40,8 +40,7 @@ __all__ = [
     "in_volts",
     "increasing_exists",
     "levels_of",
-    "people_of",
-    "people_of_counts",
+    "people_in",
     "place_levels",
     "probit_mle",
     "quantiles",

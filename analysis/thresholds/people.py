@@ -115,7 +115,6 @@ def _gauss_jacobi(a: float, b: float, points: int) -> tuple[Floats, Floats]:
 BLANKS_NEEDED: Final = 20
 """Fewer blank trials tell little of a guess rate, and the table of thresholds says so."""
 
-_FORCED: Final = 1 / 2
 _ASSUMED: Final = (0.5, 10)
 """False alarms of one side and blank trials that count where there was no blank trial."""
 
@@ -128,29 +127,31 @@ class Guessing:
     basis: str  # "forced choice", "blanks", "few blanks" or "assumed"
 
 
-def guessing(*, none_offered: bool, sided_answers: int, blanks: int) -> Guessing:
+def guessing(
+    *, none_offered: bool, sided_answers: float, blanks: int, alternatives: int = 2
+) -> Guessing:
     """Return the guess rate that a participant's answers allow.
 
-    Who feels nothing and cannot say so guesses left or right: 1/2. Who can say so is right by
-    chance as often as a blank trial is answered with a given side (half of `sided_answers`): Beta
-    distributed after `blanks` of them, and with none after half an answer in ten, assumed. A rate
-    of 0 would lower thresholds by 0.4 to 1 dB at true rates of 0.02 to 0.1.
+    Who feels nothing and cannot say so guesses one of the `alternatives`. Who can say so is right
+    by chance as often as a blank trial is answered with a given side (`sided_answers` of them):
+    Beta distributed after `blanks` of them, and with none after half an answer in ten, assumed. A
+    rate of 0 would lower thresholds by 0.4 to 1 dB at true rates of 0.02 to 0.1.
 
     >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
     0.5
-    >>> guessing(none_offered=True, sided_answers=6, blanks=60).basis
+    >>> guessing(none_offered=True, sided_answers=3, blanks=60).basis
     'blanks'
     >>> guessing(none_offered=True, sided_answers=0, blanks=0).rate.beta
     (1.0, 10.0)
     """
     if not none_offered:
-        return Guessing(rate=GuessRate(mean=_FORCED), basis="forced choice")
+        return Guessing(rate=GuessRate(mean=1 / alternatives), basis="forced choice")
     if not blanks:
         answered, shown = _ASSUMED
         return Guessing(
             rate=GuessRate.after_blanks(answered=answered, blanks=shown), basis="assumed"
         )
-    rate = GuessRate.after_blanks(answered=sided_answers / 2, blanks=blanks)
+    rate = GuessRate.after_blanks(answered=sided_answers, blanks=blanks)
     return Guessing(rate=rate, basis="blanks" if blanks >= BLANKS_NEEDED else "few blanks")
 
 
@@ -190,7 +191,7 @@ class PersonCounts:
         return (*(one.tolist() for one in counts), [rate.mean, *(rate.beta or ())])
 
 
-def people_of(trials: pd.DataFrame) -> PersonCounts:
+def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
     """Count the single stimuli and their detections, and find what guesses are worth.
 
     >>> import pandas as pd
@@ -201,16 +202,29 @@ def people_of(trials: pd.DataFrame) -> PersonCounts:
     >>> people.names, people.detected.tolist(), people.presented.tolist()
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
     """
-    return _side_by_side(cells(trials), lambda names: _guesses(trials, names))
+    return _side_by_side(cells(trials), lambda names: _guesses(trials, names, alternatives))
 
 
-def people_of_counts(table: pd.DataFrame) -> PersonCounts:
+def people_in(trials: pd.DataFrame, counts: pd.DataFrame | None, alternatives: int) -> PersonCounts:
+    """Return the people of trials, or of a table of counts where there is one."""
+    if counts is None:
+        return people_of(trials, alternatives)
+    return people_of_counts(counts, alternatives)
+
+
+def people_of_counts(table: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
     """Lay a table of counts, from `analysis.reading.load.read_counted`, out by participant."""
     always = table.groupby(_KEY)["none_offered"].all().to_dict()
     return _side_by_side(
         table,
         lambda names: [
-            guessing(none_offered=bool(always[name]), sided_answers=0, blanks=0) for name in names
+            guessing(
+                none_offered=bool(always[name]),
+                sided_answers=0,
+                blanks=0,
+                alternatives=alternatives,
+            )
+            for name in names
         ],
     )
 
@@ -241,19 +255,24 @@ def _side_by_side(
     )
 
 
-def _guesses(trials: pd.DataFrame, people: Sequence[tuple[str, str]]) -> list[Guessing]:
-    blank = counted(trials, "blank")
-    sided = blank["response"].astype(object).isin(["left", "right"]).astype(np.int64)
+def _guesses(
+    trials: pd.DataFrame, people: Sequence[tuple[str, str]], alternatives: int
+) -> list[Guessing]:
+    blank, single = counted(trials, "blank"), counted(trials, "single")
+    # Of a task with stimuli at one side only, answers with the other are no chance hits.
+    sides = {person: {*rows} for person, rows in single.groupby(_KEY)["side"]}
+    told = zip(*(blank[name] for name in (*_KEY, "response")), strict=True)
+    sided = [int(answer in sides.get((where, who), ())) for where, who, answer in told]
     blanks = blank[_KEY].assign(sided=sided).groupby(_KEY)["sided"]
     answers, numbers = blanks.sum().to_dict(), blanks.size().to_dict()
-    single = counted(trials, "single")
     offered = single["none_offered"].astype("boolean").fillna(value=False).astype(bool)
     always = single[_KEY].assign(offered=offered).groupby(_KEY)["offered"].all().to_dict()
     return [
         guessing(
             none_offered=bool(always[person]),
-            sided_answers=int(answers.get(person, 0)),
+            sided_answers=int(answers.get(person, 0)) / len(sides[person]),
             blanks=int(numbers.get(person, 0)),
+            alternatives=alternatives,
         )
         for person in people
     ]

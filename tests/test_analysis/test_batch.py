@@ -80,8 +80,11 @@ def test_a_felt_blank_counts_for_the_side_of_its_own_file(tmp_path: Path) -> Non
         put(tmp_path / f"{side}.csv", f"{MAPPED}detected\n{side},{side},60,1\n{side},none,0,1\n")
         for side in ("left", "right")
     ]
-    assert read_trials(paths, ColumnMap())["response"].tolist() == ["left"] * 2 + ["right"] * 2
-    assert_as_alone(paths, ColumnMap())
+    assert (
+        read_trials(paths, ColumnMap(task="yes/no"))["response"].tolist()
+        == ["left"] * 2 + ["right"] * 2
+    )
+    assert_as_alone(paths, ColumnMap(task="yes/no"))
 
 
 def test_tables_with_columns_in_another_order_or_number_are_read_together(tmp_path: Path) -> None:
@@ -93,7 +96,7 @@ def test_tables_with_columns_in_another_order_or_number_are_read_together(tmp_pa
     )
     paths = [put(tmp_path / f"{number}.csv", text) for number, text in enumerate(texts)]
     for chosen in (paths[:3], paths):
-        assert_as_alone(chosen, ColumnMap())
+        assert_as_alone(chosen, ColumnMap(task="yes/no"))
 
 
 def test_tables_are_really_read_together(tmp_path: Path) -> None:

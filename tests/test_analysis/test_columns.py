@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 FELT = "participant,side,level_vpp,detected\n"
+YES_NO = {"task": "yes/no"}
 LINEAR = {"axis": {"x_scale": "linear"}}
 
 
@@ -106,6 +107,7 @@ def test_one_column_of_theirs_may_serve_two_of_ours(tmp_path: Path) -> None:
     columns = ColumnMap(
         columns={"kind": "stim", "side": "stim", "detected": "felt"},
         values={"kind": {"0": "blank", "1": "single"}, "side": {"0": "none", "1": "right"}},
+        task="yes/no",
     )
     table = (
         "participant,stim,level_vpp,felt\n1,1,2.5,1\n1,1,2.5,0\n1,0,0,0\n1,0,,1\n1,1,2.5,timeout\n"
@@ -117,7 +119,7 @@ def test_one_column_of_theirs_may_serve_two_of_ours(tmp_path: Path) -> None:
 
 def test_an_unanswered_trial_of_zeros_and_ones_must_be_explained(tmp_path: Path) -> None:
     table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,\n"
-    columns = ColumnMap(values={"detected": {"": "timeout"}})
+    columns = ColumnMap(values={"detected": {"": "timeout"}}, task="yes/no")
     assert read(tmp_path, table, columns)["response"].tolist() == ["left", "timeout"]
 
 
@@ -134,7 +136,8 @@ ANSWERS = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
     ],
 )
 def test_of_two_answers_the_map_names_one(tmp_path: Path, columns: Any, response: str) -> None:
-    assert read(tmp_path, ANSWERS, ColumnMap(columns=columns))["response"].tolist() == [response]
+    found = read(tmp_path, ANSWERS, ColumnMap(columns=columns, task="yes/no"))
+    assert found["response"].tolist() == [response]
 
 
 def test_a_word_of_theirs_stands_for_a_value_in_our_unit(tmp_path: Path) -> None:
@@ -172,7 +175,7 @@ def test_one_answer_none_shows_that_its_file_and_condition_offered_it(tmp_path: 
 
 def test_a_table_that_says_yes_or_no_offered_none(tmp_path: Path) -> None:
     table = "participant,side,level_vpp,detected\n1,left,60,1\n1,left,60,1\n"
-    assert offered(read(tmp_path, table)) == [True, True]
+    assert offered(read(tmp_path, table, ColumnMap(task="yes/no"))) == [True, True]
 
 
 def test_the_bounds_of_levels_are_in_our_unit(tmp_path: Path) -> None:
@@ -222,8 +225,13 @@ def test_the_map_is_listed_among_the_inputs(tmp_path: Path) -> None:
         (ANSWERS, {}, 1, "response and detected both tell the answer"),
         (LEAST + "1,left,60,left\n", {"constant": {"detected": "0"}}, 1, "both tell the answer"),
         (FELT + "1,left,60,1\n", {"constant": {"response": "none"}}, 1, "both tell the answer"),
-        (FELT + "1,left,60,1\n1,left,60,\n", {}, 3, "column 'response' is n/a"),
-        (FELT + "1,left,60,1\n1,right,60,1\n1,none,0,1\n", {}, 4, "left, right: which side was"),
+        (FELT + "1,left,60,1\n1,left,60,\n", YES_NO, 3, "column 'response' is n/a"),
+        (
+            FELT + "1,left,60,1\n1,right,60,1\n1,none,0,1\n",
+            YES_NO,
+            4,
+            "left, right: which side was",
+        ),
     ],
 )
 def test_a_table_that_does_not_fit_its_map_is_refused(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from analysis import ColumnMap, level_table, read_trials, write_analysis
 from analysis.answers.detection import cells, levels_of, participants_of
-from tests.test_analysis.shared import loaded, put, refused
+from tests.test_analysis.shared import loaded, put, refused, run
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
     from analysis.results.tables import Analysis
 
 TABLE = {"detected": "k", "presented": "n", "group": ["participant", "vibration"]}
-MAP = ColumnMap(columns={"level_vpp": "level"}, table=TABLE, axis={"x_scale": "linear"})
+MAP = ColumnMap(
+    columns={"level_vpp": "level"}, table=TABLE, axis={"x_scale": "linear"}, task="yes/no"
+)
 HEADER = "participant,vibration,level,k,n\n"
 KNOWN = ["condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"]
 
@@ -64,7 +67,9 @@ def test_counts_give_the_tables_of_the_trials_they_stand_for(
         trials += f"{person},left,{level},1\n" * hits + f"{person},left,{level},0\n" * misses
     columns = {"level_vpp": "level", "detected": "felt"}
     condition = {"condition": "vibration=0"}
-    known = ColumnMap(columns=columns, constant=condition, axis={"x_scale": "linear"})
+    known = ColumnMap(
+        columns=columns, constant=condition, axis={"x_scale": "linear"}, task="yes/no"
+    )
     of_counts, of_trials = cells_of(tmp_path, counted), loaded(tmp_path, trials, known).trials
     same = [*KNOWN, "p_pooled", "group_low", "group_high"]
     pd.testing.assert_frame_equal(levels_of(of_counts)[same], level_table(of_trials)[same])
@@ -73,7 +78,7 @@ def test_counts_give_the_tables_of_the_trials_they_stand_for(
 
 def test_cells_are_summed_over_sessions_and_sides(tmp_path: Path) -> None:
     text = "participant,session,side,level_vpp,k,n\n1,1,left,60,1,2\n1,1,right,60,0,3\n"
-    columns = ColumnMap(table={"detected": "k", "presented": "n"})
+    columns = ColumnMap(table={"detected": "k", "presented": "n"}, task="yes/no")
     cells = cells_of(tmp_path, text + "1,2,left,60,4,4\n", columns)
     assert cells[["detected", "presented"]].to_numpy().tolist() == [[5, 9]]
 
@@ -91,7 +96,7 @@ def test_what_counts_do_not_tell_is_not_given(tmp_path: Path) -> None:
     unknown = ("over_report", "mislocalised", "timeouts", "p_answered")
     assert [level[name] for name in unknown] == [None] * 4
     assert level["detected_any"] == 9
-    forced = ColumnMap(columns=MAP.columns, axis=MAP.axis, table={**TABLE, "none_offered": False})
+    forced = replace(MAP, task="forced choice")
     assert analysed(tmp_path, "A,0,60,9,10\n", forced).detected_any is None
 
 
@@ -128,7 +133,7 @@ def test_counts_that_cannot_be_are_refused(tmp_path: Path, row: str, words: str)
 
 def test_a_level_of_0_has_no_place_on_a_logarithmic_axis(tmp_path: Path) -> None:
     path = put(tmp_path / "t.csv", HEADER + "A,0,0,1,10\n")
-    error = refused(path, columns=ColumnMap(columns=MAP.columns, table=TABLE))
+    error = refused(path, columns=ColumnMap(columns=MAP.columns, table=TABLE, task="yes/no"))
     assert f"{path}:2: column 'level_vpp' is 0; it must be a number" in str(error)
 
 
@@ -152,7 +157,11 @@ def test_a_table_in_which_nothing_was_presented_is_refused(tmp_path: Path) -> No
         ({"table": {**TABLE, "group": "p"}}, r"\[table\] group: must be a list of columns"),
         ({"table": {**TABLE, "group": [1]}}, r"\[table\]: names of columns must be text"),
         ({"table": {**TABLE, "presented": "k"}}, r"each column may be named once, got k, k"),
-        ({"table": {**TABLE, "none_offered": "no"}}, r"none_offered: true or false, got 'no'"),
+        ({"table": {**TABLE, "none_offered": False}}, r"\[table\] needs detected and presented"),
+        ({"table": TABLE}, 'need task = "yes/no"'),
+        ({"table": TABLE, "task": "2AFC"}, 'task: allowed "yes/no", "forced choice"'),
+        ({"task": "yes/no", "alternatives": 3}, "alternatives: allowed beside task"),
+        ({"task": "forced choice", "alternatives": 1}, "alternatives: must be a whole number"),
         ({"table": TABLE, "columns": {"rt_s": "t"}}, r"\[columns\] rt_s: with \[table\] allowed"),
         ({"table": TABLE, "constant": {"condition": "x"}}, "it is the condition already"),
     ],
@@ -181,3 +190,36 @@ def test_a_table_of_counts_is_never_overwritten(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="out_dir must not hold what is analysed"):
         write_analysis([path], tmp_path, columns=MAP, figures=False)
     assert [one.name for one in tmp_path.iterdir()] == ["levels.csv"]
+
+
+def test_a_forced_choice_is_never_taken_for_yes_and_no(tmp_path: Path) -> None:
+    rows = zip((60, 80, 110, 150, 200), (15, 18, 24, 29, 30), strict=True)
+    path = put(
+        tmp_path / "counts.csv",
+        "participant,level_vpp,k,n\n" + "".join(f"A,{v},{k},30\n" for v, k in rows),
+    )
+    head = 'task = "forced choice"\n'
+    section = '[table]\ndetected = "k"\npresented = "n"\n'
+    columns = put(tmp_path / "MAP.toml", section)
+    out = tmp_path / "out"
+    analyze = ("analyze", path, "--columns", columns, "--no-figures", "--out", out)
+    result = run(*analyze)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert 'task = "yes/no"' in result.stderr
+    assert not out.exists()
+    for more, threshold in (("", 101.2), ("alternatives = 4\n", 77.3), (None, 68.9)):
+        columns.write_text((head + more if more is not None else 'task = "yes/no"\n') + section)
+        assert run(*analyze).exit_code == 0
+        [row] = json.loads((out / "summary.json").read_text())["thresholds"]
+        assert row["threshold_vpp"] == pytest.approx(threshold, abs=0.5)
+
+
+def test_answers_of_0_and_1_need_a_task(tmp_path: Path) -> None:
+    text = "participant,side,level_vpp,detected\nA,left,60,1\nA,right,60,0\n"
+    error = refused(put(tmp_path / "t.csv", text), columns=ColumnMap())
+    assert 'task = "yes/no"' in str(error)
+    for task, answer in (("yes/no", "none"), ("forced choice", "left")):
+        trials = loaded(tmp_path, text, ColumnMap(task=task)).trials
+        assert trials["response"].tolist() == ["left", answer]
+        assert trials["none_offered"].tolist() == [task == "yes/no"] * 2

@@ -93,10 +93,10 @@ def test_only_levels_that_were_presented_bound_a_threshold() -> None:
 
 def test_a_guess_rate_needs_blanks_and_the_answer_none() -> None:
     assert guessing(none_offered=False, sided_answers=30, blanks=60).rate.mean == 0.5
-    few = guessing(none_offered=True, sided_answers=9, blanks=BLANKS_NEEDED - 1)
+    few = guessing(none_offered=True, sided_answers=4.5, blanks=BLANKS_NEEDED - 1)
     assert (few.rate.beta, few.basis) == ((5.0, 15.0), "few blanks")
     assert guessing(none_offered=True, sided_answers=0, blanks=0).basis == "assumed"
-    enough = guessing(none_offered=True, sided_answers=9, blanks=BLANKS_NEEDED)
+    enough = guessing(none_offered=True, sided_answers=4.5, blanks=BLANKS_NEEDED)
     assert enough.rate.beta == (0.5 + 4.5, 0.5 + 20 - 4.5)
 
 
@@ -106,8 +106,15 @@ def test_blanks_tell_the_guess_rate_of_their_participant_only() -> None:
     people = (person("1", same), person("2", same), blanks("1", answers))
     table = table_of(*people).set_index("participant")
     assert table["guess_basis"].to_dict() == {"1": "blanks", "2": "assumed"}
-    assert table["guess_rate"]["1"] == pytest.approx((0.5 + 4) / 41)
+    assert table["guess_rate"]["1"] == pytest.approx((0.5 + 5) / 41)
     assert table["guess_rate"]["2"] == pytest.approx(1 / 11)
+
+
+def test_blanks_answered_with_either_side_count_by_half_where_both_have_stimuli() -> None:
+    left = person("1", GOOD)
+    both = (left, left.replace({"side": MIRROR, "response": MIRROR}))
+    table = table_of(*both, blanks("1", ["left"] * 5 + ["right"] * 3 + ["none"] * 32))
+    assert table["guess_rate"].tolist() == pytest.approx([(0.5 + 4) / 41])
 
 
 def test_one_trial_without_the_answer_none_makes_it_a_forced_choice() -> None:
