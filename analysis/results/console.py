@@ -124,12 +124,12 @@ def _control_lines(table: pd.DataFrame) -> Iterator[str]:
 def _threshold_lines(analysis: Analysis) -> Iterator[str]:
     for _, group in analysis.groups.iterrows():
         people = analysis.thresholds[analysis.thresholds["condition"].eq(group["condition"])]
-        each = ""
+        told = [str(group["printed"])] if len(people) > 1 else []
         if len(people) <= _FEW:
-            told = zip(people["participant"], people["printed"], strict=True)
-            each = "; " + ", ".join(f"{name} {printed}" for name, printed in told)
+            each = zip(people["participant"], people["printed"], strict=True)
+            told.append(", ".join(f"{name} {printed}" for name, printed in each))
         where = f" in condition {group['condition']}" if analysis.counts.conditions > 1 else ""
-        yield f"Threshold{where}: {group['printed']}{each}."
+        yield f"Threshold{where}: {'; '.join(told)}."
 
 
 def _difference_lines(analysis: Analysis) -> Iterator[str]:
