@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from experiment.terms.exits import CommandError
 from experiment.terms.responder import RESPONDERS, SessionPart
 
@@ -75,8 +77,20 @@ def _entered(name: str, someone: Any, stack: contextlib.ExitStack) -> Responder:
     if name in RESPONDERS:
         entered: Responder = stack.enter_context(someone)
         return entered
+
+    def left(*raised: Any) -> bool | None:
+        # The session is over by then, and its record closed: what fails here is told, no more.
+        try:
+            ended: bool | None = someone.__exit__(*raised)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever a lab's code raises)
+            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            click.echo(f"--responder {name} failed as it was left: {said}", err=True)
+            return False
+        return ended
+
     try:
-        entered = stack.enter_context(someone)
+        entered = someone.__enter__()
+        stack.push(left)
         require_whole(entered, Responder)
     except Exception as error:
         said = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"

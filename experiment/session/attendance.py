@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 from device.driver import DeviceError
 from experiment.operator.requests import StopRequested
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from experiment.session.setting import Setting
     from experiment.terms.responder import Progress, SessionPart
     from experiment.trial.events import Happening, Task
+
+
+_Given = TypeVar("_Given")
 
 
 class Attendance:
@@ -32,6 +35,7 @@ class Attendance:
         self._requests = setting.requests
         self._clock = setting.clock
         self._responses = responses
+        self._cued_s = -math.inf
         self.ignored = ""
 
     def greet(self, progress: Progress) -> Happening:
@@ -43,6 +47,15 @@ class Attendance:
         return self._unless_stopped(
             lambda: _continued(go_on=self._responder.introduce(part, progress))
         )
+
+    def cue(self, progress: Progress) -> None:
+        """Announce a trial."""
+        self._guarded(lambda: self._responder.cue(progress))
+        self._cued_s = self._clock.now_s()
+
+    def feedback(self, *, correct: bool) -> None:
+        """Tell whether an answer was right."""
+        self._guarded(lambda: self._responder.feedback(correct=correct))
 
     def wait(self, task: Task, until_s: float) -> Happening:
         """Let the foreperiod pass."""
@@ -89,14 +102,22 @@ class Attendance:
         return self._unless_stopped(end)
 
     def _unless_stopped(self, wait: Callable[[], Happening]) -> Happening:
-        try:
+        def interruptible() -> Happening:
             with self._stop.interruptible():
                 return wait()
+
+        try:
+            return self._guarded(interruptible)
         except StopRequested:
             return Event.STOP_ASKED
-        except (DeviceError, ResponderError):
+
+    def _guarded(self, call: Callable[[], _Given]) -> _Given:
+        """Let whatever a responder raises, an exit of the program too, end the session alike."""
+        try:
+            return call()
+        except (DeviceError, ResponderError, StopRequested):
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             said = f"{type(error).__name__}: {' '.join(str(error).split())}"
             raise ResponderError(f"{type(self._responder).__name__} failed: {said}") from error
 
@@ -143,7 +164,14 @@ class Attendance:
             )
 
     def _require_present(self, press: Press) -> None:
-        """Refuse an answer that is yet to come: every reaction time would be off by as much."""
+        """Refuse an answer that is yet to come, or of long ago: reaction times would be off."""
+        early_s = self._cued_s - press.time_s
+        if early_s > LONGEST_BEFORE_S:
+            raise ResponderError(
+                f"{type(self._responder).__name__} returned a Press of {early_s:.3g} s before its "
+                "trial: time_s must be a reading of the clock that the responder was given, and "
+                "cue() has to drop what was pressed before"
+            )
         ahead_s = press.time_s - self._clock.now_s()
         if ahead_s > LARGEST_LEAD_S:
             raise ResponderError(
@@ -160,6 +188,8 @@ class Attendance:
 
 LARGEST_LEAD_S: Final = 0.01
 """By so much a button box whose clock is kept against the session's may be ahead."""
+LONGEST_BEFORE_S: Final = 5.0
+"""A press that waited for longer than this before its trial is no impatience, but another clock."""
 _AGAIN_S: Final = 1e-3
 """So long after a key that is none of an answer the next one is waited for."""
 

@@ -220,7 +220,7 @@ class Session:
         self._noise.begin_trial()
         self._standing.trial_begins(self._clock.now_s())
         rested_s = self._emission.prepare(trial)
-        self._responder.cue(self._standing.progress(self._state))
+        self._participant.cue(self._standing.progress(self._state))
         # The foreperiod runs from the end of the cue, for loading a condition may take a while. The
         # device may need longer: its rest after the stimulus before is kept whatever was drawn.
         self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
@@ -276,7 +276,7 @@ class Session:
         self._standing.trial_ends(effect, self._clock.now_s())
 
     def _feedback(self, effect: events.Feedback) -> None:
-        self._responder.feedback(correct=effect.correct)
+        self._participant.feedback(correct=effect.correct)
 
     def _rest(self, effect: events.Rest) -> Happening:
         self._note()

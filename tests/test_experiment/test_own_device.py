@@ -508,7 +508,12 @@ def test_a_word_that_is_never_offered_ends_in_time_outs(
             "returned a Press that is 0.3 s in the future: time_s must be a reading of the clock",
         ),
         (lambda _: Press("left", 1.7e9), "Impatient returned a Press that is 1.7e.09 s in the"),
+        (
+            lambda _: Press("left", -100.0),
+            "before its trial: time_s must be a reading of the clock",
+        ),
         (lambda _: 1 / 0, "Impatient failed: ZeroDivisionError: division by zero"),
+        (lambda _: sys.exit(0), "Impatient failed: SystemExit: 0"),
     ],
 )
 def test_a_responder_that_fails_ends_the_session_in_one_line(
@@ -516,6 +521,33 @@ def test_a_responder_that_fails_ends_the_session_in_one_line(
 ) -> None:
     with pytest.raises(ResponderError, match=said):
         sat(lab_device, tmp_path, ask=made)
+
+
+def test_a_responder_that_fails_at_the_cue_ends_the_session_alike(
+    lab_device: Any, tmp_path: Path
+) -> None:
+    with pytest.raises(ResponderError, match="Impatient failed: ZeroDivisionError"):
+        sat(lab_device, tmp_path, cue=lambda _: 1 / 0)
+
+
+@pytest.mark.process
+def test_a_responder_that_fails_as_it_is_left_is_told_after_the_session(lab: Path) -> None:
+    module = lab / "site" / "lab_device.py"
+    module.write_text(
+        module.read_text(encoding="utf-8")
+        + "\n\nclass Leaving(Impatient):\n    def __enter__(self):\n        return self\n\n"
+        "    def __exit__(self, *_):\n        raise OSError('the box is gone')\n",
+        encoding="utf-8",
+    )
+    entries = next((lab / "site").glob("*.dist-info")) / "entry_points.txt"
+    entries.write_text(entries.read_text().replace(":Impatient", ":Leaving"))
+    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
+    words = ("run", "study.toml", "--participant", "01", "--seed", "1", "--driver", "printer")
+    done = tactstrip(lab, *words, "--responder", "impatient", "--confirm-hardware")
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    told = "--responder impatient failed as it was left: OSError: the box is gone"
+    assert told in done.stderr
 
 
 def test_a_responder_has_to_say_whether_anybody_is_there(lab_device: Any, tmp_path: Path) -> None:
