@@ -135,7 +135,8 @@ def _placed(study: Study, actuator: Actuator, path: str) -> Iterator[Source]:
         value = getattr(actuator, key)
         if value is not None:
             whose = stated(actuator, key, by_value=not papers)
-            left_out = _MIDDLE if is_own and key == "y_mm" else PAPERS
+            default = PAPERS if study.plate.is_the_papers else ASSUMED
+            left_out = _MIDDLE if is_own and key == "y_mm" else default
             yield source(f"{path}.{key}", value, *(whose or left_out))
     key, value = "finger_diameter_mm", actuator.finger_diameter_mm
     whose = stated(actuator, key, by_value=value != _FINGER_DIAMETER_MM)
@@ -279,13 +280,14 @@ def _strip(plate: Plate) -> Iterator[Source]:
     for key in ("width_mm", "length_mm", "thickness_mm"):
         value = getattr(plate, key)
         papers = plate.is_the_papers and (key != "length_mm" or value == PAPER_LENGTH_MM)
-        yield source(f"strip.{key}", value, *(stated(plate, key, by_value=not papers) or PAPERS))
+        left_out = PAPERS if papers else ASSUMED
+        yield source(f"strip.{key}", value, *(stated(plate, key, by_value=not papers) or left_out))
     if plate.material is not None:
         words = f"handbook: {MATERIALS[plate.material].source}"
         yield source("strip.material", plate.material, "handbook", words)
     for key in _MATERIAL_KEYS if plate.material is None else ():
         whose = stated(plate, key, by_value=not plate.is_the_papers)
-        left_out: tuple[Origin, str] = ("paper", "the paper's (section II-B)")
+        left_out = _PAPERS_MATERIAL if plate.is_the_papers else ASSUMED
         yield source(f"strip.{key}", getattr(plate, key), *(whose or left_out))
     yield from _loss(plate)
     yield from _edge(plate)
@@ -305,6 +307,7 @@ def _edge(plate: Plate) -> Iterator[Source]:
         yield cutoff_source(plate, model=True)
 
 
+_PAPERS_MATERIAL: Final[tuple[Origin, str]] = ("paper", "the paper's (section II-B)")
 _SPRINGS: Final[tuple[Origin, str]] = (
     "assumed",
     "assumed by tactstrip: springs that give the measured cut-off",

@@ -18,6 +18,7 @@ from experiment.study.sections.actuator import (
     MEASURED_KEYS,
     SIDES,
     Actuator,
+    check_measured,
     displacements_are_known,
     paper_actuators,
 )
@@ -26,8 +27,6 @@ from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import Contact, DeviceSettings, Masking
 from experiment.study.sections.finger import ROUNDING_M, FingerLoad, check_fingers
 from experiment.study.sections.plate import (
-    PAPER_CUTOFF_HZ,
-    PAPER_LENGTH_MM,
     Plate,
     is_as_measured,
     is_papers_plate,
@@ -199,7 +198,7 @@ class Study:
 
     def __post_init__(self) -> None:
         _check_places(self.actuators, self.strip)
-        self._check_measured()
+        check_measured(self.plate, self.actuators)
         self._check_displacements()
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
@@ -214,18 +213,6 @@ class Study:
         self._check_levels()
         self._check_drives()
         self.texts.check_answers(self.design.responses)
-
-    def _check_measured(self) -> None:
-        """Ask for what was measured on this plate where the paper's discs are on another one."""
-        if self.plate.is_as_measured:
-            return
-        for place, actuator in enumerate(self.actuators):
-            if self.plate.is_the_papers and actuator.is_the_papers:
-                raise ValueError(
-                    f"actuator[{place}].{MEASURED_KEYS[0]} is the paper's, of its own plate of "
-                    f"length_mm = {PAPER_LENGTH_MM:g} and measured_cutoff_hz = {PAPER_CUTOFF_HZ:g}:"
-                    f" leave {', '.join(MEASURED_KEYS)} out, or state yours with measured_by"
-                )
 
     def _check_displacements(self) -> None:
         """Refuse micrometres per volt that no finger could feel, or that no plate could bear."""

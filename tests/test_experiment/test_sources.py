@@ -11,7 +11,7 @@ from experiment.commands.init import write_study_text
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.study.physics import study_gains
-from experiment.study.read import read_study, study_from_text, with_levels
+from experiment.study.read import read_study, study_from_canonical, study_from_text, with_levels
 from experiment.study.sources import study_sources, words_of_the_others
 from experiment.study.study import StudyError
 from experiment.trial.draw import draw_plan
@@ -116,6 +116,65 @@ def test_what_init_writes_is_not_the_labs(preset: str) -> None:
         assert told(text.replace("blank_trials = 60", "blank_trials = 70")) == told(text) | {
             "design.blank_trials": (70, "yours")
         }
+
+
+STATED = "measured_cutoff_hz = 2900", 'measured_cutoff_hz = 2900\nmeasured_by = "us"'
+NOT_MEASURED = [
+    ("measured_displacement_um = 2.6", ""),
+    ("measured_at_vpp = 100", ""),
+    ("measured_at_hz = 300", ""),
+    ("threshold_um = 1.57", "threshold_vpp = 60"),
+]
+STEEL_IN_PLACE = [
+    ("youngs_modulus_gpa = 67", 'material = "steel" #'),
+    ("poisson_ratio = 0.346", ""),
+    ("density_kg_m3 = 2700", ""),
+]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [("thickness_mm = 0.5", "thickness_mm = 0.6")],
+        [("width_mm = 25", "width_mm = 26")],
+        STEEL_IN_PLACE,
+    ],
+)
+def test_what_init_wrote_of_the_papers_plate_was_not_measured_on_another(
+    changes: list[tuple[str, str]],
+) -> None:
+    text = changed(write_study_text("paper"), changes)
+    cutoff = r"^s: strip.measured_cutoff_hz = 2900 is the paper's, of its own plate of width_mm "
+    with pytest.raises(StudyError, match=f"{cutoff}= 25 .*: leave it out .* with measured_by$"):
+        study_from_text(text, "s")
+    text = changed(text, [STATED])
+    displacement = (
+        r"^s: actuator\[0\].measured_displacement_um is the paper's, of its own plate of "
+    )
+    with pytest.raises(StudyError, match=f"{displacement}width_mm .*, or state yours with meas"):
+        study_from_text(text, "s")
+    text = changed(text, NOT_MEASURED)
+    sources = {one.key: one for one in study_sources(study_from_text(text, "s"))}
+    assert "paper" not in {one.origin for key, one in sources.items() if key.startswith("strip.")}
+    assert sources["strip.length_mm"].words == "assumed by tactstrip"
+    assert sources["actuator[0].x_mm"].words == "assumed by tactstrip"
+
+
+def test_who_writes_the_papers_numbers_without_init_measured_them() -> None:
+    text = changed(write_study_text("paper"), [("thickness_mm = 0.5", "thickness_mm = 0.6")])
+    study = study_from_text(text[: text.index("[init]")], "s")
+    sources = {one.key: one.origin for one in study_sources(study)}
+    assert sources["strip.measured_cutoff_hz"] == "measured"
+    assert sources["actuator[0].measured_displacement_um"] == "measured"
+    assert study_from_canonical(study.canonical) == study
+
+
+def changed(text: str, changes: list[tuple[str, str]]) -> str:
+    """Return a text with every change made; each is of something in it."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
 
 
 @pytest.mark.slow

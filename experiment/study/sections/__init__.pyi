@@ -5,6 +5,7 @@ from .actuator import (
     PIEZO_KEYS,
     SIDES,
     Actuator,
+    check_measured,
     displacements_are_known,
     paper_actuators,
 )
@@ -93,6 +94,7 @@ __all__ = [
     "Table",
     "Texts",
     "check_fingers",
+    "check_measured",
     "completed",
     "displacements_are_known",
     "drive_samples",

@@ -9,8 +9,24 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
 from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.plate import Density, Line, Modulus, dated, refuse_orphans
-from experiment.study.sections.table import Table, refuse_below, refuse_incomplete, section
+from experiment.study.sections.plate import (
+    PAPER_CUTOFF_HZ,
+    PAPER_LENGTH_MM,
+    PAPER_SIZES,
+    Density,
+    Line,
+    Modulus,
+    Plate,
+    dated,
+    refuse_orphans,
+)
+from experiment.study.sections.table import (
+    Table,
+    is_left_as_it_was,
+    refuse_below,
+    refuse_incomplete,
+    section,
+)
 from experiment.terms.checks import NAME, NAME_RULE
 from stimuli import BondedPatch, MeasuredDisplacement, PiezoLayers
 
@@ -305,3 +321,34 @@ def paper_actuators(*, measured: bool = True) -> list[dict[str, Any]]:
         )
         for side, x_mm in (("left", -35.0), ("right", 35.0))
     ]
+
+
+def check_measured(plate: Plate, actuators: Iterable[Actuator]) -> None:
+    """Ask for what was measured on this plate where the paper's numbers are on another one."""
+    if plate.is_as_measured:
+        return
+    sizes = " and ".join(f"{key} = {mm:g}" for key, mm in PAPER_SIZES.items())
+    own = f"is the paper's, of its own plate of {sizes}, of aluminium"
+    if plate.is_the_papers:
+        own = (
+            f"is the paper's, of its own plate of length_mm = {PAPER_LENGTH_MM:g} and "
+            f"measured_cutoff_hz = {PAPER_CUTOFF_HZ:g}"
+        )
+    elif _is_nobodys(plate, "measured_cutoff_hz"):
+        raise ValueError(
+            f"strip.measured_cutoff_hz = {PAPER_CUTOFF_HZ:g} {own}: leave it out with edge = "
+            "clamped or simply-supported, or state yours with measured_by"
+        )
+    for place, actuator in enumerate(actuators):
+        papers = plate.is_the_papers and actuator.is_the_papers
+        if papers or _is_nobodys(actuator, MEASURED_KEYS[0]):
+            raise ValueError(
+                f"actuator[{place}].{MEASURED_KEYS[0]} {own}: leave {', '.join(MEASURED_KEYS)} "
+                "out, or state yours with measured_by"
+            )
+
+
+def _is_nobodys(measured: Plate | Actuator, key: str) -> bool:
+    """Tell whether a measured value is the paper's that `tactstrip init` wrote, and no lab's."""
+    is_given = getattr(measured, key) is not None
+    return is_given and measured.measured_by is None and is_left_as_it_was(measured, key)

@@ -45,7 +45,7 @@ PAPER_CUTOFF_HZ: Final = 2900.0
 """First cut-off measured on the paper's plate (figure 4)."""
 
 PAPER_LENGTH_MM: Final = 200.0
-_PAPER_SIZES: Final = {"width_mm": 25.0, "thickness_mm": 0.5}
+PAPER_SIZES: Final = {"width_mm": 25.0, "thickness_mm": 0.5}
 _PAPER_MATERIAL: Final = {
     "youngs_modulus_gpa": ALUMINIUM.youngs_modulus_pa / 1e9,
     "poisson_ratio": ALUMINIUM.poisson_ratio,
@@ -55,7 +55,7 @@ _PAPER_MATERIAL: Final = {
 
 def is_papers_plate(keys: dict[str, Any]) -> bool:
     """Tell whether the keys of [strip] are those of the paper's plate; what is no number may be."""
-    papers = _PAPER_SIZES | _PAPER_MATERIAL
+    papers = PAPER_SIZES | _PAPER_MATERIAL
     return keys.get("material") is None and all(
         keys.get(key, papers[key]) == papers[key]
         for key in papers

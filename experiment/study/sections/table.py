@@ -95,6 +95,12 @@ def stated_of(section: object) -> Stated:
     return stated
 
 
+def is_left_as_it_was(section: object, key: str) -> bool:
+    """Tell whether a key is known to be a default, be it one that `tactstrip init` wrote down."""
+    told = stated_of(section)
+    return told.keys is not None and key not in told.keys and key not in told.chosen
+
+
 def _origin_of(table: dict[str, Any]) -> Stated:
     if isinstance(table, Table):
         return table.stated
