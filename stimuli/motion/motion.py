@@ -45,7 +45,7 @@ _SPANS: Final = 8.0
 _FEWEST, _MORE = 8.0, 1.75
 """Modes are kept up to such a multiple of the first cut-off; if that is not enough, to more."""
 
-_SLOW: Final = 8.0
+_SLOW: Final = 30.0
 """A burst so many times slower than the cut-off, as those of plates a few millimetres wide are,
 moves upper modes so little that those which tell echoes may be enough."""
 

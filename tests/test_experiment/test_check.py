@@ -583,3 +583,40 @@ def test_a_measurement_next_to_a_mode_is_told_where_the_loss_is_assumed(
     said = "left: measured at 2889 Hz, next to the first mode of the plate; its"
     assert (said in checked(text).stdout) == told
     assert ("micrometres differ by a factor of 2." in checked(text).stdout) == told
+
+
+@pytest.mark.slow
+def test_a_burst_much_slower_than_the_cut_off_keeps_the_modes_that_its_level_needs() -> None:
+    """The contour solver says -36.303 dB of the left actuator at the right finger."""
+    text = """
+[strip]
+width_mm = 25
+thickness_mm = 0.5
+length_mm = 906
+youngs_modulus_gpa = 71
+poisson_ratio = 0.22
+density_kg_m3 = 2500
+loss_factor = 0.005
+edge = "simply-supported"
+[[actuator]]
+side = "left"
+x_mm = -25
+diameter_mm = 12
+finger_diameter_mm = 6
+[[actuator]]
+side = "right"
+x_mm = 42
+diameter_mm = 12
+finger_diameter_mm = 6
+[burst]
+frequency_hz = 150
+cycles = 2
+window = "none"
+"""
+    (condition,) = json.loads(checked(text, "--json").stdout)["conditions"]
+    levels = [
+        finger["level_db"]
+        for actuator in condition["displacements"]["actuators"]
+        for finger in actuator["fingers"]
+    ]
+    assert levels[0] == pytest.approx(-36.303, abs=0.01)
