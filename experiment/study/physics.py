@@ -152,12 +152,12 @@ def loads_per_volt(
         try:
             known = load_per_volt(strip, load, actuator.basis)
         except AboveFirstModeError as error:
-            first = "cut-off" if strip.length_m is None else "mode"
+            first, ends = ("cut-off", "") if strip.length_m is None else ("mode", "its ends and ")
             named = f"the plate's first {first}, {inward(error.first_hz, least=False)} Hz"
             raise UnusableStudyError(
                 study.name,
                 f"the {actuator.label} actuator: measured_at_hz must lie below {named}, from where "
-                "on its ends and its loss count as much as the actuator; got "
+                f"on its motion depends on {ends}its loss as much as on the actuator; got "
                 f"{actuator.measured_at_hz:.10g}: measure at a lower frequency",
             ) from error
         except ValueError as error:

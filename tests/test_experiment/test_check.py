@@ -254,7 +254,12 @@ DISC_AT_9_KHZ = "".join(
         ),
         (
             DISC_AT_9_KHZ,
-            "study.toml: the left actuator: measured_at_hz must lie below the plate's first",
+            "study.toml: the left actuator: measured_at_hz must lie below the plate's first mode, ",
+        ),
+        (DISC_AT_9_KHZ, "from where on its motion depends on its ends and its loss as much"),
+        (
+            f'[strip]\nlength_mm = "endless"\n{DISC_AT_9_KHZ}',
+            "first cut-off, 2900 Hz, from where on its motion depends on its loss as much",
         ),
     ],
 )
