@@ -1,5 +1,5 @@
 from .requests import Monitor, Requests, Status, StopRequested, StopSignal, Tally
-from .terminal import KEY
+from .terminal import KEY, read_keys
 from .view import OperatorView
 
 __all__ = [
@@ -11,4 +11,5 @@ __all__ = [
     "StopRequested",
     "StopSignal",
     "Tally",
+    "read_keys",
 ]

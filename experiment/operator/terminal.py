@@ -21,8 +21,25 @@ if TYPE_CHECKING:
 
 
 _AT_ONCE: Final = 1024
+_REST_S: Final = 0.05
+_UNFINISHED: Final = re.compile(rb"(?<!\x1b)\x1b(\[[0-?]*[ -/]*|O)?\Z")
+"""What a key's control sequence may begin with; of Esc held down only the first is waited for."""
 _LFLAG, _IFLAG, _CC = 3, 0, 6
 _FAREWELL_S: Final = 0.2
+
+
+def read_keys(keyboard: int) -> bytes:
+    """Return what is typed, nothing at its end; waits for the first key, and for the rest of one.
+
+    A key may arrive in pieces, whose first alone would be Esc: that is Esc only if nothing follows.
+    """
+    typed = os.read(keyboard, _AT_ONCE)
+    while _UNFINISHED.search(typed) and select.select([keyboard], [], [], _REST_S)[0]:
+        rest = os.read(keyboard, _AT_ONCE)
+        if not rest:
+            break
+        typed += rest
+    return typed
 
 
 class BorrowedTerminal:
@@ -84,7 +101,7 @@ class BorrowedTerminal:
         """Return what is typed, or nothing after some time."""
         if not select.select([self._keyboard], [], [], within_s)[0]:
             return b""
-        typed = os.read(self._keyboard, _AT_ONCE)
+        typed = read_keys(self._keyboard)
         if not typed:
             raise OSError(errno.EIO, "the terminal is gone")
         return typed

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from experiment.operator.requests import StopRequested
-from experiment.operator.terminal import KEY
+from experiment.operator.terminal import KEY, read_keys
 from experiment.participant.wrapping import filled
 from experiment.study.sections.presentation import untyped_of
 from experiment.terms.responder import ESCAPE, Press, SessionPart
@@ -101,6 +101,7 @@ class TerminalResponder:
         self._input = sys.stdin.fileno()
         self._settings: list[Any] = []
         self._typed = ""
+        self._key_s = 0.0
         self._gone = False
 
     def __enter__(self) -> Self:
@@ -152,7 +153,7 @@ class TerminalResponder:
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass."""
         key = self._read(until_s)
-        return None if key is None else Press(self._word(key), self._clock.now_s())
+        return None if key is None else Press(self._word(key), self._key_s)
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; of a key that is none it is said that it does not count."""
@@ -160,14 +161,13 @@ class TerminalResponder:
             self._asked = question
             self._say(" ?")
         key = self._read(question.onset_s + question.window_s)
-        time_s = self._clock.now_s()
         if key is None:
             self._say(" no answer")
             return None
         response = self._word(key)
         counts = response in question.answers or response == ESCAPE
         self._say(f" {response}" if counts else f" ({response} is no answer here) ?")
-        return Press(response, time_s)
+        return Press(response, self._key_s)
 
     def feedback(self, *, correct: bool) -> None:
         """Say whether a practice answer was right."""
@@ -246,7 +246,10 @@ class TerminalResponder:
             ready, _, _ = select.select([self._input], [], [], remaining_s)
             if not ready:
                 return None
+            self._key_s = self._clock.now_s()  # Esc is waited for, but came now
             self._typed = self._typed_now()
+        else:
+            self._key_s = self._clock.now_s()
         match = KEY.match(self._typed)
         assert match is not None
         self._typed = self._typed[match.end() :]
@@ -254,7 +257,7 @@ class TerminalResponder:
 
     def _typed_now(self) -> str:
         try:
-            typed = os.read(self._input, 64)
+            typed = read_keys(self._input)
         except OSError:
             typed = b""
         if not typed:

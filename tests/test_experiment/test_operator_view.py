@@ -328,6 +328,17 @@ def test_a_note_is_written_corrected_and_kept(idle: Terminal, told_path: Path) -
     assert told(told_path)["notes"] == ["chair moved, späť"]
 
 
+def test_an_arrow_that_arrives_in_pieces_drops_no_note(idle: Terminal, told_path: Path) -> None:
+    idle.type("nchair")
+    idle.expect("note: chair_")
+    for piece in ("\x1b", "[D", " moved\r"):
+        idle.type(piece)
+        time.sleep(0.01)
+    idle.expect("noted: chair moved")
+    idle.stop()
+    assert told(told_path)["notes"] == ["chair moved"]
+
+
 def test_a_stop_has_to_be_confirmed_and_ends_a_wait(idle: Terminal, told_path: Path) -> None:
     for key in "ny":
         idle.expect("p pause")
