@@ -171,6 +171,12 @@ all of its modes. **Plates a few millimetres wide** have a cut-off of a hundred 
 more: thousands of looks at hundreds of modes for each millisecond of a burst, at hundreds of
 points under a finger that is wider than the plate. The level at the other finger is -70 dB and
 less there.
+
+Of 35 random plates (18 to 40 mm wide, 0.1 to 2.7 m long, clamped or simply supported, half of
+them with actuators off the centre line, fingers or patches) 22 took more than 0.15 s. The slowest:
+aluminium 18 x 0.4 x 2737 mm, clamped, off centre, 4.9 s and 9.9 s for the whole check; steel
+22 x 0.8 x 1502 mm, clamped, with fingers, 3.1 s and 13.6 s. Of usual sizes, 25 x 0.8 x 184 mm of
+aluminium with fingers took 0.59 s and 1.7 s.
 """
 
 
