@@ -14,6 +14,8 @@ from scipy.special import ndtr
 
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.definitions import METHODS
+from analysis.groups.difference import paired_difference
+from analysis.groups.hierarchy import hierarchy
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
 from analysis.thresholds.grid import STANDARD, Nodes, Ruler, surfaces
 from analysis.thresholds.people import GuessRate
@@ -25,9 +27,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from analysis.thresholds.grid import Surface
+
     Floats = NDArray[np.float64]
 
 STUDIES: Final = 2000
+GROUPS: Final = 300
+"""Studies of groups, and of differences, for each line."""
 BESIDE: Final = 200
 """Studies that psignifit fits too: it takes a third of a second for each."""
 GRIDS: Final = (
@@ -196,6 +202,81 @@ def interval_rows() -> Iterator[str]:
             yield f"| group of five, {name} | {truth:.2f} | {_share(inside)} |"
 
 
+def _people(
+    rng: np.random.Generator, at_db: Floats, levels_vpp: tuple[float, ...], dispersion: float
+) -> Floats:
+    """Draw forced choices of people, whose answers vary so many times as much as the binomial."""
+    x = 20 * np.log10(levels_vpp)
+    sigma = 20 * SIGMA * np.exp(0.3 * rng.standard_normal((len(at_db), 1)))
+    p = 0.5 + (0.5 - LAPSE) * ndtr((x - at_db[:, None]) / sigma)
+    if dispersion > 1:
+        size = (N - dispersion) / (dispersion - 1)
+        p = rng.beta(np.maximum(p * size, 1e-6), np.maximum((1 - p) * size, 1e-6))
+    return np.asarray(rng.binomial(N, p), dtype=np.float64)
+
+
+def group_rows() -> Iterator[str]:
+    """Yield the coverage of group thresholds, over people, spread, levels and dispersion."""
+    truth_db = 20 * math.log10(62)
+    for name, levels in (("the paper's", PAPER), ("centred", CENTRED)):
+        for people in (3, 5, 12):
+            for spread_db, dispersion in ((1, 1), (2, 1), (4, 1), (6, 1), (2, 2), (2, 3)):
+                rng = np.random.default_rng([people, spread_db, dispersion])
+                inside, widths, errors = [], [], []
+                for _ in range(GROUPS):
+                    at_db = truth_db + spread_db * rng.standard_normal(people)
+                    low, middle, high = _group_db(_people(rng, at_db, levels, dispersion), levels)
+                    inside.append(low <= truth_db <= high)
+                    widths.append(high - low)
+                    errors.append(middle - truth_db)
+                yield (
+                    f"| {name} | {people} | {spread_db} dB | {dispersion} | "
+                    f"{_share(np.array(inside))} | {np.median(widths):.1f} | "
+                    f"{np.mean(errors):+.2f} | {math.sqrt(float(np.square(errors).mean())):.2f} |"
+                )
+
+
+def _likelihoods(counts: Floats, levels_vpp: tuple[float, ...]) -> tuple[list[Surface], Ruler]:
+    ruler = Ruler.of(np.log10(levels_vpp), "log10")
+    found = surfaces(
+        np.broadcast_to(np.log10(levels_vpp) / ruler.step, counts.shape),
+        counts,
+        np.full(counts.shape, float(N)),
+        rulers=[ruler] * len(counts),
+        guesses=[GuessRate(mean=0.5)] * len(counts),
+    )
+    return found, ruler
+
+
+def _group_db(counts: Floats, levels_vpp: tuple[float, ...]) -> Floats:
+    """Return limits and median of a group's threshold, dB, whether or not they are printed."""
+    return hierarchy(*_likelihoods(counts, levels_vpp)).of_middle()
+
+
+def difference_rows() -> Iterator[str]:
+    """Yield the coverage of differences of two conditions."""
+    for name, levels in (("the paper's", PAPER), ("centred", CENTRED)):
+        for people in (3, 5, 8, 12):
+            for shift_db, spread_db, dispersion in ((0, 0.5, 1), (2, 1, 1), (2, 2, 1), (2, 1, 3)):
+                rng = np.random.default_rng([people, int(10 * spread_db), dispersion])
+                inside, widths, errors = [], [], []
+                for _ in range(GROUPS):
+                    a_db = 20 * math.log10(62) + BETWEEN_DB * rng.standard_normal(people)
+                    b_db = a_db + shift_db + spread_db * rng.standard_normal(people)
+                    both = [_people(rng, one, levels, dispersion) for one in (a_db, b_db)]
+                    found, ruler = _likelihoods(np.concatenate(both), levels)
+                    one, _ = paired_difference(found[:people], found[people:], ruler)
+                    low, high = one.difference_limits_db
+                    inside.append(low <= shift_db <= high)
+                    widths.append(high - low)
+                    errors.append(one.difference_db - shift_db)
+                yield (
+                    f"| {name} | {people} | {shift_db} dB | {spread_db} dB | {dispersion} | "
+                    f"{_share(np.array(inside))} | {np.median(widths):.1f} | "
+                    f"{np.nanmean(errors):+.2f} |"
+                )
+
+
 def _share(inside: NDArray[np.bool_]) -> str:
     share = float(inside.mean())
     return f"{share:.1%} +- {math.sqrt(share * (1 - share) / len(inside)):.1%}"
@@ -294,6 +375,18 @@ def section() -> str:
             "|---|---|---|---|---|---|---|---|",
             *threshold_rows(),
             "",
+            _GROUPS,
+            "",
+            _GROUP_HEADER,
+            "|---|---|---|---|---|---|---|---|",
+            *group_rows(),
+            "",
+            _DIFFERENCES,
+            "",
+            _DIFFERENCE_HEADER,
+            "|---|---|---|---|---|---|---|---|",
+            *difference_rows(),
+            "",
             _TIMES,
             "",
             "![Time against error](posterior.png)",
@@ -320,6 +413,25 @@ _THRESHOLDS: Final = (
     "psignifit fits the first of the same studies; fewer, as each takes a third of a second on a "
     "busy machine. Where the levels say little its prior, which falls off outside them, pulls the "
     "threshold towards them, here to where it is. With every figure its standard error."
+)
+_GROUP_HEADER: Final = (
+    "| levels | people | between people | dispersion | limits cover | width, dB | bias, dB "
+    "| RMSE, dB |"
+)
+_DIFFERENCE_HEADER: Final = (
+    "| levels | people | difference | between people | dispersion | limits cover | width, dB "
+    "| bias, dB |"
+)
+_GROUPS: Final = (
+    f"Groups of forced choices, {GROUPS} seeded studies for each line: thresholds with a middle of "
+    "62 V, sigma 2 dB (varying by exp(0.3) between people), lapses 0.02; dispersion is how many "
+    "times as much as the binomial the answers of a person vary. Limits are those of the "
+    "posterior, whether or not they are printed (outside the levels they are open); width is the "
+    "median one."
+)
+_DIFFERENCES: Final = (
+    "Differences of two conditions of the same people, thresholds of the first as above with 2 dB "
+    "between people; the difference varies between people, too. Open limits count as covering."
 )
 _TIMES: Final = (
     "Time of one posterior against the error of its three points (dB, 90 % quantile of 40 "

@@ -138,6 +138,7 @@ def test_a_calibration_section_tells_coverage_bias_and_time(
 ) -> None:
     monkeypatch.setattr(calibration, "STUDIES", 20)
     monkeypatch.setattr(calibration, "BESIDE", 0)
+    monkeypatch.setattr(calibration, "GROUPS", 1)
     monkeypatch.setattr(calibration, "GRIDS", (Nodes(between=11, outside=4, log_sigma=7, lapse=3),))
     monkeypatch.setattr(calibration, "FINEST", Nodes(between=31, log_sigma=17, lapse=5))
     monkeypatch.setattr(calibration, "FIGURE", tmp_path / "posterior.png")
