@@ -125,6 +125,7 @@ def test_the_verdict_is_that_of_trying_everything() -> None:
             assert verdict.possible == (printed in possible[verdict.reading])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000), st.integers(1, 1000), st.sampled_from(CONVENTIONS))
 def test_a_printed_number_stands_for_what_is_printed_so(k: int, n: int, convention: str) -> None:
     value = Fraction(min(k, n), n)

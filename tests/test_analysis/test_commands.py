@@ -213,6 +213,7 @@ def test_the_interval_is_the_one_asked_for(tmp_path: Path, analyze: Analyze, met
     assert summary(tmp_path / "out")["definitions"]["ci"] == method
 
 
+@pytest.mark.slow
 def test_results_go_into_the_folder_that_was_given_or_the_current_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -510,6 +511,7 @@ def test_an_unknown_name_of_the_package_is_refused() -> None:
     assert all(getattr(package, name) is not None for name in package.__all__)
 
 
+@pytest.mark.slow
 def test_a_bar_is_shown_on_a_terminal_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     paths = [
         put(tmp_path / f"{number}.csv", f"{LEAST}p{number},left,60,left\n")

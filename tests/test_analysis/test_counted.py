@@ -192,6 +192,7 @@ def test_a_table_of_counts_is_never_overwritten(tmp_path: Path) -> None:
     assert [one.name for one in tmp_path.iterdir()] == ["levels.csv"]
 
 
+@pytest.mark.slow
 def test_a_forced_choice_is_never_taken_for_yes_and_no(tmp_path: Path) -> None:
     rows = zip((60, 80, 110, 150, 200), (15, 18, 24, 29, 30), strict=True)
     path = put(

@@ -191,6 +191,7 @@ def every_table(trials: pd.DataFrame) -> list[pd.DataFrame]:
 assert_same = partial(pd.testing.assert_frame_equal, check_exact=True)
 
 
+@pytest.mark.slow
 @few
 @given(studies(), st.randoms(use_true_random=False))
 def test_the_order_of_trials_changes_nothing(trials: pd.DataFrame, random: Any) -> None:
@@ -201,6 +202,7 @@ def test_the_order_of_trials_changes_nothing(trials: pd.DataFrame, random: Any) 
         assert_same(one, other)
 
 
+@pytest.mark.slow
 @few
 @given(studies())
 def test_the_names_of_participants_change_no_number(trials: pd.DataFrame) -> None:
@@ -217,6 +219,7 @@ def test_the_names_of_participants_change_no_number(trials: pd.DataFrame) -> Non
         assert_same(one, other)
 
 
+@pytest.mark.slow
 @few
 @given(studies())
 def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:

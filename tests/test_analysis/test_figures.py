@@ -118,6 +118,7 @@ def test_any_levels_can_be_drawn_without_a_warning(levels: tuple[float, ...]) ->
     assert f"<!-- {levels[0]:g} -->" in texts(data(levels=levels))
 
 
+@pytest.mark.slow
 def test_levels_that_are_nearly_the_same_have_one_tick() -> None:
     assert texts(data(levels=(60.0, 60.00000000000001))).count("<!-- 60 -->") == 1
 
@@ -160,6 +161,7 @@ ABOVE = ("threshold_above_levels", NAN, NAN, NAN, "> 200 V")
 SENTENCES = ("below the lowest tested level", "above the highest tested level", "group of 4")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("people", "present", "absent"),
     [

@@ -116,6 +116,7 @@ def test_the_points_of_a_guess_rate_have_the_moments_of_its_beta_distribution() 
             assert at**power @ weight == pytest.approx(moment, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_guess_rate_after_very_many_blanks_is_a_number() -> None:
     guess = GuessRate.after_blanks(answered=1_000_000, blanks=10_000_000)
     table = counts_at(U, RISING, 30, guess.mean)

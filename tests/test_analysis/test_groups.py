@@ -51,6 +51,7 @@ def test_normal_weights_integrate_what_is_linear_however_narrow_the_normal_is() 
             assert weights @ x == pytest.approx(middle, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_group_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters() -> None:
     at, width = np.array([1.0, 4.0, 6.5, 3.0]), np.array([0.5, 1.0, 2.0, 0.7])
     ruler = Ruler(low=0.0, high=10.0, step=0.05, tail=3.0)

@@ -139,6 +139,7 @@ def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
     assert 60 < low < found.function.threshold_vpp < high < 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("trials", "said"),
     [

@@ -84,6 +84,7 @@ def test_neither_the_order_of_columns_nor_windows_line_ends_matter(tmp_path: Pat
     pd.testing.assert_frame_equal(read_trials([tmp_path / "trials.csv"]), straight)
 
 
+@pytest.mark.slow
 def test_more_rows_than_one_chunk_keep_their_lines(tmp_path: Path) -> None:
     rows = [row(number) for number in range(1, CHUNK_ROWS + 4)]
     assert read(tmp_path, *rows)["line"].tolist() == list(range(2, CHUNK_ROWS + 5))
@@ -195,6 +196,7 @@ def test_marks_of_direction_in_a_name_are_spelled_out(tmp_path: Path) -> None:
     assert "<U+202E>ab<U+200F>" in read_trials([path])["participant"].tolist()
 
 
+@pytest.mark.slow
 def test_the_first_line_that_is_wrong_is_the_one_named(tmp_path: Path) -> None:
     rows = [row(), row(2, correct=False), row(3, level_vpp=None), row(4, kind="both")]
     assert refusal(tmp_path, *rows).line == 3

@@ -256,6 +256,7 @@ def test_the_error_is_that_of_fishers_information() -> None:
     assert error == pytest.approx(bound, rel=0.12)
 
 
+@pytest.mark.slow
 def test_a_guess_rate_that_is_known_less_well_widens_the_limits() -> None:
     few, many = (GuessRate.after_blanks(answered=0.2 * n, blanks=n) for n in (20, 2000))
     limits = [fit([8, 12, 20, 28, 29], guess=guess).threshold_limits for guess in (few, many)]

@@ -182,6 +182,7 @@ def test_simulated_participants_are_marked(tmp_path: Path, *, simulated: bool, m
     assert text.count('<p class="mark">Simulated participants.</p>') == marks
 
 
+@pytest.mark.slow
 def test_a_report_without_figures_has_its_tables_and_is_the_same_on_a_rerun(tmp_path: Path) -> None:
     one, two = (report(tmp_path / place, HOSTILE[:3]) for place in ("one", "two"))
     assert files(tmp_path / "one" / "out") == files(tmp_path / "two" / "out")
@@ -203,6 +204,7 @@ def test_an_empty_cell_is_empty_and_a_wide_table_says_so() -> None:
     assert shown == ["small", "wide"]
 
 
+@pytest.mark.slow
 def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: Simulate) -> None:
     by = '\n[strip]\nmeasured_cutoff_hz = 2500\nmeasured_by = "<i>A. Person"\n'
     write_analysis(
@@ -235,6 +237,7 @@ def test_a_number_that_the_file_states_is_told_as_the_studys(
     assert re.search(r"burst.cycles\s*1\s*the paper's", told)
 
 
+@pytest.mark.slow
 def test_the_report_says_how_the_fingers_lay_on_the_plate(
     tmp_path: Path, simulate: Simulate
 ) -> None:
@@ -248,5 +251,6 @@ def test_the_report_says_how_the_fingers_lay_on_the_plate(
     assert bare.startswith("not stated.")
 
 
+@pytest.mark.slow
 def test_a_report_of_tables_without_plans_says_that_no_plate_is_known(tmp_path: Path) -> None:
     assert "No plan beside the tables tells of a plate." in report(tmp_path)

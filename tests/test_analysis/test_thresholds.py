@@ -55,6 +55,7 @@ def test_taking_another_guess_rate_moves_the_threshold_up_with_it() -> None:
     assert row["threshold_guess_0_vpp"] < row["threshold_guess_third_vpp"] < row["threshold_vpp"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("detected", "words"),
     [

@@ -199,6 +199,7 @@ def test_a_terminal_is_told_who_is_there(before: bytes, ending: bytes) -> None:
     assert said == expected.encode()
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(
     kind=st.integers(0, 127),

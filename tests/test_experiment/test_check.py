@@ -476,6 +476,7 @@ def test_a_window_needs_psychopy_and_a_display(monkeypatch: pytest.MonkeyPatch) 
     assert [lack.what for lack in window_lacks()] == ["Python 3.11 or 3.12"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("--json",)])
 def test_a_plate_that_nobody_measured_is_asked_for(
     options: tuple[str, ...], refused: Refused

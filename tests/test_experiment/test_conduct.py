@@ -425,6 +425,7 @@ def test_a_lost_journal_is_not_begun_anew_over_its_table(lab: Lab) -> None:
     assert lab.resume().finished
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("person")
 def test_practice_after_a_resume_is_felt_in_its_own_condition(lab_of: LabOf) -> None:
     first = set()

@@ -77,6 +77,7 @@ def test_a_statement_that_contradicts_itself_is_refused(text: str, said: str) ->
     assert str(refused.value).startswith(f"s.toml: contact.{said}")
 
 
+@pytest.mark.slow
 def test_statements_that_differ_are_told_with_their_sessions_and_as_a_warning(
     tmp_path: Path,
     make_study: Callable[[str], Study],

@@ -147,6 +147,7 @@ def test_strong_and_absent_stimuli_have_a_sure_answer(
     assert shares(observer, levels_vpp, responses, trials=300)[answer] == 1.0
 
 
+@pytest.mark.slow
 def test_mirrored_stimuli_give_mirrored_answers() -> None:
     observer = replace(IDEAL, side_bias=0.7, guess_both=0.1, lapse_rate=0.1, crosstalk_db=-10.0)
     mirror = replace(observer, side_bias=0.3)

@@ -83,6 +83,7 @@ def test_balanced_blocks_hold_every_stimulus_equally_often() -> None:
         assert sum(n for cell, n in cells.items() if cell[0] == "both") == 1
 
 
+@pytest.mark.slow
 def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> None:
     same = total = 0
     for seed in range(100):
@@ -92,6 +93,7 @@ def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> 
     assert same / total == pytest.approx(0.5, abs=0.03)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     levels=st.integers(1, 6),

@@ -162,6 +162,7 @@ def test_where_all_sessions_are_lost_that_is_said(results: Path, run: Run) -> No
         assert "its folder is lost" in run("export", folder).stderr
 
 
+@pytest.mark.slow
 def test_a_table_that_can_be_built_anew_is_said_to_be(results: Path, run: Run) -> None:
     lose(results, "t")
     told = run("verify", results)

@@ -297,6 +297,7 @@ def test_every_length_is_computed_without_nan_or_warning(edge: Edge) -> None:
             assert np.all(np.abs(u[:, 2]) <= 1e-4 * np.max(np.abs(u), axis=1))
 
 
+@pytest.mark.slow
 def test_springs_reach_both_ideal_edges() -> None:
     load, points_m = force(0.01, 0.01), ((0.025, 0.012), (-0.02, 0.02))
     for stiffness_n, edge in ((1e-9, SIMPLY_SUPPORTED), (1e14, CLAMPED)):

@@ -113,6 +113,7 @@ def test_a_long_pressure_at_rest_bends_the_strip_like_a_beam(edge: Edge, divisor
 # --- laws of the plate ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @laws
 @given(edge=edges, y0=across, y=across, x=st.floats(0, 3 * W), f=frequencies, loss=losses)
 def test_a_force_and_a_point_may_be_exchanged(

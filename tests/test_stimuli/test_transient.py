@@ -68,6 +68,7 @@ KNOWN = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("edge", "x_m", "peak_m", "true", "digits"), KNOWN)
 def test_a_patch_moves_as_known(
     edge: Edge, x_m: float, peak_m: float, true: tuple[float, ...], digits: tuple[float, ...]
@@ -115,6 +116,7 @@ def by_oscillators(load: PressureRectangle, x_m: float, y_m: float, times: Real)
     return found
 
 
+@pytest.mark.slow
 def test_oscillators_in_the_wavenumber_domain_agree() -> None:
     load = patch(0.006, 0.012, y_m=0.009, kind=PressureRectangle)
     scene = scene_of(load=load, points=((0.012, 0.011),))
@@ -268,6 +270,7 @@ def test_the_tail_falls_with_three_quarters_of_a_power_and_is_bounded_by_schwarz
 # --- sampled drives ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_held_staircase_is_that_staircase_sampled_finely() -> None:
     samples = PLAIN.samples(8e3)
     held = sampled(samples, 8e3, held=True)
