@@ -112,6 +112,10 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     False
     """
     journal = table.with_name(JOURNAL)
+    meant = table.resolve()
+    if table.is_symlink() and meant.with_name(JOURNAL).is_file():
+        message = f"is a symbolic link to {meant}, whose journal lies there; give that file itself"
+        raise ResultFileError(table, None, message)
     if table.name == TABLE or journal.is_file() or journal.is_symlink():
         _refuse_links(table)
     if not journal.is_file():

@@ -340,6 +340,19 @@ def test_a_link_in_the_place_of_a_folder_is_refused_from_below_too(
     assert done.stderr.startswith(f"error: {results / name}: must not be a symbolic link")
 
 
+def test_a_link_to_a_session_s_table_is_refused_with_what_it_leads_to(
+    results: Path, run: Run
+) -> None:
+    table = results / SESSION / "trials.csv"
+    link = results.parent / "t.csv"
+    link.symlink_to(table)
+    done = run("analyze", link, "--out", results.parent / "out")
+    assert done.exit_code == 2
+    assert (
+        f"{link}: is a symbolic link to {table.resolve()}, whose journal lies there" in done.stderr
+    )
+
+
 def test_the_folder_of_results_may_be_reached_by_a_link(results: Path, run: Run) -> None:
     link = results.parent / "link"
     link.symlink_to(results)
