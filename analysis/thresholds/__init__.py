@@ -1,4 +1,4 @@
-"""Psychometric functions: fits, posteriors, groups, levels placed."""
+"""Psychometric functions: likelihoods, fits, posteriors, levels placed."""
 
 import lazy_loader
 
