@@ -132,7 +132,9 @@ def test_no_warning_is_hidden_but_that_the_font_lacks_a_letter() -> None:
 
     with pytest.warns(UserWarning, match="amiss") as caught:
         written(draw_warning)
-    assert [str(one.message) for one in caught] == ["something else is amiss"]
+    # whoever imports matplotlib first may also meet what its own dependencies deprecate
+    told = [str(one.message) for one in caught if issubclass(one.category, UserWarning)]
+    assert told == ["something else is amiss"]
 
 
 @pytest.mark.slow
