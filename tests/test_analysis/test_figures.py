@@ -223,7 +223,8 @@ def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     rows = [f"a,left,{60 + 10 * i},{answer},0.{i + 2}" for i, answer in enumerate(answers)]
     text = f"{LEAST[:-1]},rt_s\n" + "\n".join(rows)
     analysis = analyse(loaded(tmp_path, text))
-    alt, drawn = FIGURES[name]
-    assert written(lambda: drawn(analysis)) == written(lambda: drawn(analysis))
-    assert "the" in alt(analysis)
-    assert "table" in alt(analysis)
+    (sheet,) = FIGURES[name](analysis)
+    assert written(sheet.draw) == written(sheet.draw)
+    assert sheet.title
+    assert sheet.caption.endswith(".")
+    assert "table" in sheet.alt

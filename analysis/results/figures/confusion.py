@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from analysis.answers.intervals import proportion_ci
-from analysis.results.figures.drawing import in_words, panels
+from analysis.results.figures.drawing import Sheet, in_words, panels
 from experiment.terms.record import RESPONSES
 
 if TYPE_CHECKING:
@@ -25,12 +26,20 @@ _LEAST_SHOWN = 0.005
 _COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it, for every eye
 
 
-def alt(analysis: Analysis) -> str:
-    """Tell what the figure shows; nothing where there are no answers."""
+def sheets(analysis: Analysis) -> list[Sheet]:
+    """Return the figure; none where there are no answers."""
     if analysis.confusion.empty:
-        return ""
+        return []
     shown = "Grid of stimuli and answers with the share of each answer"
-    return in_words(analysis, shown, "counts are in the table of answers")
+    return [
+        Sheet(
+            title="Answers to each stimulus",
+            caption="In each cell: the answer's share of the stimulus's trials, its count, and the "
+            "share's 95 % interval, which ignores that participants differ.",
+            alt=in_words(analysis, shown, "counts are in the table of answers"),
+            draw=partial(draw, analysis),
+        )
+    ]
 
 
 def draw(analysis: Analysis) -> Figure:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from analysis.results.figures.drawing import (
@@ -9,6 +10,7 @@ from analysis.results.figures.drawing import (
     GROUP,
     MANY,
     MARKERS,
+    Sheet,
     in_words,
     interval,
     key,
@@ -29,13 +31,21 @@ if TYPE_CHECKING:
 _HEIGHT_IN = 4.4
 
 
-def alt(analysis: Analysis) -> str:
-    """Tell what the figure shows; nothing where no level was presented."""
+def sheets(analysis: Analysis) -> list[Sheet]:
+    """Return the figure; none where no level was presented."""
     if analysis.levels.empty:
-        return ""
+        return []
     people = of_people(analysis.participants["participant"])
     shown = f"Detection probability from 0 to 1 against level in {analysis.axis.label}, {people}"
-    return in_words(analysis, shown, "numbers are in the table of detection by level")
+    return [
+        Sheet(
+            title="Detection probability by level",
+            caption="Each participant is a thin line; the thick one is their mean, with the "
+            "group's 95 % interval, where everybody was tested at a level.",
+            alt=in_words(analysis, shown, "numbers are in the table of detection by level"),
+            draw=partial(draw, analysis),
+        )
+    ]
 
 
 def draw(analysis: Analysis) -> Figure:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,7 @@ _LONGEST_NAME = 14
 _BELOW_IN = 0.5
 _CLOSEST_TICKS = 0.1
 _LEAST_MARGIN = 1.001
+_DPI = 200.0
 # The font lacks a letter of a name: a box stands there, and the tables have the name.
 _NO_SUCH_LETTER = (
     "Glyph .* missing from font",
@@ -44,8 +45,16 @@ _STYLE: Any = {
     "svg.hashsalt": "tactstrip",
     "text.parse_math": False,
     "figure.dpi": 100.0,
-    "savefig.dpi": 200.0,
 }
+
+
+class Sheet(NamedTuple):
+    """A figure to be drawn, or a page of it: its title, a sentence on its signs, words for it."""
+
+    title: str
+    caption: str
+    alt: str
+    draw: Callable[[], Figure]
 
 
 def in_words(analysis: Analysis, shown: str, where: str) -> str:
@@ -74,6 +83,8 @@ def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
     (b'PNG', b'<?xml')
     """
     import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     with mpl.rc_context(), warnings.catch_warnings():
         for message in _NO_SUCH_LETTER:
@@ -82,9 +93,15 @@ def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
         mpl.rcParams.update(_STYLE)
         figure = draw()
         png, svg = io.BytesIO(), io.BytesIO()
-        figure.savefig(png, format="png")
-        figure.set_layout_engine("none")  # everything has its place by now
-        figure.savefig(svg, format="svg", metadata={"Date": None})
+        # savefig would lay everything out for each file and draw it twice.
+        layout = figure.get_layout_engine()
+        if layout is not None:
+            layout.execute(figure)
+        figure.set_layout_engine("none")
+        figure.dpi = _DPI
+        pixels, lines = FigureCanvasAgg(figure), FigureCanvasSVG(figure)
+        pixels.print_png(png)  # type: ignore[no-untyped-call]
+        lines.print_svg(svg, metadata={"Date": None})  # type: ignore[no-untyped-call]
     return png.getvalue(), svg.getvalue()
 
 

@@ -1,55 +1,70 @@
-"""Which figures an analysis has: each as PNG and SVG, with words for who cannot see it."""
+"""Which figures an analysis has: each as PNG and SVG, with title, caption and words for it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from analysis.results.figures import confusion, detection, reaction, thresholds
 from analysis.results.figures.drawing import written
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from matplotlib.figure import Figure
-
+    from analysis.results.figures.drawing import Sheet
     from analysis.results.tables import Analysis
 
 
-class Drawing(NamedTuple):
-    """How a figure is drawn, and what it shows in words; none where there is nothing to draw."""
-
-    alt: Callable[[Analysis], str]
-    draw: Callable[[Analysis], Figure]
-
-
-FIGURES: Mapping[str, Drawing] = MappingProxyType(
+FIGURES: Mapping[str, Callable[[Analysis], Sequence[Sheet]]] = MappingProxyType(
     {
-        "detection": Drawing(detection.alt, detection.draw),
-        "thresholds": Drawing(thresholds.alt, thresholds.draw),
-        "confusion": Drawing(confusion.alt, confusion.draw),
-        "reaction_times": Drawing(reaction.alt, reaction.draw),
+        "detection": detection.sheets,
+        "thresholds": thresholds.sheets,
+        "confusion": confusion.sheets,
+        "reaction_times": reaction.sheets,
     }
 )
-NAMES = tuple(f"{name}.{ending}" for name in FIGURES for ending in ("png", "svg"))
+"""The sheets of each figure for which an analysis has data; nothing is drawn before it is asked."""
+_MOST_SHEETS: Mapping[str, int] = MappingProxyType({})
+"""Where it is more than one."""
+
+
+def _file(figure: str, sheet: int) -> str:
+    return figure if sheet == 1 else f"{figure}-{sheet}"
+
+
+NAMES = tuple(
+    f"{_file(figure, sheet)}.{ending}"
+    for figure in FIGURES
+    for sheet in range(1, _MOST_SHEETS.get(figure, 1) + 1)
+    for ending in ("png", "svg")
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure that was drawn: the name of its files, and what it shows in words (`alt`)."""
+    """A sheet of a figure that was drawn.
 
+    `figure` is its key in `FIGURES`, `name` that of its files: ``participants``,
+    ``participants-2``; `title` names it, `caption` is one sentence on its signs, and `alt` tells
+    what it shows to who cannot see it.
+    """
+
+    figure: str
     name: str
+    title: str
+    caption: str
+    alt: str
     png: bytes
     svg: bytes
-    alt: str
 
 
 def pictures(analysis: Analysis) -> Iterator[Picture]:
     """Draw the figures for which an analysis has data, in the order of `FIGURES`."""
-    for name, drawing in FIGURES.items():
-        alt = drawing.alt(analysis)
-        if alt:
-            png, svg = written(partial(drawing.draw, analysis))
-            yield Picture(name=name, png=png, svg=svg, alt=alt)
+    for figure, sheets in FIGURES.items():
+        for number, sheet in enumerate(sheets(analysis), start=1):
+            png, svg = written(sheet.draw)
+            yield Picture(
+                figure=figure, name=_file(figure, number), title=sheet.title,
+                caption=sheet.caption, alt=sheet.alt, png=png, svg=svg,
+            )  # fmt: skip

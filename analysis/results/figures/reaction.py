@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from analysis.results.figures.drawing import (
     COLOURS,
     GROUP,
+    Sheet,
     in_words,
     key,
     level_axis,
@@ -27,15 +29,23 @@ _SIDES = {"left": (GROUP, "o", -4.0), "right": (COLOURS[3], "s", 4.0)}
 _OTHER = ("black", "D", 0.0)
 
 
-def alt(analysis: Analysis) -> str:
-    """Tell what the figure shows; nothing where there are no reaction times."""
+def sheets(analysis: Analysis) -> list[Sheet]:
+    """Return the figure; none where there are no reaction times."""
     if not analysis.reaction_times["n"].gt(0).any():
-        return ""
+        return []
     shown = (
         "Median reaction time in seconds of correct answers against level, with 10 % and 90 % "
         "points, for each side"
     )
-    return in_words(analysis, shown, "numbers are in the table of reaction times")
+    return [
+        Sheet(
+            title="Reaction times",
+            caption="Median time of correct answers at each level and finger; the bars reach from "
+            "the 10 % to the 90 % point.",
+            alt=in_words(analysis, shown, "numbers are in the table of reaction times"),
+            draw=partial(draw, analysis),
+        )
+    ]
 
 
 def draw(analysis: Analysis) -> Figure:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from analysis.results.figures.drawing import (
     GROUP,
+    Sheet,
     in_words,
     key,
     level_axis,
@@ -52,13 +54,21 @@ class _Mark:
     colour: str
 
 
-def alt(analysis: Analysis) -> str:
-    """Tell what the figure shows; nothing where there are no thresholds."""
+def sheets(analysis: Analysis) -> list[Sheet]:
+    """Return the figure; none where there are no thresholds."""
     if analysis.thresholds.empty:
-        return ""
+        return []
     people = of_people(analysis.thresholds["participant"])
     shown = f"Thresholds in {analysis.axis.label} with 95 % intervals, {people}"
-    return in_words(analysis, shown, "numbers are in the tables of thresholds")
+    return [
+        Sheet(
+            title="Thresholds of participants and group",
+            caption="Each line is a threshold with its 95 % interval; an arrow stands where it "
+            "lies outside the tested levels, and where a limit is open.",
+            alt=in_words(analysis, shown, "numbers are in the tables of thresholds"),
+            draw=partial(draw, analysis),
+        )
+    ]
 
 
 def draw(analysis: Analysis) -> Figure:
