@@ -80,7 +80,7 @@ def paired_difference(
     """Return the difference of a group, and of each of its people, who took part in both."""
     pairs = _pairs(found_a, found_b)
     people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
-    return _of_group(pairs, ruler), people
+    return _of_group(pairs, ruler, people), people
 
 
 def unpaired_difference(a: Hierarchy, b: Hierarchy) -> Difference:
@@ -138,7 +138,7 @@ def _laid(a: Surface, b: Surface, m: Floats, d: Floats) -> _Pair:
     return _Pair(m=m, d=d, values=values / max(values.max(), _TINY))
 
 
-def _of_group(pairs: Sequence[_Pair], ruler: Ruler) -> Difference:
+def _of_group(pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]) -> Difference:
     middle = np.linspace(ruler.low - REACH, ruler.high + REACH, 17)
     spread = 0.1 + 14.0 * np.linspace(0, 1, 5) ** 1.7
     shift = np.linspace(-_FARTHEST, _FARTHEST, 33)
@@ -150,7 +150,13 @@ def _of_group(pairs: Sequence[_Pair], ruler: Ruler) -> Difference:
         weights = [trapezoid(axis) for axis in (middle, spread, shift, between)]
         of_shift = np.einsum("mtds,m,t,s->d", cells, *weights[:2], weights[3], optimize=True)
         if not turn:
-            open_ends = _open(of_shift)
+            # What everybody leaves open stays so, though the first grid be too coarse to show it.
+            below, above = _open(of_shift)
+            ends = [one.difference_limits_db for one in people]
+            open_ends = (
+                below or all(low == -math.inf for low, _ in ends),
+                above or all(high == math.inf for _, high in ends),
+            )
         if turn == _PASSES - 1:
             break
         cells *= _prior(shift)[:, None]

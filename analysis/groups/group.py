@@ -141,7 +141,8 @@ def fit_group(
     guess_rate : float, optional
         gamma of everybody, 1/2 in forced choice; or
     blanks : tuple of array_like, shape (people,) each, optional
-        False alarms of that side and blank trials of each person. Exactly one of the two.
+        False alarms of that side and blank trials of each person; Beta(1, 10) is assumed of who had
+        none. Exactly one of the two.
     x_scale : str
         ``log10`` or ``linear``.
 

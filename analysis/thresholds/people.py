@@ -61,7 +61,12 @@ class GuessRate:
 
     @classmethod
     def after_blanks(cls, *, answered: float, blanks: int) -> GuessRate:
-        """Return what blank trials tell, Beta(1/2 + answered, 1/2 + blanks - answered)."""
+        """Return what blank trials tell, Beta(1/2 + answered, 1/2 + blanks - answered).
+
+        Where there was none, half an answer in ten is assumed: Beta(1, 10).
+        """
+        if not blanks:
+            answered, blanks = _ASSUMED
         a, b = 0.5 + answered, 0.5 + blanks - answered
         return cls(mean=a / (a + b), beta=(a, b))
 
@@ -133,8 +138,7 @@ def guessing(
     """Return the guess rate that a participant's answers allow.
 
     Who feels nothing and cannot say so guesses one of the `alternatives`. Who can say so is right
-    by chance as often as a blank trial is answered with a given side (`sided_answers` of them):
-    Beta distributed after `blanks` of them, and with none after half an answer in ten, assumed. A
+    by chance as often as a blank trial is answered with a given side (`sided_answers` of them). A
     rate of 0 would lower thresholds by 0.4 to 1 dB at true rates of 0.02 to 0.1.
 
     >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
@@ -146,12 +150,9 @@ def guessing(
     """
     if not none_offered:
         return Guessing(rate=GuessRate(mean=1 / alternatives), basis="forced choice")
-    if not blanks:
-        answered, shown = _ASSUMED
-        return Guessing(
-            rate=GuessRate.after_blanks(answered=answered, blanks=shown), basis="assumed"
-        )
     rate = GuessRate.after_blanks(answered=sided_answers, blanks=blanks)
+    if not blanks:
+        return Guessing(rate=rate, basis="assumed")
     return Guessing(rate=rate, basis="blanks" if blanks >= BLANKS_NEEDED else "few blanks")
 
 

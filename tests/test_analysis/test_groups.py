@@ -180,6 +180,26 @@ def person(name: str, detected: list[int], condition: str = "main") -> pd.DataFr
     return felt(detected, participant=name, condition=condition, missed="right", none_offered=False)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_an_end_that_everybody_leaves_open_is_open_for_the_group(count: int) -> None:
+    """However narrow the other condition is: there the first grid cannot tell."""
+    few, shown = np.tile([1, 3, 15, 28, 30], (count, 1)), np.full((count, 5), 30)
+    found = compare_conditions(PAPER, few, shown, shown, shown, guess_rate=0.02)
+    assert found.status == "at_most"
+    assert found.difference_limits_db[0] == -math.inf
+    assert {one.status for one in found.people} == {"at_most"}
+
+
+def test_people_without_a_blank_have_the_assumed_guess_rate() -> None:
+    detected = [[0, 2, 14, 29, 30]] * 2
+    half, none = (
+        fit_group(PAPER, detected, np.full((2, 5), 30), blanks=(np.zeros(2), shown))
+        for shown in (np.array([10, 10]), np.zeros(2))
+    )
+    assert none.threshold == pytest.approx(half.threshold, rel=0.01)
+
+
 def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
     trials = pd.concat(
         [person(str(i), k, name) for name in ("a", "b") for i, k in enumerate(RISING[:3])]
