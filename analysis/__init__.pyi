@@ -3,7 +3,7 @@ from .answers.intervals import group_interval, proportion_ci
 from .commands.analyze import write_analysis
 from .groups.difference import Difference
 from .groups.group import ConditionDifference, GroupFit, compare_conditions, fit_group
-from .reading.columns import ColumnMap, load_column_map
+from .reading.foreign.columns import ColumnMap, load_column_map
 from .reading.load import read_trials
 from .reading.text import ResultFileError
 from .results.console import print_analysis

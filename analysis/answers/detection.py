@@ -54,7 +54,7 @@ def participants_of(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Return the detection probability of every participant at every level.
 
     Columns ``participant condition level_vpp detected presented p low high``, of counts from
-    `cells` or `analysis.reading.load.read_counted`; `ci` is a method of `proportion_ci`.
+    `cells` or from a table of counts; `ci` is a method of `proportion_ci`.
 
     >>> counts = {"participant": ["1"], "condition": "main", "level_vpp": 60.0, "detected": 10**9,
     ...     "presented": 2 * 10**9}
@@ -100,7 +100,7 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def levels_of(counts: pd.DataFrame) -> pd.DataFrame:
-    """Return `level_table` of counts, from `cells` or `analysis.reading.load.read_counted`.
+    """Return `level_table` of counts, from `cells` or from a table of counts.
 
     ``over_report``, ``mislocalised``, ``timeouts`` and ``p_answered`` are NaN where the counts do
     not tell them.
@@ -155,6 +155,13 @@ def detected_any(trials: pd.DataFrame) -> pd.DataFrame:
     return marked.groupby(["condition", "level_vpp"], as_index=False).sum()
 
 
+def detected_any_of(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return `detected_any` of a table of counts, where what was detected was felt."""
+    key = ["condition", "level_vpp"]
+    felt = counts[[*key, "detected"]].rename(columns={"detected": "detected_any"})
+    return felt.groupby(key, as_index=False).sum()
+
+
 def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Count both-finger trials; such a trial is noticed only by the answer ``both``.
 
@@ -173,16 +180,34 @@ def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     return _leading(trials, table, order)
 
 
-def blank_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+def blank_table(
+    trials: pd.DataFrame, ci: str = "wilson", blanks: pd.DataFrame | None = None
+) -> pd.DataFrame:
     """Count blank trials; left, right or both answered there is a false alarm.
 
     Columns ``participant left right both presented p low high``, p for any of the three; last row
-    and ``condition`` as in `both_table`.
+    and ``condition`` as in `both_table`. `blanks` are those of a table of counts, see
+    `analysis.reading.foreign.counts.Counted`, which do not tell which side was answered.
+
+    >>> blanks = {"condition": "main", "participant": ["1", "2"], "felt": [3, 1], "presented": 20}
+    >>> table = blank_table(pd.DataFrame(), blanks=pd.DataFrame(blanks))
+    >>> table[["participant", "presented", "p"]].to_numpy().tolist()
+    [['1', 20, 0.15], ['2', 20, 0.05], ['all', 40, 0.1]]
     """
+    if blanks is not None:
+        return _blank_of(blanks, ci)
     counts = _answer_counts(trials, "blank", {answer: (answer,) for answer in _FELT})
     counts["felt"] = counts[list(_FELT)].sum(axis="columns")
     table = _with_interval(counts, "felt", ci)
     return _leading(trials, table, ["participant", *_FELT, "presented", "p", "low", "high"])
+
+
+def _blank_of(blanks: pd.DataFrame, ci: str) -> pd.DataFrame:
+    people = blanks[["condition", "participant", "felt", "presented"]]
+    table = _with_interval(_with_totals(people), "felt", ci).assign(**dict.fromkeys(_FELT, np.nan))
+    order = ["participant", *_FELT, "presented", "p", "low", "high"]
+    several = len({*blanks["condition"]}) > 1
+    return table[["condition", *order] if several else order]
 
 
 def _answer_counts(
@@ -194,7 +219,11 @@ def _answer_counts(
     marked = chosen[["condition", "participant"]].assign(
         presented=1, **{name: hit.astype(np.int64) for name, hit in counts.items()}
     )
-    people = marked.groupby(["condition", "participant"], as_index=False).sum()
+    return _with_totals(marked.groupby(["condition", "participant"], as_index=False).sum())
+
+
+def _with_totals(people: pd.DataFrame) -> pd.DataFrame:
+    """Put the total of each condition below its participants."""
     totals = people.drop(columns="participant").groupby("condition", as_index=False).sum()
     both = pd.concat([people, totals.assign(participant=TOTAL)])
     return both.sort_values("condition", kind="stable").reset_index(drop=True)

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from contextlib import AbstractContextManager
 
-    from analysis.reading.columns import ColumnMap
+    from analysis.reading.foreign.columns import ColumnMap
     from analysis.reading.sources import InputTable
     from analysis.results.tables import Analysis
 
 
+_BIDS = "dataset_description.json"
 MANY_TABLES = 20
 """From so many tables on reading takes long enough for a progress bar."""
 
@@ -121,7 +122,8 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the results.  [default: analysis in the one folder given, else ./analysis]",
+    help="Folder for the results.  [default: analysis in the one folder given; for files, several "
+    "folders or a BIDS data set ./analysis]",
 )
 @click.option(
     "--columns", type=click.Path(path_type=Path), help="MAP.toml for a table made elsewhere."
@@ -177,10 +179,12 @@ def analyze(
     and what tactstrip verify would name ends the command with 2; one without a journal is analyzed
     and marked.
     """
-    from analysis.reading.columns import load_column_map
+    from analysis.reading.foreign.columns import load_column_map
     from analysis.results.console import print_analysis
 
-    target = out or (paths[0] if len(paths) == 1 and paths[0].is_dir() else Path()) / "analysis"
+    # A data set, mostly another lab's, stays as it is.
+    ours = len(paths) == 1 and paths[0].is_dir() and not (paths[0] / _BIDS).exists()
+    target = out or (paths[0] if ours else Path()) / "analysis"
     analysis = write_analysis(
         paths,
         target,

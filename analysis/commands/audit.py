@@ -55,7 +55,7 @@ def read_table(path: Path) -> tuple[PrintedRow, ...]:
     import pandas as pd
 
     from analysis.reading.sources import read_regular, unreadable
-    from analysis.reading.text import text_chunks
+    from analysis.reading.text import TextFormat, text_chunks
 
     name = str(path)
     try:
@@ -64,7 +64,7 @@ def read_table(path: Path) -> tuple[PrintedRow, ...]:
         raise unreadable(error, path) from None
     except ValueError as error:
         raise ResultFileError(path, None, str(error)) from None
-    header, chunks = text_chunks(io.BytesIO(raw), name, bom_allowed=True, empty_allowed=True)
+    header, chunks = text_chunks(io.BytesIO(raw), name, form=TextFormat(), empty_allowed=True)
     read = list(chunks)
     cells = [row for _, rows in read for row in rows]
     text = pd.DataFrame(cells, columns=header, index=[line for lines, _ in read for line in lines])

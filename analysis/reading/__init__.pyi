@@ -1,18 +1,16 @@
 from .batch import InputFile
-from .columns import ColumnMap, load_column_map
 from .load import LoadedTrials, read_inputs, read_trials
 from .plans import contacts, read_plan
 from .sources import InputTable, read_regular, unreadable
-from .text import ResultFileError, named, one_line, shown, text_chunks
+from .text import ResultFileError, TextFormat, named, one_line, shown, text_chunks
 
 __all__ = [
-    "ColumnMap",
     "InputFile",
     "InputTable",
     "LoadedTrials",
     "ResultFileError",
+    "TextFormat",
     "contacts",
-    "load_column_map",
     "named",
     "one_line",
     "read_inputs",

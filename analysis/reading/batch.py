@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import pandas as pd
 
 from analysis.axis import axis_of
 from analysis.reading.checks import check_rows
+from analysis.reading.foreign.form import foreign_chunks
 from analysis.reading.plans import (
     PLAN,
     beside,
@@ -24,22 +25,26 @@ from analysis.reading.plans import (
     told_of,
     told_rows,
 )
-from analysis.reading.rows import mapped_rows, own_rows, with_responses
+from analysis.reading.rows import exported, mapped_rows, own_rows, with_responses
 from analysis.reading.sources import unreadable
-from analysis.reading.text import CHUNK_ROWS, ResultFileError, text_chunks
+from analysis.reading.text import CHUNK_ROWS, ResultFileError, TextFormat, text_chunks
 from experiment.terms.record import COLUMNS, SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from analysis.reading.columns import ColumnMap
+    from analysis.reading.foreign.columns import ColumnMap
     from analysis.reading.plans import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
+    from analysis.reading.text import Chunk
 
 
 MOST_BYTES = 2_000_000
 _SCHEMA = COLUMNS[0].name
+EXPORTED_SUFFIX = ".tsv"
+EXPORTED = TextFormat(separator="\t", quoted=False)
+"""How `tactstrip export --bids` writes events."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -64,6 +69,7 @@ class ReadTable:
 
     path: Path
     trials: int  # its rows
+    left_out: int = 0  # rows that a map leaves out
     file: InputFile  # its name and checksum
     plan: InputFile | None = None  # those of the plan beside it, where there is one
     progress: SessionProgress | None = None  # how far that plan came
@@ -88,6 +94,7 @@ class _Rows:
     header: list[str]
     lines: list[int]
     rows: list[list[str]]
+    left_out: int  # those that a map leaves out
 
 
 def batches(sources: Iterable[InputTable]) -> Iterator[list[InputTable]]:
@@ -140,28 +147,29 @@ def _read(
     # checked as one table. The plans are read before and held to afterwards, table by table,
     # because only a plan knows its own trials.
     records = [read_record(source.path, accept_altered=accept_altered) for source in sources]
-    counts = [0] * len(sources)
+    counts, left_out = [0] * len(sources), [0] * len(sources)
     frames = []
-    for parts in _joined(_parts(sources, records, bom_allowed=columns is not None)):
+    for parts in _joined(_parts(sources, records, columns)):
         frames.append(_typed(parts, columns))
         for part in parts:
             counts[part.place] += len(part.rows)
+            left_out[part.place] += part.left_out
     rows = with_responses(pd.concat(frames, ignore_index=True), columns.task if columns else "")
-    planned = [str(s.path) for s, one in zip(sources, records, strict=True) if one.plan]
-    signed = columns is not None and axis_of(columns.axis).signed
-    check_rows(rows, planned=frozenset(planned), signed=signed)
+    check_rows(rows, signed=columns is not None and axis_of(columns.axis).signed)
     rows.loc[rows["side"].eq("none"), "level_vpp"] = float("nan")
     told = told_rows(rows)
     tables = []
     spans = pairwise(accumulate(counts, initial=0))
-    for source, record, (first, end) in zip(sources, records, spans, strict=True):
+    for source, record, (first, end), unread in zip(sources, records, spans, left_out, strict=True):
         if record.plan:
             rows.loc[rows.index[first:end], "none_offered"] = "none" in record.plan.responses
-        tables.append(_table(source, record, told[first:end]))
+        tables.append(_table(source, record, told[first:end], unread))
     return Batch(rows=rows, tables=tuple(tables))
 
 
-def _table(source: InputTable, record: SessionRecord, told: Sequence[Any]) -> ReadTable:
+def _table(
+    source: InputTable, record: SessionRecord, told: Sequence[Any], left_out: int
+) -> ReadTable:
     """Check the rows of a table against its plan, where there is one that is not in doubt."""
     plan, sha256 = record.plan, record.plan_file_sha256
     if plan and not (record.compared and record.altered):
@@ -169,6 +177,7 @@ def _table(source: InputTable, record: SessionRecord, told: Sequence[Any]) -> Re
     return ReadTable(
         path=source.path,
         trials=len(told),
+        left_out=left_out,
         file=InputFile(name=source.name, sha256=sha256_of(source.path)),
         plan=InputFile(name=beside(source.name, PLAN), sha256=sha256) if plan else None,
         progress=progress(told, plan, source.path) if plan else None,
@@ -178,24 +187,38 @@ def _table(source: InputTable, record: SessionRecord, told: Sequence[Any]) -> Re
 
 
 def _parts(
-    sources: Sequence[InputTable],
-    records: Sequence[SessionRecord],
-    *,
-    bom_allowed: bool,
+    sources: Sequence[InputTable], records: Sequence[SessionRecord], columns: ColumnMap | None
 ) -> Iterator[_Rows]:
     for place, (source, record) in enumerate(zip(sources, records, strict=True)):
         file = str(source.path)
         try:
             with source.path.open("rb") as stream:
-                header, chunks = text_chunks(
-                    stream, file, bom_allowed=bom_allowed, empty_allowed=record.plan is not None
-                )
-                for lines, rows in chunks:
+                header, chunks = _chunks(stream, source, record, columns)
+                for (lines, rows), left_out in chunks:
                     if record.altered and record.compared and record.plan:
                         _set_schema(header, rows)
-                    yield _Rows(place=place, file=file, header=header, lines=lines, rows=rows)
+                    yield _Rows(
+                        place=place, file=file, header=header, lines=lines, rows=rows,
+                        left_out=left_out,
+                    )  # fmt: skip
         except OSError as error:
             raise unreadable(error, source.path) from None
+
+
+def _chunks(
+    stream: BinaryIO, source: InputTable, record: SessionRecord, columns: ColumnMap | None
+) -> tuple[list[str], Iterator[tuple[Chunk, int]]]:
+    file = str(source.path)
+    if columns is not None:
+        form = columns.form(source.path.suffix)
+        return foreign_chunks(stream, file, form=form, rows=columns.filter, about=source.about)
+    header, chunks = text_chunks(
+        stream,
+        file,
+        form=EXPORTED if source.path.suffix == EXPORTED_SUFFIX else None,
+        empty_allowed=record.plan is not None,
+    )
+    return header, ((chunk, 0) for chunk in chunks)
 
 
 def _set_schema(header: list[str], rows: list[list[str]]) -> None:
@@ -232,7 +255,10 @@ def _typed(parts: list[_Rows], columns: ColumnMap | None) -> pd.DataFrame:
         dtype=object,
     )
     file = parts[0].file
-    rows = own_rows(text, file) if columns is None else mapped_rows(text, file, columns)
+    if columns is None:
+        rows = own_rows(exported(text) if file.endswith(EXPORTED_SUFFIX) else text, file)
+    else:
+        rows = mapped_rows(text, file, columns)
     if len(parts) > 1:
         files = [part.file for part in parts for _ in part.lines]
         rows["file"] = pd.Series(files, index=rows.index, dtype=object)

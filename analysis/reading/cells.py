@@ -64,6 +64,7 @@ _LARGEST_WHOLE = 2**53
 _LONGEST_TEXT = 64
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WHOLE = re.compile(r"-?\d+(\.0*)?", re.ASCII)
+_COMMA = re.compile(r"[+-]?\d*,\d+", re.ASCII)
 _FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
 
 
@@ -75,32 +76,36 @@ class CellFault:
     message: str  # column, value and what is allowed
 
 
-def allowed(column: Column, *, signed: bool = False) -> str:
-    """Say in words which cells a column may have; a `signed` number has no least value.
+ANY = -math.inf
+"""The least value of a number that may have any sign."""
+
+
+def allowed(column: Column, *, least: float | None = None) -> str:
+    """Say in words which cells a column may have, of numbers from `least` on if not by itself.
 
     >>> from experiment.terms.record import COLUMNS
     >>> [allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
     ['a whole number of at least 1', 'true, false or n/a']
     """
-    least = None if signed else _LEAST.get(column.name)
-    bound = "" if least is None else f" of at least {least}"
+    wording = _WORDING.get(column.name, ()) if least is None else ()
+    least = _LEAST.get(column.name, ANY) if least is None else least
+    bound = "" if least == ANY else f" of at least {least}"
     kinds = {
         "int": [f"a whole number{bound}"],
         "float": [f"a finite number{bound}"],
         "bool": [*_FLAGS],
         "str": [f"printable text of 1 to {_LONGEST_TEXT} characters"],
     }
-    wording = () if signed else _WORDING.get(column.name, ())
     words = list(wording or column.choices or kinds[column.type])
     if column.optional:
         words.append(NOT_AVAILABLE)
     return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
-def parse(column: Column, text: str, *, signed: bool = False) -> object:
+def parse(column: Column, text: str, *, least: float | None = None) -> object:
     """Read one cell; ``None`` for ``n/a`` where the column may have it.
 
-    A `signed` number may be below the least value that the column has by itself.
+    A number is of at least `least` or, without one, of what the column has by itself.
 
     Of texts, marks of direction and other signs without a form are spelled out.
 
@@ -119,10 +124,10 @@ def parse(column: Column, text: str, *, signed: bool = False) -> object:
         if text in _FLAGS:
             return _FLAGS[text]
     elif column.type != "str":
-        return _number(column, text, signed=signed)
+        return _number(column, text, least)
     elif 0 < len(told := _told(text)) <= _LONGEST_TEXT and told.isprintable():
         return told
-    raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
+    raise ValueError(f"{column.name} must be {allowed(column, least=least)}, got {text!r}")
 
 
 def _told(text: str) -> str:
@@ -132,15 +137,15 @@ def _told(text: str) -> str:
     return "".join(f"<U+{ord(c):04X}>" if category(c) == "Cf" else c for c in text)
 
 
-def _number(column: Column, text: str, *, signed: bool) -> float | int:
+def _number(column: Column, text: str, least: float | None) -> float | int:
     whole = column.type == "int"
     if (_WHOLE if whole else _NUMBER).fullmatch(text):
         number = float(text)
         most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else LARGEST
-        least = -LARGEST if signed else _LEAST.get(column.name, -LARGEST)
-        if least <= number <= most:
+        bound = _LEAST.get(column.name, -LARGEST) if least is None else max(least, -LARGEST)
+        if bound <= number <= most:
             return int(number) if whole else number
-    raise ValueError(f"{column.name} must be {allowed(column, signed=signed)}, got {text!r}")
+    raise ValueError(f"{column.name} must be {allowed(column, least=least)}, got {text!r}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +158,8 @@ class CellReader:
     words: Mapping[str, str] = field(default_factory=dict)
     # numerator and denominator that bring a number of theirs to our unit
     scale: tuple[float, float] = (1.0, 1.0)
-    signed: bool = False  # a number may have any sign
+    least: float | None = None  # of a number, where it is not that of the column
+    decimal: str = "."
 
     def read(self, texts: pd.Series[Any]) -> pd.Series[Any] | CellFault:
         """Read text cells, whose index holds their lines, each different text only once.
@@ -171,8 +177,8 @@ class CellReader:
                 values.append(self._value(text))
             except ValueError:
                 held = f"holds {shown(text)}" if text else "is empty"
-                words = allowed(self.column, signed=self.signed)
-                message = f"column {shown(self.label)} {held}; allowed: {words}"
+                words = allowed(self.column, least=self.least)
+                message = f"column {shown(self.label)} {held}; allowed: {words}{self._hint(text)}"
                 return CellFault(
                     line=int(texts.index[int(np.argmax(codes == code))]), message=message
                 )
@@ -181,9 +187,19 @@ class CellReader:
     def _value(self, text: str) -> object:
         """Read one cell; a word of theirs stands for a value in our unit already."""
         if text in self.words:
-            return parse(self.column, self.words[text], signed=self.signed)
-        value = parse(self.column, text, signed=self.signed)
+            return parse(self.column, self.words[text], least=self.least)
+        if self.decimal != "." and self.column.type in {"int", "float"}:
+            if "." in text:
+                raise ValueError("a point where commas are decimal")
+            text = text.replace(self.decimal, ".")
+        value = parse(self.column, text, least=self.least)
         return value * self.scale[0] / self.scale[1] if isinstance(value, float) else value
+
+    def _hint(self, text: str) -> str:
+        """Say what a map could say of a number with a comma."""
+        if self.column.type != "float" or not _COMMA.fullmatch(text) or self.decimal != ".":
+            return ""
+        return '; where commas are decimal, a map says [file] decimal = ","'
 
 
 def _array(column: Column, values: list[Any]) -> Any:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
-MAX_MEDIAN_RT_S = 10.0
+MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
+LEAST_PERSON_RT_S = 0.05
+"""No person's median is below it; between these limits and 1000 times theirs nothing is told."""
 LEAST_LEVEL_VPP, MOST_LEVEL_VPP = 1e-6, 1e6
 KEY = ["participant", "session", "trial", "attempt"]
 
@@ -33,17 +35,12 @@ class Rule:
     broken: pd.Series[bool]
 
 
-def check_rows(
-    rows: pd.DataFrame, *, planned: frozenset[str] = frozenset(), signed: bool = False
-) -> None:
-    """Refuse rows that contradict themselves.
-
-    Beside the files in `planned` a plan tells how long an answer was waited for; in another one
-    slow answers are taken for milliseconds. With `signed` a level may have any sign.
+def check_rows(rows: pd.DataFrame, *, signed: bool = False) -> None:
+    """Refuse rows that contradict themselves; with `signed` a level may have any sign.
 
     Raises ResultFileError naming the first line of the first file in which a rule is broken.
 
-    >>> from analysis.reading.columns import ColumnMap
+    >>> from analysis.reading.foreign.columns import ColumnMap
     >>> from analysis.reading.rows import mapped_rows
     >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
     ...     "response": "left"}, index=[2, 3])
@@ -54,7 +51,6 @@ def check_rows(
     """
     rules = [participant_rule(rows), *_stimulus_rules(rows, signed=signed), *_answer_rules(rows)]
     refuse_broken(rows, rules)
-    _check_median(rows[~rows["file"].isin(planned)])
 
 
 def refuse_broken(rows: pd.DataFrame, rules: Iterable[Rule]) -> None:
@@ -151,18 +147,52 @@ def _plain(value: Any) -> object:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _check_median(rows: pd.DataFrame) -> None:
-    medians_s = rows.groupby("file", sort=False)["rt_s"].median()
-    slow = medians_s[medians_s.gt(MAX_MEDIAN_RT_S)]
-    if slow.empty:
-        return
-    file, median_s = slow.index[0], slow.iloc[0]
-    line = int(rows.loc[rows["file"].eq(file) & rows["rt_s"].gt(MAX_MEDIAN_RT_S), "line"].iloc[0])
+def in_seconds(
+    trials: pd.DataFrame, *, planned: frozenset[str] = frozenset(), unit: str | None = None
+) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Find the participants whose reaction times are in another unit than those of the others.
+
+    Beside the files in `planned` a plan tells how long an answer was waited for. Elsewhere nobody's
+    median is above `MAX_MEDIAN_RT_S`, or below `MIN_MEDIAN_RT_S`: with a `unit` stated for the
+    column, ``s`` by itself and ``None`` where no map could state it, the times of those who have
+    such a one are taken for milliseconds, or for seconds, if those of others are not and the median
+    then is one of people.
+
+    Returns the trials, and a sentence of each participant whose times were changed. Raises
+    ResultFileError for a median that this does not explain.
+
+    >>> trials = pd.DataFrame({"participant": ["1", "2"], "rt_s": [0.6, 650.0], "file": "t.csv",
+    ...     "line": [2, 3]})
+    >>> trials, told = in_seconds(trials, unit="s")
+    >>> trials["rt_s"].tolist(), told
+    ([0.6, 0.65], ("participant 2: reaction times are taken for milliseconds (median 650 s)",))
+    """
+    free = ~trials["file"].isin(planned) if planned else trials["file"].notna()
+    medians_s = trials[free].groupby("participant")["rt_s"].median().dropna()
+    odd = ~medians_s.between(MIN_MEDIAN_RT_S if unit else 0, MAX_MEDIAN_RT_S)
+    told = []
+    for person, median_s in medians_s[odd].items():
+        factor, other = (1e-3, "milliseconds") if median_s > 1 else (1e3, "seconds")
+        at = free & trials["participant"].eq(str(person))
+        right = LEAST_PERSON_RT_S <= median_s * factor <= MAX_MEDIAN_RT_S
+        if unit is None or odd.all() or not right:
+            _refuse_median(trials[at], str(person), median_s, unit)
+        trials.loc[at, "rt_s"] *= factor
+        told.append(
+            f"participant {person}: reaction times are taken for {other} (median {median_s:g} s)"
+        )
+    return trials, tuple(told)
+
+
+def _refuse_median(rows: pd.DataFrame, person: str, median_s: float, unit: str | None) -> None:
+    row = rows[rows["rt_s"].ge(median_s)].iloc[0]
+    stated = f"; the map has {unit}" if unit not in (None, "s") else ""
     message = (
-        f"column 'rt_s' has a median of {median_s:g} s in this file, allowed at most "
-        f'{MAX_MEDIAN_RT_S:g} s; if these are milliseconds, a map says [units] rt_s = "ms"'
+        f"column 'rt_s' has a median of {median_s:g} s for participant {person}, allowed "
+        f"{MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s{stated}; "
+        'if these are milliseconds, a map says [units] rt_s = "ms"'
     )
-    raise ResultFileError(file, line, message)
+    raise ResultFileError(row["file"], int(row["line"]), message)
 
 
 def check_together(trials: pd.DataFrame) -> None:

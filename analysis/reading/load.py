@@ -10,123 +10,27 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from analysis.axis import Axis, axis_of
-from analysis.definitions import MOST_PRESENTED
-from analysis.reading.batch import InputFile, batches, read_batch, sha256_of
-from analysis.reading.cells import CellReader
-from analysis.reading.checks import (
-    Rule,
-    check_together,
-    level_rule,
-    participant_rule,
-    refuse_broken,
-    refuse_repeat,
-)
-from analysis.reading.columns import COUNTED_COLUMNS, YES_NO, count_columns
+from analysis.reading.batch import InputFile, batches, read_batch
+from analysis.reading.checks import check_together, in_seconds
+from analysis.reading.foreign.counts import read_counted
+from analysis.reading.foreign.table import count_columns
 from analysis.reading.plans import PLAN, left_out
 from analysis.reading.reasons import with_reasons
-from analysis.reading.rows import DEFAULTS, UNNUMBERED, no_rows, typed
-from analysis.reading.sources import TABLE, find_sources, unchanged, unreadable
-from analysis.reading.text import ResultFileError, one_line, shown, text_chunks
-from experiment.terms.record import Column
+from analysis.reading.rows import UNNUMBERED, no_rows
+from analysis.reading.sources import TABLE, find_sources, unchanged
+from analysis.reading.text import ResultFileError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from analysis.reading.batch import ReadTable
-    from analysis.reading.columns import ColumnMap, CountColumns
+    from analysis.reading.foreign.columns import ColumnMap
     from analysis.reading.plans import SessionProgress
     from analysis.reading.sources import InputTable
 
 
-CELL = ["condition", "level_vpp", "participant"]
-UNKNOWN = ("over_report", "mislocalised", "timeouts", "invalid")
-"""What answers other than the right one were, a table of counts does not tell."""
-
-
-def read_counted(
-    sources: Iterable[InputTable], columns: ColumnMap, counts: CountColumns
-) -> tuple[pd.DataFrame, list[InputFile]]:
-    """Read tables of counts as one table of cells.
-
-    One row per condition, level and participant, as `analysis.answers.detection.cells` gives it,
-    over sessions and sides; the columns `UNKNOWN` are NaN. Then ``none_offered``, as the map says.
-    Rows with nothing presented are checked and left out.
-
-    Raises ResultFileError for counts that are no whole numbers of at least 0, more detected than
-    presented, a level that its axis does not have, another side than left or right, and a cell that
-    is told twice.
-    """
-    frames: list[pd.DataFrame] = []
-    inputs: list[InputFile] = []
-    for source in sources:
-        try:
-            frames += _frames(source, columns, counts)
-            inputs.append(InputFile(name=source.name, sha256=sha256_of(source.path)))
-        except OSError as error:
-            raise unreadable(error, source.path) from None
-    rows = pd.concat(frames, ignore_index=True)
-    key = [name for name in COUNTED_COLUMNS if name in rows]
-    refuse_repeat(rows, key, "told already at")
-    rows = rows[rows["presented"].gt(0)]
-    if rows.empty:
-        raise ResultFileError(frames[0]["file"].iloc[0], None, "nothing was presented in any row")
-    cells = rows.groupby(CELL, as_index=False)[["detected", "presented"]].sum()
-    unknown = dict.fromkeys(UNKNOWN, float("nan"))
-    return cells.assign(**unknown, none_offered=columns.task == YES_NO), inputs
-
-
-def _frames(source: InputTable, columns: ColumnMap, counts: CountColumns) -> Iterator[pd.DataFrame]:
-    file = str(source.path)
-    signed = axis_of(columns.axis).signed
-    with source.path.open("rb") as stream:
-        header, chunks = text_chunks(stream, file, bom_allowed=True)
-        for lines, cells in chunks:
-            text = pd.DataFrame(cells, columns=header, index=lines, dtype=object)
-            rows = _typed(text, file, columns, counts)
-            refuse_broken(rows, _rules(rows, counts, signed=signed))
-            yield rows
-
-
-def _typed(text: pd.DataFrame, file: str, columns: ColumnMap, counts: CountColumns) -> pd.DataFrame:
-    for name in (counts.detected, counts.presented, *counts.group):
-        if name not in text:
-            message = (
-                f"no column {shown(name)}, named by [table]; it has {', '.join(map(str, text))}"
-            )
-            raise ResultFileError(file, 1, message)
-    ours = columns.ours(text, file)
-    if rest := columns.conditions():
-        ours["condition"] = [
-            ", ".join(f"{name}={value}" for name, value in zip(rest, row, strict=True))
-            for row in text[rest].itertuples(index=False)
-        ]
-    readers = [columns.reader(str(name)) for name in ours.columns]
-    for name, theirs in (("detected", counts.detected), ("presented", counts.presented)):
-        ours[name] = text[theirs]
-        column = Column(name=name, type="int", optional=False, choices=(), description="")
-        readers.append(CellReader(column=column, label=theirs))
-    rows = typed(ours, readers, file)
-    return rows if "condition" in rows else rows.assign(condition=DEFAULTS["condition"])
-
-
-def _rules(rows: pd.DataFrame, counts: CountColumns, *, signed: bool) -> Iterator[Rule]:
-    yield participant_rule(rows)
-    everywhere = pd.Series(data=True, index=rows.index)
-    yield level_rule(rows["level_vpp"], everywhere, signed=signed)
-    if "side" in rows:
-        must = "left or right, for single stimuli are counted"
-        yield Rule(column="side", must=must, broken=~rows["side"].isin(["left", "right"]))
-    yield Rule(
-        column="detected",
-        must=f"at most what was presented, column {shown(counts.presented)}",
-        broken=rows["detected"].gt(rows["presented"]),
-    )
-    yield Rule(
-        column="presented",
-        must=f"at most {MOST_PRESENTED:.0e}",
-        broken=rows["presented"].gt(MOST_PRESENTED),
-    )
+_NOTHING_YET = "no session here has a trial yet"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,8 +60,14 @@ class LoadedTrials:
     alternatives : int
         Of a forced choice.
     cells : pandas.DataFrame or None
-        Of a table of counts, what `analysis.reading.load.read_counted` returns; there are no trials
-        then.
+        Of a table of counts, its cells as `analysis.reading.foreign.counts.Counted` has them; there
+        are no trials then.
+    blanks : pandas.DataFrame or None
+        The same of its blank presentations.
+    changed : tuple of str
+        What was read otherwise than it stands in a table made elsewhere, a sentence each.
+    left_out : int
+        Rows that a map leaves out.
     """
 
     trials: pd.DataFrame
@@ -171,6 +81,9 @@ class LoadedTrials:
     not_compared: tuple[str, ...] = ()
     alternatives: int = 2
     cells: pd.DataFrame | None = None
+    blanks: pd.DataFrame | None = None
+    changed: tuple[str, ...] = ()
+    left_out: int = 0
 
 
 def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> pd.DataFrame:
@@ -239,8 +152,12 @@ def read_inputs(
     ResultFileError
         As `read_trials`, and for a table or a plan that changes while the others are read.
     """
-    found = find_sources([Path(path) for path in paths])
+    found = find_sources([Path(path) for path in paths], foreign=columns is not None)
     sources = found.tables
+    if columns is not None and sources:
+        sources = tuple(one for one in sources if columns.filter.reads(one.about))
+        if not sources:
+            raise ResultFileError(paths[0], None, "[rows] of the map leaves all files out")
     if not sources:
         without = left_out(found, accept_altered=accept_altered)
         why = [*without.told.values(), *(one for lines in without.lost.values() for one in lines)]
@@ -250,18 +167,20 @@ def read_inputs(
     counts = count_columns(columns.table) if columns else None
     if columns and counts:
         with unchanged(files), watched(sources) as asked:
-            cells, inputs = read_counted(asked, columns, counts)
+            counted = read_counted(asked, columns, counts)
         without = left_out(found, accept_altered=accept_altered)
         return LoadedTrials(
             trials=with_reasons(no_rows()),
             paths=tuple(source.path for source in sources),
-            inputs=_inputs(inputs, columns),
+            inputs=_inputs(counted.inputs, columns),
             without_table=without.told,
             lost=without.lost,
             progress=(),
             axis=axis_of(columns.axis),
             alternatives=columns.alternatives,
-            cells=cells,
+            cells=counted.cells,
+            blanks=counted.blanks,
+            left_out=counted.left_out,
         )
     with unchanged(files), watched(sources) as asked:
         read = [
@@ -272,10 +191,16 @@ def read_inputs(
     without = left_out(found, accept_altered=accept_altered)
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
+    unread = sum(table.left_out for table in tables)
     if not any(table.trials for table in tables):
-        raise ResultFileError(tables[0].path, 1, "no session here has a trial yet")
+        empty = f"[rows] of the map leaves all {unread} rows out" if unread else _NOTHING_YET
+        raise ResultFileError(tables[0].path, 1, empty)
     told = [one.rows for one in read if not one.rows.empty]
-    trials = with_reasons(_numbered(pd.concat(told, ignore_index=True)))
+    trials = _numbered(pd.concat(told, ignore_index=True))
+    planned = frozenset(str(table.path) for table in tables if table.plan)
+    unit = None if columns is None else columns.units.get("rt_s", "s")
+    trials, changed = in_seconds(trials, planned=planned, unit=unit)
+    trials = with_reasons(trials)
     check_together(trials)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
     return LoadedTrials(
@@ -289,6 +214,8 @@ def read_inputs(
         alternatives=2 if columns is None else columns.alternatives,
         altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
+        changed=changed,
+        left_out=unread,
     )
 
 
@@ -316,8 +243,13 @@ def _check_copies(tables: Sequence[ReadTable]) -> None:
 
 
 def _numbered(trials: pd.DataFrame) -> pd.DataFrame:
-    """Give trials without a number a running one, within participant and session."""
+    """Give trials without a number a running one, within participant and session.
+
+    Numbers of a session that count from 0, as those of PsychoPy do, count from 1 then.
+    """
+    key = ["participant", "session"]
     bare = trials["trial"].eq(UNNUMBERED)
-    running = trials[bare].groupby(["participant", "session"]).cumcount() + 1
-    trials.loc[bare, "trial"] = running
+    trials.loc[bare, "trial"] = trials[bare].groupby(key).cumcount() + 1
+    if trials["trial"].eq(0).any():
+        trials["trial"] += trials.groupby(key)["trial"].transform("min").eq(0)
     return trials

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.reading.cells import CellFault, CellReader, first_fault
-from analysis.reading.columns import FORCED, YES_NO
+from analysis.reading.foreign.columns import FORCED, YES_NO
 from analysis.reading.text import ResultFileError, shown
 from experiment.terms.record import (
     COLUMNS,
@@ -24,7 +24,7 @@ from experiment.terms.record import (
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from analysis.reading.columns import ColumnMap
+    from analysis.reading.foreign.columns import ColumnMap
 
 
 # A table made elsewhere that lacks one of these has this in every row; other absent columns: n/a.
@@ -41,8 +41,8 @@ DEFAULTS: Mapping[str, str] = MappingProxyType(
         "onset_clock": "1",
     }
 )
-UNNUMBERED = 0
-_HINT = "; a table made elsewhere needs --columns MAP.toml"
+UNNUMBERED = -1
+_HINT = "; a table made elsewhere needs --columns MAP.toml, which tactstrip columns drafts"
 _KIND_OF_SIDE: Mapping[str, str] = MappingProxyType({"both": "both", "none": "blank"})
 _NAMES = tuple(column.name for column in COLUMNS)
 _OTHER = {"left": "right", "right": "left"}
@@ -72,6 +72,21 @@ def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
     return typed(text, readers, file)
 
 
+def exported(text: pd.DataFrame) -> pd.DataFrame:
+    """Give the columns of an events.tsv that `tactstrip export --bids` wrote their own names.
+
+    >>> list(exported(pd.DataFrame(columns=["duration", "colour"])))
+    ['duration', 'colour']
+    """
+    from experiment.archive.bids_tables import EVENT_COLUMNS  # with all of a study's sections
+
+    ours = {column.name: column.source for column in EVENT_COLUMNS}
+    if {*text.columns} != {*ours}:
+        return text
+    told = [name for name, source in ours.items() if source]
+    return text[told].rename(columns={name: str(ours[name]) for name in told})
+
+
 def _check_schema(text: pd.DataFrame, file: str) -> None:
     """Refuse a table of another version before its columns are found to be other ones."""
     if "schema" not in text.columns or text.empty or set(text.columns) == {*_NAMES}:
@@ -92,7 +107,7 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     Raises ResultFileError for a column that the map names and the table lacks, a required column
     without a source, and the first cell that cannot be read.
 
-    >>> from analysis.reading.columns import ColumnMap
+    >>> from analysis.reading.foreign.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "007", "side": "left", "level_vpp": "60",
     ...     "response": ["left", "none"]}, index=[2, 3])
     >>> mapped_rows(text, "t.csv", ColumnMap())[["session", "kind", "line"]].to_numpy().tolist()
@@ -154,7 +169,7 @@ def with_responses(rows: pd.DataFrame, task: str = "") -> pd.DataFrame:
 
     Raises ResultFileError for a felt blank trial in a file with stimuli at more than one side.
 
-    >>> from analysis.reading.columns import ColumnMap
+    >>> from analysis.reading.foreign.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "1", "side": ["left", "left", "none"],
     ...     "level_vpp": ["60", "60", "0"], "detected": ["1", "0", "1"]}, index=[2, 3, 4])
     >>> rows = with_responses(mapped_rows(text, "t.csv", ColumnMap(task="yes/no")), "yes/no")

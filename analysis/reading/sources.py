@@ -5,16 +5,17 @@ from __future__ import annotations
 import os
 import stat
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from analysis.reading.foreign.bids import about, bids_tables, plain_tables
 from analysis.reading.text import ResultFileError, one_line
 from experiment.archive.files import LinkError, refuse_link
 from experiment.integrity.heads import person_of
 from experiment.integrity.places import lost_sessions, refuse_given_link
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
     from experiment.integrity.sessions import Difference
@@ -34,10 +35,13 @@ class InputTable:
     name : str
         Printable, relative to the one folder that was asked for, or to the folder that holds
         everything that was asked for: the same wherever that lies.
+    about : mapping of str to str
+        What the file's name tells, see `analysis.reading.foreign.bids.about`.
     """
 
     path: Path
     name: str
+    about: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +63,11 @@ class Sources:
     lost: tuple[tuple[InputTable, Difference], ...] = ()
 
 
-def find_sources(paths: list[Path]) -> Sources:
+def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
     """List the tables to read, and the sessions without one.
+
+    Of a folder in which no session has a trials.csv, those of a BIDS data set are listed or, where
+    tables are `foreign` ones with a map, all in the folder itself.
 
     Raises ValueError without a path, ResultFileError for a path that is no regular file or cannot
     be read, for a folder without a session, and for a symbolic link to a session.
@@ -88,8 +95,14 @@ def find_sources(paths: list[Path]) -> Sources:
             refuse_given_link(path)
             gone = _lost(path)
             sessions = [folder for folder in _sessions(path) if folder not in gone]
+        if not gone and not any(_holds(session / TABLE) for session in sessions):
+            elsewhere = _elsewhere(path, foreign=foreign and not sessions)
+            tables += [(path, table) for table in elsewhere]
+            if elsewhere:
+                continue
         if not sessions and not gone:
-            raise ResultFileError(path, None, f"no sub-*/ses-*/{TABLE} in this folder")
+            which = "table" if foreign else f"sub-*/ses-*/{TABLE}"
+            raise ResultFileError(path, None, f"no {which} in this folder")
         for session in sessions:
             if _holds(session / TABLE):
                 with _links_refused():
@@ -101,10 +114,25 @@ def find_sources(paths: list[Path]) -> Sources:
         lost += [((path, folder / TABLE), told) for folder, told in gone.items()]
     names = _names([*tables, *without, *(place for place, _ in lost)])
     return Sources(
-        tables=tuple(InputTable(path=path, name=names[path]) for _, path in tables),
+        tables=tuple(
+            InputTable(path=path, name=names[path], about=about(path)) for _, path in tables
+        ),
         without=tuple(InputTable(path=path, name=names[path]) for _, path in without),
         lost=tuple((InputTable(path=path, name=names[path]), told) for (_, path), told in lost),
     )
+
+
+def _elsewhere(folder: Path, *, foreign: bool) -> list[Path]:
+    """List the tables of a folder that is none of ours."""
+    given = folder.resolve().name.startswith(("sub-", "ses-"))
+    try:
+        found = bids_tables([folder] if given else _folders(folder, "sub-"))
+        found = found or (plain_tables(folder) if foreign else [])
+    except OSError as error:
+        raise unreadable(error, folder) from None
+    for table in found:
+        _check_file(table)
+    return found
 
 
 @contextmanager

@@ -1,14 +1,19 @@
-"""The text of a CSV file in chunks of rows: bounded in memory, each fault with file and line."""
+"""The text of a table in chunks of rows: bounded in memory, each fault with file and line."""
 
 from __future__ import annotations
 
 import codecs
 import csv
-from itertools import islice
-from typing import TYPE_CHECKING, BinaryIO
+import io
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain, islice
+from types import MappingProxyType
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
 
@@ -59,39 +64,56 @@ def shown(value: str) -> str:
     return repr(cut)
 
 
-MAX_LINE_BYTES = 65_536
+MAX_LINE = 65_536
 CHUNK_ROWS = 4_096
 
+SEPARATORS: Final[Mapping[str, str]] = MappingProxyType(
+    {",": "commas", ";": "semicolons", "\t": "tabs", "|": "vertical bars", " ": "spaces"}
+)
+"""What may stand between the columns of a table made elsewhere."""
+_SEEN = ",;\t|"
+"""Those of them that a heading shows; spaces stand in names, too."""
 # UTF-32 first: in little-endian order its mark begins with that of UTF-16.
-_OTHER_MARKS = {
+_MARKS = {
     "UTF-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
     "UTF-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+    "UTF-8-sig": (codecs.BOM_UTF8,),
 }
-_OTHER_DELIMITERS = {";": "semicolons", "\t": "tabs", "|": "vertical bars"}
+_ESCAPED = re.compile("[\udc80-\udcff]")
 
 Chunk = tuple[list[int], list[list[str]]]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextFormat:
+    """How a table made elsewhere is written; what is empty text is seen in the file."""
+
+    separator: str = ""  # one of `SEPARATORS`
+    encoding: str = ""  # as Python names it; else by the byte order mark, or UTF-8
+    quoted: bool = True  # cells may stand in quotation marks
+
+
 def text_chunks(
-    stream: BinaryIO, file: str, *, bom_allowed: bool = False, empty_allowed: bool = False
+    stream: BinaryIO, file: str, *, form: TextFormat | None = None, empty_allowed: bool = False
 ) -> tuple[list[str], Iterator[Chunk]]:
-    r"""Read a comma-separated file as its header and chunks of at most `CHUNK_ROWS` rows of text.
+    r"""Read a table as its header and chunks of at most `CHUNK_ROWS` rows of text.
 
-    A chunk has the lines on which its rows begin, and their cells; with `empty_allowed` a header
-    alone is one chunk without rows. Of the stream nothing is read beyond the first fault.
+    Without a `form` it must be as this program writes it: commas, UTF-8 without a mark. With one,
+    lines without a value are passed over, and columns may be without a name. A chunk has the lines
+    on which its rows begin, and their cells; with `empty_allowed` a header alone is one chunk
+    without rows. Of the stream nothing is read beyond the first fault.
 
-    Raises ResultFileError for an empty file, a header alone, a doubled column, another delimiter, a
-    row with too few or too many fields, text that is not UTF-8, a NUL byte or a line over
-    `MAX_LINE_BYTES`; for what is wrong below the header, when its chunk is asked for.
+    Raises ResultFileError for an empty file, a header alone, a doubled column, another separator, a
+    row with too few or too many fields, text of another encoding, a NUL or a line over `MAX_LINE`
+    characters; for what is wrong below the header, when its chunk is asked for.
 
-    >>> import io
     >>> header, chunks = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
     >>> header, next(chunks)
     (['side', 'rt_s'], ([2], [['left', '0.5']]))
     """
-    records = _records(stream, file, bom_allowed=bom_allowed)
+    records = _records(stream, file, form)
     _, header = next(records, (0, []))
-    _check_header(header, file)
+    _check_header(header, file, form)
     return header, _chunks(records, len(header), file, empty_allowed=empty_allowed)
 
 
@@ -111,65 +133,103 @@ def _chunks(
         chunk = list(islice(records, CHUNK_ROWS))
 
 
-def _records(stream: BinaryIO, file: str, *, bom_allowed: bool) -> Iterator[tuple[int, list[str]]]:
+def _records(
+    stream: BinaryIO, file: str, form: TextFormat | None
+) -> Iterator[tuple[int, list[str]]]:
     """Yield each record with the line on which it begins."""
-    reader = csv.reader(_lines(stream, file, bom_allowed=bom_allowed), strict=True)
+    lines = _lines(stream, file, form)
+    first = next(lines, "")
+    reader = csv.reader(
+        chain([first], lines),
+        strict=True,
+        delimiter=_separator(first, file, form) if form else ",",
+        quoting=csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE,
+    )
     begins = 1
     try:
         for row in reader:
-            yield begins, row
+            if form is None or begins == 1 or any(row):
+                yield begins, row
             begins = reader.line_num + 1
     except csv.Error as error:
         message = f"not a well-formed CSV record, or a quotation mark is never closed ({error})"
         raise ResultFileError(file, begins, message) from None
 
 
-def _lines(stream: BinaryIO, file: str, *, bom_allowed: bool) -> Iterator[str]:
+def _separator(heading: str, file: str, form: TextFormat) -> str:
+    if form.separator:
+        return form.separator
+    bare = re.sub('"[^"]*"', "", heading)
+    seen = [separator for separator in _SEEN if separator in bare] or [","]
+    most = max(seen, key=bare.count)
+    if len(seen) > 1 and most != ",":
+        could = " or ".join(SEPARATORS[separator] for separator in seen)
+        message = f"the columns may be separated by {could}; [file] separator of a map says which"
+        raise ResultFileError(file, 1, message)
+    return most
+
+
+def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str]:
+    # Bytes that are no text become single signs, so that they are told with their line: otherwise
+    # all that was read ahead would fail at once.
+    text = io.TextIOWrapper(
+        stream,
+        _encoding(stream, file, form),
+        errors="surrogateescape",
+        newline="\n" if form is None else "",
+    )
     number = 0
-    while raw := stream.readline(MAX_LINE_BYTES + 1):
-        number += 1
-        if number == 1:
-            raw = _without_mark(raw, file, bom_allowed=bom_allowed)
-        if len(raw) > MAX_LINE_BYTES:
-            message = f"the line is longer than {MAX_LINE_BYTES} bytes; this is no table of trials"
-            raise ResultFileError(file, number, message)
-        if b"\0" in raw:
-            raise ResultFileError(file, number, "a NUL byte; save the table as UTF-8 text")
-        try:
-            yield raw.decode()
-        except UnicodeDecodeError as error:
-            bad = raw[error.start]
-            message = f"byte 0x{bad:02x} is not UTF-8; save the table as UTF-8 text"
-            raise ResultFileError(file, number, message) from None
+    try:
+        while line := text.readline(MAX_LINE + 1):
+            number += 1
+            if len(line) > MAX_LINE:
+                message = f"the line is longer than {MAX_LINE} signs; this is no table of trials"
+                raise ResultFileError(file, number, message)
+            if "\0" in line:
+                raise ResultFileError(file, number, "a NUL byte; save the table as UTF-8 text")
+            if not line.isascii() and (bad := _ESCAPED.search(line)):
+                byte = ord(bad[0]) - 0xDC00
+                message = f"byte 0x{byte:02x} is not UTF-8; save the table as UTF-8 text"
+                raise ResultFileError(file, number, message)
+            yield line
+    except UnicodeError as error:
+        message = f"is not text in {text.encoding} ({error.args[-1]}); save the table as UTF-8 text"
+        raise ResultFileError(file, number + 1, message) from None
+    finally:
+        with suppress(ValueError):  # who opened the stream may have closed it
+            text.detach()
 
 
-def _without_mark(raw: bytes, file: str, *, bom_allowed: bool) -> bytes:
-    for encoding, marks in _OTHER_MARKS.items():
-        if raw.startswith(marks):
+def _encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
+    if form and form.encoding:
+        return form.encoding
+    start = stream.read(4)
+    stream.seek(-len(start), io.SEEK_CUR)
+    for encoding, marks in _MARKS.items():
+        if not start.startswith(marks):
+            continue
+        if form:
+            return encoding
+        if encoding != "UTF-8-sig":
             raise ResultFileError(file, 1, f"the text is {encoding}; save it as UTF-8")
-    if not raw.startswith(codecs.BOM_UTF8):
-        return raw
-    if not bom_allowed:
         message = (
             "the file begins with a byte order mark, so a spreadsheet has rewritten it; "
             "take the original, or save it as UTF-8 without BOM"
         )
         raise ResultFileError(file, 1, message)
-    return raw.removeprefix(codecs.BOM_UTF8)
+    return "UTF-8"
 
 
-def _check_header(header: list[str], file: str) -> None:
-    if not header:
+def _check_header(header: list[str], file: str, form: TextFormat | None) -> None:
+    if not any(header):
         raise ResultFileError(file, 1, "the file is empty, or its first line is not a header")
     joined = ",".join(header)
-    likely = max(_OTHER_DELIMITERS, key=joined.count)
-    if joined.count(likely) > joined.count(","):
-        message = (
-            f"the columns seem to be separated by {_OTHER_DELIMITERS[likely]}; only commas are read"
-        )
+    likely = max(_SEEN, key=joined.count)
+    if form is None and likely != ",":
+        message = f"the columns seem to be separated by {SEPARATORS[likely]}; only commas are read"
         raise ResultFileError(file, 1, message)
     for position, name in enumerate(header):
-        if name in header[:position]:
+        if name in header[:position] and (name or form is None):
             raise ResultFileError(file, 1, f"the header names column {shown(name)} twice")
 
 

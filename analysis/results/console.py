@@ -98,6 +98,8 @@ def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None
 
 
 def _total_lines(analysis: Analysis) -> Iterator[str]:
+    if analysis.counts.unread:
+        yield f"Rows that the map leaves out: {analysis.counts.unread}."
     for row in _last_rows(analysis.both):
         noticed, p, limits, left, right = both_cells(row, TERMINAL)
         yield (
@@ -106,7 +108,7 @@ def _total_lines(analysis: Analysis) -> Iterator[str]:
         )
     for row in _last_rows(analysis.blank):
         _, left, right, both, p, limits = blank_cells(row, TERMINAL)
-        felt = TERMINAL.share(row["left"] + row["right"] + row["both"], row["presented"])
+        felt = TERMINAL.share(round(row["p"] * row["presented"]), row["presented"])
         yield (
             f"Blank trials{_where(row)}: {felt} false alarms, {_total(p, limits, analysis.ci)}; "
             f"left {left}, right {right}, both {both}."

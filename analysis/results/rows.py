@@ -164,7 +164,8 @@ def both_cells(row: pd.Series[Any], style: Style) -> list[str]:
 
 def blank_cells(row: pd.Series[Any], style: Style) -> list[str]:
     """Return presented, left, right, both, the share of false alarms and its interval."""
-    counts = [str(row[name]) for name in ("presented", "left", "right", "both")]
+    told = (row[name] for name in ("presented", "left", "right", "both"))
+    counts = ["n/a" if math.isnan(count) else str(count) for count in told]
     return [*counts, p_text(row["p"]), style.limits(row["low"], row["high"])]
 
 
@@ -178,6 +179,7 @@ _COUNTS: Final = {
     "invalid": ("", "Invalid keys among the counted"),
     "simulated": ("", "Trials of simulated participants"),
     "without_device": ("", "Trials of people without a device"),
+    "unread": ("", "Rows that the map leaves out"),
 }
 """What counts are called on terminal and page; the terminal tells those that have a short name."""
 

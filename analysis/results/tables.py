@@ -49,6 +49,7 @@ class Counts:
     conditions: int
     simulated: int  # trials of simulated participants
     without_device: int  # trials of people on a mock device or an emulator
+    unread: int = 0  # rows of tables made elsewhere that a map leaves out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -217,13 +218,13 @@ def analyse(
     excluded = counting.excluded_table(trials)
     stated = contacts(loaded.progress, _sessions_of(trials))
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
-    people = people_in(trials, loaded.cells, loaded.alternatives)
+    people = people_in(loaded)
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
     return Analysis(
         levels=detection.levels_of(cells),
         participants=detection.participants_of(cells, ci),
         both=detection.both_table(trials, ci),
-        blank=detection.blank_table(trials, ci),
+        blank=detection.blank_table(trials, ci, loaded.blanks),
         excluded=excluded,
         thresholds=thresholds,
         groups=group_table(people, loaded.axis),
@@ -235,7 +236,7 @@ def analyse(
         trials=trials,
         detected_any=_detected_any(loaded),
         control=counting.control_table(trials),
-        counts=_counts(trials) if loaded.cells is None else _counts_of(loaded.cells),
+        counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,
         warnings=tuple(_warnings(loaded, excluded, stated)),
         ci=ci,
@@ -257,25 +258,21 @@ def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, 
 
 def _detected_any(loaded: LoadedTrials) -> pd.DataFrame | None:
     """Count what was felt at all; of a table of counts that is what was detected."""
-    cells = loaded.cells
-    if cells is None:
-        trials = loaded.trials
-        return detection.detected_any(trials) if counting.offers_none(trials) else None
-    if not cells["none_offered"].all():
-        return None
-    key = ["condition", "level_vpp"]
-    felt = cells[[*key, "detected"]].rename(columns={"detected": "detected_any"})
-    return felt.groupby(key, as_index=False).sum()
+    trials, cells = loaded.trials, loaded.cells
+    if cells is not None:
+        return detection.detected_any_of(cells) if cells["none_offered"].all() else None
+    return detection.detected_any(trials) if counting.offers_none(trials) else None
 
 
-def _counts_of(cells: pd.DataFrame) -> Counts:
-    """Count the stimuli of a table of counts: all are single ones, each participant a session."""
+def _counts_of(loaded: LoadedTrials, cells: pd.DataFrame) -> Counts:
+    """Count what a table of counts presented: single stimuli and blanks, each person a session."""
     presented, people = int(cells["presented"].sum()), cells["participant"].nunique()
+    blanks = 0 if loaded.blanks is None else int(loaded.blanks["presented"].sum())
     return Counts(
-        trials=presented,
+        trials=presented + blanks,
         single=presented,
         both=0,
-        blank=0,
+        blank=blanks,
         left_out=0,
         timeouts=0,
         invalid=0,
@@ -284,10 +281,12 @@ def _counts_of(cells: pd.DataFrame) -> Counts:
         conditions=cells["condition"].nunique(),
         simulated=0,
         without_device=0,
+        unread=loaded.left_out,
     )
 
 
-def _counts(trials: pd.DataFrame) -> Counts:
+def _counts(loaded: LoadedTrials) -> Counts:
+    trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
     kinds, answers = counted["kind"].astype(object), counted["response"].astype(object)
     return Counts(
@@ -303,6 +302,7 @@ def _counts(trials: pd.DataFrame) -> Counts:
         conditions=trials["condition"].nunique(),
         simulated=int(trials["simulated"].sum()),
         without_device=int(without_device(trials).sum()),
+        unread=loaded.left_out,
     )
 
 
@@ -326,6 +326,7 @@ def _warnings(
         yield f"no trial counts of participant {', '.join(empty)}"
     if loaded.cells is None and not counted["kind"].eq("single").any():
         yield "no trial with a single stimulus counts, so there is no level to report"
+    yield from loaded.changed
     studies = _studies(loaded)
     if studies > 1:
         yield f"the trials come from {studies} different studies (study_sha256)"
@@ -333,11 +334,10 @@ def _warnings(
         yield from (f"altered after recording: {one}" for one in differences)
     for session, differences in loaded.lost.items():
         yield from (f"session {session} is left out: {one}" for one in differences)
-    without = without_device(trials).sum()
-    if without:
+    if without := without_device(trials).sum():
         yield f"{without} of {len(trials)} trials are of people on a mock device or an emulator"
-    if 0 < trials["simulated"].sum() < len(trials):
-        yield f"{trials['simulated'].sum()} of {len(trials)} trials are simulated, the others real"
+    if 0 < (made := trials["simulated"].sum()) < len(trials):
+        yield f"{made} of {len(trials)} trials are simulated, the others real"
     if len(stated) > 1:
         told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
         yield f"force and contact of the fingers are not the same in all sessions: {told}"

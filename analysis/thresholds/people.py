@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from analysis.reading.load import LoadedTrials
+
     Floats = NDArray[np.float64]
 
 
@@ -206,23 +208,28 @@ def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
     return _side_by_side(cells(trials), lambda names: _guesses(trials, names, alternatives))
 
 
-def people_in(trials: pd.DataFrame, counts: pd.DataFrame | None, alternatives: int) -> PersonCounts:
+def people_in(loaded: LoadedTrials) -> PersonCounts:
     """Return the people of trials, or of a table of counts where there is one."""
-    if counts is None:
-        return people_of(trials, alternatives)
-    return people_of_counts(counts, alternatives)
+    if loaded.cells is None:
+        return people_of(loaded.trials, loaded.alternatives)
+    return people_of_counts(loaded.cells, loaded.blanks, loaded.alternatives)
 
 
-def people_of_counts(table: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
-    """Lay a table of counts, from `analysis.reading.load.read_counted`, out by participant."""
+def people_of_counts(
+    table: pd.DataFrame, blanks: pd.DataFrame | None = None, alternatives: int = 2
+) -> PersonCounts:
+    """Lay cells and blanks of `analysis.reading.foreign.counts.Counted` out by participant."""
     always = table.groupby(_KEY)["none_offered"].all().to_dict()
+    columns = [*_KEY, "felt", "presented", "sides"]
+    rows = () if blanks is None else blanks[columns].itertuples(index=False, name=None)
+    told = {(where, who): (felt / sides, number) for where, who, felt, number, sides in rows}
     return _side_by_side(
         table,
         lambda names: [
             guessing(
                 none_offered=bool(always[name]),
-                sided_answers=0,
-                blanks=0,
+                sided_answers=told.get(name, (0, 0))[0],
+                blanks=int(told.get(name, (0, 0))[1]),
                 alternatives=alternatives,
             )
             for name in names

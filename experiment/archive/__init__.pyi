@@ -1,5 +1,6 @@
 from . import manifest as manifest
 from .bids import describe, export_bids
+from .bids_tables import EVENT_COLUMNS
 from .disk import DISK, FOLDER_MODE, UNWAITED, Disk, LockError, lock_on, make_folder, write_new
 from .files import HEADS, TEMPORARY, ArchiveError, LinkError, refuse_link, write_atomically
 from .folders import SessionFolder
@@ -20,6 +21,7 @@ from .withdraw import Person, held, look_up, remove
 __all__ = [
     "BROKEN",
     "DISK",
+    "EVENT_COLUMNS",
     "FOLDER_MODE",
     "HEADS",
     "LEVELS_SUFFIX",

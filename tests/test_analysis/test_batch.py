@@ -61,11 +61,11 @@ def test_a_fault_in_one_of_many_is_told_as_it_is_alone(sessions: Path, old: str,
     assert "sub-02" in together.file
 
 
-def test_slow_answers_are_judged_file_by_file(tmp_path: Path) -> None:
+def test_slow_answers_are_judged_person_by_person(tmp_path: Path) -> None:
     fast = write(tmp_path / "fast.csv", *(row(n) for n in range(1, 10)))
     slow = write(tmp_path / "slow.csv", row(participant="2", rt_s=480.0))
     assert "slow.csv:2: " in str(refused(fast, slow))
-    assert "median of 480 s in this file" in str(refused(fast, slow))
+    assert "median of 480 s for participant 2" in str(refused(fast, slow))
 
 
 def test_whether_none_was_an_answer_is_judged_file_by_file(tmp_path: Path) -> None:

@@ -245,7 +245,7 @@ def test_a_table_that_does_not_fit_its_map_is_refused(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[tabel]\ndetected = "k"', "[tabel] is not a section of a map, allowed [columns]"),
+        ('[tabel]\ndetected = "k"', "[tabel] is not a section of a map, allowed [file], [rows]"),
         ('[axis]\nx_scale = "ln"', "[axis] x_scale: allowed log10, linear, got 'ln'"),
         ('[axis]\nx = "linear"', "[axis] x: allowed x_scale, unit"),
         ('[axis]\nunit = ""', "[axis] unit: printable text of 1 to 16, got ''"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -11,8 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from analysis import ColumnMap, level_table, read_trials, write_analysis
+from analysis import ColumnMap, level_table, print_analysis, read_trials, write_analysis
 from analysis.answers.detection import cells, levels_of, participants_of
+from analysis.results.tables import analyse
 from tests.test_analysis.shared import loaded, put, refused, run
 
 if TYPE_CHECKING:
@@ -133,8 +135,41 @@ def test_counts_that_cannot_be_are_refused(tmp_path: Path, row: str, words: str)
 
 def test_a_level_of_0_has_no_place_on_a_logarithmic_axis(tmp_path: Path) -> None:
     path = put(tmp_path / "t.csv", HEADER + "A,0,0,1,10\n")
-    error = refused(path, columns=ColumnMap(columns=MAP.columns, table=TABLE, task="yes/no"))
+    columns = ColumnMap(
+        columns=MAP.columns, table=TABLE, task="yes/no", constant={"kind": "single"}
+    )
+    error = refused(path, columns=columns)
     assert f"{path}:2: column 'level_vpp' is 0; it must be a number" in str(error)
+
+
+@pytest.mark.parametrize("kind", [False, True], ids=["by level 0", "by kind"])
+def test_blanks_of_a_table_of_counts_are_the_false_alarms_of_its_trials(
+    tmp_path: Path, *, kind: bool
+) -> None:
+    counted = "who,level,what,k,n\nA,0,blank,3,40\nA,60,single,2,10\nA,90,single,9,10\n"
+    trials = "who,level,side,felt\n" + "".join(
+        f"A,{level},{side},1\n" * k + f"A,{level},{side},0\n" * (n - k)
+        for level, side, k, n in ((0, "none", 3, 40), (60, "left", 2, 10), (90, "left", 9, 10))
+    )
+    named = {"participant": "who", "level_vpp": "level"}
+    of_counts = ColumnMap(
+        columns=named | ({"kind": "what"} if kind else {}),
+        table={"detected": "k", "presented": "n"},
+        task="yes/no",
+    )
+    of_trials = ColumnMap(columns={**named, "detected": "felt"}, task="yes/no")
+    one, other = (
+        analyse(loaded(tmp_path, text, columns))
+        for text, columns in ((counted, of_counts), (trials, of_trials))
+    )
+    pd.testing.assert_frame_equal(one.thresholds, other.thresholds)
+    assert one.thresholds["guess_basis"].tolist() == ["blanks"]
+    shared = ["participant", "presented", "p", "low", "high"]
+    pd.testing.assert_frame_equal(one.blank[shared], other.blank[shared])
+    assert (one.counts.blank, one.counts.trials) == (40, 60)
+    told = io.StringIO()
+    print_analysis(one, told)
+    assert "Blank trials: 3/40 false alarms" in told.getvalue()
 
 
 def test_a_cell_told_in_two_files_is_refused(tmp_path: Path) -> None:

@@ -216,7 +216,7 @@ def test_a_missing_verdict_is_filled_in(tmp_path: Path) -> None:
 def test_milliseconds_are_noticed(tmp_path: Path) -> None:
     error = refusal(tmp_path, row(), row(2, rt_s=612.0), row(3, rt_s=590.0))
     assert error.line == 3
-    assert "median of 590 s in this file, allowed at most 10 s" in str(error)
+    assert "median of 590 s for participant 007, allowed 0.01 to 10 s" in str(error)
     assert '[units] rt_s = "ms"' in str(error)
 
 

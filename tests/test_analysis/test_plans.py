@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from analysis import ColumnMap, ResultFileError, read_trials
-from analysis.reading.checks import check_rows
+from analysis.reading.checks import in_seconds
 from analysis.reading.load import read_inputs
 from analysis.reading.rows import own_rows
 from analysis.reading.text import text_chunks
@@ -166,9 +166,9 @@ def test_slow_answers_within_the_studys_window_are_no_milliseconds(table: Path) 
     header, chunks = text_chunks(io.BytesIO(table.read_bytes()), "t.csv")
     lines, cells = next(chunks)
     rows = own_rows(pd.DataFrame(cells, columns=header, index=lines, dtype=object), "t.csv")
-    check_rows(rows.assign(rt_s=20.0), planned=frozenset({"t.csv"}))
+    in_seconds(rows.assign(rt_s=20.0), planned=frozenset({"t.csv"}))
     with pytest.raises(ResultFileError, match="milliseconds"):
-        check_rows(rows.assign(rt_s=20.0))
+        in_seconds(rows.assign(rt_s=20.0))
 
 
 def test_a_planned_trial_without_a_valid_attempt_is_told_once(results: Path, table: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from analysis import write_analysis
 from analysis.answers.detection import level_table
 from analysis.reading import load
-from analysis.reading.columns import ColumnMap
+from analysis.reading.foreign.columns import ColumnMap
 from analysis.reading.reasons import with_reasons
 from analysis.results.tables import Analysis, analyse
 from tests.test_analysis.shared import put

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis import ResultFileError
-from analysis.reading.text import CHUNK_ROWS, MAX_LINE_BYTES, Chunk, text_chunks
+from analysis.reading.text import CHUNK_ROWS, MAX_LINE, SEPARATORS, Chunk, TextFormat, text_chunks
 
 BROKEN: list[tuple[bytes, int, str]] = [
     (b"", 1, "the file is empty"),
@@ -35,13 +35,13 @@ BROKEN: list[tuple[bytes, int, str]] = [
     (b'a,b\n1,2\n"3,4\n5,6\n', 3, "a quotation mark is never closed"),
     (b'a,b\n1,2\n"3"x,4\n', 3, "not a well-formed CSV record"),
     (b"a,b\r1,2\r", 1, "not a well-formed CSV record"),
-    (b"a,b\n1,2\n" + b"x" * (MAX_LINE_BYTES + 1), 3, "longer than 65536 bytes"),
+    (b"a,b\n1,2\n" + b"x" * (MAX_LINE + 1), 3, "longer than 65536 signs"),
     (b'a,b\n1,"' + b"x\n" * 200_000, 2, "not a well-formed CSV record"),
 ]
 
 
-def read(stream: io.BytesIO, *, bom_allowed: bool = False) -> list[Chunk]:
-    _, chunks = text_chunks(stream, "t.csv", bom_allowed=bom_allowed)
+def read(stream: io.BytesIO, form: TextFormat | None = None) -> list[Chunk]:
+    _, chunks = text_chunks(stream, "t.csv", form=form)
     return list(chunks)
 
 
@@ -57,7 +57,7 @@ def test_nothing_is_read_beyond_the_fault() -> None:
     stream = io.BytesIO(b"a,b\n" + b"x" * 10_000_000)
     with pytest.raises(ResultFileError, match="longer than"):
         read(stream)
-    assert stream.tell() < 2 * MAX_LINE_BYTES
+    assert stream.tell() < 2 * MAX_LINE
 
 
 def test_rows_keep_the_line_on_which_they_begin() -> None:
@@ -77,10 +77,54 @@ def test_chunks_are_bounded_and_together_are_the_file() -> None:
     assert sizes == [CHUNK_ROWS, CHUNK_ROWS, 1]
 
 
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"a;b\n1;2\n",
+        b"a\tb\r\n1\t2\r\n",
+        b"a|b\r1|2\r",
+        b'"a;x";b\n1;2\n'.replace(b"a;x", b"a"),
+        b"a,b\n,\n\n1,2\n,\n\n",
+        "a;b\n1;2\n".encode("utf-8-sig"),
+        "a,b\r\n1,2\r\n".encode("utf-16"),
+        "a\tb\n1\t2\n".encode("utf-32"),
+    ],
+)
+def test_a_table_made_elsewhere_says_by_itself_how_it_is_written(raw: bytes) -> None:
+    header, chunks = text_chunks(io.BytesIO(raw), "t.csv", form=TextFormat())
+    assert (header, [row for _, rows in chunks for row in rows]) == (["a", "b"], [["1", "2"]])
+
+
+def test_a_heading_that_could_be_read_in_two_ways_is_refused() -> None:
+    with pytest.raises(ResultFileError, match=r"commas or semicolons; \[file\] separator"):
+        read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat())
+    [(_, rows)] = read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat(separator=";"))
+    assert rows == [["1", "2", "3"]]
+
+
+def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
+    raw = "a,b\n1,2\né,4\n".encode("cp1252")
+    with pytest.raises(ResultFileError, match=r"t\.csv:3: byte 0xe9 is not UTF-8"):
+        read(io.BytesIO(raw), TextFormat())
+    [(_, rows)] = read(io.BytesIO(raw), TextFormat(encoding="cp1252"))
+    assert rows == [["1", "2"], ["é", "4"]]
+    with pytest.raises(ResultFileError, match="is not text in utf-16"):
+        read(io.BytesIO(raw + b"x"), TextFormat(encoding="utf-16"))
+
+
 @settings(deadline=None, max_examples=300)
-@given(raw=st.binary(max_size=200), mark=st.booleans())
-def test_any_bytes_are_a_table_or_a_refusal(raw: bytes, *, mark: bool) -> None:
+@given(
+    raw=st.binary(max_size=200),
+    form=st.none()
+    | st.builds(
+        TextFormat,
+        separator=st.sampled_from(["", *SEPARATORS]),
+        encoding=st.sampled_from(["", "utf-16", "utf-32", "cp1252", "utf-7"]),
+        quoted=st.booleans(),
+    ),
+)
+def test_any_bytes_are_a_table_or_a_refusal(raw: bytes, form: TextFormat | None) -> None:
     with contextlib.suppress(ResultFileError):
-        for lines, rows in read(io.BytesIO(raw), bom_allowed=mark):
+        for lines, rows in read(io.BytesIO(raw), form):
             assert len(lines) == len(rows)
             assert all(isinstance(cell, str) for row in rows for cell in row)

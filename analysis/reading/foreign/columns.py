@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,10 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from analysis.axis import axis_of
-from analysis.reading.cells import DETECTED, UNANSWERED, CellReader, allowed, parse
+from analysis.reading.cells import ANY, DETECTED, UNANSWERED, CellReader, allowed, parse
+from analysis.reading.foreign.bids import STANDS_FOR
+from analysis.reading.foreign.form import check_file, row_filter, text_format
+from analysis.reading.foreign.table import COUNTED_COLUMNS, count_columns
 from analysis.reading.sources import read_regular
 from analysis.reading.text import ResultFileError, shown
 from experiment.terms.record import COLUMNS, NOT_AVAILABLE, Column, format_value
@@ -21,64 +25,15 @@ from experiment.terms.record import COLUMNS, NOT_AVAILABLE, Column, format_value
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-
-COUNTED_COLUMNS = ("participant", "session", "condition", "side", "level_vpp")
-"""What a row of counts may tell besides its counts."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CountColumns:
-    """A map's section ``[table]``; a ValueError for a name that is no text or is given twice.
-
-    >>> CountColumns(detected="k", presented="n", group=("who", "speed")).conditions("who")
-    ['speed']
-    """
-
-    detected: str  # their columns with the two counts
-    presented: str
-    # their columns that tell whose and which function a row belongs to: that of the participant may
-    # be among them; the others together are the condition
-    group: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        names = [self.detected, self.presented, *self.group]
-        if not all(isinstance(name, str) and name for name in names):
-            raise ValueError(f"[table]: names of columns must be text, got {names}")
-        if len({*names}) < len(names):
-            raise ValueError(f"[table]: each column may be named once, got {', '.join(names)}")
-
-    def conditions(self, participant: str) -> list[str]:
-        """Return their columns that are the condition, given their name of the participant."""
-        return [name for name in self.group if name != participant]
-
-
-def count_columns(section: Mapping[str, Any]) -> CountColumns | None:
-    """Return what a map's section ``[table]`` says; without entries none.
-
-    Raises ValueError for an unknown or missing key, and as `CountColumns`.
-
-    >>> count_columns({"detected": "k"})
-    Traceback (most recent call last):
-    ValueError: [table] needs detected and presented, and may have group; got detected
-    """
-    if not section:
-        return None
-    known = tuple(CountColumns.__dataclass_fields__)
-    if {*section} - {*known} or not {"detected", "presented"} <= {*section}:
-        raise ValueError(
-            f"[table] needs detected and presented, and may have group; got {', '.join(section)}"
-        )
-    group = section.get("group", [])
-    if type(group) not in (list, tuple):
-        raise ValueError(f"[table] group: must be a list of columns, got {group!r}")
-    return CountColumns(**{**section, "group": tuple(group)})
+    from analysis.reading.foreign.form import RowFilter
+    from analysis.reading.text import TextFormat
 
 
 LEVEL = "level_vpp"
 COUNTED_REQUIRED = ("participant", "level_vpp")
 REQUIRED = ("participant", "side", "level_vpp", "response")
-_BY_COLUMN = ("columns", "values", "constant", "units")
-SECTIONS = (*_BY_COLUMN, "axis", "table")
+_BY_COLUMN = ("columns", "values", "constant", "units", "scale")
+SECTIONS = ("file", "rows", *_BY_COLUMN, "axis", "table")
 KEYS = ("task", "alternatives")
 """They stand before any section."""
 YES_NO, FORCED = "yes/no", "forced choice"
@@ -126,11 +81,18 @@ class ColumnMap:
     units : mapping of str to str
         Our column to their unit, see `UNITS`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is an
         amplitude, so that it counts twice.
+    scale : mapping of str to float
+        Our column to the factor that brings a number of theirs to our unit, where it is none of
+        `UNITS`.
+    file : mapping of str to str
+        ``separator``, ``decimal``, ``encoding``, see `analysis.reading.foreign.form`.
+    rows : mapping
+        ``keep`` and ``skip``: their column to a word or to words, see `row_filter`.
     axis : mapping of str to str
         ``x_scale``, ``log10`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
     table : mapping
         For counts instead of trials: ``detected``, ``presented``, ``group``, see
-        `analysis.reading.columns.CountColumns`.
+        `analysis.reading.foreign.table.CountColumns`.
     task : str
         ``yes/no`` or ``forced choice``; needed for counts, and where the answer is ``detected``.
     alternatives : int
@@ -155,6 +117,9 @@ class ColumnMap:
     values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     constant: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    scale: Mapping[str, float] = field(default_factory=dict)
+    file: Mapping[str, str] = field(default_factory=dict)
+    rows: Mapping[str, Any] = field(default_factory=dict)
     axis: Mapping[str, str] = field(default_factory=dict)
     table: Mapping[str, Any] = field(default_factory=dict)
     task: str = ""
@@ -163,15 +128,18 @@ class ColumnMap:
     sha256: str = ""
 
     def __post_init__(self) -> None:
+        axis_of(self.axis)
+        check_file(self.file)
+        row_filter(self.rows)
         _check_entries(self)
+        _check_scale(self)
         _check_task(self)
         _check_counts(self)
-        signed = axis_of(self.axis).signed
         for ours, word in self.constant.items():
-            _check_word(f"[constant] {ours}", ours, word, signed=signed)
+            _check_word(f"[constant] {ours}", ours, word, self._least(ours))
         for ours, words in self.values.items():
             for theirs, word in words.items():
-                _check_word(f"[values.{ours}] {shown(theirs)}", ours, word, signed=signed)
+                _check_word(f"[values.{ours}] {shown(theirs)}", ours, word, self._least(ours))
         for ours, unit in self.units.items():
             if unit not in _units_of(ours):
                 choices = ", ".join(_units_of(ours)) or "no unit but its own"
@@ -184,14 +152,34 @@ class ColumnMap:
         np.float64(0.612)
         """
         theirs = self.columns.get(ours) or ours
-        scale = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
+        unit = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
         return CellReader(
             column=_OURS[ours],
             label=ours if ours == theirs else f"{theirs} ({ours})",
             words={"": NOT_AVAILABLE} | dict(self.values.get(ours, {})),
-            scale=scale,
-            signed=ours == LEVEL and axis_of(self.axis).signed,
+            scale=(self.scale[ours], 1.0) if ours in self.scale else unit,
+            least=self._least(ours),
+            decimal=self.file.get("decimal", "."),
         )
+
+    def _least(self, ours: str) -> float | None:
+        """Return the least value of a column where it is another one than in trials.csv."""
+        if ours == LEVEL and axis_of(self.axis).signed:
+            return ANY
+        return 0 if ours == "trial" else None  # some count from 0
+
+    def form(self, suffix: str) -> TextFormat:
+        """Say how a file with this ending is written.
+
+        >>> ColumnMap(file={"separator": ";"}).form(".csv").separator
+        ';'
+        """
+        return text_format(self.file, suffix)
+
+    @property
+    def filter(self) -> RowFilter:
+        """Which rows are read."""
+        return row_filter(self.rows)
 
     def ours(self, table: pd.DataFrame, file: str) -> pd.DataFrame:
         """Give a table of text our column names; leave the columns that nobody names out.
@@ -227,6 +215,10 @@ class ColumnMap:
                 raise ResultFileError(file, 1, message)
         known = self._known()
         own = {name: name for name in known if name in header and name not in self.columns}
+        if named.get("detected") == "correct":
+            own.pop("correct", None)  # its 0 and 1 are what was answered
+        told = {*own, *self.columns, *self.constant}
+        named |= {o: t for o, t in STANDS_FOR.items() if t in header and o in {*known} - told}
         for ours in self.constant:
             if ours in own:
                 message = f"column {shown(ours)} stands in the table, but the map has a constant"
@@ -266,8 +258,9 @@ def load_column_map(path: str | Path) -> ColumnMap:
     Parameters
     ----------
     path : str or Path
-        The file; keys ``task`` and ``alternatives``, then sections ``[columns]``,
-        ``[values.COLUMN]``, ``[constant]``, ``[units]``, ``[axis]``, ``[table]``.
+        The file; keys ``task`` and ``alternatives``, then sections ``[file]``, ``[rows.keep]``,
+        ``[rows.skip]``, ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``,
+        ``[scale]``, ``[axis]``, ``[table]``.
 
     Returns
     -------
@@ -317,8 +310,20 @@ def _check_type(section: str, ours: str, value: object) -> None:
             return
         case "columns" | "constant" | "units", str():
             return
-    wanted = 'a table of "theirs" = "ours"' if section == "values" else "text in quotation marks"
+        case "scale", float() | int() if not isinstance(value, bool) and 0 < value < math.inf:
+            return
+    wanted = {"values": 'a table of "theirs" = "ours"', "scale": "a number above 0"}.get(
+        section, "text in quotation marks"
+    )
     raise ValueError(f"[{section}] {ours}: must be {wanted}, got {value!r}")
+
+
+def _check_scale(columns: ColumnMap) -> None:
+    for ours in columns.scale:
+        if _OURS[ours].type != "float":
+            raise ValueError(f"[scale] {ours}: not a column of numbers with a unit")
+        if ours in columns.units:
+            raise ValueError(f"[scale] {ours}: [units] already says what its numbers are")
 
 
 def _check_entries(columns: ColumnMap) -> None:
@@ -330,7 +335,7 @@ def _check_entries(columns: ColumnMap) -> None:
     for ours in columns.constant:
         if ours in _named(columns):
             raise ValueError(f"[constant] {ours}: [columns] already says where it comes from")
-        if ours in columns.units:
+        if ours in {**columns.units, **columns.scale}:
             raise ValueError(f"[units] {ours}: a constant is in our unit, so it has no other")
     if {*_ANSWERED} <= {*_named(columns), *columns.constant}:
         raise ValueError("[columns] detected: allowed only without response, got both")
@@ -368,12 +373,12 @@ def _named(columns: ColumnMap) -> dict[str, str]:
     return {ours: theirs for ours, theirs in columns.columns.items() if theirs}
 
 
-def _check_word(place: str, ours: str, word: str, *, signed: bool) -> None:
-    column, signed = _OURS[ours], signed and ours == LEVEL
+def _check_word(place: str, ours: str, word: str, least: float | None) -> None:
+    column = _OURS[ours]
     try:
-        parse(column, word, signed=signed)
+        parse(column, word, least=least)
     except ValueError:
-        words = allowed(column, signed=signed)
+        words = allowed(column, least=least)
         raise ValueError(f"{place}: allowed {words}, got {shown(word)}") from None
 
 

@@ -1,0 +1,18 @@
+from .bids import about, bids_tables, plain_tables
+from .columns import FORCED, YES_NO, ColumnMap, load_column_map
+from .counts import read_counted
+from .form import foreign_chunks
+from .table import count_columns
+
+__all__ = [
+    "FORCED",
+    "YES_NO",
+    "ColumnMap",
+    "about",
+    "bids_tables",
+    "count_columns",
+    "foreign_chunks",
+    "load_column_map",
+    "plain_tables",
+    "read_counted",
+]

@@ -1,0 +1,156 @@
+"""How a table made elsewhere is written, and which of its rows are read: [file] and [rows]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
+
+from analysis.reading.text import SEPARATORS, ResultFileError, TextFormat, shown, text_chunks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from analysis.reading.text import Chunk
+
+
+FILE_KEYS: Final = ("separator", "decimal", "encoding")
+DECIMALS: Final = (".", ",")
+_SEPARATOR_OF: Final = {".tsv": "\t"}
+
+
+def check_file(section: Mapping[str, Any]) -> None:
+    """Refuse what a map's section ``[file]`` cannot say.
+
+    >>> check_file({"separator": ";", "decimal": ","})
+    >>> check_file({"decimal": ";"})
+    Traceback (most recent call last):
+    ValueError: [file] decimal: allowed '.', ',', got ';'
+    """
+    choices = {"separator": tuple(SEPARATORS), "decimal": DECIMALS}
+    for key, value in section.items():
+        if key not in FILE_KEYS:
+            raise ValueError(f"[file] {key}: allowed {', '.join(FILE_KEYS)}")
+        if key in choices and value not in choices[key]:
+            allowed = ", ".join(map(repr, choices[key]))
+            raise ValueError(f"[file] {key}: allowed {allowed}, got {value!r}")
+        if key == "encoding" and not _is_encoding(value):
+            raise ValueError(
+                f'[file] encoding: must name one, such as "cp1252" or "utf-16", got {value!r}'
+            )
+    if section.get("separator") == section.get("decimal", "."):
+        raise ValueError("[file] separator: must be another sign than decimal")
+
+
+def _is_encoding(name: object) -> bool:
+    try:
+        return isinstance(name, str) and "".encode(name) is not None
+    except (LookupError, ValueError):
+        return False
+
+
+def text_format(section: Mapping[str, str], suffix: str) -> TextFormat:
+    r"""Return how a file with this ending is written; one that ends in .tsv has tabs.
+
+    >>> text_format({"decimal": ","}, ".tsv").separator
+    '\t'
+    """
+    separator = section.get("separator", _SEPARATOR_OF.get(suffix.lower(), ""))
+    return TextFormat(separator=separator, encoding=section.get("encoding", ""))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowFilter:
+    """Which rows are read: with one of the words in each column of `keep`, in none of `skip`.
+
+    A name that ends in ``-`` is told by the file's name, see `analysis.reading.foreign.bids.about`;
+    a file that does not tell it has empty text there.
+
+    >>> kept = RowFilter(skip={"trials.thisN": ("",)}).rule(["trials.thisN"], "t.csv")
+    >>> kept(["0"]), kept([""])
+    (True, False)
+    """
+
+    keep: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    skip: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def reads(self, about: Mapping[str, str]) -> bool:
+        """Tell whether any row is read of a file whose name tells this."""
+        return all(
+            (about.get(name, "") in words) is wanted
+            for name, words, wanted in self._tests()
+            if name.endswith("-")
+        )
+
+    def rule(self, header: list[str], file: str) -> Callable[[list[str]], bool]:
+        """Return the test that each row has to pass.
+
+        Raises ResultFileError for a column that the table does not have.
+        """
+        tests = []
+        for name, words, wanted in self._tests():
+            if name in header:
+                tests.append((header.index(name), words, wanted))
+            elif not name.endswith("-"):
+                message = f"no column {shown(name)}, named by [rows]; it has {', '.join(header)}"
+                raise ResultFileError(file, 1, message)
+        return lambda row: all((row[at] in words) is wanted for at, words, wanted in tests)
+
+    def _tests(self) -> Iterator[tuple[str, tuple[str, ...], bool]]:
+        for section, wanted in ((self.keep, True), (self.skip, False)):
+            for name, words in section.items():
+                yield name, words, wanted
+
+
+def row_filter(section: Mapping[str, Any]) -> RowFilter:
+    """Return what a map's section ``[rows]`` says.
+
+    >>> row_filter({"keep": {"phase": "main"}}).keep
+    {'phase': ('main',)}
+    >>> row_filter({"drop": {}})
+    Traceback (most recent call last):
+    ValueError: [rows.drop] is not known, allowed [rows.keep] and [rows.skip]
+    """
+    told: dict[str, dict[str, tuple[str, ...]]] = {}
+    for which, columns in section.items():
+        if which not in ("keep", "skip"):
+            raise ValueError(f"[rows.{which}] is not known, allowed [rows.keep] and [rows.skip]")
+        if not hasattr(columns, "items"):
+            raise ValueError(f'[rows.{which}] must be a table of "column" = "word", got {columns}')
+        told[which] = {}
+        for name, given in columns.items():
+            words = (given,) if isinstance(given, str) else given
+            if type(words) not in (list, tuple) or not all(isinstance(w, str) for w in words):
+                raise ValueError(
+                    f"[rows.{which}] {name}: must be text in quotation marks or a list of it, "
+                    f"got {given!r}"
+                )
+            told[which][name] = tuple(words)
+    return RowFilter(**told)
+
+
+def foreign_chunks(
+    stream: BinaryIO,
+    file: str,
+    *,
+    form: TextFormat,
+    rows: RowFilter,
+    about: Mapping[str, str],
+) -> tuple[list[str], Iterator[tuple[Chunk, int]]]:
+    """Read a table made elsewhere, with what its name tells as further columns.
+
+    Each chunk comes with the number of rows that `rows` leaves out of it. Raises ResultFileError as
+    `text_chunks` and `RowFilter.rule`.
+    """
+    header, chunks = text_chunks(stream, file, form=form)
+    told = {name: word for name, word in about.items() if name not in header}
+    header = [*header, *told]
+    return header, _kept(chunks, [*told.values()], rows.rule(header, file))
+
+
+def _kept(
+    chunks: Iterator[Chunk], told: list[str], wanted: Callable[[list[str]], bool]
+) -> Iterator[tuple[Chunk, int]]:
+    for lines, rows in chunks:
+        whole = [(line, [*row, *told]) for line, row in zip(lines, rows, strict=True)]
+        kept = [(line, row) for line, row in whole if wanted(row)]
+        yield ([line for line, _ in kept], [row for _, row in kept]), len(whole) - len(kept)
