@@ -1,4 +1,4 @@
-from .field import Response, displacement, response
+from .field import Response, at_rest, displacement, response
 from .maps import DisplacementMap, displacement_map
 from .scene import Scene, Work
 from .synthesis import MOST_TIME_S, TransientWork, checked_times, synthesis_work, synthesized
@@ -10,6 +10,7 @@ __all__ = [
     "Scene",
     "TransientWork",
     "Work",
+    "at_rest",
     "checked_times",
     "displacement",
     "displacement_map",

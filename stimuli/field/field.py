@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -36,6 +37,9 @@ _SHARED: Final = 8
 """Waves that the field of the endless strip may have beyond its own, if the ends need them."""
 
 _AT_CUTOFF: Final = 4e-15
+
+_LOW: Final = 0.01
+"""Part of the first cut-off that is low enough to tell the static field."""
 
 _CAUTION: Final = 3.0
 """What the first coefficient left out of a sweep is multiplied with."""
@@ -108,6 +112,19 @@ def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) ->
     True
     """
     return response(scene, frequencies_hz, rtol).displacement_m
+
+
+def at_rest(scene: Scene, rtol: float) -> Real:
+    """Return the static displacement of a strip without loss: (n_loads, n_points).
+
+    U is a series in the square of the frequency, of which two low ones leave the fourth power:
+    a sixth of the work of `displacement` at 0 Hz, and within 1e-6 of it down to its floor.
+    """
+    low_hz = _LOW * scene.strip.cutoff_hz()
+    lower, higher = solve(
+        scene, np.array([low_hz, math.sqrt(2) * low_hz], dtype=np.complex128), rtol
+    ).value
+    return np.asarray((2 * lower - higher).real)
 
 
 def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Response:

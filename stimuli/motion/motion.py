@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from stimuli.drive.sampled import SampledDrive
-from stimuli.field.field import displacement
+from stimuli.field.field import at_rest
 from stimuli.load import DISCS
 from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
@@ -316,7 +316,7 @@ def unsure_m(scene: Scene, highest_hz: float, within_hz: float, asked: Scene) ->
 @lru_cache(maxsize=4)
 def _exact_static_m(scene: Scene) -> Real:
     """Return the static field of the plate without patches."""
-    return np.asarray(displacement(unpatched(scene), [0.0], _STATIC_RTOL)[0].real)
+    return at_rest(unpatched(scene), _STATIC_RTOL)
 
 
 def _all_nodes(scene: Scene, highest_hz: float) -> list[tuple[Real, Real]]:

@@ -25,6 +25,7 @@ from stimuli import (
     displacement,
     response,
 )
+from stimuli.field.field import at_rest
 from tests.test_stimuli.plates import (
     EDGES,
     FIRM,
@@ -407,3 +408,14 @@ def test_results_have_the_shape_and_the_order_of_frequencies_loads_and_points() 
     assert displacement(scene, []).shape == (0, 2, 3)
     turned = displacement(scene_of(PLATE, loads[::-1], *points[::-1]), [200.0, 3000.0], 1e-11)
     np.testing.assert_allclose(turned[:, ::-1, ::-1], u[[2, 1]], rtol=1e-10)
+
+
+@pytest.mark.parametrize("edge", [*EDGES, SOFT])
+@pytest.mark.parametrize("length_m", [None, 0.15])
+def test_two_low_frequencies_tell_the_static_field(edge: Edge, length_m: float | None) -> None:
+    points_m = (0.0, 0.01), (0.004, 0.02), (0.06, 0.012)
+    scene = scene_of(on(edge, length_m), disc(y_m=0.01), *points_m)
+    exact = displacement(scene, [0.0], 1e-9)[0].real
+    floor = 1e-3 * abs(exact).max()
+    found = at_rest(scene, 1e-6)
+    assert np.max(abs(found - exact) / np.maximum(abs(exact), floor)) < 2e-6
