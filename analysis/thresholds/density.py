@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 QUANTILES: Final = (0.025, 0.5, 0.975)
 _TINY: Final = 1e-300
+_RESOLVED: Final = 0.3
+"""Squared steps; a smaller variance is not told by nodes so far apart."""
+_AT_END: Final = 1e-3
+"""Of the probability; with more on a last node, some lies beyond."""
 
 
 def trapezoid(x: Floats) -> Floats:
@@ -54,6 +58,19 @@ def quantiles(density: Floats, x: Floats) -> Floats:
     """
     share = _shares(density, x)
     return np.stack([_point(density, share, x, wanted) for wanted in QUANTILES], axis=1)
+
+
+def unresolved(share: Floats, angle: Floats) -> NDArray[np.bool_]:
+    """Tell where probabilities of nodes, (fits, nodes), are too narrow for them or go on beyond.
+
+    A density whose first node lies half a step from 0 is the half of an even one.
+    """
+    mirrored = 2 * angle[0] < angle[1]
+    at_zero = mirrored & (share[:, 0] > 1.5 * share[:, 1])
+    middle = np.where(at_zero, 0.0, share @ angle)
+    variance = (share * (angle - middle[:, None]) ** 2).sum(axis=1)
+    beyond = (share[:, -1] > _AT_END) | (~mirrored & (share[:, 0] > _AT_END))
+    return np.asarray((variance < _RESOLVED * (share @ np.gradient(angle)) ** 2) | beyond)
 
 
 def _shares(density: Floats, x: Floats) -> Floats:

@@ -9,14 +9,14 @@ sigma log-normal; lambda Beta(1, 10) on [0, 0.1]; gamma a number, or Beta.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.density import legendre, quantiles, trapezoid
+from analysis.thresholds.density import legendre, quantiles, trapezoid, unresolved
 from analysis.thresholds.mle import (
     LOG_SIGMA,
     MOST_LAPSES,
@@ -28,7 +28,7 @@ from analysis.thresholds.mle import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-MOST_GUESSES: Final = 0.9
 _TINY: Final = 1e-300
 _MATTERS: Final = 15.0
 """Of log likelihood below the greatest: what is less likely counts for nothing."""
 _CHUNK_CELLS: Final = 400_000
+_LEVELS: Final = 5
 _ZOOMS: Final = 40
 _SETTLED: Final = 0.7
 _ROOM: Final = 0.1
@@ -51,8 +51,7 @@ _CLOSE: Final = 0.1
 _SEEN: Final = 0.1
 """Of the greatest likelihood, that half of the nodes must see."""
 _ALONE: Final = 0.75
-_ALONE_GUESS: Final = 0.4
-"""A single node of lambda or gamma with more of the posterior does not tell its shape."""
+"""A single node of lambda with more of the posterior does not tell its shape."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,13 +62,13 @@ class Nodes:
     outside: int = 16  # of mu on either side of them, ever farther apart
     log_sigma: int = 25
     lapse: int = 6
-    guess: int = 7
+    guess: int = 12  # in a box; over the prior, as many as its blanks need
 
 
 STANDARD: Final = Nodes()
 """Limits within 0.03 dB; docs/benchmarks.md has error against time."""
-_ZOOMED: Final = Nodes(outside=0, guess=12)
-_FINEST: Final = Nodes(between=121, outside=0, log_sigma=49, lapse=12, guess=12)
+_ZOOMED: Final = Nodes(outside=0)
+_FINEST: Final = Nodes(between=121, outside=0, log_sigma=49, lapse=12)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +111,7 @@ class Axes:
     lapse: Floats
     lapse_weight: Floats
     guess: Floats
-    guess_weight: Floats
+    guess_weight: Floats  # of the angle arcsin(sqrt(gamma)), whose density comes beside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -149,15 +148,14 @@ def surfaces(
     ever narrower.
     """
     found: dict[int, Surface] = {}
-    for rows in _alike(u, presented, rulers, guesses):
-        first = rows[0]
-        used = presented[first] > 0
-        asked = (tuple(u[first, used].tolist()), rulers[first], guesses[first])
-        axes, tables = _laid_out(*asked, nodes)
-        pieces = min(len(rows), -(-len(rows) * tables.shape[1] // _CHUNK_CELLS))
+    for (levels, ruler, rates), rows in _alike(u, presented, rulers, guesses).items():
+        used = presented[rows[0]] > 0
+        laid_out = _laid_out(levels, ruler, rates, nodes)
+        pieces = min(len(rows), -(-len(rows) * laid_out[1].shape[1] // _CHUNK_CELLS))
         for part in np.array_split(rows, pieces):
-            k, n = detected[np.ix_(part, used)], presented[np.ix_(part, used)]
-            batch = _Batch.of(_Asked(*asked), k, n, axes, tables)
+            counts = detected[np.ix_(part, used)], presented[np.ix_(part, used)]
+            asked = _Asked(levels, ruler, [guesses[row] for row in part])
+            batch = _Batch.of(asked, counts, laid_out)
             some, doubtful = batch.surfaces()
             for i, row in enumerate(part):
                 again = doubtful[i] and nodes is STANDARD
@@ -167,31 +165,27 @@ def surfaces(
 
 def _alike(
     u: Floats, presented: Floats, rulers: Sequence[Ruler], guesses: Sequence[GuessRate]
-) -> Iterator[NDArray[np.intp]]:
-    """Yield the rows of tables that have levels, ruler and guess rate in common."""
-    groups: dict[object, list[int]] = {}
+) -> dict[tuple[tuple[float, ...], Ruler, tuple[float, ...]], list[int]]:
+    """Find the rows of tables that have levels, ruler and nodes of the guess rate in common."""
+    groups: dict[tuple[tuple[float, ...], Ruler, tuple[float, ...]], list[int]] = {}
     for i in range(len(u)):
-        key = (
-            u[i, presented[i] > 0].tobytes(),
-            (presented[i] > 0).tobytes(),
-            rulers[i],
-            guesses[i],
-        )
-        groups.setdefault(key, []).append(i)
-    for rows in groups.values():
-        yield np.array(rows)
+        n = presented[i, presented[i] > 0]
+        # About so many stimuli tell as much of guesses as so many blanks: those of a level.
+        rates = guesses[i].nodes(max(n.max(initial=0.0), n.sum() / _LEVELS))
+        groups.setdefault((tuple(u[i, presented[i] > 0].tolist()), rulers[i], rates), []).append(i)
+    return groups
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=6)
 def _laid_out(
-    u: tuple[float, ...], ruler: Ruler, guess: GuessRate, nodes: Nodes
+    u: tuple[float, ...], ruler: Ruler, rates: tuple[float, ...], nodes: Nodes
 ) -> tuple[Axes, Floats]:
     """Return the grid of levels: people, groups and conditions of a study ask for it in turn."""
-    axes = _over_prior(ruler, guess, nodes)
+    axes = _over_prior(ruler, np.array(rates), nodes)
     return axes, _logarithms(np.array(u), axes)
 
 
-def _over_prior(ruler: Ruler, guess: GuessRate, nodes: Nodes) -> Axes:
+def _over_prior(ruler: Ruler, rates: Floats, nodes: Nodes) -> Axes:
     """Lay axes over all that the prior allows."""
     # Of one level, or of levels next to each other, the nodes lie at least as far as a step around.
     middle, half = (ruler.low + ruler.high) / 2, max((ruler.high - ruler.low) / 2, 1.0)
@@ -200,10 +194,9 @@ def _over_prior(ruler: Ruler, guess: GuessRate, nodes: Nodes) -> Axes:
     mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
     log_sigma = np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
     lapse, lapse_weight = _lapses(0.0, MOST_LAPSES, nodes.lapse)
-    gamma, share = guess.nodes(1 if guess.known else nodes.guess)
     return Axes(
-        mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=gamma,
-        guess_weight=share,
+        mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=rates,
+        guess_weight=np.ones(len(rates)),
     )  # fmt: skip
 
 
@@ -225,39 +218,38 @@ def _zoomed(batch: _Batch, i: int) -> Surface:
 
     The part that matters, with a node around, is laid out anew until it fills its axes.
     """
-    asked, k, n = batch.asked, batch.k[i : i + 1], batch.n[i : i + 1]
-    axes, log = batch.axes, batch.log[i]
+    guess = batch.asked.guesses[i]
+    asked = replace(batch.asked, guesses=[guess])
+    k, n = batch.k[i : i + 1], batch.n[i : i + 1]
     # No node of a grid that is too coarse need lie near the likeliest point.
     likeliest = fit_lapsing(
-        Tables(
-            u=np.array([asked.u]), detected=k, presented=n, guess_rate=np.array([asked.guess.mean])
-        ),
+        Tables(u=np.array([asked.u]), detected=k, presented=n, guess_rate=np.array([guess.mean])),
         np.array([batch.best(i)]),
     )[0]
+    one = replace(batch, log=batch.log[i : i + 1], guess_weight=batch.guess_weight[i : i + 1])
     ends: tuple[Floats, ...] = ()
     for _ in range(_ZOOMS):
-        box = _around(_box(log, axes), likeliest, axes)
+        box = _around(_box(one), likeliest, one.axes)
         settled = bool(ends) and not any(
             np.ptp(new) < _SETTLED * np.ptp(old) for new, old in zip(box, ends, strict=True)
         )
         ends = box
-        axes = _within(box, asked.guess, _FINEST if settled else _ZOOMED)
-        one = _Batch.of(asked, k, n, axes, _logarithms(np.array(asked.u), axes))
+        axes = _within(box, guess, _FINEST if settled else _ZOOMED)
+        one = _Batch.of(asked, (k, n), (axes, _logarithms(np.array(asked.u), axes)))
         (surface,), doubtful = one.surfaces()
         if settled or not doubtful[0]:
             break
-        log = one.log[0]
     return surface
 
 
-def _box(log: Floats, axes: Axes) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the ends of what matters in mu, log sigma, lambda and gamma."""
-    every = (axes.guess, axes.lapse, axes.mu, axes.log_sigma)
+def _box(one: _Batch) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the ends of what matters to a table in mu, log sigma, lambda and gamma."""
+    every = (one.axes.guess, one.axes.lapse, one.axes.mu, one.axes.log_sigma)
     # Beta's own density counts: a guess rate may be told by the blanks more than by the table.
-    weight = np.maximum(axes.guess_weight / axes.guess_weight.max(), _TINY)
-    cells = log.reshape([len(one) for one in every]) + np.log(weight)[:, None, None, None]
+    weight = np.maximum(one.guess_weight[0] / one.guess_weight.max(), _TINY)
+    cells = one.log.reshape([len(axis) for axis in every]) + np.log(weight)[:, None, None, None]
     near = cells > cells.max() - _MATTERS
-    limits = ((0.0, MOST_GUESSES), (0.0, MOST_LAPSES), *((one[0], one[-1]) for one in every[2:]))
+    limits = ((0.0, 1.0), (0.0, MOST_LAPSES), *((axis[0], axis[-1]) for axis in every[2:]))
     ends = []
     for i, (axis, limit) in enumerate(zip(every, limits, strict=True)):
         where = np.flatnonzero(near.any(axis=tuple(j for j in range(4) if j != i)))
@@ -285,16 +277,18 @@ def _within(box: tuple[Floats, ...], guess: GuessRate, nodes: Nodes) -> Axes:
     """Lay axes over a box."""
     mu, log_sigma, lapses, gammas = box
     lapse, lapse_weight = _lapses(lapses[0], lapses[1], nodes.lapse)
-    gamma, share = (
-        guess.nodes(1) if guess.known else guess.between(gammas[0], gammas[1], nodes.guess)
-    )
+    gamma, gamma_weight = np.array([guess.mean]), np.ones(1)
+    if not guess.known:  # its density has no infinite value over the angle
+        at, gamma_weight = legendre(nodes.guess)
+        angles = np.arcsin(np.sqrt(gammas))
+        gamma = np.sin(angles[0] + at * np.ptp(angles)) ** 2
     return Axes(
         mu=np.linspace(mu[0], mu[1], nodes.between),
         log_sigma=np.linspace(log_sigma[0], log_sigma[1], nodes.log_sigma),
         lapse=lapse,
         lapse_weight=lapse_weight,
         guess=gamma,
-        guess_weight=share,
+        guess_weight=gamma_weight,
     )
 
 
@@ -308,17 +302,17 @@ def _logarithms(u: Floats, axes: Axes) -> Floats:
     rest = 1 - gamma - lapse
     p = gamma + rest * ndtr(z)[:, None, None]
     q = lapse + rest * ndtr(-z)[:, None, None]
-    both = np.concatenate([p, q]).reshape(2 * len(u), -1)
+    both = np.where(rest < 0, 0.0, np.concatenate([p, q])).reshape(2 * len(u), -1)
     return np.asarray(np.log(np.maximum(both, _TINY, out=both), out=both))
 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What tables have in common: levels, ruler and guess rate."""
+    """What tables have in common, levels and ruler, and the guess rate of each."""
 
     u: tuple[float, ...]
     ruler: Ruler
-    guess: GuessRate
+    guesses: Sequence[GuessRate]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -333,14 +327,20 @@ class _Batch:
     n: Floats
     axes: Axes
     log: Floats
+    guess_weight: Floats  # (fits, gamma)
 
     @classmethod
-    def of(cls, asked: _Asked, k: Floats, n: Floats, axes: Axes, tables: Floats) -> _Batch:
-        """Evaluate counts: log likelihood is counts times logarithms."""
+    def of(
+        cls, asked: _Asked, counts: tuple[Floats, Floats], laid_out: tuple[Axes, Floats]
+    ) -> _Batch:
+        """Evaluate counts, detected and presented: log likelihood is counts times logarithms."""
+        (k, n), (axes, tables) = counts, laid_out
         log = np.concatenate([k, n - k], axis=1) @ tables
         log -= log.max(axis=1, keepdims=True)
-        shape = (len(k), len(axes.guess) * len(axes.lapse), -1)
-        return cls(asked=asked, k=k, n=n, axes=axes, log=log.reshape(shape))
+        log = log.reshape(len(k), len(axes.guess) * len(axes.lapse), -1)
+        density = np.array([one.log_density(axes.guess) for one in asked.guesses])
+        weight = axes.guess_weight * np.exp(density - density.max(axis=1, keepdims=True))
+        return cls(asked=asked, k=k, n=n, axes=axes, log=log, guess_weight=weight)
 
     def best(self, i: int) -> tuple[float, float, float]:
         """Return the likeliest node of a table: mu, log sigma, lambda."""
@@ -354,8 +354,8 @@ class _Batch:
         axes = self.axes
         shape = (len(self.log), len(axes.mu), len(axes.log_sigma))
         cells = np.exp(self.log)
-        weight = (axes.guess_weight[:, None] * axes.lapse_weight).ravel()
-        values = (weight @ cells).reshape(shape)
+        weight = (self.guess_weight[:, :, None] * axes.lapse_weight).reshape(len(cells), -1)
+        values = (weight[:, None] @ cells).reshape(shape)
         mu = trapezoid(axes.mu) * self.asked.ruler.mu_prior(axes.mu)
         sigma = _in_sigma(axes.log_sigma)
         shares = weight * (cells @ np.outer(mu, sigma).ravel())
@@ -385,8 +385,8 @@ class _Batch:
             for every in (1, 2)
         )
         alone = shares.sum(axis=1).max(axis=1) > _ALONE
-        if len(axes.guess) > 1:  # the tail of a guess rate after few blanks is long
-            alone |= shares.sum(axis=2).max(axis=1) > _ALONE_GUESS
+        if len(axes.guess) > 1:
+            alone |= unresolved(shares.sum(axis=2), np.arcsin(np.sqrt(axes.guess)))
         # What lies outside the levels is never printed.
         low, high = self.asked.ruler.low, self.asked.ruler.high
         apart = np.abs(np.clip(full, low, high) - np.clip(half, low, high)).max(axis=1)

@@ -200,6 +200,17 @@ def test_people_without_a_blank_have_the_assumed_guess_rate() -> None:
     assert none.threshold == pytest.approx(half.threshold, rel=0.01)
 
 
+@pytest.mark.slow
+def test_who_answers_every_blank_trial_stops_nobody() -> None:
+    """No threshold can be told of such a person; the others' stay."""
+    detected, shown = [[29, 30, 29, 30, 30], [0, 3, 16, 28, 30]], np.full((2, 5), 30)
+    both = fit_group(PAPER, detected, shown, blanks=([4000, 1], [4000, 40]))
+    assert both.people[0].status == "flat"
+    alone = fit_group(PAPER, detected[1:], shown[1:], blanks=([1], [40]))
+    assert both.people[1].threshold == pytest.approx(alone.people[0].threshold, rel=1e-6)
+    assert both.threshold == pytest.approx(alone.threshold, rel=0.03)
+
+
 def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
     trials = pd.concat(
         [person(str(i), k, name) for name in ("a", "b") for i, k in enumerate(RISING[:3])]
