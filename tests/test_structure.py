@@ -32,6 +32,7 @@ LATER = {
     *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign"),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/origins.py", "study/stated.py", "results/numbers.py"),
+    *("study/simulated.py", "terms/curves.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(

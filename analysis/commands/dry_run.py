@@ -54,6 +54,7 @@ def dry_run(
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
     from experiment.study.read import paper_study, read_study
+    from experiment.study.simulated import unmeasured
     from experiment.study.study import told_by_file
 
     with working("Checking"), told_by_file(study_file):
@@ -62,6 +63,8 @@ def dry_run(
     folder = _new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
+    for words in unmeasured(study):
+        click.echo(f"Threshold curves: {words}")
     _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
     click.echo(f"Written to {folder / 'analysis'}")

@@ -32,12 +32,40 @@ _RECOMMENDED: Final = {
     "responses": ["left", "right", "both", "none"],
     "break_every": 43,
 }
+_REALISTIC: Final = {
+    "false_alarm_rate": 0.06,
+    "reaction_time_s": 0.58,
+    "reaction_time_spread": 0.45,
+    "reaction_time_least_s": 0.0,
+    "reaction_time_doubt": 1.0,
+    "threshold_at_hz": 500.0,
+    "threshold_at_s": 0.002,
+    "threshold_at_cm2": 0.785,
+    "finger_difference_sd_db": 1.0,
+    "masking_slope": 0.2,
+    "drift_db": 1.0,
+    "wander_db": 1.5,
+    "wander_trials": 15.0,
+    "last_answer_db": 0.3,
+    "swapped_keys": 0.05,
+}
+"""People as they are, as far as it is known; docs/model.md, section 4, has their sources.
+
+The threshold itself stays that of the paper's burst, which lies outside everything measured: the
+curves tell only how another burst's differs.
+"""
 _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     "paper": {},
     "recommended": {
         "study": {"name": "recommended"},
         "burst": {"window": "hann"},
         "design": _RECOMMENDED,
+    },
+    "realistic": {
+        "study": {"name": "realistic"},
+        "burst": {"window": "hann"},
+        "design": _RECOMMENDED,
+        "simulation": _REALISTIC,
     },
 }
 PLATE: Final = "plate"
@@ -61,6 +89,11 @@ _INTRODUCTIONS: Final = {
         "'none' as an answer and 60 blank trials to measure guesses, a Hann window to confine the "
         "burst, practice before the first block."
     ),
+    "realistic": (
+        "The recommended design for simulated people who are less simple: their fingers and their "
+        "thresholds differ, drift and wander, the last answer counts, some swap the keys. It is "
+        "for trying out an analysis before there are participants."
+    ),
     PLATE: (
         "A plate of your own, with the design that we recommend. Without a measured displacement "
         "or the layers of an actuator no micrometres are known. The burst is the first of those "
@@ -74,6 +107,7 @@ _PLACED: Final = (
 _LEVELS: Final = {
     "paper": "",
     "recommended": f"The levels below are for a pilot session. {_PLACED}",
+    "realistic": f"The levels below are for a pilot session. {_PLACED}",
     PLATE: f"The levels are assumed: they and ceiling_vpp must suit your actuators. {_PLACED}",
 }
 _CONDITIONS: Final = """\
@@ -225,7 +259,8 @@ def _told(study: Study, found: ConditionCheck | None) -> None:
     type=click.Choice(PRESETS),
     default="paper",
     show_default=True,
-    help="The paper's, what we recommend, or that on a plate of your own.",
+    help="The paper's, what we recommend, that with simulated people as they are, or that on a "
+    "plate of your own.",
 )
 @plate_options
 @refusals

@@ -201,8 +201,15 @@ def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
         "session": plan.session,
         "plan_sha256": plan.sha256,
         "simulated": setting.responder.simulated,
+        **_simulated_person(setting.responder),
         **place(identity),
     }
+
+
+def _simulated_person(responder: Responder) -> dict[str, Any]:
+    """Tell whom our own simulation drew; a lab's own says nothing of whom it simulates."""
+    facts = getattr(responder, "facts", None)
+    return {"observer": facts} if responder.simulated and isinstance(facts, dict) else {}
 
 
 def resuming(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +17,8 @@ from experiment.operator.requests import StopSignal
 from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.study.physics import study_gains
-from experiment.terms.observer import draw_observer
+from experiment.study.simulated import unmeasured, vibrations
+from experiment.terms.observer import threshold_course_db
 from experiment.terms.responder import Press
 from experiment.trial.draw import draw_plan
 
@@ -38,8 +41,11 @@ class SimulationError(RuntimeError):
 class SimulatedResponder:
     """An observer that answers by itself; the same answers whenever a session is interrupted.
 
-    Every trial's chance is drawn from the seed, the trial's number and the attempt. `gains` are by
-    the number of the trial; in `untouched` ones the fingers are off the plate: nothing is felt.
+    Every trial's chance is drawn from the seed, the trial's number and the attempt; what depends on
+    the last answer alone is another after a break of the session, as it is with people. `gains` are
+    by the number of the trial, and so is by how much the thresholds of the left and the right
+    finger lie higher in it, `shifts_db`; in `untouched` trials the fingers are off the plate:
+    nothing is felt.
     """
 
     simulated = True
@@ -52,7 +58,12 @@ class SimulatedResponder:
         seed: int,
         gains: Mapping[int, FingerGains],
         untouched: frozenset[int] = frozenset(),
+        shifts_db: Mapping[int, tuple[float, float]] | None = None,
+        facts: Mapping[str, Any] | None = None,
     ) -> None:
+        self.facts = {} if facts is None else dict(facts)
+        self._shifts_db = {} if shifts_db is None else shifts_db
+        self._last_db = 0.0
         self._observer = observer
         self._clock = clock
         self._seed = seed
@@ -85,13 +96,26 @@ class SimulatedResponder:
             rng=rng,
             response_window_s=question.window_s,
             gains=self._gains[question.trial],
+            shift_db=self._shift_db(question.trial),
         )
+        self._remember(question, answer.response)
         if answer.response is None or answer.rt_s is None:
             self._wait_until(question.onset_s + question.window_s)
             return None
         time_s = question.onset_s + answer.rt_s
         self._wait_until(time_s)
         return Press(answer.response, time_s)
+
+    def _shift_db(self, trial: int) -> tuple[float, float]:
+        left_db, right_db = self._shifts_db.get(trial, (0.0, 0.0))
+        return left_db + self._last_db, right_db + self._last_db
+
+    def _remember(self, question: AwaitedAnswer, response: str | None) -> None:
+        """Let the next thresholds be lower after something was felt than after ``none``."""
+        half_db = self._observer.last_answer_db / 2
+        if question.trial in self._untouched or "none" not in question.answers or not half_db:
+            return
+        self._last_db = {None: 0.0, "none": half_db}.get(response, -half_db)
 
     def feedback(self, *, correct: bool) -> None:
         """Learn nothing from it."""
@@ -111,8 +135,9 @@ class SimulatedResponder:
 def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResponder:
     """Draw a participant from the study's simulated population by the plan's seed."""
     rng = np.random.default_rng((plan.seed, _OBSERVER_STREAM))
-    people = study.simulation
-    observer = draw_observer(people.median, people.threshold_sd_db, rng)
+    left, right = study.actuators[:2]
+    apart_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
+    observer = study.simulation.draw(apart_mm, rng)
     of_condition = {c.name: plan.gains_of(c.name) for c in study.conditions}
     trials = (*plan.trials, *plan.warm_up)
     return SimulatedResponder(
@@ -121,11 +146,34 @@ def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResp
         seed=plan.seed,
         gains={trial.number: of_condition[trial.condition] for trial in trials},
         untouched=frozenset(trial.number for trial in trials if trial.kind == "control"),
+        shifts_db=_shifts_db(study, observer, plan),
+        facts=asdict(observer) | {"unmeasured": list(unmeasured(study))},
     )
 
 
 _OBSERVER_STREAM = 2**32 - 1
 """Keeps the observer's own draw apart from those of its trials."""
+_COURSE_STREAM = 2**32 - 2
+"""The same for the course of its thresholds."""
+
+
+def _shifts_db(study: Study, observer: Observer, plan: Plan) -> dict[int, tuple[float, float]]:
+    """Return by how much both thresholds lie higher in each trial, by its number."""
+    known = study.simulation.known_for
+    of_condition = {
+        name: (known.shift_db(left), known.shift_db(right))
+        for name, (left, right) in vibrations(study).items()
+    }
+    if not (of_condition or observer.drift_db or observer.wander_db):
+        return {}
+    rng = np.random.default_rng((plan.seed, _COURSE_STREAM))
+    course_db = threshold_course_db(observer, len(plan.trials), rng)
+    shifts_db = {}
+    for trial in (*plan.trials, *plan.warm_up):
+        left_db, right_db = of_condition.get(trial.condition, (0.0, 0.0))
+        now_db = course_db[min(trial.number, len(course_db)) - 1]
+        shifts_db[trial.number] = left_db + now_db, right_db + now_db
+    return shifts_db
 
 
 def simulate_study(

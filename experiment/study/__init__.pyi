@@ -20,6 +20,7 @@ from .read import (
     study_from_canonical,
     with_levels,
 )
+from .simulated import unmeasured, vibrations
 from .sources import (
     cutoff_source,
     displacement_source,
@@ -73,6 +74,8 @@ __all__ = [
     "study_gains",
     "study_sources",
     "told_by_file",
+    "unmeasured",
+    "vibrations",
     "with_levels",
     "words_of_the_others",
 ]

@@ -208,6 +208,7 @@ class Study:
                 "simulation.threshold_um needs the displacement or the layers of the left and the "
                 "right actuator; give threshold_vpp"
             )
+        self.simulation.check_played([one.name for one in self.conditions if one.file is not None])
         if self.finger_load.impedance is not None:
             check_fingers(self.actuators[:2], self.strip)
         self._check_levels()

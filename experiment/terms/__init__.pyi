@@ -12,6 +12,7 @@ from .checks import (
     require_word,
     unknown_key,
 )
+from .curves import KnownFor, Vibration
 from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
     OWN_FINGER_ONLY,
@@ -21,7 +22,7 @@ from .gains import (
     gains_from_json,
     significant,
 )
-from .observer import FASTEST_ANSWER_S, Observer, draw_observer
+from .observer import FASTEST_ANSWER_S, Observer, draw_observer, threshold_course_db
 from .record import (
     ANSWERS,
     COLUMNS,
@@ -74,6 +75,7 @@ __all__ = [
     "CommandError",
     "ConditionGains",
     "FingerGains",
+    "KnownFor",
     "Observer",
     "Press",
     "Progress",
@@ -81,6 +83,7 @@ __all__ = [
     "ResponderError",
     "SessionPart",
     "TrialRow",
+    "Vibration",
     "draw_observer",
     "format_value",
     "gains_from_json",
@@ -94,6 +97,7 @@ __all__ = [
     "require_word",
     "responder",
     "significant",
+    "threshold_course_db",
     "trials_csv",
     "unknown_key",
 ]

@@ -26,6 +26,7 @@ _MASKING_RATIO: float = 10.0 ** (MASKING_DB / 20)
 _ROUNDING = 1.0 + 1e-12
 """Amplitudes that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
 _SQRT_2 = math.sqrt(2.0)
+_OTHER = {"left": "right", "right": "left"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +72,26 @@ class Observer:
     reaction_time_s : float
         Median reaction time to a stimulus that is always felt.
     reaction_time_spread : float
-        Standard deviation of ln(reaction time - `FASTEST_ANSWER_S`).
+        Standard deviation of ln(reaction time - `reaction_time_least_s`).
+    reaction_time_least_s : float
+        What no reaction takes less than.
+    reaction_time_doubt : float
+        How much longer than that to what cannot be felt than to what is always felt.
+    finger_difference_db : float
+        Threshold of the left finger above that of the right one; half of it on either side.
+    masking_slope : float or None
+        By how many dB a finger's threshold rises for each dB by which the other finger gets more
+        than its own threshold; ``None`` for the rule of section V.
+    drift_db : float
+        Rise of the thresholds from the first trial to the last, half of it on either side.
+    wander_db, wander_trials : float
+        Standard deviation of a slow random course of the thresholds, and the number of trials over
+        which it is forgotten (to 1/e).
+    last_answer_db : float
+        By how much lower the thresholds are after an answer that something was felt than after
+        ``none``; only where that is offered.
+    swapped : bool
+        Whether left and right are confused in every answer.
 
     Raises
     ------
@@ -96,6 +116,15 @@ class Observer:
     crosstalk_db: float | None = None
     reaction_time_s: float
     reaction_time_spread: float
+    reaction_time_least_s: float = FASTEST_ANSWER_S
+    reaction_time_doubt: float = 2.0
+    finger_difference_db: float = 0.0
+    masking_slope: float | None = None
+    drift_db: float = 0.0
+    wander_db: float = 0.0
+    wander_trials: float = 1.0
+    last_answer_db: float = 0.0
+    swapped: bool = False
 
     def __post_init__(self) -> None:
         if (self.threshold_um is None) == (self.threshold_vpp is None):
@@ -137,6 +166,7 @@ class Observer:
         response_window_s: float,
         *,
         gains: FingerGains = OWN_FINGER_ONLY,
+        shift_db: tuple[float, float] = (0.0, 0.0),
     ) -> ObserverAnswer:
         """Draw the answer to one trial.
 
@@ -152,6 +182,8 @@ class Observer:
             Longest time to answer.
         gains : FingerGains
             What the fingers get of the two actuators.
+        shift_db : tuple of float
+            By how much the thresholds of the left and the right finger lie higher in this trial.
 
         Returns
         -------
@@ -170,7 +202,7 @@ class Observer:
         if self.crosstalk_db is not None:
             gains = gains.with_crosstalk(self.crosstalk_db)
         amplitudes = gains.amplitudes(level_left_vpp, level_right_vpp)
-        thresholds = self._thresholds(gains)
+        thresholds = self._raised(amplitudes, _shifted(self._thresholds(gains), shift_db))
         chances = (
             self.felt_probability(amplitudes[0] / thresholds[0]),
             self.felt_probability(amplitudes[1] / thresholds[1]),
@@ -182,17 +214,35 @@ class Observer:
             response = self._respond(amplitudes, chances, responses, rng)
         if rt_s > response_window_s:
             return NO_ANSWER
+        if self.swapped:
+            response = _OTHER.get(response, response)
         return ObserverAnswer(response=response, rt_s=rt_s)
 
     def _thresholds(self, gains: FingerGains) -> tuple[float, float]:
         """Return the thresholds of the left and the right finger, in the unit of the gains."""
+        half_db = self.finger_difference_db / 2
         if self.threshold_vpp is not None:
-            return self.threshold_vpp * gains.left[0], self.threshold_vpp * gains.right[1]
+            return _shifted(
+                (self.threshold_vpp * gains.left[0], self.threshold_vpp * gains.right[1]),
+                (half_db, -half_db),
+            )
         if self.threshold_um is None or gains.basis is None:
             raise ValueError(
                 "threshold_um must meet gains in um; got gains of which no displacement is known"
             )
-        return self.threshold_um, self.threshold_um
+        return _shifted((self.threshold_um, self.threshold_um), (half_db, -half_db))
+
+    def _raised(
+        self, amplitudes: tuple[float, float], thresholds: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Return the thresholds that the other finger's vibration leaves, where it masks by dB."""
+        if self.masking_slope is None:
+            return thresholds
+        left_db, right_db = (
+            20 * math.log10(max(one / threshold, 1.0))
+            for one, threshold in zip(amplitudes, thresholds, strict=True)
+        )
+        return _shifted(thresholds, (self.masking_slope * right_db, self.masking_slope * left_db))
 
     def _respond(
         self,
@@ -205,8 +255,9 @@ class Observer:
         left, right = amplitudes
         felt_left = rng.random() < chances[0]
         felt_right = rng.random() < chances[1]
-        felt_left = felt_left and not _masked(left, right)
-        felt_right = felt_right and not _masked(right, left)
+        if self.masking_slope is None:
+            felt_left = felt_left and not _masked(left, right)
+            felt_right = felt_right and not _masked(right, left)
         if felt_left and felt_right and "both" in responses:
             return "both"
         if felt_left != felt_right:
@@ -223,11 +274,20 @@ class Observer:
         return "left" if rng.random() < self.side_bias else "right"
 
     def _reaction_time_s(self, clarity: float, rng: np.random.Generator) -> float:
-        """Draw a shifted log-normal time: twice as long past the shift if nothing could be felt."""
-        median_s = (self.reaction_time_s - FASTEST_ANSWER_S) * (2.0 - clarity)
-        return FASTEST_ANSWER_S + median_s * math.exp(
+        """Draw a shifted log-normal time, longer past the shift the less could be felt."""
+        doubt = self.reaction_time_doubt - (self.reaction_time_doubt - 1.0) * clarity
+        median_s = (self.reaction_time_s - self.reaction_time_least_s) * doubt
+        return self.reaction_time_least_s + median_s * math.exp(
             self.reaction_time_spread * rng.standard_normal()
         )
+
+
+def _shifted(thresholds: tuple[float, float], shift_db: tuple[float, float]) -> tuple[float, float]:
+    """Return thresholds that lie higher by some dB."""
+    left, right = (
+        one * 10.0 ** (db / 20) if db else one for one, db in zip(thresholds, shift_db, strict=True)
+    )
+    return left, right
 
 
 def _masked(amplitude: float, other: float) -> bool:
@@ -244,7 +304,14 @@ def _require_responses(responses: tuple[str, ...]) -> None:
         )
 
 
-def draw_observer(median: Observer, threshold_sd_db: float, rng: np.random.Generator) -> Observer:
+def draw_observer(
+    median: Observer,
+    threshold_sd_db: float,
+    rng: np.random.Generator,
+    *,
+    finger_difference_sd_db: float = 0.0,
+    swapped_keys: float = 0.0,
+) -> Observer:
     """Draw one participant of a simulated population.
 
     Thresholds are log-normal: the population's standard deviation is stated in dB, 20 log10.
@@ -257,6 +324,10 @@ def draw_observer(median: Observer, threshold_sd_db: float, rng: np.random.Gener
         Standard deviation of the thresholds between participants.
     rng : numpy.random.Generator
         Where chance comes from.
+    finger_difference_sd_db : float
+        Standard deviation of the difference between the two fingers.
+    swapped_keys : float
+        Share of people who confuse left and right.
 
     Examples
     --------
@@ -269,4 +340,30 @@ def draw_observer(median: Observer, threshold_sd_db: float, rng: np.random.Gener
     offset_db = threshold_sd_db * rng.standard_normal()
     factor = 10.0 ** (offset_db / 20)
     name = "threshold_vpp" if median.threshold_um is None else "threshold_um"
-    return replace(median, **{name: getattr(median, name) * factor})
+    person = replace(median, **{name: getattr(median, name) * factor})
+    if finger_difference_sd_db:
+        difference_db = finger_difference_sd_db * rng.standard_normal()
+        person = replace(person, finger_difference_db=difference_db)
+    return replace(person, swapped=rng.random() < swapped_keys) if swapped_keys else person
+
+
+def threshold_course_db(observer: Observer, trials: int, rng: np.random.Generator) -> list[float]:
+    """Draw by how much an observer's thresholds lie higher in each trial of a session.
+
+    A straight drift about the middle, and a stationary autoregressive course of the first order,
+    correlated with itself by exp(-lag / wander_trials).
+
+    >>> import numpy as np
+    >>> from experiment.study.read import paper_study
+    >>> median = paper_study().simulation.median
+    >>> threshold_course_db(replace(median, drift_db=2.0), 3, np.random.default_rng(1))
+    [-1.0, 0.0, 1.0]
+    """
+    kept = math.exp(-1.0 / observer.wander_trials)
+    fresh = math.sqrt(1.0 - kept * kept)
+    course_db, wander_db = [], observer.wander_db * rng.standard_normal()
+    for trial in range(trials):
+        if trial:
+            wander_db = kept * wander_db + fresh * observer.wander_db * rng.standard_normal()
+        course_db.append(wander_db + observer.drift_db * (trial / max(trials - 1, 1) - 0.5))
+    return course_db

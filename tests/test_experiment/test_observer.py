@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 import pytest
@@ -139,7 +140,7 @@ def test_of_two_equal_stimuli_one_is_chosen_where_both_is_not_offered() -> None:
 )
 def test_strong_and_absent_stimuli_have_a_sure_answer(
     levels_vpp: tuple[float, float],
-    changed: dict[str, float],
+    changed: dict[str, Any],
     responses: tuple[str, ...],
     answer: str,
 ) -> None:

@@ -48,6 +48,13 @@ FINGERS = {
     "source": "ours",
 }
 METAL = {"youngs_modulus_gpa": 200.0, "poisson_ratio": 0.3, "density_kg_m3": 7900.0}
+SIMULATED = {
+    "reaction_time_s": 20.0,
+    "reaction_time_least_s": 0.0,
+    "masking_slope": 0.2,
+    "wander_db": 1.0,
+    "wander_trials": 9.0,
+}
 ALL_ANSWERS = ["left", "right", "both", "none"]
 
 
@@ -74,6 +81,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
         "masking": {"max_level_dba": 20.0},
         "contact": {"control": "instructed"},
+        "simulation": SIMULATED,
     }
     return others.get(section, {})
 
