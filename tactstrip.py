@@ -25,6 +25,7 @@ COMMANDS = {
     "dry-run": ("analysis", "Simulate participants and analyze them."),
     "run": ("experiment", "Run one session with a participant."),
     "analyze": ("analysis", "Turn result CSVs into tables and figures."),
+    "columns": ("analysis", "Draft the map of a table made elsewhere."),
     "audit": ("analysis", "Tell if a printed table of proportions can be true."),
     "levels": ("analysis", "Place levels on a participant's function."),
     "field": ("experiment", "Draw the displacement of a study's plate."),

@@ -29,7 +29,7 @@ LATER = {
     *("fingers/pressed.py", "sections/finger.py"),
     *("motion", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
-    *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign"),
+    *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign", "commands/columns.py"),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/origins.py", "study/stated.py", "results/numbers.py"),
     *("study/simulated.py", "terms/curves.py"),

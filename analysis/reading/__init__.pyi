@@ -1,16 +1,18 @@
 from .batch import InputFile
 from .load import LoadedTrials, read_inputs, read_trials
 from .plans import contacts, read_plan
-from .sources import InputTable, read_regular, unreadable
+from .sources import TABLE, InputTable, find_sources, read_regular, unreadable
 from .text import ResultFileError, TextFormat, named, one_line, shown, text_chunks
 
 __all__ = [
+    "TABLE",
     "InputFile",
     "InputTable",
     "LoadedTrials",
     "ResultFileError",
     "TextFormat",
     "contacts",
+    "find_sources",
     "named",
     "one_line",
     "read_inputs",

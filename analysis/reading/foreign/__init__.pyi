@@ -1,6 +1,7 @@
 from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
 from .counts import read_counted
+from .draft import map_draft
 from .form import foreign_chunks
 from .table import count_columns
 
@@ -13,6 +14,7 @@ __all__ = [
     "count_columns",
     "foreign_chunks",
     "load_column_map",
+    "map_draft",
     "plain_tables",
     "read_counted",
 ]

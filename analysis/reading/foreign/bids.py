@@ -24,7 +24,8 @@ def about(path: Path) -> dict[str, str]:
     >>> about(Path("sub-07_task-felt_run-2_beh.tsv"))
     {'file-': 'sub-07_task-felt_run-2_beh', 'sub-': '07', 'task-': 'felt', 'run-': '2'}
     """
-    parts = (_ENTITY.fullmatch(part) for part in path.stem.split("_"))
+    named = path.stem.split("_") if path.name.startswith("sub-") else ()
+    parts = (_ENTITY.fullmatch(part) for part in named)
     return {FILE: path.stem} | {f"{found[1]}-": found[2] for found in parts if found}
 
 

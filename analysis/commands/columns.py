@@ -1,0 +1,43 @@
+"""The command ``columns``: a draft of the map of a table made elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from experiment.archive.disk import DISK, write_new
+from experiment.terms.exits import CommandError, refusals
+
+
+@click.command()
+@click.argument("table", metavar="TABLE", type=click.Path(path_type=Path))
+@click.option(
+    "--write",
+    "target",
+    metavar="MAP.toml",
+    type=click.Path(path_type=Path),
+    help="A new file for analyze --columns MAP.toml.  [default: the terminal]",
+)
+@refusals
+def columns(*, table: Path, target: Path | None) -> None:
+    """Draft the map of a table made elsewhere.
+
+    TABLE is a file, a folder of such or a BIDS data set. What is guessed is called so; what is
+    empty must be filled in before analyze takes the map.
+    """
+    from analysis.reading.foreign.draft import map_draft
+    from analysis.reading.sources import TABLE, find_sources
+
+    if target is not None and (target.exists() or target.is_symlink()):
+        raise CommandError(f"--write must be a new file; got {target}, which exists")
+    sources = find_sources([table], foreign=True).tables
+    if not sources or all(one.path.name == TABLE for one in sources):
+        raise CommandError(f"{table}: a {TABLE} of tactstrip needs no map")
+    text, blanks = map_draft(sources)
+    if target is None:
+        click.echo(text, nl=False)
+        return
+    write_new(target, text.encode(), DISK)
+    todo = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
+    click.echo(f"Written to {target}; {todo}tactstrip analyze {table} --columns {target}")

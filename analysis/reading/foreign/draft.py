@@ -1,0 +1,299 @@
+"""A draft of the map of a table made elsewhere, from its heading and its cells.
+
+What is guessed is called a guess, in a comment with the values that it is guessed from; what cannot
+be guessed is left empty, and refused by the key's name until somebody fills it in.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from dataclasses import dataclass
+from statistics import median
+from typing import TYPE_CHECKING, Final
+
+from analysis.reading.checks import MAX_MEDIAN_RT_S
+from analysis.reading.foreign.bids import FILE, STANDS_FOR
+from analysis.reading.foreign.form import RowFilter, foreign_chunks, text_format
+from analysis.reading.sources import unreadable
+from analysis.reading.text import one_line
+from experiment.terms.record import COLUMNS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from analysis.reading.sources import InputTable
+
+
+# What others call our columns, in small letters and digits; the first that a heading has is taken.
+_CALLED: Final[Mapping[str, tuple[str, ...]]] = {
+    "participant": (
+        *("participant", "participantid", "subject", "subjectid", "subj", "subjid", "sub", "ppid"),
+        *("pid", "observer", "id"),
+    ),
+    "session": ("session", "sessionid", "ses", "visit"),
+    "condition": ("condition", "cond"),
+    "trial": ("trial", "trialnumber", "trialnum", "trialno", "trialn", "thisn", "trialindex"),
+    "side": ("side", "stimside", "stimulusside", "targetside", "location", "hand", "finger"),
+    "level_vpp": (
+        *(
+            "levelvpp",
+            "level",
+            "stimlevel",
+            "intensity",
+            "stimintensity",
+            "amplitude",
+            "amp",
+            "voltage",
+        ),
+        *("volts", "volume", "gain", "strength", "contrast"),
+    ),
+    "response": ("response", "resp", "answer", "keys", "choice", "keypress", "key"),
+    "rt_s": ("rts", "rt", "responsetime", "reactiontime", "resprt", "latency", "rtms"),
+}
+_HITS: Final = ("detected", "correct", "corr", "felt", "hit", "accuracy", "acc", "yes")
+_COUNTS: Final = ("k", "detected", "correct", "hits", "ncorrect", "yes", "nyes", "ndetected")
+_OF: Final = ("n", "presented", "total", "ntotal", "ntrials", "trials", "shown")
+_WORDS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("l", "left", "arrowleft", "leftarrow", "links"), "left"),
+    **dict.fromkeys(("r", "right", "arrowright", "rightarrow", "rechts"), "right"),
+    **dict.fromkeys(("b", "both"), "both"),
+    **dict.fromkeys(("no", "nothing", "blank", "catch", "null", "none"), "none"),
+}
+_NOTHING: Final = ("", "none", "null", "n/a", "na", "nan")
+"""How others write that there is no value, small letters."""
+_MOST_FILES, _MOST_WORDS, _SHOWN = 40, 12, 8
+_NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+_BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+_NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
+_FILL: Final = "FILL IN: "
+_TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Table:
+    """Some rows of some tables under one heading."""
+
+    header: list[str]
+    rows: list[list[str]]
+
+    def words(self, name: str) -> Counter[str]:
+        place = self.header.index(name)
+        return Counter(row[place] for row in self.rows)
+
+    def numbers(self, name: str) -> list[float] | None:
+        """Return the numbers of a column that has nothing else; of an empty one none."""
+        words = [word for word in self.words(name).elements() if word.lower() not in _NOTHING]
+        if not words or not all(_NUMBER.fullmatch(word) for word in words):
+            return None
+        return [float(word.replace(",", ".")) for word in words]
+
+    def called(self, names: Sequence[str]) -> str | None:
+        """Return the first column that has one of the names, of PsychoPy's its last part."""
+        for name in names:
+            for column in self.header:
+                plain = {_plain(column), _plain(column.rpartition(".")[2])}
+                if name in plain and any(word not in _NOTHING for word in self.words(column)):
+                    return column
+        return None
+
+    def without(self, name: str, word: str) -> _Table:
+        place = self.header.index(name)
+        return _Table(header=self.header, rows=[row for row in self.rows if row[place] != word])
+
+
+def _plain(name: str) -> str:
+    return re.sub("[^a-z0-9]", "", name.lower())
+
+
+def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
+    """Return the text of a map for tables, and the keys that are to be filled in.
+
+    Of a data set with several tasks the tables of the first are looked at. Raises ResultFileError
+    for a table that cannot be read as text.
+    """
+    tasks = list(dict.fromkeys(one.about.get("task-", "") for one in sources))
+    chosen = [one for one in sources if one.about.get("task-", "") == tasks[0]]
+    table = _read(chosen[:_MOST_FILES])
+    lines = [f"# A draft for {one_line(chosen[0].name)}: check each guess, fill in what is empty."]
+    sections: dict[str, list[str]] = {}
+    if len(tasks) > 1:
+        _put(sections, "rows.keep", "task-", tasks[0], f"guess; tasks here: {_list(tasks)}")
+    table = _rows(table, sections)
+    _columns(table, sections)
+    needs_task = "table" in sections or any("detected" in line for line in sections["columns"])
+    if needs_task:
+        lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
+    else:
+        lines.append(f"# task: where nobody answered so, state {_TASK}")
+    order = ("file", "rows.keep", "rows.skip", "columns", "values.side", "values.level_vpp",
+             "values.response", "values.rt_s", "constant", "units", "axis", "table")  # fmt: skip
+    for name in order:
+        if sections.get(name):
+            lines += ["", f"[{name}]", *sections[name]]
+    lines += ["", "# All columns:", *(f"#   {line}" for line in _told(table))]
+    blanks = [line.split(" = ")[0] for line in lines if f"# {_FILL}" in line]
+    return "\n".join(lines) + "\n", blanks
+
+
+def _read(sources: Sequence[InputTable]) -> _Table:
+    """Read the first rows of those tables that have the heading of the first."""
+    header: list[str] = []
+    rows: list[list[str]] = []
+    for source in sources:
+        form = text_format({}, source.path.suffix)
+        try:
+            with source.path.open("rb") as stream:
+                file = str(source.path)
+                found, chunks = foreign_chunks(
+                    stream, file, form=form, rows=RowFilter(), about=source.about
+                )
+                header = header or found
+                if found == header:
+                    rows += next(chunks)[0][1]
+        except OSError as error:
+            raise unreadable(error, source.path) from None
+    return _Table(header=header, rows=rows)
+
+
+def _rows(table: _Table, sections: dict[str, list[str]]) -> _Table:
+    """Guess which rows are trials: those of a loop of PsychoPy, of a plugin of jsPsych."""
+    loops = [name for name in table.header if name.endswith(".thisN")]
+    if loops:
+        loop = "trials.thisN" if "trials.thisN" in loops else loops[0]
+        _put(sections, "rows.skip", loop, "", f"guess: outside this loop; loops: {_list(loops)}")
+        return table.without(loop, "")
+    if {"trial_type", "time_elapsed", "rt"} <= {*table.header}:
+        kinds = table.words("trial_type")
+        place, times = (table.header.index(name) for name in ("trial_type", "rt"))
+        timed = Counter(row[place] for row in table.rows if _NUMBER.fullmatch(row[times]))
+        most = (timed or kinds).most_common(1)[0][0]
+        _put(sections, "rows.keep", "trial_type", most, f"guess; there are: {_list([*kinds])}")
+        for kind in kinds:
+            table = table if kind == most else table.without("trial_type", kind)
+    for name in dict.fromkeys(table.header):
+        words = table.words(name)
+        if len(words) > _MOST_WORDS or name.endswith("-"):
+            continue
+        if skipped := [word for word in words if _NO_TRIAL.search(word)]:
+            _put(sections, "rows.skip", name, skipped, f"guess; there are: {_list([*words])}")
+            for word in skipped:
+                table = table.without(name, word)
+    return table
+
+
+def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
+    sections["columns"] = []
+    k, n = table.called(_COUNTS), table.called(_OF)
+    counted = bool(k and n and k != n and table.numbers(k) and table.numbers(n))
+    response = None if counted else table.called(_CALLED["response"])
+    if counted:
+        _put(sections, "table", "detected", k or "", "guess")
+        _put(sections, "table", "presented", n or "", "guess")
+    hit = None if counted else table.called(_HITS)
+    both = hit if hit and {*table.words(hit)} <= {"0", "1"} else None
+    if response and {*table.words(response)} <= {"0", "1", *_NOTHING}:
+        both = response
+    for ours, names in _CALLED.items():
+        if counted and ours in ("trial", "response", "rt_s", "side"):
+            continue
+        theirs = table.called(names)
+        if ours == "response":
+            _answer(table, response, both, sections)
+        elif ours == "side" and theirs is None:
+            _put(sections, "constant", "side", "", f"{_FILL}left or right, if it never changes; "
+                 "else [columns] side")  # fmt: skip
+        elif theirs is not None:
+            _named(table, ours, theirs, sections)
+        elif ours == "participant" and STANDS_FOR["participant"] not in table.header:
+            _put(sections, "columns", ours, FILE, "guess: the name of the file")
+        elif ours == "level_vpp":
+            _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
+
+
+def _answer(
+    table: _Table, response: str | None, hit: str | None, sections: dict[str, list[str]]
+) -> None:
+    if "table" in sections:
+        return
+    if hit is not None and hit != response and response is not None:
+        _put(sections, "columns", "response", response, f"guess; 0 and 1 stand in {one_line(hit)}")
+        _words(table, "response", response, sections)
+    elif hit is not None:
+        _put(sections, "columns", "detected", hit, f"guess; {_of(table, hit)}")
+        _put(sections, "columns", "response", "", "0 and 1 are no sides")
+    elif response is not None:
+        _named(table, "response", response, sections)
+    else:
+        _put(sections, "columns", "response", "", f"{_FILL}the column of the answer")
+
+
+def _named(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
+    if ours != theirs:
+        _put(sections, "columns", ours, theirs, f"guess; {_of(table, theirs)}")
+    if ours in ("side", "response"):
+        _words(table, ours, theirs, sections)
+    elif ours in ("level_vpp", "rt_s"):
+        _numbers(table, ours, theirs, sections)
+
+
+def _numbers(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
+    """Say what the numbers of a column are in, and which of its words are none."""
+    words, numbers = table.words(theirs), table.numbers(theirs)
+    for word in words:
+        if word.lower() in _NOTHING and word not in ("", "n/a"):
+            _put(sections, f"values.{ours}", word, "n/a", "guess")
+    if numbers and any("," in word for word in words) and "file" not in sections:
+        _put(sections, "file", "decimal", ",", "guess: there are numbers with a comma")
+    if ours == "level_vpp" and numbers and min(numbers) < 0:
+        _put(sections, "axis", "x_scale", "linear", "guess: levels below 0; say unit, too")
+    if ours == "rt_s" and "time_elapsed" in table.header:
+        _put(sections, "units", "rt_s", "ms", "as jsPsych writes it")
+    elif ours == "rt_s" and numbers and median(numbers) > MAX_MEDIAN_RT_S:
+        _put(sections, "units", "rt_s", "ms", f"guess: the median is {median(numbers):g}")
+
+
+def _words(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
+    """Say what each word of theirs is, where it is known or must be told."""
+    known = next(column.choices for column in COLUMNS if column.name == ours)
+    missing = "timeout" if ours == "response" else "none"
+    words = [word for word in table.words(theirs) if word not in known]
+    for word in words[:_MOST_WORDS]:
+        plain = missing if word.lower() in _NOTHING else _WORDS.get(_plain(word), "")
+        what = "guess" if plain else f"{_FILL}{', '.join(known)}"
+        _put(sections, f"values.{ours}", word, plain, what)
+
+
+def _put(
+    sections: dict[str, list[str]], section: str, key: str, value: str | list[str], comment: str
+) -> None:
+    sections.setdefault(section, []).append(_entry(key, value, comment))
+
+
+def _entry(key: str, value: str | list[str], comment: str) -> str:
+    name = key if _BARE.fullmatch(key) else _quoted(key)
+    return f"{name} = {_quoted(value)}  # {comment}"
+
+
+def _quoted(value: str | list[str]) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _told(table: _Table) -> Iterator[str]:
+    for name in dict.fromkeys(table.header):
+        if name:
+            yield f"{one_line(name)}: {_of(table, name)}"
+
+
+def _of(table: _Table, name: str) -> str:
+    words = table.words(name)
+    numbers = table.numbers(name)
+    if numbers and len(words) > _SHOWN:
+        return f"{len(words)} values from {min(numbers):g} to {max(numbers):g}"
+    return f"{len(words)} value{'s'[: len(words) != 1]}: {_list([*words])}"
+
+
+def _list(words: Sequence[str]) -> str:
+    told = [one_line(word)[:30] if word else "(empty)" for word in words[:_SHOWN]]
+    return ", ".join(told) + (", ..." if len(words) > _SHOWN else "")

@@ -1,0 +1,143 @@
+"""The draft of a map: what is guessed is called so, and what is filled in runs."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import tomllib
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from analysis import ColumnMap, load_column_map
+from analysis.answers.detection import level_table
+from analysis.reading.foreign.columns import KEYS, SECTIONS
+from analysis.reading.foreign.draft import map_draft
+from analysis.reading.load import read_inputs
+from analysis.reading.sources import find_sources
+from tests.test_analysis.shared import EXAMPLES, LEAST, put, refused, run
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+
+def filled(table: Path, target: Path, words: Mapping[str, str]) -> Path:
+    """Draft the map of a table and fill in what is empty."""
+    text, blanks = map_draft(find_sources([table], foreign=True).tables)
+    assert {*words} == {*blanks}
+    lines = (
+        line.replace(' = ""', f' = "{words[line.split(" = ")[0]]}"')
+        if "# FILL IN" in line
+        else line
+        for line in text.splitlines()
+    )
+    return put(target, "\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("psychopy", {"down": "none"}), ("jspsych", {"f": "left", "j": "right"})]
+)
+def test_a_draft_that_is_filled_in_reads_as_the_map_by_hand(
+    tmp_path: Path, name: str, words: dict[str, str]
+) -> None:
+    table = EXAMPLES / f"{name}-trials.csv"
+    drafted = read_inputs([table], load_column_map(filled(table, tmp_path / "map.toml", words)))
+    by_hand = read_inputs([table], load_column_map(EXAMPLES / f"{name}-columns.toml"))
+    same = ["trial", "side", "response", "rt_s", "kind"]
+    assert drafted.trials[same].equals(by_hand.trials[same])
+    assert drafted.left_out == by_hand.left_out
+
+
+def test_the_examples_of_other_programs_have_the_counts_of_their_rows() -> None:
+    with (EXAMPLES / "psychopy-trials.csv").open(encoding="utf-8-sig", newline="") as stream:
+        felt = [r for r in csv.DictReader(stream) if r["trials.thisN"] and r["intensity"] != "0"]
+    with (EXAMPLES / "jspsych-trials.csv").open(encoding="utf-8", newline="") as stream:
+        heard = [r for r in csv.DictReader(stream) if r["phase"] == "main"]
+    keys = {"f": "left", "j": "right"}
+    hits = {
+        "psychopy": [
+            (float(r["intensity"]) * 2.5, r["key_resp.keys"] == r["stim_side"]) for r in felt
+        ],
+        "jspsych": [(float(r["volume"]), keys.get(r["response"]) == r["side"]) for r in heard],
+    }
+    for name, rows in hits.items():
+        columns = load_column_map(EXAMPLES / f"{name}-columns.toml")
+        read = read_inputs([EXAMPLES / f"{name}-trials.csv"], columns)
+        levels = level_table(read.trials)[["level_vpp", "detected", "presented"]]
+        expected = [
+            [at, sum(hit for level, hit in rows if level == at), sum(x == at for x, _ in rows)]
+            for at in sorted({level for level, _ in rows})
+        ]
+        assert levels.to_numpy().tolist() == expected
+
+
+def test_a_table_of_counts_needs_its_task_alone(tmp_path: Path) -> None:
+    table = put(tmp_path / "t.csv", "subject;volts;k;n\n1;60,5;3;10\n1;95;9;10\n")
+    columns = load_column_map(filled(table, tmp_path / "m.toml", {"task": "forced choice"}))
+    assert read_inputs([table], columns).cells is not None
+    unfilled = put(tmp_path / "u.toml", map_draft(find_sources([table]).tables)[0])
+    with pytest.raises(ValueError, match="need task"):
+        load_column_map(unfilled)
+
+
+def test_answers_of_0_and_1_need_their_task_and_what_has_no_column(tmp_path: Path) -> None:
+    table = put(tmp_path / "p7.csv", "amp,correct,rt\n" + "60,1,480\n-95,0,510\n" * 3)
+    words = {"task": "forced choice", "side": "left"}
+    columns = load_column_map(filled(table, tmp_path / "m.toml", words))
+    read = read_inputs([table], columns)
+    assert {*read.trials["participant"]} == {"p7"}
+    assert read.trials["rt_s"].max() == 0.51
+    assert read.axis.x_scale == "linear"
+
+
+def test_the_command_writes_no_file_twice_and_takes_no_table_of_ours(tmp_path: Path) -> None:
+    table, target = put(tmp_path / "t.csv", LEAST + "1,left,60,f\n"), tmp_path / "map.toml"
+    done = run("columns", table, "--write", target)
+    assert (done.exit_code, "fill in f, then tactstrip analyze" in done.output) == (0, True)
+    again = run("columns", table, "--write", target)
+    assert (again.exit_code, "must be a new file" in again.output) == (2, True)
+    assert "[values.response]" in run("columns", table).output
+    assert run("columns", tmp_path / "nothing.csv").exit_code == 2
+    assert "response] 'f': allowed left" in str(refused_map(target))
+    own = put(tmp_path / "trials.csv", LEAST)
+    assert "needs no map" in run("columns", own).output
+
+
+def refused_map(path: Path) -> ValueError:
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        load_column_map(path)
+    return caught.value
+
+
+CELLS = st.sampled_from(
+    ["", "left", "1", "0", "60,5", "null", "practice", "a\tb", '"', "\x7f", "é"]
+)
+
+
+@pytest.mark.slow
+@settings(
+    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(st.data())
+def test_any_table_has_a_draft_that_is_a_map_or_names_what_it_lacks(
+    tmp_path: Path, data: st.DataObject
+) -> None:
+    names = st.sampled_from(
+        ["subject", "side", "level", "response", "rt", "correct", "k", "n", "trial_type",
+         "time_elapsed", "trials.thisN", "p.thisN", 'a "b"', "x\ny", "volts"]
+    )  # fmt: skip
+    header = data.draw(st.lists(names, min_size=1, max_size=8, unique=True))
+    rows = data.draw(st.lists(st.tuples(*[CELLS] * len(header)), min_size=1, max_size=6))
+    path = tmp_path / "any.csv"
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream).writerows([header, *rows])
+    if not any(any(row) for row in rows):
+        assert "a header and no trials" in str(refused(path, columns=ColumnMap()))
+        return
+    text, blanks = map_draft(find_sources([path]).tables)
+    assert tomllib.loads(text).keys() <= {*KEYS, *SECTIONS}
+    with contextlib.suppress(ValueError) if blanks else contextlib.nullcontext():
+        load_column_map(put(tmp_path / "m.toml", text))
