@@ -31,8 +31,8 @@ LATER = {
     *("integrity", "commands/verify.py", "trial/order.py"),
     *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign", "commands/columns.py"),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
-    *("study/origins.py", "study/stated.py", "results/numbers.py"),
-    *("study/simulated.py", "terms/curves.py"),
+    *("study/origins.py", "study/stated.py", "results/protocol.py", "results/answer.py"),
+    *("study/simulated.py", "terms/curves.py", "results/compared.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(

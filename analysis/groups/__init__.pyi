@@ -1,9 +1,10 @@
 from .difference import Difference
-from .group import ConditionDifference, GroupFit, compare_conditions, fit_group
+from .group import FEW, ConditionDifference, GroupFit, compare_conditions, fit_group
 from .population import PopulationThreshold, population_thresholds
 from .tables import difference_table, group_table
 
 __all__ = [
+    "FEW",
     "ConditionDifference",
     "Difference",
     "GroupFit",

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
 from analysis.definitions import TOTAL
+from analysis.results.answer import ANSWER_HEAD, answer
+from analysis.results.compared import plain
 from analysis.results.rows import (
     TERMINAL,
-    blank_cells,
     both_cells,
     control_totals,
     count_rows,
     forced_choice,
-    left_out_rows,
     level_rows,
     not_compared_words,
     population_text,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     import pandas as pd
 
@@ -38,7 +39,7 @@ _LEGEND_ANY = " any: answered left, right or both."
 
 
 def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
-    """Print tables, what was left out, and warnings.
+    """Print the answer, the table of levels, what was left out, and warnings.
 
     Parameters
     ----------
@@ -49,33 +50,22 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     """
     if file is None:
         return
-    counts = analysis.counts
     if analysis.mark:
         _say(file, f"{analysis.mark}.")
-    _say(
-        file,
-        f"Trials {counts.trials}, participants {counts.participants}, sessions {counts.sessions}.",
-    )
-    *kinds, left_out = (" ".join(row) for row in count_rows(counts, TERMINAL))
+    told = answer(analysis)
+    for statement in told.statements:
+        _say(file, plain(statement))
+    print(file=file)
+    print(_printable(_in_columns(told.rows), file), file=file)
+    print(file=file)
     if analysis.not_compared:
         _say(file, f"{not_compared_words(analysis.not_compared)}.")
+    *kinds, left_out = (" ".join(row) for row in count_rows(analysis.counts, TERMINAL))
     _say(file, f"Counted: {', '.join(kinds)}; {left_out}.")
-    levels = level_rows(analysis, TERMINAL)
-    for condition, rows in levels.of_condition.items():
-        print(file=file)
-        if counts.conditions > 1:
-            _say(file, f"Condition {condition}")
-        _print_table(levels.header, rows, file)
-    if len(analysis.levels):
-        forced = analysis.detected_any is None
-        _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
-        if forced:
-            _say(file, forced_choice("k/n"))
+    _print_levels(analysis, file)
     for line in (
-        *_total_lines(analysis),
+        *_both_lines(analysis),
         *_control_lines(analysis.control),
-        *_threshold_lines(analysis),
-        *_difference_lines(analysis),
         *_population_lines(analysis),
         *_excluded_lines(analysis.excluded),
     ):
@@ -85,9 +75,43 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
 
 
 def _say(file: TextIO, text: str) -> None:
+    print(textwrap.fill(_printable(text, file), _WIDTH, subsequent_indent="  "), file=file)
+
+
+def _printable(text: str, file: TextIO) -> str:
     encoding = file.encoding or "utf-8"
-    printable = text.encode(encoding, "backslashreplace").decode(encoding)
-    print(textwrap.fill(printable, _WIDTH, subsequent_indent="  "), file=file)
+    return text.encode(encoding, "backslashreplace").decode(encoding)
+
+
+def _in_columns(rows: Iterable[Iterable[str]]) -> str:
+    """Lay the rows of the answer out in columns, the words in them wrapped."""
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*ANSWER_HEAD, box=None, padding=(0, 2, 0, 0), header_style="")
+    for row in rows:
+        table.add_row(*(Text(plain(cell), overflow="fold") for cell in row))
+    laid = io.StringIO()
+    # The same in a pipe as on a terminal, whatever that says of itself.
+    Console(file=laid, width=_WIDTH, color_system=None, legacy_windows=False, _environ={}).print(
+        table
+    )
+    return "\n".join(line.rstrip() for line in laid.getvalue().splitlines())
+
+
+def _print_levels(analysis: Analysis, file: TextIO) -> None:
+    levels = level_rows(analysis, TERMINAL)
+    for condition, rows in levels.of_condition.items():
+        print(file=file)
+        if analysis.counts.conditions > 1:
+            _say(file, f"Condition {condition}")
+        _print_table(levels.header, rows, file)
+    if len(analysis.levels):
+        forced = analysis.detected_any is None
+        _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
+        if forced:
+            _say(file, forced_choice("k/n"))
 
 
 def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None:
@@ -97,21 +121,14 @@ def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None
         print(" ".join(cells), file=file)
 
 
-def _total_lines(analysis: Analysis) -> Iterator[str]:
-    if analysis.counts.unread:
-        yield f"Rows that the map leaves out: {analysis.counts.unread}."
-    for row in _last_rows(analysis.both):
+def _both_lines(analysis: Analysis) -> Iterator[str]:
+    table = analysis.both
+    for _, row in table[table["participant"].eq(TOTAL)].iterrows():
         noticed, p, limits, left, right = both_cells(row, TERMINAL)
         yield (
-            f"Both-finger trials{_where(row)}: {noticed} answered both, "
-            f"{_total(p, limits, analysis.ci)}; left only {left}, right only {right}."
-        )
-    for row in _last_rows(analysis.blank):
-        _, left, right, both, p, limits = blank_cells(row, TERMINAL)
-        felt = TERMINAL.share(round(row["p"] * row["presented"]), row["presented"])
-        yield (
-            f"Blank trials{_where(row)}: {felt} false alarms, {_total(p, limits, analysis.ci)}; "
-            f"left {left}, right {right}, both {both}."
+            f"Both-finger trials{_where(row)}: {noticed} answered both, {p}, 95 % "
+            f"{analysis.ci.title()} {limits} (ignores participants); left only {left}, right only "
+            f"{right}."
         )
 
 
@@ -123,24 +140,6 @@ def _control_lines(table: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _threshold_lines(analysis: Analysis) -> Iterator[str]:
-    for _, group in analysis.groups.iterrows():
-        people = analysis.thresholds[analysis.thresholds["condition"].eq(group["condition"])]
-        told = [str(group["printed"])] if len(people) > 1 else []
-        if len(people) <= _FEW:
-            each = zip(people["participant"], people["printed"], strict=True)
-            told.append(", ".join(f"{name} {printed}" for name, printed in each))
-        where = f" in condition {group['condition']}" if analysis.counts.conditions > 1 else ""
-        yield f"Threshold{where}: {'; '.join(told)}."
-
-
-def _difference_lines(analysis: Analysis) -> Iterator[str]:
-    table = analysis.differences
-    for _, row in table[table["participant"].eq(TOTAL)].iterrows():
-        a, b = row["condition_a"], row["condition_b"]
-        yield f"Threshold in condition {b} against {a}: {row['printed']}."
-
-
 def _population_lines(analysis: Analysis) -> Iterator[str]:
     for one in analysis.population:
         where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
@@ -148,22 +147,14 @@ def _population_lines(analysis: Analysis) -> Iterator[str]:
         yield f"Threshold of the population{where}: {told}."
 
 
-def _total(p: str, limits: str, ci: str) -> str:
-    return f"{p}, 95 % {ci.title()} {limits} (ignores participants)"
-
-
-def _last_rows(table: pd.DataFrame) -> Iterator[pd.Series[Any]]:
-    """Yield the total, of each condition where there are several."""
-    by_condition = "condition" in table.columns
-    last = table.drop_duplicates("condition", keep="last") if by_condition else table.tail(1)
-    return (row for _, row in last.iterrows())
-
-
 def _where(row: pd.Series[Any]) -> str:
     return f" in condition {row['condition']}" if "condition" in row.index else ""
 
 
 def _excluded_lines(excluded: pd.DataFrame) -> Iterator[str]:
-    for reason, trials, people in left_out_rows(excluded):
-        each = ", ".join(f"{name} {number}" for name, number in people)
-        yield f"Left out, {reason}: {trials} trials ({each})."
+    """Tell of few participants whose trials are left out; the report has a table of them."""
+    for reason, rows in excluded.groupby("reason"):
+        if len(rows) <= _FEW:
+            pairs = zip(rows["participant"], rows["trials"], strict=True)
+            each = ", ".join(f"{name} {number}" for name, number in pairs)
+            yield f"Left out, {reason}: {rows['trials'].sum()} trials ({each})."

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import math
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import alone, shortest
+from analysis.axis import VOLTS, alone, shortest
 from analysis.definitions import DEFINITIONS, TOTAL
+from analysis.results.answer import ANSWER_HEAD, REASONS, answer, left_out_words
+from analysis.results.compared import number_of
 from analysis.results.figures.confusion import stimulus
-from analysis.results.markup import element, figure, foreign, page, table
-from analysis.results.numbers import plates
+from analysis.results.protocol import (
+    levels_words,
+    noise_words,
+    number_tables,
+    planned,
+    plate_size,
+    protocol_rows,
+    trials_words,
+)
 from analysis.results.rows import (
     CONTROL_HEAD,
     PAGE,
@@ -19,34 +32,65 @@ from analysis.results.rows import (
     control_cells,
     count_rows,
     forced_choice,
-    left_out_rows,
     level_head,
     level_rows,
     not_compared_words,
     p_text,
     population_text,
 )
-from analysis.results.summary import devices, versions
+from analysis.results.summary import versions
 from experiment.terms.record import RESPONSES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-    from xml.etree.ElementTree import Element
+    from collections.abc import Iterable, Iterator, Sequence
 
     import pandas as pd
 
     from analysis.groups.population import PopulationThreshold
     from analysis.results.figures.figures import Picture
-    from analysis.results.markup import Content
+    from analysis.results.protocol import Planned
     from analysis.results.tables import Analysis
 
 
-_TITLE = "Detection of vibrotactile stimuli"
-_CENSORED = (
+_TITLE: Final = "Detection of vibrotactile stimuli"
+_MOST_ROWS: Final = 16
+"""A longer table is folded."""
+_LONGEST: Final = 30
+"""Letters of a cell that are not wrapped."""
+_CENSORED: Final = (
     "A threshold outside the tested levels is told as below or above them, never as a number; so "
     "is a limit. Everybody takes part in the group's threshold, those below and above included. "
     "A participant's interval is for that session; what another day brings needs a second one."
 )
+_COUNTS: Final = (
+    "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
+    "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
+    "trial with the reason why it was left out."
+)
+_OFF_THE_PLATE: Final = (
+    "Audibility and control trials, with the noise on and no finger on the plate; they are in "
+    "no other number here. More answers with the driven side than with the other say that "
+    "the plate is heard or seen."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table of texts; the first cell names its row, `texts` are the headers of words."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    texts: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the page under its heading."""
+
+    title: str
+    texts: Sequence[str] = ()
+    tables: Sequence[Table] = ()
 
 
 def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
@@ -54,142 +98,169 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
 
     A page without script, link or request; the same for the same data.
     """
-    drawn = {one.name: figure(one.svg, one.alt) for one in pictures}
-    body = [
-        *_opening(analysis),
-        *_warnings(analysis),
-        *_counted(analysis),
-        *_detection(analysis, drawn),
-        *_thresholds(analysis, drawn),
-        *_answers(analysis, drawn),
-        *_reaction_times(analysis, drawn),
-        *_both_and_blank(analysis),
-        *_control(analysis),
-        *plates(analysis),
-        *_contact(analysis),
-        *_definitions(analysis),
-        *_sources(analysis),
-    ]
-    return page(_TITLE, body)
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    from experiment.preview.check_report import burst_words
+
+    pages = Environment(
+        loader=FunctionLoader(_text),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    pages.filters["base64"] = _base64
+    style = _text("report.css")
+    digest = _base64(hashlib.sha256(style.encode()).digest())
+    found, plans = answer(analysis), planned(analysis)
+    unit = "V: volts peak-to-peak; " if analysis.axis.unit == VOLTS.unit else ""
+    return pages.get_template("report.html.jinja").render(
+        analysis=analysis,
+        title=_TITLE,
+        style=style,
+        policy=f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; "
+        "base-uri 'none'; form-action 'none'",
+        answer=found,
+        answer_table=Table(
+            caption=f"The answer ({unit}threshold: the level felt half of the time)",
+            header=ANSWER_HEAD,
+            rows=found.rows,
+            texts=ANSWER_HEAD[1:],
+        ),
+        counts_told=_counts_told(analysis),
+        conditions=sorted({*analysis.trials["condition"], *analysis.levels["condition"]}),
+        not_compared=not_compared_words(analysis.not_compared) if analysis.not_compared else "",
+        pictures=list(pictures),
+        sections=[
+            *_thresholds(analysis),
+            _detection(analysis),
+            _counted(analysis),
+            _protocol(analysis, plans),
+        ],
+        more_sections=[
+            *_answers(analysis),
+            *_reaction_times(analysis),
+            *_both_and_blank(analysis),
+        ],
+        study=plans.studies[0] if plans.studies else None,
+        studies=len(plans.studies),
+        plate_size=plate_size,
+        burst_words=burst_words,
+        levels_words=levels_words,
+        trials_words=trials_words,
+        noise_words=noise_words,
+        left_out=left_out_words(analysis),
+        versions=versions(),
+        definitions=DEFINITIONS,
+        folded=[*_folded(analysis, plans)],
+        most_rows=_MOST_ROWS,
+        longest=_LONGEST,
+    )
 
 
-def _opening(analysis: Analysis) -> Iterator[Element]:
+def _text(name: str) -> str:
+    return files("analysis.results").joinpath(name).read_text(encoding="utf-8")
+
+
+def _base64(content: bytes) -> str:
+    return base64.b64encode(content).decode("ascii")
+
+
+def _counts_told(analysis: Analysis) -> str:
     counts = analysis.counts
-    yield element("h1", _TITLE)
-    if analysis.mark:
-        yield element("p", f"{analysis.mark}.", class_="mark")
-    kinds = ", ".join(f"{kind} {number}" for kind, number in devices(analysis.trials).items())
-    if kinds:
-        yield element("p", f"Trials by kind of device: {kinds}.")
-    if analysis.not_compared:
-        yield element("p", foreign(f"{not_compared_words(analysis.not_compared)}."))
-    conditions = sorted({*analysis.trials["condition"], *analysis.levels["condition"]})
-    named: list[Content] = []
-    for name in conditions:
-        named += [", " if named else " (", foreign(name)]
-    yield element(
-        "p",
-        f"{counts.trials} trials of {_number(counts.participants, 'participant')} in "
-        f"{_number(counts.sessions, 'session')}, {_number(counts.conditions, 'condition')}",
-        *named,
-        ").",
+    return (
+        f"{counts.trials} trials of {number_of(counts.participants, 'participant')} in "
+        f"{number_of(counts.sessions, 'session')}, {number_of(counts.conditions, 'condition')}"
     )
 
 
-def _number(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def _counted(analysis: Analysis) -> Section:
+    rows = count_rows(analysis.counts, PAGE)
+    tables = [Table(caption="Trials", header=["What", "Trials"], rows=rows)]
+    excluded = analysis.excluded
+    if len(excluded):
+        counts = excluded.pivot_table(
+            index="participant", columns="reason", values="trials", aggfunc="sum", fill_value=0
+        )
+        reasons = sorted(counts.columns, key=[*REASONS, *counts.columns].index)
+        each = [
+            [str(name), *(str(row[reason]) for reason in reasons), str(row.sum())]
+            for name, row in counts.iterrows()
+        ]
+        total = [TOTAL, *(str(counts[reason].sum()) for reason in reasons)]
+        rows = [*each, [*total, str(counts.to_numpy().sum())]]
+        header = ["Participant", *(REASONS.get(one, one) for one in reasons), "Together"]
+        tables.append(Table(caption="Trials left out, and why", header=header, rows=rows))
+    title = "What was counted and what was left out"
+    return Section(title=title, texts=[_COUNTS], tables=tables)
 
 
-def _warnings(analysis: Analysis) -> Iterator[Element]:
-    yield element("h2", "Warnings")
-    if analysis.warnings:
-        yield element("ul", *(element("li", foreign(text)) for text in analysis.warnings))
-    else:
-        yield element("p", "None.")
-
-
-def _counted(analysis: Analysis) -> Iterator[Element]:
-    yield element("h2", "What was counted and what was left out")
-    yield element(
-        "p",
-        "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
-        "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
-        "trial with the reason why it was left out.",
-    )
-    yield table("Trials", ["What", "Trials"], count_rows(analysis.counts, PAGE))
-    if len(analysis.excluded):
-        header = ["Reason", "Trials", "Participants"]
-        yield table("Left out", header, _left_out(analysis.excluded), ["Participants"])
-
-
-def _left_out(excluded: pd.DataFrame) -> Iterator[list[Content]]:
-    for reason, trials, people in left_out_rows(excluded):
-        each: list[Content] = []
-        for name, number in people:
-            each += [", " if each else "", foreign(name), f" {number}"]
-        yield [reason, str(trials), element("span", *each)]
-
-
-def _detection(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
-    yield element("h2", "Detection by level")
+def _detection(analysis: Analysis) -> Section:
+    title = "Detection by level"
     if analysis.levels.empty:
-        yield element("p", "No trial with a single stimulus counts.")
-        return
-    if analysis.detected_any is None:
-        yield element("p", forced_choice("the detection probability"))
-    yield from _shown(drawn, "detection")
+        return Section(title=title, texts=["No trial with a single stimulus counts."])
+    forced = analysis.detected_any is None
     levels = level_rows(analysis, PAGE)
-    for condition, rows in levels.of_condition.items():
-        yield table(f"Detection by level{_where(analysis, condition)}", levels.header, rows)
+    return Section(
+        title=title,
+        texts=[forced_choice("the detection probability")] if forced else [],
+        tables=[
+            Table(caption=f"{title}{_where(analysis, name)}", header=levels.header, rows=rows)
+            for name, rows in levels.of_condition.items()
+        ],
+    )
 
 
-def _thresholds(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+def _thresholds(analysis: Analysis) -> Iterator[Section]:
     if analysis.thresholds.empty:
         return
-    yield element("h2", "Thresholds")
-    yield element("p", _CENSORED)
-    groups: list[list[Content]] = [
-        [
-            foreign(str(row["condition"])),
-            str(row["participants"]),
-            foreign(str(row["printed"])),
-            str(row["below"]),
-            str(row["above"]),
-        ]
-        for _, row in analysis.groups.iterrows()
-    ]
-    header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
-    yield table("Thresholds of the group", header, groups, ["Threshold"])
-    yield from _differences(analysis)
+    unit = analysis.axis.unit
+    words = ["Threshold", "Threshold (95 %)", "Status", "Guess rate from", "Difference (95 %)",
+             "Remark"]  # fmt: skip
+    tables = [
+        Table(
+            caption="Thresholds of the group",
+            header=["Condition", "Participants", "Threshold", "Below the levels",
+                    "Above the levels"],
+            rows=[
+                [str(row[name]) for name in ("condition", "participants", "printed")]
+                + [_whole(row[name]) for name in ("below", "above")]
+                for _, row in analysis.groups.iterrows()
+            ],
+            texts=words,
+        )
+    ]  # fmt: skip
+    for (a, b), rows in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
+        cells = [
+            ["Group" if row["participant"] == TOTAL else str(row["participant"]),
+             str(row["printed"])]
+            for _, row in rows.iterrows()
+        ]  # fmt: skip
+        caption = f"Threshold in condition {b} against {a}"
+        header = ["Participant", "Difference (95 %)"]
+        tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     if analysis.population:
-        header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
-        fitted = [_population(one, analysis.axis.unit) for one in analysis.population]
         caption = "The participants as one population: logistic, a random intercept each"
-        yield table(caption, header, fitted, ["Remark"])
-    yield from _shown(drawn, "thresholds")
+        header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
+        cells = [_population(one, unit) for one in analysis.population]
+        tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
               "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",
               "Levels", "Trials"]  # fmt: skip
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
-        cells = [_threshold(row, analysis.axis.unit) for _, row in rows.iterrows()]
-        yield table(caption, header, cells, ["Threshold (95 %)", "Status", "Guess rate from"])
+        cells = [_threshold(row, unit) for _, row in rows.iterrows()]
+        tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
+    yield Section(title="Thresholds", texts=[_CENSORED], tables=tables)
 
 
-def _differences(analysis: Analysis) -> Iterator[Element]:
-    for (a, b), rows in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
-        cells: list[list[Content]] = [
-            ["Group" if row["participant"] == TOTAL else foreign(str(row["participant"])),
-             str(row["printed"])]
-            for _, row in rows.iterrows()
-        ]  # fmt: skip
-        caption = f"Threshold in condition {b} against {a}"
-        yield table(caption, ["Participant", "Difference (95 %)"], cells, ["Difference (95 %)"])
+def _whole(number: float) -> str:
+    return "n/a" if math.isnan(number) else f"{number:.0f}"
 
 
-def _population(one: PopulationThreshold, unit: str) -> list[Content]:
+def _population(one: PopulationThreshold, unit: str) -> list[str]:
     return [
-        foreign(one.condition),
+        one.condition,
         str(one.participants),
         population_text(one, unit) or "n/a",
         p_text(one.between_sd),
@@ -197,9 +268,9 @@ def _population(one: PopulationThreshold, unit: str) -> list[Content]:
     ]
 
 
-def _threshold(row: pd.Series[Any], unit: str) -> list[Content]:
+def _threshold(row: pd.Series[Any], unit: str) -> list[str]:
     return [
-        foreign(row["participant"]),
+        str(row["participant"]),
         row["printed"],
         row["status"].replace("_", " "),
         *(p_text(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
@@ -210,11 +281,10 @@ def _threshold(row: pd.Series[Any], unit: str) -> list[Content]:
     ]
 
 
-def _answers(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+def _answers(analysis: Analysis) -> Iterator[Section]:
     if analysis.confusion.empty:
         return
-    yield element("h2", "Answers")
-    yield from _shown(drawn, "confusion")
+    tables = []
     header = ["Stimulus", *RESPONSES, "Presented"]
     for condition, rows in analysis.confusion.groupby("condition"):
         cells = [
@@ -222,113 +292,85 @@ def _answers(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]
              str(row["presented"])]
             for _, row in rows.iterrows()
         ]  # fmt: skip
-        yield table(f"Answers to each stimulus{_where(analysis, condition)}", header, cells)
+        caption = f"Answers to each stimulus{_where(analysis, condition)}"
+        tables.append(Table(caption=caption, header=header, rows=cells))
     header = ["Quantity", "Value", "p", "Remark"]
     for one in analysis.choice:
         if one.participant == TOTAL:
             caption = f"What the answers tell{_where(analysis, one.condition)}"
-            yield table(caption, header, choice_rows(one), ["Value", "Remark"])
-    yield element("p", "The same of every participant stands in summary.json under choice.")
+            cells = [*choice_rows(one)]
+            words = ["Value", "Remark"]
+            tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
+    told = "What the answers of every participant tell stands in summary.json under choice."
+    yield Section(title="Answers", texts=[told], tables=tables)
 
 
-def _reaction_times(analysis: Analysis, drawn: dict[str, Element]) -> Iterator[Element]:
+def _reaction_times(analysis: Analysis) -> Iterator[Section]:
     if not analysis.reaction_times["n"].gt(0).any():
         return
-    yield element("h2", "Reaction times")
-    yield element("p", "Of correct answers to single stimuli; time-outs have none.")
-    yield from _shown(drawn, "reaction_times")
-    header = [
-        f"{level_head(analysis, PAGE)}, finger",
-        "Answers",
-        "Median (s)",
-        "10 % (s)",
-        "90 % (s)",
-    ]
-    for condition, rows in analysis.reaction_times.groupby("condition"):
-        cells = [
-            [f"{shortest(row['level_vpp'])} {analysis.axis.unit}, {row['side']}", str(row["n"]),
-             *(p_text(row[name]) for name in ("median", "p10", "p90"))]
-            for _, row in rows.iterrows()
-        ]  # fmt: skip
-        yield table(f"Reaction times{_where(analysis, condition)}", header, cells)
+    head = f"{level_head(analysis, PAGE)}, finger"
+    header = [head, "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
+    tables = [
+        Table(
+            caption=f"Reaction times{_where(analysis, condition)}",
+            header=header,
+            rows=[
+                [f"{shortest(row['level_vpp'])} {analysis.axis.unit}, {row['side']}",
+                 str(row["n"]), *(p_text(row[name]) for name in ("median", "p10", "p90"))]
+                for _, row in rows.iterrows()
+            ],
+        )
+        for condition, rows in analysis.reaction_times.groupby("condition")
+    ]  # fmt: skip
+    told = "Of correct answers to single stimuli; time-outs have none."
+    yield Section(title="Reaction times", texts=[told], tables=tables)
 
 
-def _both_and_blank(analysis: Analysis) -> Iterator[Element]:
+_TOTALS: Final = "the interval of a row 'all' ignores that participants differ"
+
+
+def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
     of_ci = f"95 % {analysis.ci.title()}"
-    if len(analysis.both):
-        yield element("h2", "Both-finger trials")
-        header = ["Participant", "Answered both / presented", "Share", of_ci, "Left only",
-                  "Right only"]  # fmt: skip
-        rows = [[*_who(row), *both_cells(row, PAGE)] for _, row in analysis.both.iterrows()]
-        yield table(f"Both-finger trials; {_TOTALS}", header, rows)
-    if len(analysis.blank):
-        yield element("h2", "Blank trials")
-        header = ["Participant", "Presented", "Left", "Right", "Both", "False alarms", of_ci]
-        rows = [[*_who(row), *blank_cells(row, PAGE)] for _, row in analysis.blank.iterrows()]
-        yield table(f"Blank trials; {_TOTALS}", header, rows)
+    for title, table, cells, header in (
+        ("Both-finger trials", analysis.both, lambda row: both_cells(row, PAGE),
+         ["Answered both / presented", "Share", of_ci, "Left only", "Right only"]),
+        ("Blank trials", analysis.blank, lambda row: blank_cells(row, PAGE),
+         ["Presented", "Left", "Right", "Both", "False alarms", of_ci]),
+        ("Fingers off the plate", analysis.control, control_cells, CONTROL_HEAD[1:]),
+    ):  # fmt: skip
+        if len(table):
+            control = table is analysis.control
+            caption = title if control else f"{title}; {_TOTALS}"
+            rows = [[_who(row), *cells(row)] for _, row in table.iterrows()]
+            made = Table(caption=caption, header=["Participant", *header], rows=rows)
+            texts = [_OFF_THE_PLATE] if control else []
+            yield Section(title=title, texts=texts, tables=[made])
 
 
-def _control(analysis: Analysis) -> Iterator[Element]:
-    if analysis.control.empty:
-        return
-    yield element("h2", "Fingers off the plate")
-    yield element(
-        "p",
-        "Audibility and control trials, with the noise on and no finger on the plate; they are in "
-        "no other number here. More answers with the driven side than with the other say that "
-        "the plate is heard or seen.",
-    )
-    rows = [[*_who(row), *control_cells(row)] for _, row in analysis.control.iterrows()]
-    yield table("Answers with the fingers off the plate", CONTROL_HEAD, rows)
-
-
-_TOTALS = "the interval of a row 'all' ignores that participants differ"
-
-
-def _who(row: pd.Series[Any]) -> list[Content]:
+def _who(row: pd.Series[Any]) -> str:
     """Name a participant, and the condition where there are several."""
-    name = foreign(row["participant"])
-    if "condition" not in row.index:
-        return [name]
-    return [element("span", name, ", ", foreign(row["condition"]))]
+    return f"{row['participant']}{', ' + row['condition'] if 'condition' in row.index else ''}"
 
 
-def _contact(analysis: Analysis) -> Iterator[Element]:
-    """Tell what the studies state of the fingers on the plate; where it differs, whose it is."""
-    yield element("h2", "Force and contact of the fingers")
-    if len(analysis.contacts) > 1:
-        told = (f"{words}: {', '.join(which)}" for words, which in analysis.contacts.items())
-        yield element("ul", *(element("li", foreign(one)) for one in told))
-    else:
-        yield element("p", foreign(next(iter(analysis.contacts), "not stated")), ".")
+def _protocol(analysis: Analysis, plans: Planned) -> Section:
+    rows = [[what, one] for what, words in protocol_rows(analysis, plans) for one in words]
+    table = Table(caption="Protocol", header=["What", "As planned"], rows=rows,
+                  texts=["As planned"])  # fmt: skip
+    return Section(title="How it was measured", texts=plans.remarks, tables=[table])
 
 
-def _definitions(analysis: Analysis) -> Iterator[Element]:
-    yield element("h2", "Definitions")
-    yield element(
-        "p",
-        f"Intervals of one cell: {analysis.ci}. What is drawn at random has the seed "
-        f"{analysis.seed}. Formulas and sources: docs/statistics.md of tactstrip.",
+def _folded(analysis: Analysis, plans: Planned) -> Iterator[Table]:
+    header = ["Number, by its key in study.toml", "Value", "Source"]
+    for caption, rows in number_tables(plans):
+        yield Table(caption=caption, header=header, rows=rows, texts=header)
+    yield Table(
+        caption="Files that were read",
+        header=["File", "sha256"],
+        rows=[[one.name, one.sha256] for one in analysis.inputs],
+        texts=["sha256"],
     )
-    terms = [
-        one
-        for words, meaning in DEFINITIONS.items()
-        for one in (element("dt", words), element("dd", meaning))
-    ]
-    yield element("dl", *terms)
-
-
-def _sources(analysis: Analysis) -> Iterator[Element]:
-    yield element("h2", "Inputs and versions")
-    rows = [[foreign(one.name), element("code", one.sha256)] for one in analysis.inputs]
-    yield table("Files that were read", ["File", "sha256"], rows, ["sha256"])
     told = [[name, number] for name, number in versions().items()]
-    yield table("Versions", ["Package", "Version"], told, ["Version"])
-
-
-def _shown(drawn: dict[str, Element], name: str) -> Iterator[Element]:
-    if name in drawn:
-        yield drawn[name]
+    yield Table(caption="Versions", header=["Package", "Version"], rows=told, texts=["Version"])
 
 
 def _where(analysis: Analysis, condition: object) -> str:

@@ -224,19 +224,6 @@ def control_totals(table: pd.DataFrame, style: Style) -> Iterator[tuple[pd.Serie
         yield rows.iloc[0], [_PARTS[rows.iloc[0]["part"]], *shares]
 
 
-def left_out_rows(excluded: pd.DataFrame) -> Iterator[tuple[str, int, list[tuple[str, int]]]]:
-    """Yield each reason with the trials left out for it, and how many of each participant.
-
-    >>> import pandas as pd
-    >>> table = {"participant": ["1", "2"], "reason": "voided", "trials": [3, 4]}
-    >>> list(left_out_rows(pd.DataFrame(table)))
-    [('voided', 7, [('1', 3), ('2', 4)])]
-    """
-    for reason, rows in excluded.groupby("reason"):
-        each = zip(rows["participant"].tolist(), rows["trials"].tolist(), strict=True)
-        yield str(reason), int(rows["trials"].sum()), list(each)
-
-
 def population_text(one: PopulationThreshold, unit: str) -> str:
     """Return the threshold of a population and its limits; empty text where there is none."""
     if one.reason:

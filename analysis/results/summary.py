@@ -10,6 +10,8 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from analysis.definitions import DEFINITIONS
+from analysis.results.answer import answer
+from analysis.results.compared import plain
 from analysis.results.rows import levels_told
 from experiment.terms.record import NOT_AVAILABLE
 
@@ -33,6 +35,7 @@ def summary_text(analysis: Analysis) -> str:
         "seed": analysis.seed,
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
+        "answer": [plain(statement) for statement in answer(analysis).statements],
         "devices": devices(analysis.trials),
         "altered": [
             one for told in (*analysis.altered.values(), *analysis.lost.values()) for one in told

@@ -1,5 +1,5 @@
 from .check import ConditionCheck, StudyCheck, check_study, require_fit, require_mock_suitable
-from .check_report import check_findings
+from .check_report import burst_words, check_findings
 from .device import DeviceCheck, check_device, device_findings, machine_findings, machine_lacks
 from .field import PlateBand, PlateMap, PlateMotion, plate_band, plate_map, plate_motion
 from .field_figure import animate, render
@@ -14,6 +14,7 @@ __all__ = [
     "PlateMotion",
     "StudyCheck",
     "animate",
+    "burst_words",
     "check_device",
     "check_findings",
     "check_study",

@@ -129,8 +129,8 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     run("analyze", *EXAMPLE, "--out", tmp_path, "--seed", 7, "--no-figures")
     told = summary(tmp_path)
     assert list(told) == [
-        *("schema", "definitions", "inputs", "versions", "seed", "counts", "mark", "devices"),
-        *("altered", "not_compared", "contact", "excluded", "levels"),
+        *("schema", "definitions", "inputs", "versions", "seed", "counts", "mark", "answer"),
+        *("devices", "altered", "not_compared", "contact", "excluded", "levels"),
         *("both", "blank", "control", "thresholds", "groups", "differences", "population"),
         *("choice", "reaction_times", "warnings"),
     ]
@@ -178,7 +178,10 @@ def test_the_output_reads_in_80_columns(example: Path) -> None:
     lines = text.splitlines()
     assert max(map(len, lines)) <= 80 + len(str(example))
     assert "\x1b" not in text
-    assert lines[1] == "Counted: single 300, both 20, blank 50; left out 0."
+    assert " ".join(lines).startswith(summary(example)["answer"][0][:60])
+    assert lines[lines.index("") + 1].split()[:2] == ["What", "Value"]
+    assert lines[lines.index("") + 1 :].count("") == 2  # in front of counts, and of levels
+    assert "Counted: single 300, both 20, blank 50; left out 0." in lines
     assert "ignores participants" in " ".join(text.split())
     for level in summary(example)["levels"]:
         row = next(line for line in lines if line.split()[:1] == [f"{level['level_vpp']:g}"])

@@ -46,14 +46,16 @@ MEASURE = """
 (() => {
   const shown = (image) => image.complete && image.naturalWidth > 0 && image.clientWidth > 100;
   const images = [...document.images];
+  // A wide table may be scrolled in its own box, but on paper nobody can.
+  const boxed = matchMedia("print").matches ? "none" : ".scroll";
   const wide = [...document.querySelectorAll("body *")].filter(
-    (one) => one.closest("thead") === null
+    (one) => one.closest(boxed) === null
       && one.getBoundingClientRect().right > document.documentElement.clientWidth + 0.5);
   return {
     width: document.documentElement.clientWidth,
     scroll: document.documentElement.scrollWidth,
     boxes: [...document.querySelectorAll("*")].filter(
-      (one) => one.closest("thead") === null && one.scrollWidth > one.clientWidth + 1
+      (one) => one.closest(boxed) === null && one.scrollWidth > one.clientWidth + 1
         && getComputedStyle(one).overflowX !== "visible").length,
     wide: wide.map((one) => one.outerHTML.slice(0, 80)),
     figures: images.length,

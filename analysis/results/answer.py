@@ -1,0 +1,317 @@
+"""What an analysis answers: three statements and a table, for page, terminal and summary.
+
+Nothing is computed here: a sentence says what a row of a table has, and never more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from analysis.axis import rounded, with_limits
+from analysis.definitions import TOTAL
+from analysis.groups.group import FEW
+from analysis.results.compared import (
+    difference_cell,
+    difference_words,
+    isolated,
+    number_of,
+    pairs_of,
+)
+from analysis.thresholds.fit import WITH_THRESHOLD
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from analysis.results.tables import Analysis
+
+
+ANSWER_HEAD: Final = ("What", "Value (95 % interval)", "From")
+_SPELLED: Final = 3
+"""Of more conditions, or pairs of them, a sentence says where they stand."""
+_MEDIAN: Final = "(posterior median, 95 % interval "
+REASONS: Final = {
+    "practice": "practice",
+    "control": "fingers off the plate",
+    "voided": "presented again",
+    "anticipated": "answered too early",
+    "unmasked": "without masking noise",
+    "device_error": "device failed",
+    "indeterminate": "perhaps not felt",
+    "aborted": "cut off",
+}
+"""What a reason is called in a sentence, in the order in which they are told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What a study asked, answered.
+
+    Attributes
+    ----------
+    statements : tuple of str
+        The threshold; how conditions compare, with the false alarms; what was left out.
+    rows : tuple of tuple of str
+        The same as a table under `ANSWER_HEAD`.
+
+    Names of participants and conditions are `isolated`; `plain` takes the signs for that away.
+    """
+
+    statements: tuple[str, ...]
+    rows: tuple[tuple[str, str, str], ...]
+
+
+def answer(analysis: Analysis) -> Answer:
+    """Answer from the tables of an analysis."""
+    second = [*_compared(analysis), *_false_alarms(analysis)]
+    told = (_thresholds(analysis), second, _left_out(analysis))
+    return Answer(
+        statements=tuple(
+            " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences) for sentences in told
+        ),
+        rows=(
+            *_threshold_rows(analysis),
+            *_difference_rows(analysis),
+            *_blank_rows(analysis),
+            _left_out_row(analysis),
+        ),
+    )
+
+
+def _where(analysis: Analysis, condition: object, before: str = " in") -> str:
+    return f"{before} condition {isolated(condition)}" if analysis.counts.conditions > 1 else ""
+
+
+def _people(analysis: Analysis, number: int) -> str:
+    return number_of(number, f"{_kind(analysis)}participant")
+
+
+def _kind(analysis: Analysis) -> str:
+    if not analysis.counts.simulated:
+        return ""
+    all_are = analysis.counts.simulated == analysis.counts.trials
+    return "simulated " if all_are else "simulated or real "
+
+
+def _one(analysis: Analysis, condition: str) -> pd.Series[Any]:
+    """Return the threshold of the only participant in a condition."""
+    table = analysis.thresholds
+    return table[table["condition"].eq(condition)].iloc[0]
+
+
+def _session(analysis: Analysis, participant: str, condition: str) -> str:
+    trials = analysis.trials
+    own = trials[trials["participant"].eq(participant) & trials["condition"].eq(condition)]
+    number = own["session"].nunique()
+    return f"these {number} sessions" if number > 1 else "this session"
+
+
+def _predicate(row: pd.Series[Any]) -> str:
+    """Say a threshold as it is printed, with what its interval is.
+
+    >>> import pandas as pd
+    >>> rows = [("ok", "71.1 V (< 60 to 88.2)"), ("median_below_levels", "at most 68.2 V (95 %)"),
+    ...     ("threshold_above_levels", "> 200 V"), ("flat", "no threshold: it does not rise")]
+    >>> for status, printed in rows:
+    ...     print(_predicate(pd.Series({"status": status, "printed": printed})))
+    is 71.1 V (posterior median, 95 % interval below 60 to 88.2)
+    is at most 68.2 V (end of the 95 % interval)
+    is above the highest level, 200 V (97.5 % sure)
+    cannot be told: it does not rise
+    """
+    printed = _threshold_words(row)
+    if row["status"] in WITH_THRESHOLD:
+        told = printed.replace("(", _MEDIAN, 1).replace("< ", "below ").replace("> ", "above ")
+        return f"is {told}"
+    for sign, words in (("< ", "below the lowest"), ("> ", "above the highest")):
+        if printed.startswith(sign):
+            return f"is {words} level, {printed.removeprefix(sign)} (97.5 % sure)"
+    if printed.startswith("no threshold: "):
+        return f"cannot be told: {printed.removeprefix('no threshold: ')}"
+    return f"is {printed}".replace("(95 %)", "(end of the 95 % interval)")
+
+
+def _threshold_words(row: pd.Series[Any]) -> str:
+    """Return a threshold as printed; how people differ stands in a row of its own."""
+    return str(row["printed"]).partition("; between people")[0]
+
+
+def _thresholds(analysis: Analysis) -> Iterator[str]:
+    groups = analysis.groups
+    if groups.empty:
+        yield "there is no threshold, for no trial with a single stimulus counts"
+    elif len(groups) > _SPELLED:
+        yield f"the thresholds of {len(groups)} conditions stand in the table"
+    told_of = ""
+    for _, group in groups.iterrows() if len(groups) <= _SPELLED else ():
+        condition, number = str(group["condition"]), int(group["participants"])
+        alone = number == 1
+        row = _one(analysis, condition) if alone else group
+        who = f"the group of {_people(analysis, number)}"
+        if alone:
+            who = f"{_kind(analysis)}participant {isolated(row['participant'])}"
+        where = _where(analysis, condition, "in")
+        subject = "it" if who == told_of else f"the threshold of {who}"
+        when = f" in {_session(analysis, row['participant'], condition)}" if alone else ""
+        yield f"{where} {subject} {_predicate(row)}{when}".lstrip()
+        told_of = who
+    if groups["participants"].eq(1).any():
+        yield "a participant's interval is for that session, another day may bring another"
+    if groups["participants"].between(2, FEW - 1).any():
+        yield (
+            "with fewer than five participants it is mostly the prior that says how much people "
+            "differ"
+        )
+
+
+def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    for _, group in analysis.groups.iterrows():
+        condition, number = str(group["condition"]), int(group["participants"])
+        people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
+        trials = number_of(int(people["trials"].sum()), "trial")
+        where = _where(analysis, condition, ",")
+        if number == 1:
+            row = _one(analysis, condition)
+            name = f"Threshold of participant {isolated(row['participant'])}"
+            session = _session(analysis, row["participant"], condition)
+            yield f"{name}{where}", _threshold_words(row), f"{session}, {trials}"
+            continue
+        of = f"{_people(analysis, number)}, {trials}"
+        yield f"Threshold of the group{where}", _threshold_words(group), of
+        if not math.isnan(float(group["spread_db"])):
+            yield (
+                f"Spread between participants (standard deviation){where}",
+                _spread(group, analysis),
+                "mostly its prior" if number < FEW else _people(analysis, number),
+            )
+            yield (
+                f"Another participant's threshold{where}",
+                _new_person(group, analysis),
+                "group and spread",
+            )
+
+
+def _spread(group: pd.Series[Any], analysis: Analysis) -> str:
+    at, low, high = (float(group[f"spread_{name}db"]) for name in ("", "low_", "high_"))
+    told = [rounded(value, high - low) for value in (at, low, high)]
+    unit = "dB" if analysis.axis.x_scale == "log10" else analysis.axis.unit
+    return f"{told[0]} {unit} ({told[1]} to {told[2]})"
+
+
+def _new_person(group: pd.Series[Any], analysis: Analysis) -> str:
+    of_levels = analysis.levels
+    levels = of_levels.loc[of_levels["condition"].eq(group["condition"]), "level_vpp"].tolist()
+    at, low, high = (float(group[f"{name}_vpp"]) for name in ("threshold", "new_low", "new_high"))
+    low, high = -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high
+    return with_limits(at, low, high, analysis.axis.unit, levels)
+
+
+def _compared(analysis: Analysis) -> Iterator[str]:
+    pairs = [*pairs_of(analysis.differences)]
+    apart = sum(one.apart for one in pairs)
+    if len(pairs) > _SPELLED:
+        yield (
+            f"of {len(pairs)} pairs of conditions {apart} differ in threshold, and "
+            f"{len(pairs) - apart} cannot be told apart with these data (95 % intervals, in the "
+            "table)"
+        )
+    else:
+        yield from (difference_words(one) for one in pairs)
+    if len(pairs) > 1:
+        yield f"these intervals are not corrected for {len(pairs)} comparisons"
+    if apart and analysis.detected_any is not None:
+        yield "a difference may be one of criterion, where false alarms differ too"
+    if not pairs and len(analysis.groups) > 1:
+        yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
+
+
+def _difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    for one in pairs_of(analysis.differences):
+        name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
+        yield name, difference_cell(one), one.of
+
+
+def _totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:
+    """Yield the totals of blank trials, of each condition where there are several."""
+    table = analysis.blank
+    yield from (row for _, row in table[table["participant"].eq(TOTAL)].iterrows())
+
+
+def _false_alarms(analysis: Analysis) -> Iterator[str]:
+    if analysis.levels.empty and analysis.blank.empty:
+        return
+    if analysis.detected_any is None:
+        yield 'false alarms are not told, for "none" was not an answer as far as the files tell'
+        return
+    totals = [*_totals(analysis)]
+    if not totals:
+        yield "false alarms are not known, for there were no blank trials"
+    elif len(totals) > _SPELLED:
+        yield "false alarms stand in the table"
+    else:
+        each = (
+            f"{_share(row)} of blank trials{_where(analysis, row.get('condition'))}"
+            for row in totals
+        )
+        yield f"false alarms: {', '.join(each)}"
+
+
+def _share(row: pd.Series[Any]) -> str:
+    at, low, high = (100 * float(row[name]) for name in ("p", "low", "high"))
+    return f"{at:.1f} % ({low:.1f} to {high:.1f} %)"
+
+
+def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    for row in _totals(analysis) if analysis.detected_any is not None else ():
+        # Counts made elsewhere do not tell the sides.
+        of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
+        if analysis.counts.participants > 1:
+            of += "; interval ignores that participants differ"
+        yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
+
+
+def _reasons(analysis: Analysis) -> list[tuple[str, int]]:
+    """Return why trials are left out, and how many each."""
+    found = analysis.excluded.groupby("reason")["trials"].sum().to_dict()
+    order = [*REASONS]
+    return [
+        (REASONS.get(str(reason), str(reason)), int(found[reason]))
+        for reason in sorted(found, key=lambda one: order.index(one) if one in order else 99)
+    ]
+
+
+def left_out_words(analysis: Analysis) -> str:
+    """Say what was left out, and why."""
+    counts = analysis.counts
+    if counts.trials and analysis.trials.empty:
+        return "counts were read, which do not tell what was left out of them"
+    if not counts.left_out:
+        return f"nothing was left out: all {counts.trials} trials count"
+    part = 100 * counts.left_out / counts.trials
+    told = ", ".join(f"{words} {number}" for words, number in _reasons(analysis))
+    return f"{counts.left_out} of {counts.trials} trials ({part:.1f} %) are left out: {told}"
+
+
+def _left_out(analysis: Analysis) -> Iterator[str]:
+    trials = analysis.trials
+    yield left_out_words(analysis)
+    if analysis.counts.unread:
+        yield f"the map leaves out {number_of(analysis.counts.unread, 'row')} more"
+    counted = {*trials.loc[trials["reason"].eq(""), "participant"]} if len(trials) else set()
+    without = sorted({*trials["participant"]} - counted) if len(trials) else []
+    if without:
+        names = ", ".join(map(isolated, without))
+        yield f"nothing counts of {number_of(len(without), 'participant')}: {names}"
+    if analysis.lost:
+        yield f"{number_of(len(analysis.lost), 'session')}, lost after recording, took no part"
+
+
+def _left_out_row(analysis: Analysis) -> tuple[str, str, str]:
+    counts = analysis.counts
+    told = ", ".join(f"{words} {number}" for words, number in _reasons(analysis))
+    if counts.trials and analysis.trials.empty:
+        return "Trials left out", "n/a", "a table of counts"
+    return "Trials left out", f"{counts.left_out} of {counts.trials}", told or "none"

@@ -1,0 +1,134 @@
+"""How two conditions compare, in words: what a row of the differences has, and never more.
+
+Of an interval with 0 in it is said that the data cannot tell the conditions apart, not that these
+are the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from analysis.definitions import TOTAL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+
+_ISOLATE, _END = "\u2068", "\u2069"
+
+
+def isolated(name: object) -> str:
+    """Return a name whose letters stay within it, should they run right to left."""
+    return f"{_ISOLATE}{name}{_END}"
+
+
+def plain(text: str) -> str:
+    """Return a text without the signs that isolate names.
+
+    >>> plain(f"in condition {isolated('main')}")
+    'in condition main'
+    """
+    return text.replace(_ISOLATE, "").replace(_END, "")
+
+
+def number_of(number: int, noun: str) -> str:
+    """Return a number of something.
+
+    >>> number_of(1, "trial"), number_of(2, "trial")
+    ('1 trial', '2 trials')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """Two conditions, what is known of their difference, and of whom."""
+
+    a: str
+    b: str
+    row: pd.Series[Any]
+    of: str
+
+    @property
+    def ends_db(self) -> tuple[float, float]:
+        """The limits to the decimal that is printed, open ones infinite."""
+        low, high = (round(float(self.row[name]), 1) + 0.0 for name in ("low_db", "high_db"))
+        return -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high
+
+    @property
+    def apart(self) -> bool:
+        """Whether the interval, as it is printed, leaves out 0."""
+        return self.ends_db[0] > 0 or self.ends_db[1] < 0
+
+
+def pairs_of(differences: pd.DataFrame) -> Iterator[Pair]:
+    """Yield every two conditions; of one participant in both it is that one's difference."""
+    for (a, b), rows in differences.groupby(["condition_a", "condition_b"], sort=False):
+        people, row = rows[rows["participant"].ne(TOTAL)], rows.iloc[-1]
+        of = f"{number_of(len(people), 'participant')} in both"
+        if row["status"] == "one_participant" and len(people) == 1:
+            row = people.iloc[0]
+            of = f"participant {isolated(row['participant'])} only, in these sessions"
+        elif people.empty:
+            of = "different participants in each"
+        yield Pair(a=str(a), b=str(b), row=row, of=of)
+
+
+def difference_words(one: Pair) -> str:
+    """Say a difference.
+
+    >>> import pandas as pd
+    >>> def told(status, at, low, high):
+    ...     row = {"status": status, "difference_db": at, "low_db": low, "high_db": high}
+    ...     return plain(difference_words(Pair(a="A", b="B", row=pd.Series(row), of="8 in both")))
+    >>> print(told("ok", 2.14, 0.42, 3.91))
+    the threshold in condition B is 2.1 dB higher than in A (posterior median, 95 % interval +0.4 to
+    +3.9 dB; 8 in both)
+    >>> print(told("ok", 0.6, -0.5, 1.7))
+    conditions A and B cannot be told apart with these data: between -0.5 and +1.7 dB (95 % interval
+    of the threshold in B against A; 8 in both)
+    >>> print(told("at_most", float("nan"), float("nan"), -1.2))
+    the threshold in condition B is lower than in A by at least 1.2 dB (end of the 95 % interval,
+    the other is open; 8 in both)
+    """
+    low, high = one.ends_db
+    a, b = isolated(one.a), isolated(one.b)
+    status = one.row["status"]
+    if status == "one_participant":
+        return f"one participant alone cannot tell how groups differ in conditions {a} and {b}"
+    if status == "unknown":
+        return f"these levels bound no difference of conditions {a} and {b} ({one.of})"
+    if status == "ok" and not one.apart:
+        return (
+            f"conditions {a} and {b} cannot be told apart with these data: between {low:+.1f} and "
+            f"{high:+.1f} dB (95 % interval of the threshold in {b} against {a}; {one.of})"
+        )
+    if not one.apart:
+        bound = f"at least {low:+.1f}" if status == "at_least" else f"at most {high:+.1f}"
+        return (
+            f"conditions {a} and {b} cannot be told apart with these data: {bound} dB (end of the "
+            f"95 % interval of the threshold in {b} against {a}, the other is open; {one.of})"
+        )
+    more = "higher" if low > 0 else "lower"
+    if status == "ok":
+        at = abs(float(one.row["difference_db"]))
+        return (
+            f"the threshold in condition {b} is {at:.1f} dB {more} than in {a} (posterior "
+            f"median, 95 % interval {low:+.1f} to {high:+.1f} dB; {one.of})"
+        )
+    return (
+        f"the threshold in condition {b} is {more} than in {a} by at least "
+        f"{min(abs(low), abs(high)):.1f} dB (end of the 95 % interval, the other is open; {one.of})"
+    )
+
+
+def difference_cell(one: Pair) -> str:
+    """Return a difference with its limits for a table."""
+    if one.row["status"] != "ok":
+        return str(one.row["printed"])
+    low, high = one.ends_db
+    return f"{float(one.row['difference_db']):+.1f} dB ({low:+.1f} to {high:+.1f})"

@@ -1,0 +1,188 @@
+"""How it was measured: what the sealed plans say of plate, stimuli, design and device."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from analysis.results.summary import devices
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from analysis.results.tables import Analysis
+    from experiment.study.origins import Source
+    from experiment.study.study import Study
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planned:
+    """What the plans hold.
+
+    Attributes
+    ----------
+    studies : tuple of Study
+        Those that differ, in their order; a study with levels placed for a participant is another.
+    sources : tuple of tuple of Source
+        The numbers of each, and whose they are.
+    remarks : tuple of str
+        What a plan does not hold, or why it is not told.
+    """
+
+    studies: tuple[Study, ...]
+    sources: tuple[tuple[Source, ...], ...]
+    remarks: tuple[str, ...]
+
+
+def planned(analysis: Analysis) -> Planned:
+    """Read the studies in the plans beside the tables."""
+    from experiment.study.origins import sources_of_facts
+    from experiment.study.read import study_from_canonical
+    from experiment.study.sources import study_sources
+
+    studies, sources, remarks = [], [], []
+    for text, sealed in analysis.studies:
+        try:
+            study = study_from_canonical(text)
+            found = sources_of_facts(json.loads(sealed))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            remarks.append(f"A plan's plate is not told here: {error}")
+            continue
+        if not found:
+            remarks.append(
+                "A plan does not hold what its study file stated: whose a number is, is told by "
+                "its value."
+            )
+        studies.append(study)
+        sources.append(found or study_sources(study))
+    if not studies:
+        remarks.append("No plan beside the tables tells of a plate.")
+    return Planned(
+        studies=tuple(studies), sources=tuple(sources), remarks=tuple(dict.fromkeys(remarks))
+    )
+
+
+def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, list[str]]]:
+    """Yield what was measured with, and its words; several where sessions differ."""
+    told: dict[str, dict[str, None]] = {}
+    for study in plans.studies:
+        for what, words in _study(study):
+            told.setdefault(what, {})[words] = None
+    yield from ((what, [*words]) for what, words in told.items())
+    kinds = [f"{kind}: {number} trials" for kind, number in devices(analysis.trials).items()]
+    if kinds:
+        yield "Kind of device", [", ".join(kinds)]
+    contacts = analysis.contacts
+    several = len(contacts) > 1
+    told_of = [f"{w}: {', '.join(who)}" if several else w for w, who in contacts.items()]
+    yield "Force and contact of the fingers", told_of or ["not stated"]
+
+
+def _study(study: Study) -> Iterator[tuple[str, str]]:
+    from experiment.preview.check_report import burst_words
+    from experiment.study.sources import plate_words
+
+    strip, design, device = study.strip, study.design, study.device
+    yield "Study", study.name
+    yield "Plate", f"{plate_size(study)}; {plate_words(study.plate)}"
+    material = strip.material
+    elastic = f"{material.youngs_modulus_pa / 1e9:g} GPa, Poisson's ratio"
+    yield "Material", f"{elastic} {material.poisson_ratio:g}, {material.density_kg_m3:g} kg/m3"
+    for one in study.actuators:
+        sizes_m = (one.diameter_m, one.length_x_m, one.length_y_m)
+        size = " x ".join(f"{size_m * 1e3:g}" for size_m in sizes_m if size_m is not None)
+        at = f"x = {one.x_m * 1e3:g}, y = {one.y_m * 1e3:g} mm"
+        yield f"Actuator, {one.label}", f"{one.shape} {size} mm at {at}"
+    for condition in study.conditions:
+        which = f", {condition.name}" if len(study.conditions) > 1 else ""
+        unfit = condition.accept_unfit
+        accepted = f"; taken though unfit: {unfit}" if unfit else ""
+        yield f"Stimulus{which}", f"{burst_words(condition)}{accepted}"
+    yield "Levels", f"{levels_words(study)} V peak-to-peak, {design.order}"
+    yield "Trials of a session", trials_words(study)
+    least_s, most_s = design.foreperiod_s
+    yield "Onset", f"{least_s:g} to {most_s:g} s after the cue"
+    yield "Answers", f"{', '.join(design.responses)}; within {design.response_window_s:g} s"
+    yield "Masking noise", noise_words(study)
+    driver = f"{device.driver} at {device.sample_rate_hz:g} Hz"
+    yield "Device in the plan", f"{driver}, ceiling {device.ceiling_vpp:g} V peak-to-peak"
+
+
+def plate_size(study: Study) -> str:
+    """Return width, length and thickness in words.
+
+    >>> from experiment import paper_study
+    >>> plate_size(paper_study())
+    '25 mm wide, 200 mm long, 0.5 mm thick'
+    """
+    strip = study.strip
+    length = "endless" if strip.length_m is None else f"{strip.length_m * 1e3:g} mm long"
+    return f"{strip.width_m * 1e3:g} mm wide, {length}, {strip.thickness_m * 1e3:g} mm thick"
+
+
+def levels_words(study: Study) -> str:
+    """Return the levels of a study in words."""
+    return ", ".join(f"{level_vpp:g}" for level_vpp in study.design.levels_vpp)
+
+
+def trials_words(study: Study) -> str:
+    """Say which trials a session has.
+
+    >>> from experiment import paper_study
+    >>> trials_words(paper_study())
+    '75 left, 75 right, 5 of both fingers'
+    """
+    design = study.design
+    many = {
+        "left": design.trials_per_side,
+        "right": design.trials_per_side,
+        "of both fingers": design.both_trials,
+        "blank": design.blank_trials,
+    }
+    told = ", ".join(f"{number} {words}" for words, number in many.items() if number)
+    each = " of each condition" if len(study.conditions) > 1 else ""
+    practice = f"; {design.practice_trials} for practice" if design.practice_trials else ""
+    return f"{told}{each}{practice}"
+
+
+def noise_words(study: Study) -> str:
+    """Say what noise masks the sound of the actuators."""
+    masking = study.masking
+    if masking.noise == "none":
+        return "none"
+    level_dba = masking.measured_level_dba
+    level = f"{level_dba:g} dB(A) at the ear" if level_dba is not None else "level not measured"
+    return f"{masking.noise}, {level}"
+
+
+_OF_PLATE: Final = ("strip.", "actuator[", "finger_load", "level_db.")
+
+
+def number_tables(plans: Planned) -> Iterator[tuple[str, list[list[str]]]]:
+    """Yield captions, and rows of keys, values and sources; plates that are the same once."""
+    several: list[list[Source]] = []
+    others: dict[str, dict[tuple[str, str], None]] = {}
+    for sources in plans.sources:
+        plate = [one for one in sources if one.key.startswith(_OF_PLATE)]
+        if plate not in several:
+            several.append(plate)
+        for one in sources:
+            if one not in plate:
+                others.setdefault(one.key, {})[one.printed, one.words] = None
+    for place, plate in enumerate(several, start=1):
+        which = f"plate {place} of {len(several)}" if len(several) > 1 else "the plate"
+        rows = [[one.key, one.printed, one.words] for one in plate]
+        yield f"What is known of {which}, and from whom (yours: the study's)", rows
+    if others:
+        yield (
+            "Numbers of stimuli, design and devices, and from whom",
+            [
+                [
+                    key,
+                    next(iter(values))[0] if len(values) == 1 else f"{len(values)} different",
+                    "; ".join(dict.fromkeys(words for _, words in values)),
+                ]
+                for key, values in others.items()
+            ],
+        )

@@ -1,0 +1,535 @@
+"""The answer: every sentence of it is true of the tables, and says no more than they have."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import json
+import math
+import random
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis import ColumnMap, print_analysis, write_analysis
+from analysis.axis import VOLTS, Axis, bounded, with_limits
+from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
+from analysis.results.answer import REASONS, Answer, answer
+from analysis.results.compared import plain
+from analysis.results.tables import Analysis, analyse
+from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
+from analysis.thresholds.table import THRESHOLD_COLUMNS, WORDS
+from tests.test_analysis.shared import LEAST, files, loaded, put
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+LEVELS = [60.0, 95.0, 130.0, 200.0]
+NUMBER = r"[-+]?\d+(?:\.\d+)?"
+END = rf"(?:(?:below|above) )?{NUMBER}"
+
+
+def close(told: str, value: float) -> bool:
+    """Tell whether a number was rounded to the decimals that stand there."""
+    decimals = len(told.partition(".")[2])
+    return abs(float(told) - value) <= 0.5 * 10.0**-decimals + 1e-9
+
+
+def is_end(told: str, limit: float, open_word: str, level: float) -> bool:
+    """Tell whether an end is the limit, or is told as open at the outermost level."""
+    if math.isnan(limit):
+        return told == f"{open_word} {level:g}"
+    return close(told, limit)
+
+
+def check_value(said: str, row: pd.Series[Any]) -> None:
+    """Check what is said of a threshold against its row."""
+    status = row["status"]
+    at, low, high = (row[f"threshold_{name}vpp"] for name in ("", "low_", "high_"))
+    value = re.fullmatch(
+        rf"is ({NUMBER}) \S+ \(posterior median, 95 % interval ({END}) to ({END})\)"
+        r"(, slope unknown)?",
+        said,
+    )
+    assert bool(value) == (status in WITH_THRESHOLD), said
+    if value:
+        assert close(value[1], at)
+        assert is_end(value[2], low, "below", LEVELS[0])
+        assert is_end(value[3], high, "above", LEVELS[-1])
+        assert bool(value[4]) == (status == "separated")
+    elif found := re.fullmatch(rf"is at (most|least) ({NUMBER}) \S+ \(end of the 95 % .*", said):
+        limit, other = (high, low) if found[1] == "most" else (low, high)
+        assert status in BOUNDED
+        assert close(found[2], limit)
+        assert math.isnan(other)
+        assert LEVELS[0] <= float(found[2]) <= LEVELS[-1]
+    elif found := re.fullmatch(rf"is (below|above) the \S+ level, ({NUMBER}) \S+ \(97.5 .*", said):
+        assert status in BOUNDED
+        below = found[1] == "below"
+        assert float(found[2]) == (LEVELS[0] if below else LEVELS[-1])
+        assert high <= LEVELS[0] if below else low >= LEVELS[-1]
+    elif said == "is not bounded by these levels":
+        assert math.isnan(low)
+        assert math.isnan(high)
+    else:
+        assert said == f"cannot be told: {WORDS[status].removeprefix('no threshold: ')}"
+        assert math.isnan(at)
+
+
+def threshold(found: re.Match[str], analysis: Analysis) -> None:
+    groups = analysis.groups
+    condition = found["condition"] or groups["condition"].iloc[0]
+    assert bool(found["condition"]) == (analysis.counts.conditions > 1)
+    [(_, group)] = groups[groups["condition"].eq(condition)].iterrows()
+    alone = group["participants"] == 1
+    people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
+    assert bool(found["session"]) == alone
+    check_value(found["said"], people.iloc[0] if alone else group)
+    if found["who"]:
+        share = analysis.counts.simulated / analysis.counts.trials
+        kind = "simulated " if share == 1 else "simulated or real " if share else ""
+        of_all = f"the group of {group['participants']} {kind}participants"
+        name = people["participant"].iloc[0]
+        assert found["who"] == (f"{kind}participant {name}" if alone else of_all)
+
+
+def pair_of(found: re.Match[str], analysis: Analysis) -> tuple[pd.Series[Any], pd.DataFrame]:
+    table = analysis.differences
+    rows = table[table["condition_a"].eq(found["a"]) & table["condition_b"].eq(found["b"])]
+    people = rows[rows["participant"].ne("all")]
+    group = rows[rows["participant"].eq("all")].iloc[0]
+    of = f"{len(people)} participant{'s' * (len(people) != 1)} in both"
+    if group["status"] == "one_participant" and len(people) == 1:
+        group = people.iloc[0]
+        of = f"participant {group['participant']} only, in these sessions"
+    elif people.empty:
+        of = "different participants in each"
+    if "of" in found.groupdict():
+        assert found["of"] == of
+    return group, people
+
+
+def apart(found: re.Match[str], analysis: Analysis) -> None:
+    row, _ = pair_of(found, analysis)
+    assert row["status"] == "ok"
+    sign = 1 if found["more"] == "higher" else -1
+    assert close(found["at"], sign * row["difference_db"])
+    assert close(found["low"], row["low_db"])
+    assert close(found["high"], row["high_db"])
+    assert min(sign * float(found["low"]), sign * float(found["high"])) > 0
+
+
+def together(found: re.Match[str], analysis: Analysis) -> None:
+    row, _ = pair_of(found, analysis)
+    assert row["status"] == "ok"
+    assert close(found["low"], row["low_db"])
+    assert close(found["high"], row["high_db"])
+    assert float(found["low"]) <= 0 <= float(found["high"])
+
+
+def half_open(found: re.Match[str], analysis: Analysis) -> None:
+    row, _ = pair_of(found, analysis)
+    least = row["status"] == "at_least"
+    assert row["status"] in {"at_least", "at_most"}
+    assert math.isnan(row["high_db"] if least else row["low_db"])
+    end = row["low_db"] if least else row["high_db"]
+    if "more" in found.groupdict():
+        assert found["more"] == ("higher" if least else "lower")
+        assert close(found["end"], abs(end))
+        assert float(found["end"]) > 0
+    else:
+        assert found["bound"] == ("at least" if least else "at most")
+        assert close(found["end"], end)
+        assert float(found["end"]) <= 0 if least else float(found["end"]) >= 0
+
+
+def unbounded(found: re.Match[str], analysis: Analysis) -> None:
+    assert pair_of(found, analysis)[0]["status"] == "unknown"
+
+
+def alone(found: re.Match[str], analysis: Analysis) -> None:
+    row, people = pair_of(found, analysis)
+    assert row["status"] == "one_participant"
+    assert people.empty
+
+
+def totals(analysis: Analysis) -> pd.DataFrame:
+    return analysis.blank[analysis.blank["participant"].eq("all")]
+
+
+def false_alarms(found: re.Match[str], analysis: Analysis) -> None:
+    each = re.findall(
+        rf"({NUMBER}) % \(({NUMBER}) to ({NUMBER}) %\) of blank trials(?: in condition (\S+?))?"
+        r"(?:, |$)",
+        found["each"],
+    )
+    assert len(each) == len(totals(analysis))
+    for (at, low, high, condition), (_, row) in zip(each, totals(analysis).iterrows(), strict=True):
+        assert close(at, 100 * row["p"])
+        assert close(low, 100 * row["low"])
+        assert close(high, 100 * row["high"])
+        assert condition == (row.get("condition") or "")
+
+
+def left_out(found: re.Match[str], analysis: Analysis) -> None:
+    counts = analysis.counts
+    assert (int(found["out"]), int(found["all"])) == (counts.left_out, counts.trials)
+    assert close(found["part"], 100 * counts.left_out / counts.trials)
+    told = dict(re.findall(r"([^,]+?) (\d+)(?:, |$)", found["why"]))
+    words = {words: reason for reason, words in REASONS.items()}
+    by_reason = analysis.excluded.groupby("reason")["trials"].sum().to_dict()
+    assert {words[name]: int(number) for name, number in told.items()} == by_reason
+    assert sum(map(int, told.values())) == counts.left_out
+
+
+def several(found: re.Match[str], analysis: Analysis) -> None:
+    apart = pairs = 0
+    for _, rows in analysis.differences.groupby(["condition_a", "condition_b"]):
+        one = len(rows) == 2 and rows["status"].iloc[-1] == "one_participant"
+        row = rows.iloc[0 if one else -1]  # a pair of one participant is that one's
+        apart += round(row["low_db"], 1) > 0 or round(row["high_db"], 1) < 0
+        pairs += 1
+    assert [int(found[name]) for name in ("pairs", "apart", "others")] == [
+        *(pairs, apart, pairs - apart)
+    ]
+
+
+def is_true(test: Callable[[Analysis], object]) -> Callable[[re.Match[str], Analysis], None]:
+    def check(found: re.Match[str], analysis: Analysis) -> None:
+        assert test(analysis), found[0]
+
+    return check
+
+
+def counted_pairs(analysis: Analysis) -> int:
+    return int(analysis.differences["participant"].eq("all").sum())
+
+
+# What may stand in an answer: nothing else, and each only where its check passes.
+SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
+    r"(?:in condition (?P<condition>\S+) )?(?:it|the threshold of (?P<who>.+?)) "
+    r"(?P<said>(?:is|cannot be told:) .+?)(?P<session> in (?:this session|these \d+ sessions))?":
+        threshold,
+    "there is no threshold, for no trial with a single stimulus counts": is_true(
+        lambda one: one.groups.empty
+    ),
+    r"the thresholds of \d+ conditions stand in the table": is_true(
+        lambda one: len(one.groups) > 3
+    ),
+    "a participant's interval is for that session, another day may bring another": is_true(
+        lambda one: one.groups["participants"].eq(1).any()
+    ),
+    "with fewer than five participants it is mostly the prior that says how much people differ":
+        is_true(lambda one: one.groups["participants"].between(2, 4).any()),
+    rf"the threshold in condition (?P<b>\S+) is (?P<at>{NUMBER}) dB (?P<more>higher|lower) than in "
+    rf"(?P<a>\S+) \(posterior median, 95 % interval (?P<low>{NUMBER}) to (?P<high>{NUMBER}) dB; "
+    r"(?P<of>.+)\)": apart,
+    r"conditions (?P<a>\S+) and (?P<b>\S+) cannot be told apart with these data: between "
+    rf"(?P<low>{NUMBER}) and (?P<high>{NUMBER}) dB \(95 % interval of the threshold in (?P=b) "
+    r"against (?P=a); (?P<of>.+)\)": together,
+    r"conditions (?P<a>\S+) and (?P<b>\S+) cannot be told apart with these data: "
+    rf"(?P<bound>at least|at most) (?P<end>{NUMBER}) dB \(end of the 95 % interval of the "
+    r"threshold in (?P=b) against (?P=a), the other is open; (?P<of>.+)\)": half_open,
+    r"the threshold in condition (?P<b>\S+) is (?P<more>higher|lower) than in (?P<a>\S+) by at "
+    rf"least (?P<end>{NUMBER}) dB \(end of the 95 % interval, the other is open; (?P<of>.+)\)":
+        half_open,
+    r"these levels bound no difference of conditions (?P<a>\S+) and (?P<b>\S+) \((?P<of>.+)\)":
+        unbounded,
+    r"one participant alone cannot tell how groups differ in conditions (?P<a>\S+) and (?P<b>\S+)":
+        alone,
+    r"of (?P<pairs>\d+) pairs of conditions (?P<apart>\d+) differ in threshold, and "
+    r"(?P<others>\d+) cannot be told apart with these data \(95 % intervals, in the table\)":
+        several,
+    r"these intervals are not corrected for \d+ comparisons": is_true(
+        lambda one: counted_pairs(one) > 1
+    ),
+    "a difference may be one of criterion, where false alarms differ too": is_true(
+        lambda one: one.detected_any is not None and counted_pairs(one)
+    ),
+    "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
+        lambda one: one.axis.signed and len(one.groups) > 1
+    ),
+    'false alarms are not told, for "none" was not an answer as far as the files tell': is_true(
+        lambda one: one.detected_any is None
+    ),
+    "false alarms are not known, for there were no blank trials": is_true(
+        lambda one: one.detected_any is not None and one.blank.empty
+    ),
+    "false alarms stand in the table": is_true(lambda one: len(totals(one)) > 3),
+    r"false alarms: (?P<each>.+)": false_alarms,
+    "counts were read, which do not tell what was left out of them": is_true(
+        lambda one: one.trials.empty and one.counts.trials
+    ),
+    r"nothing was left out: all \d+ trials count": is_true(lambda one: not one.counts.left_out),
+    rf"(?P<out>\d+) of (?P<all>\d+) trials \((?P<part>{NUMBER}) %\) are left out: (?P<why>.+)":
+        left_out,
+    r"the map leaves out \d+ rows? more": is_true(lambda one: one.counts.unread),
+    r"nothing counts of \d+ participants?: .+": is_true(
+        lambda one: {*one.trials["participant"]}
+        - {*one.trials.loc[one.trials["reason"].eq(""), "participant"]}
+    ),
+    r"\d+ sessions?, lost after recording, took no part": is_true(lambda one: one.lost),
+}  # fmt: skip
+
+
+def checked(found: Answer, analysis: Analysis) -> set[str]:
+    """Check every sentence, and return which there are."""
+    used = []
+    assert len(found.statements) == 3
+    for statement in found.statements:
+        assert statement.endswith(".")
+        for sentence in re.split(r"\. (?=[A-Z0-9])", plain(statement)[:-1]):
+            told = sentence[0].lower() + sentence[1:]
+            [one] = [p for p in SENTENCES if re.fullmatch(p, told)] or [""]
+            assert one, told
+            match = re.fullmatch(one, told)
+            assert match
+            SENTENCES[one](match, analysis)
+            used.append(one)
+    kinds = [*SENTENCES]
+    groups, pairs = len(analysis.groups), counted_pairs(analysis)
+    assert used.count(kinds[0]) == (groups if groups <= 3 else 0)
+    assert sum(used.count(kinds[i]) for i in range(5, 11)) == (pairs if pairs <= 3 else 0)
+    assert (kinds[3] in used) == bool(analysis.groups["participants"].eq(1).any())
+    assert (kinds[4] in used) == bool(analysis.groups["participants"].between(2, 4).any())
+    return {*used}
+
+
+@pytest.fixture(scope="module")
+def least(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    """An analysis of next to nothing, whose tables are put in the place of."""
+    folder = tmp_path_factory.mktemp("least")
+    return analyse(loaded(folder, LEAST + "1,left,60,left\n1,left,95,none\n"))
+
+
+class Made:
+    """Tables as an analysis may have them, drawn at random: any status, any number of people."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = random.Random(seed)
+        self.conditions = ["main"]
+        if self.rng.random() < 0.7:
+            self.conditions = [f"c{n}" for n in range(self.rng.choice((2, 2, 2, 3, 4)))]
+        self.people = self.rng.choice((1, 2, 4, 5, 8, 40))
+
+    def value(self) -> dict[str, Any]:
+        """Return a status with the numbers that it may have, and its words."""
+        rng = self.rng
+        status = rng.choice(["ok", *WORDS])
+        at, low, high = (math.nan,) * 3
+        if status in WITH_THRESHOLD:
+            low, at, high = sorted(rng.uniform(LEVELS[0], LEVELS[-1]) for _ in range(3))
+            low, high = (x if rng.random() < 0.7 else math.nan for x in (low, high))
+            ends = (-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high)
+            words = with_limits(at, *ends, "V", LEVELS)
+            words += ", slope unknown" if status == "separated" else ""
+        elif status in BOUNDED:
+            kind = rng.choice(("below", "above", "neither"))
+            limit = rng.choice((LEVELS[0] if kind == "below" else LEVELS[-1], rng.uniform(60, 200)))
+            low, high = (limit if kind == one else math.nan for one in ("above", "below"))
+            ends = (-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high)
+            words = bounded(*ends, "V", LEVELS)
+        else:
+            words = WORDS[status]
+        return {"status": status, "threshold_vpp": at, "threshold_low_vpp": low,
+                "threshold_high_vpp": high, "printed": words}  # fmt: skip
+
+    def groups(self) -> pd.DataFrame:
+        rows = []
+        for name in self.conditions:
+            row: dict[str, Any] = {"condition": name, "participants": self.people}
+            row |= dict.fromkeys(GROUP_COLUMNS, math.nan) | row | self.value()
+            if self.people == 1:
+                row["status"] = "one_participant"
+            elif row["status"] in WITH_THRESHOLD:
+                row |= {"spread_db": 2.04, "spread_low_db": 0.51, "spread_high_db": 4.49}
+                row["printed"] += "; between people 2.0 dB (0.5 to 4.5)"
+                row["new_high_vpp"] = self.rng.choice((math.nan, 180.0))
+            rows.append(row)
+        return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
+
+    def thresholds(self) -> pd.DataFrame:
+        rows = [
+            dict.fromkeys(THRESHOLD_COLUMNS, math.nan)
+            | {"participant": f"S{n}", "condition": name, "trials": 80, "guess_basis": "blanks"}
+            | self.value()
+            for name in self.conditions
+            for n in range(self.people)
+        ]
+        return pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
+
+    def difference(self) -> dict[str, Any]:
+        rng = self.rng
+        status = rng.choice(("ok", "ok", "ok", "at_least", "at_most", "unknown"))
+        low, at, high = sorted(rng.uniform(-6, 6) for _ in range(3))
+        if rng.random() < 0.2:
+            low = rng.choice((-0.04, 0.04, 0.06))
+            at, high = low + 1, low + 2
+        if status != "ok":
+            at = math.nan
+            low = low if status == "at_least" else math.nan
+            high = high if status == "at_most" else math.nan
+        return {"status": status, "difference_db": at, "low_db": low, "high_db": high,
+                "printed": "words"}  # fmt: skip
+
+    def differences(self, axis: Axis) -> pd.DataFrame:
+        rows: list[dict[str, Any]] = []
+        for a, b in itertools.combinations(self.conditions, 2) if not axis.signed else ():
+            pair = {"condition_a": a, "condition_b": b}
+            both = self.rng.choice((0, self.people))
+            rows += [pair | {"participant": f"S{n}"} | self.difference() for n in range(both)]
+            group = self.difference()
+            if both == 1 or (not both and self.people == 1):
+                group = dict.fromkeys(group, math.nan) | {"status": "one_participant"}
+            rows.append(pair | {"participant": "all"} | group)
+        return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
+
+    def blank(self) -> pd.DataFrame:
+        rows = []
+        for name in self.conditions if self.rng.random() < 0.7 else ():
+            left, right, of = self.rng.randrange(4), self.rng.randrange(4), 60
+            row = {"condition": name, "participant": "all", "left": left, "right": right, "both": 1}
+            p = (left + right + 1) / of
+            rows.append(row | {"presented": of, "p": p, "low": p / 2, "high": 2 * p})
+        columns = ["participant", "left", "right", "both", "presented", "p", "low", "high"]
+        table = pd.DataFrame(rows, columns=["condition", *columns])
+        return table if len(self.conditions) > 1 else table[columns]
+
+    def analysis(self, least: Analysis) -> Analysis:
+        rng = self.rng
+        axis = rng.choice((VOLTS, VOLTS, Axis(x_scale="linear")))
+        reasons = rng.sample([*REASONS], rng.choice((0, 1, 3, 8)))
+        excluded = pd.DataFrame(
+            [("S0", reason, rng.randrange(1, 40)) for reason in reasons],
+            columns=["participant", "reason", "trials"],
+        )
+        out = int(excluded["trials"].sum())
+        trials = least.trials.iloc[: rng.choice((0, 2, 2))].assign(
+            reason=rng.choice(("", "practice"))
+        )
+        counts = replace(
+            least.counts, trials=400 + out, left_out=out, conditions=len(self.conditions),
+            participants=self.people, simulated=rng.choice((0, 0, 400 + out, 7)),
+            unread=rng.choice((0, 1, 5)),
+        )  # fmt: skip
+        levels = pd.DataFrame(
+            [(name, level) for name in self.conditions for level in LEVELS],
+            columns=["condition", "level_vpp"],
+        )
+        return replace(
+            least, groups=self.groups(), thresholds=self.thresholds(), axis=axis, levels=levels,
+            differences=self.differences(axis), blank=self.blank(), excluded=excluded,
+            counts=counts, trials=trials, lost=rng.choice(({}, {"s": ("gone",)})),
+            detected_any=rng.choice((None, least.detected_any)),
+        )  # fmt: skip
+
+
+def test_every_sentence_is_true_of_the_tables(least: Analysis) -> None:
+    for seed in range(20):
+        analysis = Made(seed).analysis(least)
+        checked(answer(analysis), analysis)
+
+
+@pytest.mark.slow
+def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis) -> None:
+    used = set()
+    for seed in range(20, 200):
+        analysis = Made(seed).analysis(least)
+        used |= checked(answer(analysis), analysis)
+    nothing = replace(least, groups=least.groups[:0], thresholds=least.thresholds[:0])
+    used |= checked(answer(nothing), nothing)
+    assert [one for one in SENTENCES if one not in used] == []
+
+
+def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) -> None:
+    for seed in range(20):
+        analysis = Made(seed).analysis(least)
+        rows = [[plain(cell) for cell in row] for row in answer(analysis).rows]
+        values = {value for _, value, _ in rows}
+        for _, group in analysis.groups.iterrows():
+            if group["participants"] > 1:
+                assert str(group["printed"]).partition("; between")[0] in values
+                told = "2.0 dB (0.5 to 4.5)" in values or analysis.axis.signed
+                assert told or math.isnan(group["spread_db"])
+        ok = analysis.differences["status"].eq("ok") & analysis.differences["participant"].eq("all")
+        for _, row in analysis.differences[ok].iterrows():
+            low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
+            assert f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})" in values
+        assert rows[-1][0] == "Trials left out"
+
+
+def study(conditions: dict[str, float], people: int, *, kind: str = "none") -> str:
+    """Write trials of people whose thresholds lie 2 dB apart, in yes/no or forced choice."""
+    rng = np.random.default_rng(3)
+    told = ["participant,trial,condition,kind,side,level_vpp,response,simulated"]
+    for n in range(people):
+        number = 0
+        for condition, at in conditions.items():
+            for level in (40.0, 60.0, 80.0, 100.0, 140.0):
+                z = (math.log10(level) - math.log10(at) - 0.05 * (n % 3 - 1)) / 0.1
+                for _ in range(16):
+                    felt = rng.random() < 0.5 * (1 + math.erf(z / math.sqrt(2)))
+                    guess = rng.choice(["left", "right"]) if kind == "forced" else "none"
+                    number += 1
+                    told.append(
+                        f"S{n},{number},{condition},single,left,{level:g},"
+                        f"{'left' if felt else guess},{str(kind == 'simulated').lower()}"
+                    )
+            for trial in range(20 if kind != "forced" else 0):
+                number += 1
+                answered = "left" if trial < 1 else "none"
+                told.append(f"S{n},{number},{condition},blank,none,0,{answered},"
+                            f"{str(kind == 'simulated').lower()}")  # fmt: skip
+        told.append(f"S{n},{number + 1},{condition},practice,left,60,left,"
+                    f"{str(kind == 'simulated').lower()}")  # fmt: skip
+    return "\n".join(told) + "\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("conditions", "people", "kind", "words"),
+    [
+        ({"a": 60.0, "b": 95.0}, 3, "none", "higher than in a"),
+        ({"a": 70.0, "b": 70.0}, 2, "none", "cannot be told apart"),
+        ({"main": 70.0}, 1, "forced", "in this session"),
+        ({"main": 20.0}, 2, "simulated", "2 simulated participants is at most"),
+    ],
+)
+def test_page_terminal_and_summary_begin_with_the_same_true_answer(
+    tmp_path: Path, conditions: dict[str, float], people: int, kind: str, words: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr("tests.test_analysis.test_answer.LEVELS", [40.0, 60.0, 80.0, 100.0, 140.0])
+    path = put(tmp_path / "t.csv", study(conditions, people, kind=kind))
+    analysis = write_analysis([path], tmp_path / "out", columns=ColumnMap(), figures=False)
+    found = answer(analysis)
+    checked(found, analysis)
+    statements = [plain(one) for one in found.statements]
+    assert words in " ".join(statements)
+    made = files(tmp_path / "out")
+    assert json.loads(made["summary.json"])["answer"] == statements
+    page = made["report.html"].decode()
+    first = page[page.index("<h1>") : page.index("<h2>")]
+    assert all(f"<p>{one}</p>".replace('"', "&#34;").replace("'", "&#39;") in plain(first)
+               for one in statements)  # fmt: skip
+    printed = io.StringIO()
+    print_analysis(analysis, printed)
+    mark = "Simulated participants. " if kind == "simulated" else ""
+    assert " ".join(printed.getvalue().split()).startswith(mark + " ".join(statements))
+
+
+@pytest.mark.slow
+def test_of_a_table_of_counts_nobody_knows_what_was_left_out(tmp_path: Path) -> None:
+    counts = zip((60, 80, 110, 150, 200), (15, 18, 24, 29, 30), strict=True)
+    text = "participant,level_vpp,k,n\n" + "".join(f"1,{v},{k},30\n" for v, k in counts)
+    columns = ColumnMap(table={"detected": "k", "presented": "n"}, task="forced choice")
+    analysis = analyse(loaded(tmp_path, text, columns))
+    first, second, third = map(plain, answer(analysis).statements)
+    assert first.startswith("The threshold of participant 1 is 101.")
+    assert '"none" was not an answer' in second
+    assert third == "Counts were read, which do not tell what was left out of them."
