@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 
 from stimuli.checks import finite
+from stimuli.fingers.dampers import Dampers, coupled_poles, turned
 from stimuli.load import PointForce, PressureDisc
 from stimuli.motion.motion import (
     Motion,
@@ -24,7 +25,7 @@ from stimuli.motion.motion import (
     unsure_m,
     without_loss,
 )
-from stimuli.motion.oscillators import Oscillators, poles
+from stimuli.motion.oscillators import Oscillators
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
 from stimuli.motion.section import ECHOED, echoless
 
@@ -144,14 +145,14 @@ class Loaded:
     Attributes
     ----------
     squared : ndarray of float64, shape (n_modes,)
-    damping : ndarray of float64, shape (n_modes, n_modes)
+    damping : ndarray of float64, shape (n_modes, n_modes), or Dampers
     moved : ndarray of float64, shape (n_points, n_modes)
     pushed : ndarray of float64, shape (n_loads, n_modes)
     rest_m : ndarray of float64, shape (n_loads, n_points)
     """
 
     squared: Real
-    damping: Real
+    damping: Real | Dampers
     moved: Real
     pushed: Real
     rest_m: Real
@@ -294,19 +295,21 @@ def _coupled(
 
     squared = np.concatenate([group.squared for group in bare.groups])
     kept = squared <= (2 * math.pi * highest_hz) ** 2
-    viscous_s, has_loss = strip.material.viscous_time_s, springs_lose(strip)
-    bents = [group.squared if has_loss else group.bent for group in bare.groups]
-    bent = block_diag(*(np.diag(one) if one.ndim == 1 else one for one in bents))
+    viscous_s = strip.material.viscous_time_s
+    damping: Real | Dampers = Dampers(viscous_s, np.zeros((0, 0)), np.zeros(0))
+    if not springs_lose(strip):
+        bents = [np.diag(g.bent) if g.bent.ndim == 1 else g.bent for g in bare.groups]
+        damping = viscous_s * block_diag(*bents)[np.ix_(kept, kept)]
     moved, pushed = (np.concatenate(x, axis=2)[0][:, kept] for x in (bare.moved, bare.pushed))
     plate = Loaded(
         squared=squared[kept],
-        damping=viscous_s * bent[np.ix_(kept, kept)],
+        damping=damping,
         moved=moved,
         pushed=pushed,
         rest_m=bare.static_m - (pushed / squared[kept]) @ moved.T,
     )
     loaded = pressed_on(plate, pressed, viscous_s)
-    found, modes, drives = poles(loaded.squared, loaded.damping, 1.0)
+    found, modes, drives = coupled_poles(loaded.squared, loaded.damping)
     return Oscillators(
         poles=found,
         at_points=(loaded.moved @ modes)[np.newaxis],
@@ -357,20 +360,17 @@ def pressed_on(bare: Loaded, pressed: tuple[Pressed, ...], viscous_s: float) -> 
     stiff = np.linalg.inv(flexible)
     # the coordinates are the modes and the areas' means, these times the root of their masses
     root = np.sqrt([one.impedance.mass_kg for one in pressed])
-    springs = np.array([one.impedance.stiffness_n_m for one in pressed])
-    dampers = np.array([one.impedance.damping_n_s_m for one in pressed])
+    springs = np.array([one.impedance.stiffness_n_m for one in pressed]) / root**2
+    dampers = np.array([one.impedance.damping_n_s_m for one in pressed]) / root**2
     stretch = np.concatenate([-own, np.diag(1 / root)], axis=1)  # of what bends beside the modes
     beside = stretch.T @ stiff @ stretch
-    squared, turn = np.linalg.eigh(np.diag(np.append(bare.squared, springs / root**2)) + beside)
-    damping = viscous_s * beside
-    damping[:-n, :-n] += bare.damping
-    damping[-n:, -n:] += np.diag(dampers / root**2)
+    squared, turn = np.linalg.eigh(np.diag(np.append(bare.squared, springs)) + beside)
     carried = stiff @ of_points_m[n_loads:]  # how points follow the stretch
     drawn = of_fingers_m[:n_loads] @ stiff
     pad = [(0, 0), (0, n)]
     return Loaded(
         squared=squared,
-        damping=turn.T @ damping @ turn,
+        damping=turned(bare.damping, viscous_s * beside, turn, dampers, viscous_s * springs),
         moved=(np.pad(bare.moved[:n_points], pad) + carried.T @ stretch) @ turn,
         pushed=(np.pad(bare.pushed[:n_loads], pad) + drawn @ stretch) @ turn,
         rest_m=of_points_m[:n_loads] - of_fingers_m[:n_loads] @ carried,

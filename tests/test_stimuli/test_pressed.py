@@ -28,6 +28,7 @@ from stimuli import (
     displacement,
     felt,
 )
+from stimuli.fingers.dampers import Dampers, coupled_poles
 from stimuli.fingers.fingertip import causal
 from stimuli.fingers.pressed import Pressed, pressed_motion
 from stimuli.motion.motion import motion_of
@@ -193,6 +194,26 @@ def test_fingers_only_take_energy(impedance: Impedance, viscous_s: float) -> Non
     scene = scene_on(on(FIRM, 0.12, viscous_s=viscous_s))
     found = with_fingers(scene, 2900.0, 6.0, _pair(impedance)).oscillators.poles
     assert np.all(found.real <= 1e-9 * np.abs(found))
+
+
+@pytest.mark.parametrize("dampers", [(3.0, 0.1), (0.4, -0.02), (40.0, 25.0), (3e3, 1e3)])
+def test_poles_on_dampers_are_those_of_the_whole_matrix(dampers: tuple[float, float]) -> None:
+    rng = np.random.default_rng(5)
+    squared = np.sort(rng.uniform(1.0, 30.0, 40)) ** 2
+    squared[7] = squared[6]  # where modes are alike, and where dampers leave one alone
+    grips = rng.normal(size=(2, 40)) / 6
+    grips[:, 3] = 0.0
+    loss = 1e-3 * np.diag(squared) + (grips.T * dampers) @ grips
+    found = coupled_poles(squared, Dampers(1e-3, grips, np.array(dampers)))
+    push = rng.normal(size=40)
+    for s in (0.3 + 2j, 7j, 31.7j):
+        whole = np.linalg.solve(s**2 * np.eye(40) + s * loss + np.diag(squared), push)
+        swings = (
+            (found[2] @ push) / (s - found[0]),
+            (found[2] @ push).conj() / (s - found[0].conj()),
+        )
+        ours = (found[1] @ swings[0] + found[1].conj() @ swings[1]) / 2
+        assert np.abs(ours - whole).max() < 1e-9 * np.abs(whole).max()
 
 
 @pytest.mark.slow
