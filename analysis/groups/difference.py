@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from analysis.groups.hierarchy import SPREAD, matters, normal_weights
+from analysis.groups.hierarchy import OMEGA, OMEGA_SPREAD, SPREAD, matters, normal_weights
 from analysis.thresholds.density import quantiles, trapezoid
-from analysis.thresholds.mle import REACH
+from analysis.thresholds.grid import sigma_prior
+from analysis.thresholds.mle import LOG_SIGMA, REACH
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,11 +38,16 @@ _PRIOR: Final = 12.0
 _FARTHEST: Final = 24.0
 _OPEN: Final = math.exp(-1.92)
 """A likelihood that stays above this part of its greatest bounds nothing (chi-square, 95 %)."""
-_NODES: Final = (81, 121)
+_NODES: Final = (49, 101)
+_SKETCH: Final = (49, 73)
+"""Of m and d, on which people's likelihoods are laid; and first, to see where they lie."""
+_EVENLY: Final = 0.5
+"""Of the nodes, to those spread where people are likely."""
 _HALF: Final = 0.5
 _ENOUGH: Final = 3
 """Nodes above half of the greatest likelihood: fewer do not tell its shape."""
 _SEEN: Final = 1e-7
+_SIGMAS: Final = LOG_SIGMA[0] + np.linspace(0, 1, 25) * (LOG_SIGMA[1] - LOG_SIGMA[0])
 _TINY: Final = 1e-300
 _PASSES: Final = 3
 
@@ -78,7 +84,7 @@ def paired_difference(
     found_a: Sequence[Surface], found_b: Sequence[Surface], ruler: Ruler
 ) -> tuple[Difference, list[Difference]]:
     """Return the difference of a group, and of each of its people, who took part in both."""
-    pairs = _pairs(found_a, found_b)
+    pairs = _pairs(found_a, found_b, ruler)
     people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
     return _of_group(pairs, ruler, people), people
 
@@ -96,45 +102,92 @@ def unpaired_difference(a: Hierarchy, b: Hierarchy) -> Difference:
     return _told(d, np.convolve(second, first[::-1]))
 
 
-def _pairs(found_a: Sequence[Surface], found_b: Sequence[Surface]) -> list[_Pair]:
+def _pairs(found_a: Sequence[Surface], found_b: Sequence[Surface], ruler: Ruler) -> list[_Pair]:
     """Lay the likelihoods of both thresholds of each person over their middle and difference."""
     # Weights are made once for axes that people share; who is too narrow for them has others.
-    boxes = np.array([_box(a, b) for a, b in zip(found_a, found_b, strict=True)])
-    shared = _axes(boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0))
+    of_mu = _over_mu([*found_a, *found_b], ruler)
+    every = list(zip(of_mu[: len(found_a)], of_mu[len(found_a) :], strict=True))
+    sketches = [
+        _laid(
+            *one,
+            *(
+                np.linspace(ends[0], ends[1], n)
+                for ends, n in zip(_box(*one), _SKETCH, strict=True)
+            ),
+        )
+        for one in every
+    ]
+    shared = [
+        _where_likely([(getattr(one, name), one.values.max(axis=1 - i)) for one in sketches], n)
+        for i, (name, n) in enumerate(zip("md", _NODES, strict=True))
+    ]
     found = []
-    for a, b, (low, high) in zip(found_a, found_b, boxes, strict=True):
-        pair = _laid(a, b, *shared)
+    for one, sketch in zip(every, sketches, strict=True):
+        pair = _laid(*one, *shared)
         narrow = any(
             (pair.values.max(axis=axis) > _HALF * pair.values.max()).sum() < _ENOUGH
             for axis in (0, 1)
         )
-        found.append(_laid(a, b, *_axes(low, high)) if narrow else pair)
+        own = [
+            _where_likely([(axis, sketch.values.max(axis=1 - i))], n)
+            for i, (axis, n) in enumerate(zip((sketch.m, sketch.d), _NODES, strict=True))
+        ] if narrow else []  # fmt: skip
+        found.append(_laid(*one, *own) if narrow else pair)
     return found
 
 
-def _box(a: Surface, b: Surface) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the least m and d that matter, and the greatest."""
-    ends = []
-    for one in (a, b):
-        values = one.over_mu()
-        near = np.flatnonzero(values > _SEEN * values.max())
-        ends.append((one.mu[max(near[0] - 1, 0)], one.mu[min(near[-1] + 1, len(one.mu) - 1)]))
-    (low_a, high_a), (low_b, high_b) = ends
+def _over_mu(found: Sequence[Surface], ruler: Ruler) -> list[tuple[Floats, Floats]]:
+    """Return nodes of mu and the likelihood of each table there, sigma integrated out.
+
+    log sigma has the density that the other tables tell, of N(S, omega) as in a group: the tails of
+    mu are those of people who are too steep or too flat for the others.
+    """
+    middle, width = (np.ravel(one) for one in np.meshgrid(_SIGMAS, OMEGA))
+    prior = np.log(sigma_prior(middle)) - 0.5 * (width / OMEGA_SPREAD) ** 2
+    axes = {id(one.log_sigma): one.log_sigma for one in found}
+    weights = {key: normal_weights(axis, middle, width) for key, axis in axes.items()}
+    values = [one.values for one in found]
+    told = []
+    for one, value in zip(found, values, strict=True):
+        of_sigma = (trapezoid(one.mu) * ruler.mu_prior(one.mu)) @ value
+        told.append(np.log(np.maximum(weights[id(one.log_sigma)] @ of_sigma, _TINY)))
+    total = prior + np.sum(told, axis=0)
+    others = [np.exp(total - own - (total - own).max()) for own in told]
+    return [
+        (one.mu, value @ (other @ weights[id(one.log_sigma)]))
+        for one, value, other in zip(found, values, others, strict=True)
+    ]
+
+
+def _box(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> Floats:
+    """Return the least and greatest m that matter, and d: (2, 2)."""
+    (low_a, high_a), (low_b, high_b) = (matters(*one, least=_SEEN) for one in (a, b))
     farthest = 2 * _FARTHEST
-    return (
-        ((low_a + low_b) / 2, max(low_b - high_a, -farthest)),
-        ((high_a + high_b) / 2, min(high_b - low_a, farthest)),
+    return np.array(
+        [
+            [(low_a + low_b) / 2, (high_a + high_b) / 2],
+            [max(low_b - high_a, -farthest), min(high_b - low_a, farthest)],
+        ]
     )
 
 
-def _axes(low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    return np.linspace(low[0], high[0], _NODES[0]), np.linspace(low[1], high[1], _NODES[1])
+def _where_likely(margins: Sequence[tuple[Floats, Floats]], count: int) -> Floats:
+    """Return nodes between the ends of densities that are closer where these are."""
+    low = min(float(axis[0]) for axis, _ in margins)
+    high = max(float(axis[-1]) for axis, _ in margins)
+    x = np.linspace(low, high, 8 * count)
+    close = np.full(len(x), _EVENLY / (high - low))
+    for axis, margin in margins:
+        density = np.interp(x, axis, margin, left=0.0, right=0.0)
+        close += density / max(float(trapezoid(x) @ density), _TINY) / len(margins)
+    share = np.concatenate([[0.0], np.cumsum((close[1:] + close[:-1]) / 2)])
+    return np.interp(np.linspace(0, share[-1], count), share, x)
 
 
-def _laid(a: Surface, b: Surface, m: Floats, d: Floats) -> _Pair:
+def _laid(a: tuple[Floats, Floats], b: tuple[Floats, Floats], m: Floats, d: Floats) -> _Pair:
     half = d / 2
-    values = np.interp(m[:, None] - half, a.mu, a.over_mu())
-    values *= np.interp(m[:, None] + half, b.mu, b.over_mu())
+    values = np.interp(m[:, None] - half, *a)
+    values *= np.interp(m[:, None] + half, *b)
     return _Pair(m=m, d=d, values=values / max(values.max(), _TINY))
 
 
@@ -142,13 +195,13 @@ def _of_group(pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]
     middle = np.linspace(ruler.low - REACH, ruler.high + REACH, 17)
     spread = 0.1 + 14.0 * np.linspace(0, 1, 5) ** 1.7
     shift = np.linspace(-_FARTHEST, _FARTHEST, 33)
-    between = 0.05 + 10.0 * np.linspace(0, 1, 6) ** 1.7
+    between = 0.05 + 18.0 * np.linspace(0, 1, 8) ** 1.7
     for turn in range(_PASSES):
-        cells = _likelihood(pairs, middle, spread, shift, between)
+        axes = (middle, spread, shift, between)
+        cells = _likelihood(pairs, *axes)
         cells *= np.exp(-0.5 * (spread / SPREAD) ** 2)[:, None, None]
         cells *= np.exp(-0.5 * (between / _DIFFERENCE_SPREAD) ** 2)
-        weights = [trapezoid(axis) for axis in (middle, spread, shift, between)]
-        of_shift = np.einsum("mtds,m,t,s->d", cells, *weights[:2], weights[3], optimize=True)
+        of_shift = _margin(cells, axes, 2)
         if not turn:
             # What everybody leaves open stays so, though the first grid be too coarse to show it.
             below, above = _open(of_shift)
@@ -160,21 +213,22 @@ def _of_group(pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]
         if turn == _PASSES - 1:
             break
         cells *= _prior(shift)[:, None]
-        axes = (middle, spread, shift, between)
-        boxes = [
-            matters(axis, np.einsum("mtds,m,t,d,s->" + name, cells, *others, optimize=True))
-            for name, axis, others in (
-                (name, axis, [np.ones(len(w)) if i == j else w for j, w in enumerate(weights)])
-                for i, (name, axis) in enumerate(zip("mtds", axes, strict=True))
-            )
-        ]
+        boxes = [matters(axis, _margin(cells, axes, i)) for i, axis in enumerate(axes)]
         last = turn == _PASSES - 2
-        grow = [np.linspace(0, 1, n) ** power
-                for n, power in ((13, 1), (6, 1.4), (31 if last else 21, 1), (8, 1.4))]  # fmt: skip
+        counts = ((9, 1), (5, 1.4), (49 if last else 21, 1), (12 if last else 8, 1.6))
         middle, spread, shift, between = (
-            low + (high - low) * one for (low, high), one in zip(boxes, grow, strict=True)
+            low + (high - low) * np.linspace(0, 1, n) ** power
+            for (low, high), (n, power) in zip(boxes, counts, strict=True)
         )
     return _told(shift, of_shift, open_ends)
+
+
+def _margin(cells: Floats, axes: Sequence[Floats], kept: int) -> Floats:
+    """Return the integral over all axes but one."""
+    for i in reversed(range(len(axes))):
+        if i != kept:
+            cells = np.tensordot(cells, trapezoid(axes[i]), (i, 0))
+    return cells
 
 
 def _likelihood(

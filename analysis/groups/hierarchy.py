@@ -1,8 +1,8 @@
 """The threshold of a group, in which everybody takes part.
 
-Person i: mu_i ~ N(M, tau), log sigma_i ~ N(S, omega), guesses and lapses integrated out
-(docs/statistics.md, section 8). Nothing is drawn: each value of the hyperparameters is two products
-of matrices with each person's likelihood on its grid.
+Person i: mu_i ~ N(M, tau), log sigma_i ~ N(S, omega), all of one kind of lapses; guesses and lapses
+integrated out (docs/statistics.md, section 8). Nothing is drawn: each value of the hyperparameters
+is two products of matrices with each person's likelihood on its grid.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.density import quantiles, trapezoid
+from analysis.thresholds.density import kind_prior, quantiles, trapezoid
 from analysis.thresholds.grid import sigma_prior
 from analysis.thresholds.mle import SIGMA_FACTOR, SIGMA_MEDIAN
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 SPREAD: Final = 6.0
 """Half-normal prior of tau, steps; smaller ones cover too little where people differ much."""
 _LEAST_SPREAD: Final = 0.05
-_OMEGA: Final = np.array([0.15, 0.4, 0.8])
+OMEGA: Final = np.array([0.15, 0.4, 0.8])
 """log sigma of people varies by this; half-normal prior of 0.5. Three values are enough."""
-_OMEGA_SPREAD: Final = 0.5
+OMEGA_SPREAD: Final = 0.5
 _OUTSIDE: Final = 18.0
 _TINY: Final = 1e-300
 _MATTERS: Final = 1e-5
@@ -105,8 +105,8 @@ def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool =
     for turn in range(_PASSES):
         total = _log_likelihood(found, middle, spread, log_sigma)
         of_spread = np.exp(-0.5 * (spread / SPREAD) ** 2)
-        of_omega = np.exp(-0.5 * (_OMEGA / _OMEGA_SPREAD) ** 2)
-        cells = np.exp(total - total.max()) @ of_omega
+        of_omega = np.exp(-0.5 * (OMEGA / OMEGA_SPREAD) ** 2)
+        cells = np.exp(total - total.max()).sum(axis=0) @ of_omega
         if prior_of_middle:
             cells *= ruler.mu_prior(middle)[:, None, None]
         cells *= of_spread[:, None] * sigma_prior(log_sigma)
@@ -135,21 +135,25 @@ def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool =
 def _log_likelihood(
     found: Sequence[Surface], middle: Floats, spread: Floats, log_sigma: Floats
 ) -> Floats:
-    """Return the log likelihood of the hyperparameters, shape (middle, spread, S, omega)."""
+    """Return the log likelihood of the hyperparameters, shape (kind, middle, spread, S, omega).
+
+    With the prior of the kinds.
+    """
     of_mu, of_sigma = ([np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
-                       for axes in ((middle, spread), (log_sigma, _OMEGA)))  # fmt: skip
+                       for axes in ((middle, spread), (log_sigma, OMEGA)))  # fmt: skip
     weights: dict[int, Floats] = {}
-    total = np.zeros((len(of_mu[0]), len(of_sigma[0])))
+    prior = kind_prior()[:, None, None]
+    total = np.tile((1 - len(found)) * np.log(prior), (1, len(of_mu[0]), len(of_sigma[0])))
     for one in found:
         for axis, (at, width) in ((one.mu, of_mu), (one.log_sigma, of_sigma)):
             if id(axis) not in weights:
                 weights[id(axis)] = normal_weights(axis, at, width)
-        person = weights[id(one.mu)] @ one.values @ weights[id(one.log_sigma)].T
+        person = weights[id(one.mu)] @ one.by_kind @ weights[id(one.log_sigma)].T
         total += np.log(np.maximum(person, _TINY))
-    return total.reshape(len(middle), len(spread), len(log_sigma), len(_OMEGA))
+    return total.reshape(-1, len(middle), len(spread), len(log_sigma), len(OMEGA))
 
 
-def matters(axis: Floats, margin: Floats) -> tuple[float, float]:
+def matters(axis: Floats, margin: Floats, least: float = _MATTERS) -> tuple[float, float]:
     """Return the ends of what matters, with a node around."""
-    near = np.flatnonzero(margin > _MATTERS * margin.max())
+    near = np.flatnonzero(margin > least * margin.max())
     return float(axis[max(near[0] - 1, 0)]), float(axis[min(near[-1] + 1, len(axis) - 1)])

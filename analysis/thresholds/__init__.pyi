@@ -1,4 +1,4 @@
-from .density import quantiles, trapezoid
+from .density import kind_prior, quantiles, trapezoid
 from .fit import (
     BOUNDED,
     WITH_THRESHOLD,
@@ -14,13 +14,14 @@ from .fit import (
 )
 from .grid import Ruler, Surface, sigma_prior, surfaces
 from .levels import Placement, place_levels
-from .mle import REACH, SIGMA_FACTOR, SIGMA_MEDIAN
+from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
 from .people import Guessing, GuessRate, PersonCounts, people_in
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
 
 __all__ = [
     "BOUNDED",
+    "LOG_SIGMA",
     "REACH",
     "SIGMA_FACTOR",
     "SIGMA_MEDIAN",
@@ -39,6 +40,7 @@ __all__ = [
     "fit_psychometric",
     "in_volts",
     "increasing_exists",
+    "kind_prior",
     "levels_of",
     "people_in",
     "place_levels",

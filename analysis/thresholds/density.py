@@ -1,4 +1,4 @@
-"""Points of a density that is known at nodes."""
+"""Nodes, weights, and the points of a density that is known at nodes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.special import roots_legendre
+
+from analysis.thresholds.mle import MOST_LAPSES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,6 +47,33 @@ def legendre(points: int) -> tuple[Floats, Floats]:
     """
     at, weight = roots_legendre(points)
     return (at + 1) / 2, weight / 2
+
+
+def lapses(low: float, high: float, points: int) -> tuple[Floats, Floats]:
+    """Return nodes of lambda and the weights of its prior, Beta(1, 10), between two bounds."""
+    at, weight = legendre(points)
+    lapse = low + (high - low) * at
+    return lapse, weight * (1 - lapse) ** 9
+
+
+def kinds(lapse: Floats) -> Floats:
+    """Return how much people who lapse that often are of each kind: careful to careless.
+
+    Alone a person may be of any kind and has the prior of lambda, as shares sum to 1; the people of
+    a group are of one kind, so that what all have in common is no error of each of them.
+
+    >>> kinds(np.array([0.0, 0.05, 0.1])).tolist()
+    [[1.0, 0.25, 0.0], [0.0, 0.5, 0.0], [0.0, 0.25, 1.0]]
+    """
+    part = lapse / MOST_LAPSES
+    return np.stack([(1 - part) ** 2, 2 * part * (1 - part), part**2])
+
+
+@cache
+def kind_prior() -> Floats:
+    """Return the prior probability of each kind."""
+    lapse, weight = lapses(0.0, MOST_LAPSES, 12)
+    return np.asarray(kinds(lapse) @ weight / weight.sum())
 
 
 def quantiles(density: Floats, x: Floats) -> Floats:

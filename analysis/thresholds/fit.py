@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal, get_args
@@ -53,6 +54,8 @@ _GAIN: Final = 1e-13
 """Of log likelihood; a step that gains less moves no digit that is told."""
 _LEVEL: Final = 1e-12
 """A rise of the normal quantile over all levels that is no more is rounding."""
+_AT_ONCE: Final = 250
+"""Tables whose likelihoods are held in memory together, 60 kB each."""
 _NAN: Final = float("nan")
 
 
@@ -243,6 +246,13 @@ def fit_many(
     Tables are (fits, levels), with counts that are checked; where presented is 0 the level is not
     used. Each has its guess rate.
     """
+    if len(x) > _AT_ONCE:
+        parts = [slice(i, i + _AT_ONCE) for i in range(0, len(x), _AT_ONCE)]
+        some = (
+            fit_many(x[i], detected[i], presented[i], guesses=guesses[i], x_scale=x_scale)
+            for i in parts
+        )
+        return tuple(itertools.chain.from_iterable(some))
     shown = np.asarray(presented, dtype=np.float64)
     many = [i for i, row in enumerate(shown) if np.ptp(x[i][row > 0]) > 0]
     fits = [PsychometricFit(status="one_level")] * len(shown)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.density import legendre, quantiles, trapezoid, unresolved
+from analysis.thresholds.density import kinds, lapses, legendre, quantiles, trapezoid, unresolved
 from analysis.thresholds.mle import (
     LOG_SIGMA,
     MOST_LAPSES,
@@ -123,9 +123,14 @@ class Surface:
 
     mu: Floats
     log_sigma: Floats
-    values: Floats  # (mu, log sigma)
+    by_kind: Floats  # times the prior of each of `kinds`: (kinds, mu, log sigma)
     lapse_rate: float  # posterior mean
     best: tuple[float, float, float]  # the likeliest node: mu, log sigma, lambda
+
+    @property
+    def values(self) -> Floats:
+        """The likelihood of a person of whom no kind is known, shape (mu, log sigma)."""
+        return np.asarray(self.by_kind.sum(axis=0))
 
     def over_mu(self) -> Floats:
         """Return the likelihood of mu, sigma integrated out with its prior."""
@@ -193,7 +198,7 @@ def _over_prior(ruler: Ruler, rates: Floats, nodes: Nodes) -> Axes:
     steps = np.cumsum(_growing(nodes.outside) * REACH)
     mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
     log_sigma = np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
-    lapse, lapse_weight = _lapses(0.0, MOST_LAPSES, nodes.lapse)
+    lapse, lapse_weight = lapses(0.0, MOST_LAPSES, nodes.lapse)
     return Axes(
         mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=rates,
         guess_weight=np.ones(len(rates)),
@@ -205,12 +210,6 @@ def _growing(count: int) -> Floats:
     """Return steps that sum to 1, of which the last is twenty times the first."""
     steps = 20 ** (np.arange(count) / max(count - 1, 1))
     return np.asarray(steps / steps.sum())
-
-
-def _lapses(low: float, high: float, points: int) -> tuple[Floats, Floats]:
-    at, weight = legendre(points)
-    lapse = low + (high - low) * at
-    return lapse, weight * (1 - lapse) ** 9
 
 
 def _zoomed(batch: _Batch, i: int) -> Surface:
@@ -275,8 +274,8 @@ def _around(
 
 def _within(box: tuple[Floats, ...], guess: GuessRate, nodes: Nodes) -> Axes:
     """Lay axes over a box."""
-    mu, log_sigma, lapses, gammas = box
-    lapse, lapse_weight = _lapses(lapses[0], lapses[1], nodes.lapse)
+    mu, log_sigma, rates, gammas = box
+    lapse, lapse_weight = lapses(rates[0], rates[1], nodes.lapse)
     gamma, gamma_weight = np.array([guess.mean]), np.ones(1)
     if not guess.known:  # its density has no infinite value over the angle
         at, gamma_weight = legendre(nodes.guess)
@@ -352,24 +351,27 @@ class _Batch:
     def surfaces(self) -> tuple[list[Surface], NDArray[np.bool_]]:
         """Return each table's likelihood over mu and log sigma, and whether it is too narrow."""
         axes = self.axes
-        shape = (len(self.log), len(axes.mu), len(axes.log_sigma))
         cells = np.exp(self.log)
-        weight = (self.guess_weight[:, :, None] * axes.lapse_weight).reshape(len(cells), -1)
-        values = (weight[:, None] @ cells).reshape(shape)
+        of_kind = kinds(axes.lapse) * axes.lapse_weight
+        weight = self.guess_weight[:, None, :, None] * of_kind[:, None]
+        weight = weight.reshape(len(cells), len(of_kind), -1)
+        shape = (len(cells), len(of_kind), len(axes.mu), len(axes.log_sigma))
+        by_kind = (weight @ cells).reshape(shape)
+        values = by_kind.sum(axis=1)
         mu = trapezoid(axes.mu) * self.asked.ruler.mu_prior(axes.mu)
         sigma = _in_sigma(axes.log_sigma)
-        shares = weight * (cells @ np.outer(mu, sigma).ravel())
+        shares = weight.sum(axis=1) * (cells @ np.outer(mu, sigma).ravel())
         shares /= shares.sum(axis=1, keepdims=True)
         shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
         lapse_rate = shares.sum(axis=1) @ axes.lapse
         top = values.max(axis=(1, 2), keepdims=True)
         found = [
             Surface(
-                mu=axes.mu, log_sigma=axes.log_sigma, values=one,
+                mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
                 best=self.best(i),
             )
-            for i, one in enumerate(values / top)
+            for i, one in enumerate(by_kind / top[:, None])
         ]  # fmt: skip
         return found, self._doubtful(values / top, shares)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ from scipy.special import ndtr
 
 from analysis import compare_conditions, fit_group
 from analysis.axis import VOLTS, Axis
+from analysis.groups.difference import paired_difference
 from analysis.groups.hierarchy import hierarchy, normal_weights
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS, difference_table, group_table
-from analysis.thresholds.grid import Ruler, Surface
-from analysis.thresholds.people import people_of
+from analysis.thresholds.density import kind_prior
+from analysis.thresholds.grid import Ruler, Surface, surfaces
+from analysis.thresholds.people import GuessRate, people_of
 from tests.test_analysis.shared import PAPER, felt
 
 CENTRED = [49.0, 57.0, 64.0, 73.0, 91.0]
@@ -38,7 +41,8 @@ def normal_surface(at: float, width: float) -> Surface:
     mu = np.linspace(-30, 40, 1401)
     log_sigma = np.linspace(-1, 2, 9)
     values = np.exp(-0.5 * ((mu - at) / width) ** 2)[:, None] * np.ones(9)
-    return Surface(mu=mu, log_sigma=log_sigma, values=values, lapse_rate=0.0, best=(at, 0.7, 0.0))
+    by_kind = kind_prior()[:, None, None] * values
+    return Surface(mu=mu, log_sigma=log_sigma, by_kind=by_kind, lapse_rate=0.0, best=(at, 0.7, 0.0))
 
 
 def test_normal_weights_integrate_what_is_linear_however_narrow_the_normal_is() -> None:
@@ -68,6 +72,39 @@ def test_a_group_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters
     ):
         share = np.cumsum(margin) / margin.sum()
         assert points == pytest.approx(np.interp([0.025, 0.5, 0.975], share, axis), abs=0.08)
+
+
+@pytest.mark.slow
+def test_kinds_of_lapses_change_nothing_for_one_person_and_something_for_ten() -> None:
+    u = np.array([[30.0, 33.0, 36.0, 39.0, 42.0]])
+    ruler = Ruler(low=30.0, high=42.0, step=0.05, tail=3.0)
+    k, n = np.array([[16.0, 19.0, 25.0, 28.0, 28.0]]), np.full((1, 5), 30.0)
+    (one,) = surfaces(u, k, n, rulers=[ruler], guesses=[GuessRate(mean=0.5)])
+    alike = replace(one, by_kind=kind_prior()[:, None, None] * one.by_kind.sum(axis=0))
+    alone, other = (hierarchy([of], ruler).of_middle() for of in (one, alike))
+    assert alone == pytest.approx(other, abs=1e-9)
+    ten, others = (hierarchy([of] * 10, ruler).of_middle() for of in (one, alike))
+    assert ten[1] < others[1] - 0.05  # ten who miss 2 of 30 high levels each are careless
+
+
+@pytest.mark.slow
+def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters() -> None:
+    a, d, width = np.array([1.0, 4.0, 6.5, 3.0]), np.array([2.0, 1.0, 3.5, 1.5]), 0.6
+    ruler = Ruler(low=0.0, high=10.0, step=0.05, tail=3.0)
+    of_a, of_b = ([normal_surface(float(at), width) for at in one] for one in (a, a + d))
+    found, people = paired_difference(of_a, of_b, ruler)
+    shift, spread = np.linspace(-15, 20, 1401), np.linspace(0.02, 25, 800)
+    total = np.sqrt(2 * width**2 + spread**2)
+    z = (d[:, None, None] - shift[:, None]) / total
+    density = np.exp((-0.5 * z * z - np.log(total)).sum(axis=0) - 0.5 * (spread / 6) ** 2)
+    margin = density.sum(axis=1) * np.exp(-0.5 * (shift / 12) ** 2)
+    low, middle, high = np.interp([0.025, 0.5, 0.975], np.cumsum(margin) / margin.sum(), shift)
+    assert (*found.difference_limits_db, found.difference_db) == pytest.approx(
+        (low, high, middle), abs=0.06
+    )
+    half = 1.96 * math.sqrt(2) * width
+    for one, at in zip(people, d, strict=True):
+        assert one.difference_limits_db == pytest.approx((at - half, at + half), abs=0.06)
 
 
 def test_everybody_takes_part_in_a_group() -> None:

@@ -190,7 +190,8 @@ def test_order_empty_and_split_levels_make_no_difference(order: list[int], guess
 
 
 @pytest.mark.slow
-def test_many_fits_are_the_single_ones() -> None:
+def test_many_fits_are_the_single_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("analysis.thresholds.fit._AT_ONCE", 25)
     rng = np.random.default_rng(2)
     p = psychometric(PAPER, threshold_vpp=100, sigma=0.1, guess_rate=0.5, lapse_rate=0.02)
     k = rng.binomial(30, p, (60, 5)).astype(float)
