@@ -76,6 +76,7 @@ def answer(analysis: Analysis) -> Answer:
             *_threshold_rows(analysis),
             *_difference_rows(analysis),
             *_blank_rows(analysis),
+            *_spread_rows(analysis),
             _left_out_row(analysis),
         ),
     )
@@ -171,27 +172,25 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     for _, group in analysis.groups.iterrows():
         condition, number = str(group["condition"]), int(group["participants"])
         people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
-        trials = number_of(int(people["trials"].sum()), "trial")
         where = _where(analysis, condition, ",")
+        row, name, of = group, "Threshold of the group", _people(analysis, number)
         if number == 1:
             row = _one(analysis, condition)
             name = f"Threshold of participant {isolated(row['participant'])}"
-            session = _session(analysis, row["participant"], condition)
-            yield f"{name}{where}", _threshold_words(row), f"{session}, {trials}"
-            continue
-        of = f"{_people(analysis, number)}, {trials}"
-        yield f"Threshold of the group{where}", _threshold_words(group), of
+            of = _session(analysis, row["participant"], condition)
+        trials = number_of(int(people["trials"].sum()), "trial")
+        yield f"{name}{where}", _threshold_words(row), f"{of}, {trials}"
+
+
+def _spread_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    for _, group in analysis.groups.iterrows():
         if not math.isnan(float(group["spread_db"])):
-            yield (
-                f"Spread between participants (standard deviation){where}",
-                _spread(group, analysis),
-                "mostly its prior" if number < FEW else _people(analysis, number),
-            )
-            yield (
-                f"Another participant's threshold{where}",
-                _new_person(group, analysis),
-                "group and spread",
-            )
+            where = _where(analysis, group["condition"], ",")
+            number = int(group["participants"])
+            of = "mostly its prior" if number < FEW else _people(analysis, number)
+            yield f"Spread of participants (SD){where}", _spread(group, analysis), of
+            name = f"Another participant's threshold{where}"
+            yield name, _new_person(group, analysis), "group and spread"
 
 
 def _spread(group: pd.Series[Any], analysis: Analysis) -> str:
@@ -269,7 +268,7 @@ def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if analysis.counts.participants > 1:
-            of += "; interval ignores that participants differ"
+            of += " (ignores participants)"
         yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
 
 
