@@ -180,7 +180,7 @@ def _table(
         left_out=left_out,
         file=InputFile(name=source.name, sha256=sha256_of(source.path)),
         plan=InputFile(name=beside(source.name, PLAN), sha256=sha256) if plan else None,
-        progress=progress(told, plan, source.path) if plan else None,
+        progress=progress(told, plan, record.ended) if plan else None,
         compared=record.compared,
         altered=tuple(told_of(one, source.name) for one in record.altered),
     )

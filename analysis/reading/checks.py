@@ -165,7 +165,7 @@ def in_seconds(
     ...     "line": [2, 3]})
     >>> trials, told = in_seconds(trials, unit="s")
     >>> trials["rt_s"].tolist(), told
-    ([0.6, 0.65], ("participant 2: reaction times are taken for milliseconds (median 650 s)",))
+    ([0.6, 0.65], ('participant 2: reaction times are taken for milliseconds (median 650 s)',))
     """
     free = ~trials["file"].isin(planned) if planned else trials["file"].notna()
     medians_s = trials[free].groupby("participant")["rt_s"].median().dropna()

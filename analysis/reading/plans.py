@@ -88,6 +88,8 @@ class SessionRecord:
         Checksum of its file.
     compared : bool
         Whether there is a journal, so that the table was compared with it.
+    ended : int
+        How many trials it tells of.
     altered : tuple of Difference
         Where the session is not as it was recorded. Empty unless that is accepted, but for a
         journal that was removed: a table without one is taken, and marked.
@@ -96,6 +98,7 @@ class SessionRecord:
     plan: Plan | None = None
     plan_file_sha256: str = ""
     compared: bool = False
+    ended: int = 0
     altered: tuple[Difference, ...] = ()
 
 
@@ -130,6 +133,7 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
         plan=found.plan if trusted else None,
         plan_file_sha256=found.plan_file_sha256,
         compared=True,
+        ended=len(found.history.rows) if found.history else 0,
         altered=found.differences,
     )
 
@@ -318,16 +322,15 @@ def _known(value: Any) -> Any:
     return None if pd.isna(value) else value
 
 
-def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
-    """Count the planned trials that have a valid attempt.
+def progress(told: Sequence[Any], plan: Plan, ended: int) -> SessionProgress:
+    """Count the planned trials that have a valid attempt; a journal tells how many `ended`.
 
-    >>> from pathlib import Path
     >>> from types import SimpleNamespace
     >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
     >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f",
     ...     study="{}", sources={})
     >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
-    >>> progress(told, plan, Path("trials.csv"))
+    >>> progress(told, plan, 2)
     SessionProgress(participant='01', session='01', valid=1, planned=2, file_sha256='f',
     unexported=0, study='{}', sources='{}')
     """
@@ -338,20 +341,10 @@ def progress(told: Sequence[Any], plan: Plan, table: Path) -> SessionProgress:
         valid=sum(row.status == "ok" and row.trial in numbers for row in told),
         planned=len(numbers),
         file_sha256=plan.file_sha256,
-        unexported=max(0, _ended(table.with_name("journal.jsonl")) - len(told)),
+        unexported=max(0, ended - len(told)),
         study=plan.study,
         sources=json.dumps(plan.sources),
     )
-
-
-def _ended(journal: Path) -> int:
-    if not journal.is_file():
-        return 0
-    try:
-        with journal.open("rb") as stream:
-            return sum(line.count(b'"event":"trial_end"') for line in stream)
-    except OSError as error:
-        raise unreadable(error, journal) from None
 
 
 def contacts(

@@ -22,7 +22,7 @@ import re
 import time
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from device.clock import uptime_s
 from experiment.archive.disk import DISK, write_new
@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 SCHEMA = 2
 ROOT = "0" * 64
 """What the first line has for the hash of the line before."""
-_LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",(.*\})', re.DOTALL)
+_LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
+_BRACE = zlib.crc32(b"{")
+"""The checksum is of this and of what follows its own member."""
+_decode = json.JSONDecoder().raw_decode
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
@@ -66,9 +69,8 @@ class JournalWriteError(JournalError):
     """A journal that cannot be written: what it holds is safe, nothing more may be done."""
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One line of a journal."""
+class Entry(NamedTuple):
+    """One line of a journal; there are thousands of them."""
 
     event: str
     t_s: float  # on the session's clock
@@ -108,12 +110,16 @@ def read_journal(path: Path) -> JournalFile:
 
 
 def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
-    match = _LINE.fullmatch(line)
-    if match is None or zlib.crc32(b"{" + match[2]) != int(match[1], 16):
+    match = _LINE.match(line)
+    body = line[match.end() :] if match else b""
+    if match is None or body[-1:] != b"}" or zlib.crc32(body, _BRACE) != int(match[1], 16):
         damaged = "this line is damaged (its checksum does not match)"
         raise JournalLineError(path, number, damaged)
     try:
-        return _entry(path, number, json.loads(b"{" + match[2]), previous)
+        facts, end = _decode(text := "{" + body.decode())
+        if end < len(text):
+            raise json.JSONDecodeError("Extra data", text, end)
+        return _entry(path, number, facts, previous)
     except (KeyError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise JournalLineError(path, number, f"this line is none of a journal: {error}") from error
 
@@ -130,8 +136,8 @@ def _entry(path: Path, number: int, facts: dict[str, Any], previous: str) -> Ent
             f"{str(prev)[:12]!r}: lines up to here were changed or removed"
         )
         raise JournalLineError(path, number, message)
-    event, t_s, wall_s, up_s = (facts.pop(name) for name in ("event", "t_s", "wall_s", "up_s"))
-    return Entry(event, t_s, wall_s, facts, up_s)
+    take = facts.pop
+    return Entry(take("event"), take("t_s"), take("wall_s"), facts, take("up_s"))
 
 
 class Journal:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, field, fields
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -152,5 +153,8 @@ def trials_csv(rows: Iterable[TrialRow]) -> str:
     writer = csv.writer(text, lineterminator="\n")
     names = [column.name for column in COLUMNS]
     writer.writerow(names)
-    writer.writerows([format_value(getattr(row, name)) for name in names] for row in rows)
+    cells = attrgetter(*names)
+    writer.writerows(
+        [cell if type(cell) is str else format_value(cell) for cell in cells(row)] for row in rows
+    )
     return text.getvalue()
