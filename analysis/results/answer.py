@@ -240,8 +240,6 @@ def _totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:
 
 
 def _false_alarms(analysis: Analysis) -> Iterator[str]:
-    if analysis.levels.empty and analysis.blank.empty:
-        return
     if analysis.detected_any is None:
         yield 'false alarms are not told, for "none" was not an answer as far as the files tell'
         return

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from analysis.results.summary import devices
+from analysis.results.summary import devices, versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -73,6 +73,7 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
     kinds = [f"{kind}: {number} trials" for kind, number in devices(analysis.trials).items()]
     if kinds:
         yield "Kind of device", [", ".join(kinds)]
+    yield "Analysis by", [f"tactstrip {versions()['tactstrip']}"]
     contacts = analysis.contacts
     several = len(contacts) > 1
     told_of = [f"{w}: {', '.join(who)}" if several else w for w, who in contacts.items()]

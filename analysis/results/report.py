@@ -217,19 +217,16 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
     unit = analysis.axis.unit
     words = ["Threshold", "Threshold (95 %)", "Status", "Guess rate from", "Difference (95 %)",
              "Remark"]  # fmt: skip
-    tables = [
-        Table(
-            caption="Thresholds of the group",
-            header=["Condition", "Participants", "Threshold", "Below the levels",
-                    "Above the levels"],
-            rows=[
-                [str(row[name]) for name in ("condition", "participants", "printed")]
-                + [_whole(row[name]) for name in ("below", "above")]
-                for _, row in analysis.groups.iterrows()
-            ],
-            texts=words,
-        )
-    ]  # fmt: skip
+    tables = []
+    if analysis.groups["participants"].gt(1).any():
+        header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
+        cells = [
+            [str(row[name]) for name in ("condition", "participants", "printed")]
+            + [_whole(row[name]) for name in ("below", "above")]
+            for _, row in analysis.groups.iterrows()
+        ]
+        caption = "Thresholds of the group"
+        tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     for (a, b), rows in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
         cells = [
             ["Group" if row["participant"] == TOTAL else str(row["participant"]),

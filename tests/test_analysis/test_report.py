@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from html import escape
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
@@ -96,6 +97,13 @@ def test_foreign_names_are_text_and_nothing_else(html: str) -> None:
     assert not {tag for tag, _ in outline.tags} & {"script", "iframe", "a", "object", "form"}
     assert all("on" not in {name[:2] for name in given} for _, given in outline.tags)
     assert all(name in outline.text for name in HOSTILE)
+
+
+def test_names_in_the_sentences_of_the_answer_are_text_too(tmp_path: Path) -> None:
+    told = report(tmp_path, HOSTILE[1:3])
+    assert f"condition <bdi>{escape(HOSTILE[1])}</bdi> the threshold of" in told
+    assert "\u2068" not in told
+    assert not {tag for tag, _ in Outline(told).tags} & {"script"}
 
 
 def test_the_page_asks_for_nothing_and_may_not(html: str) -> None:
