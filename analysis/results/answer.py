@@ -159,6 +159,8 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
         when = f" in {_session(analysis, row['participant'], condition)}" if alone else ""
         yield f"{where} {subject} {_predicate(row)}{when}".lstrip()
         told_of = who
+    if analysis.thresholds["guess_basis"].eq("assumed").any():
+        yield "thresholds rest on an assumed guess rate, for want of blank trials"
     if groups["participants"].eq(1).any():
         yield "a participant's interval is for that session, another day may bring another"
     if groups["participants"].between(2, FEW - 1).any():
@@ -304,6 +306,8 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
         yield f"nothing counts of {number_of(len(without), 'participant')}: {names}"
     if analysis.lost:
         yield f"{number_of(len(analysis.lost), 'session')}, lost after recording, took no part"
+    if analysis.warnings:
+        yield f"see {number_of(len(analysis.warnings), 'warning')} below"
 
 
 def _left_out_row(analysis: Analysis) -> tuple[str, str, str]:

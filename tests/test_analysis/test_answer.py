@@ -222,6 +222,9 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"the thresholds of \d+ conditions stand in the table": is_true(
         lambda one: len(one.groups) > 3
     ),
+    "thresholds rest on an assumed guess rate, for want of blank trials": is_true(
+        lambda one: "assumed" in {*one.thresholds["guess_basis"]}
+    ),
     "a participant's interval is for that session, another day may bring another": is_true(
         lambda one: one.groups["participants"].eq(1).any()
     ),
@@ -269,6 +272,7 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"nothing was left out: all \d+ trials count": is_true(lambda one: not one.counts.left_out),
     rf"(?P<out>\d+) of (?P<all>\d+) trials \((?P<part>{NUMBER}) %\) are left out: (?P<why>.+)":
         left_out,
+    r"see \d+ warnings? below": is_true(lambda one: one.warnings),
     r"the map leaves out \d+ rows? more": is_true(lambda one: one.counts.unread),
     r"nothing counts of \d+ participants?: .+": is_true(
         lambda one: {*one.trials["participant"]}
@@ -295,9 +299,9 @@ def checked(found: Answer, analysis: Analysis) -> set[str]:
     kinds = [*SENTENCES]
     groups, pairs = len(analysis.groups), counted_pairs(analysis)
     assert used.count(kinds[0]) == (groups if groups <= 3 else 0)
-    assert sum(used.count(kinds[i]) for i in range(5, 11)) == (pairs if pairs <= 3 else 0)
-    assert (kinds[3] in used) == bool(analysis.groups["participants"].eq(1).any())
-    assert (kinds[4] in used) == bool(analysis.groups["participants"].between(2, 4).any())
+    assert sum(used.count(kinds[i]) for i in range(6, 12)) == (pairs if pairs <= 3 else 0)
+    assert (kinds[4] in used) == bool(analysis.groups["participants"].eq(1).any())
+    assert (kinds[5] in used) == bool(analysis.groups["participants"].between(2, 4).any())
     return {*used}
 
 
@@ -355,9 +359,10 @@ class Made:
         return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
 
     def thresholds(self) -> pd.DataFrame:
+        basis = self.rng.choice(("blanks", "assumed"))
         rows = [
             dict.fromkeys(THRESHOLD_COLUMNS, math.nan)
-            | {"participant": f"S{n}", "condition": name, "trials": 80, "guess_basis": "blanks"}
+            | {"participant": f"S{n}", "condition": name, "trials": 80, "guess_basis": basis}
             | self.value()
             for name in self.conditions
             for n in range(self.people)
@@ -426,6 +431,7 @@ class Made:
             least, groups=self.groups(), thresholds=self.thresholds(), axis=axis, levels=levels,
             differences=self.differences(axis), blank=self.blank(), excluded=excluded,
             counts=counts, trials=trials, lost=rng.choice(({}, {"s": ("gone",)})),
+            warnings=rng.choice(((), ("one", "two"))),
             detected_any=rng.choice((None, least.detected_any)),
         )  # fmt: skip
 
