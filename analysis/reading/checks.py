@@ -195,8 +195,8 @@ def _refuse_median(rows: pd.DataFrame, person: str, median_s: float, unit: str |
     raise ResultFileError(row["file"], int(row["line"]), message)
 
 
-def check_together(trials: pd.DataFrame) -> None:
-    """Refuse trials of one or several files that are told twice.
+def check_together(trials: pd.DataFrame, *, hint: str = "") -> None:
+    """Refuse trials of one or several files that are told twice, with what would help.
 
     Raises ResultFileError where participant, session, trial and attempt repeat, or where two
     attempts of one trial both have the status ok; practice may be repeated, as warm-up after every
@@ -210,12 +210,12 @@ def check_together(trials: pd.DataFrame) -> None:
     analysis.reading.text.ResultFileError: t.csv:9: participant 1, session 01, trial 5: status ok,
     although another attempt of this trial has it at t.csv:6
     """
-    refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as")
+    refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as", hint)
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne("practice")]
     refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
 
 
-def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
+def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str, hint: str = "") -> None:
     """Refuse the first row that has the key of an earlier one.
 
     >>> refuse_repeat(pd.DataFrame({"trial": [1, 2]}), ["trial"], "the same trial as")
@@ -227,5 +227,5 @@ def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str) -> None:
     same = trials[key].eq(second[key]).all(axis="columns")
     first = trials[same].iloc[0]
     told = ", ".join(f"{name} {second[name]}" for name in key)
-    message = f"{told}: {what} {one_line(first['file'])}:{first['line']}"
+    message = f"{told}: {what} {one_line(first['file'])}:{first['line']}{hint}"
     raise ResultFileError(second["file"], int(second["line"]), message)

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from analysis.reading.sources import InputTable
 
 
+_NUMBERED_ANEW = (
+    '; where trials are numbered anew, a map says in which session, or [columns] trial = ""'
+)
 _NOTHING_YET = "no session here has a trial yet"
 
 
@@ -201,7 +204,7 @@ def read_inputs(
     unit = None if columns is None else columns.units.get("rt_s", "s")
     trials, changed = in_seconds(trials, planned=planned, unit=unit)
     trials = with_reasons(trials)
-    check_together(trials)
+    check_together(trials, hint="" if columns is None else _NUMBERED_ANEW)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
     return LoadedTrials(
         trials=trials,

@@ -71,6 +71,8 @@ SEPARATORS: Final[Mapping[str, str]] = MappingProxyType(
     {",": "commas", ";": "semicolons", "\t": "tabs", "|": "vertical bars", " ": "spaces"}
 )
 """What may stand between the columns of a table made elsewhere."""
+TWICE: Final = " (twice)"
+"""What a name has behind it that a heading has more than once: nobody can tell which is meant."""
 _SEEN = ",;\t|"
 """Those of them that a heading shows; spaces stand in names, too."""
 # UTF-32 first: in little-endian order its mark begins with that of UTF-16.
@@ -99,7 +101,8 @@ def text_chunks(
     r"""Read a table as its header and chunks of at most `CHUNK_ROWS` rows of text.
 
     Without a `form` it must be as this program writes it: commas, UTF-8 without a mark. With one,
-    lines without a value are passed over, and columns may be without a name. A chunk has the lines
+    lines without a value are passed over, columns may be without a name, and names that stand twice
+    have `TWICE` behind them. A chunk has the lines
     on which its rows begin, and their cells; with `empty_allowed` a header alone is one chunk
     without rows. Of the stream nothing is read beyond the first fault.
 
@@ -114,6 +117,7 @@ def text_chunks(
     records = _records(stream, file, form)
     _, header = next(records, (0, []))
     _check_header(header, file, form)
+    header = [f"{name}{TWICE}" if name and header.count(name) > 1 else name for name in header]
     return header, _chunks(records, len(header), file, empty_allowed=empty_allowed)
 
 
@@ -229,7 +233,7 @@ def _check_header(header: list[str], file: str, form: TextFormat | None) -> None
         message = f"the columns seem to be separated by {SEPARATORS[likely]}; only commas are read"
         raise ResultFileError(file, 1, message)
     for position, name in enumerate(header):
-        if name in header[:position] and (name or form is None):
+        if form is None and name in header[:position]:
             raise ResultFileError(file, 1, f"the header names column {shown(name)} twice")
 
 

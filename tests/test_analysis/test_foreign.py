@@ -109,6 +109,25 @@ def test_zeros_and_ones_under_the_name_correct_are_trials_with_a_task(tmp_path: 
     ]
 
 
+def test_a_name_that_stands_twice_is_refused_only_where_it_is_needed(tmp_path: Path) -> None:
+    text = "participant,side,level_vpp,response,note,note\n1,left,60,left,a,b\n"
+    assert told(loaded(tmp_path, text), "level_vpp") == [[60.0]]
+    named = refused(put(tmp_path / "n.csv", text), columns=ColumnMap(columns={"condition": "note"}))
+    assert "no column 'note', named by the map for condition" in str(named)
+    assert "note (twice)" in str(named)
+    ours = put(tmp_path / "o.csv", text.replace("note", "session"))
+    error = refused(ours, columns=ColumnMap())
+    assert "names column session twice; [columns] session" in str(error)
+    assert read_trials([ours], ColumnMap(columns={"session": ""}))["session"].tolist() == ["01"]
+
+
+def test_trials_that_are_numbered_anew_are_refused_with_what_helps(tmp_path: Path) -> None:
+    text = LEAST.replace("\n", ",trial\n") + "1,left,60,left,1\n" * 2
+    error = refused(put(tmp_path / "t.csv", text), columns=ColumnMap())
+    assert '[columns] trial = ""' in str(error)
+    assert len(loaded(tmp_path, text, ColumnMap(columns={"trial": ""})).trials) == 2
+
+
 BEH = "stim_side\tvolts\tanswer\trt\nleft\t60\tleft\t0.6\nright\t95\tn/a\tn/a\n"
 OF_BEH = ColumnMap(
     columns={"side": "stim_side", "level_vpp": "volts", "response": "answer", "rt_s": "rt"},

@@ -16,7 +16,7 @@ import pandas as pd
 from analysis.axis import axis_of
 from analysis.reading.cells import ANY, DETECTED, UNANSWERED, CellReader, allowed, parse
 from analysis.reading.foreign.bids import STANDS_FOR
-from analysis.reading.foreign.form import check_file, row_filter, text_format
+from analysis.reading.foreign.form import check_file, refuse_doubled, row_filter, text_format
 from analysis.reading.foreign.table import COUNTED_COLUMNS, count_columns
 from analysis.reading.sources import read_regular
 from analysis.reading.text import ResultFileError, shown
@@ -215,6 +215,7 @@ class ColumnMap:
                 raise ResultFileError(file, 1, message)
         known = self._known()
         own = {name: name for name in known if name in header and name not in self.columns}
+        refuse_doubled(header, [name for name in known if name not in self.columns], file)
         if named.get("detected") == "correct":
             own.pop("correct", None)  # its 0 and 1 are what was answered
         told = {*own, *self.columns, *self.constant}

@@ -47,12 +47,15 @@ _CALLED: Final[Mapping[str, tuple[str, ...]]] = {
             "amp",
             "voltage",
         ),
-        *("volts", "volume", "gain", "strength", "contrast"),
+        *("volts", "volume", "gain", "strength", "contrast", "soa"),
     ),
     "response": ("response", "resp", "answer", "keys", "choice", "keypress", "key"),
     "rt_s": ("rts", "rt", "responsetime", "reactiontime", "resprt", "latency", "rtms"),
 }
-_HITS: Final = ("detected", "correct", "corr", "felt", "hit", "accuracy", "acc", "yes")
+_HITS: Final = (
+    *("detected", "correct", "corr", "responsecorrect", "respcorr", "iscorrect", "felt", "hit"),
+    *("accuracy", "acc", "yes"),
+)
 _COUNTS: Final = ("k", "detected", "correct", "hits", "ncorrect", "yes", "nyes", "ndetected")
 _OF: Final = ("n", "presented", "total", "ntotal", "ntrials", "trials", "shown")
 _WORDS: Final[Mapping[str, str]] = {
@@ -61,6 +64,7 @@ _WORDS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("b", "both"), "both"),
     **dict.fromkeys(("no", "nothing", "blank", "catch", "null", "none"), "none"),
 }
+_FELT: Final[Mapping[str, str]] = {"true": "1", "yes": "1", "false": "0", "no": "0"}
 _NOTHING: Final = ("", "none", "null", "n/a", "na", "nan")
 """How others write that there is no value, small letters."""
 _MOST_FILES, _MOST_WORDS, _SHOWN = 40, 12, 8
@@ -128,7 +132,8 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     else:
         lines.append(f"# task: where nobody answered so, state {_TASK}")
     order = ("file", "rows.keep", "rows.skip", "columns", "values.side", "values.level_vpp",
-             "values.response", "values.rt_s", "constant", "units", "axis", "table")  # fmt: skip
+             "values.response", "values.detected", "values.rt_s", "constant", "units", "axis",
+             "table")  # fmt: skip
     for name in order:
         if sections.get(name):
             lines += ["", f"[{name}]", *sections[name]]
@@ -192,8 +197,8 @@ def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
         _put(sections, "table", "detected", k or "", "guess")
         _put(sections, "table", "presented", n or "", "guess")
     hit = None if counted else table.called(_HITS)
-    both = hit if hit and {*table.words(hit)} <= {"0", "1"} else None
-    if response and {*table.words(response)} <= {"0", "1", *_NOTHING}:
+    both = hit if hit and _is_hit(table, hit) else None
+    if response and _is_hit(table, response):
         both = response
     for ours, names in _CALLED.items():
         if counted and ours in ("trial", "response", "rt_s", "side"):
@@ -212,6 +217,10 @@ def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
             _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
 
 
+def _is_hit(table: _Table, name: str) -> bool:
+    return {word.lower() for word in table.words(name)} <= {*_FELT, *_NOTHING, "0", "1"}
+
+
 def _answer(
     table: _Table, response: str | None, hit: str | None, sections: dict[str, list[str]]
 ) -> None:
@@ -222,7 +231,11 @@ def _answer(
         _words(table, "response", response, sections)
     elif hit is not None:
         _put(sections, "columns", "detected", hit, f"guess; {_of(table, hit)}")
-        _put(sections, "columns", "response", "", "0 and 1 are no sides")
+        if "response" in table.header:
+            _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
+        for word in table.words(hit):
+            if told := _FELT.get(word.lower()):
+                _put(sections, "values.detected", word, told, "guess")
     elif response is not None:
         _named(table, "response", response, sections)
     else:

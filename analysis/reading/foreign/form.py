@@ -5,7 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
-from analysis.reading.text import SEPARATORS, ResultFileError, TextFormat, shown, text_chunks
+from analysis.reading.text import (
+    SEPARATORS,
+    TWICE,
+    ResultFileError,
+    TextFormat,
+    shown,
+    text_chunks,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -126,6 +133,17 @@ def row_filter(section: Mapping[str, Any]) -> RowFilter:
                 )
             told[which][name] = tuple(words)
     return RowFilter(**told)
+
+
+def refuse_doubled(header: list[str], ours: list[str], file: str) -> None:
+    """Refuse a heading that has a name of ours more than once, where a map does not help.
+
+    >>> refuse_doubled(["side (twice)", "rt", "side (twice)"], ["rt"], "t.csv")
+    """
+    for name in ours:
+        if name + TWICE in header:
+            message = f'the header names column {name} twice; [columns] {name} = "" leaves it out'
+            raise ResultFileError(file, 1, message)
 
 
 def foreign_chunks(
