@@ -1,16 +1,27 @@
-"""Counts of simulated people who are not binomial, from closed form: no engine, no session."""
+"""Simulated people who are not as simple: their counts, and which of them an analysis names."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import pandas as pd
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
+from analysis.answers.doubts import doubts
+from analysis.axis import VOLTS
+from experiment.study.sections.simulation import Simulation
+from experiment.terms.observer import draw_observer, threshold_course_db
+
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
+
+    from experiment.terms.observer import Observer
 
     Floats = NDArray[np.float64]
 
@@ -98,3 +109,129 @@ def wandering_counts(
     z = (x[order] - mu[:, None] - shift_db / 20) / sigma[:, None]
     detected = rng.random(z.shape) < guess_rate + (1 - guess_rate - lapse_rate) * ndtr(z)
     return np.stack([(detected & (order == level)).sum(axis=1) for level in range(len(x))], 1) + 0.0
+
+
+SESSIONS: Final = 1000
+PAPER: Final = (60.0, 95.0, 130.0, 165.0, 200.0)
+CENTRED: Final = (49.0, 57.0, 64.0, 73.0, 91.0)
+FORCED: Final = ("left", "right", "both")
+WITH_NONE: Final = (*FORCED, "none")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionDesign:
+    """What a person is shown in one session, in random order."""
+
+    name: str
+    levels_vpp: tuple[float, ...]
+    per_side: int  # stimuli of each level
+    blanks: int
+    responses: tuple[str, ...]
+
+
+DESIGNS: Final = (
+    SessionDesign(
+        name="the paper's, 150", levels_vpp=PAPER, per_side=15, blanks=0, responses=FORCED
+    ),
+    SessionDesign(
+        name="centred levels, 150", levels_vpp=CENTRED, per_side=15, blanks=0, responses=FORCED
+    ),
+    SessionDesign(
+        name='"none", 150 and 60 blanks', levels_vpp=PAPER, per_side=15, blanks=60,
+        responses=WITH_NONE,
+    ),
+    SessionDesign(
+        name='"none", centred, 150 and 60 blanks', levels_vpp=CENTRED, per_side=15, blanks=60,
+        responses=WITH_NONE,
+    ),
+    SessionDesign(
+        name='pilot, "none", 40 and 12 blanks', levels_vpp=(20.0, 40.0, 80.0, 160.0), per_side=5,
+        blanks=12, responses=WITH_NONE,
+    ),
+)  # fmt: skip
+
+HONEST: Final = Simulation(threshold_vpp=62.0).median
+PEOPLE: Final = {
+    "honest": HONEST,
+    "honest, wandering": replace(
+        HONEST, wander_db=1.5, wander_trials=15.0, last_answer_db=0.3, masking_slope=0.2
+    ),
+    "sides swapped": replace(HONEST, swapped=True),
+    "drift of 4 dB": replace(HONEST, drift_db=4.0),
+    "drift of 8 dB": replace(HONEST, drift_db=8.0),
+    "feels nothing": replace(HONEST, threshold_vpp=1e5),
+}
+KINDS: Final = {
+    "swapped": "keys or actuators swapped",
+    "guessing": "cannot be told from guessing",
+    "drift": "from the first trial to the last",
+}
+
+
+def sessions_of(
+    person: Observer, design: SessionDesign, sessions: int, *, seed: int = 1
+) -> pd.DataFrame:
+    """Return the trials of many people, one session each, without an engine."""
+    rows: list[tuple[object, ...]] = []
+    stimuli = [(level, side) for level in design.levels_vpp for side in ("left", "right")]
+    every = [*(stimuli * design.per_side), *[(0.0, "none")] * design.blanks]
+    for number in range(sessions):
+        rng = np.random.default_rng((seed, number))
+        someone = draw_observer(person, 1.5, rng, finger_difference_sd_db=1.0)
+        course_db = threshold_course_db(someone, len(every), rng)
+        last_db = 0.0
+        for trial, i in enumerate(rng.permutation(len(every))):
+            level_vpp, side = every[i]
+            now_db = course_db[trial] + last_db
+            found = someone.answer(
+                level_vpp * (side == "left"),
+                level_vpp * (side == "right"),
+                design.responses,
+                rng,
+                60.0,
+                shift_db=(now_db, now_db),
+            )
+            if "none" in design.responses:
+                half_db = someone.last_answer_db / 2
+                last_db = half_db if found.response == "none" else -half_db
+            rows.append((f"{number:04d}", trial, level_vpp or math.nan, side, found.response))
+    table = pd.DataFrame(rows, columns=["participant", "trial", "level_vpp", "side", "response"])
+    return table.assign(
+        condition="main",
+        session="01",
+        kind=np.where(table["side"] == "none", "blank", "single"),
+        reason="",
+        none_offered="none" in design.responses,
+    )
+
+
+def doubt_rows(sessions: int = SESSIONS) -> Iterator[str]:
+    """Yield for each design and kind of people how many are named, of a thousand."""
+    for design in DESIGNS:
+        for who, person in PEOPLE.items():
+            told = list(doubts(sessions_of(person, design, sessions), VOLTS))
+            counts = [
+                sum(words in one for one in told) * SESSIONS // sessions for words in KINDS.values()
+            ]
+            yield f"| {design.name} | {who} | " + " | ".join(map(str, counts)) + " |"
+
+
+_WORDS: Final = (
+    f"Of {SESSIONS} simulated people (62 V, 1.5 dB between people, fingers that differ by 1 dB, "
+    "sigma 0.1, lapses 0.03, false alarms 0.05), one session each, how many are warned of as "
+    "swapped, at chance and drifting.\n"
+)
+
+
+def section() -> str:
+    """Return the section of the page."""
+    return "\n".join(
+        [
+            "## Who is named\n",
+            _WORDS,
+            "| session | people | swapped | at chance | drift |",
+            "|---|---|---|---|---|",
+            *doubt_rows(),
+            "",
+        ]
+    )

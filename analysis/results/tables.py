@@ -11,12 +11,13 @@ from analysis.answers.counting import reaction_table
 from analysis.definitions import METHODS
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
-from analysis.reading.text import ResultFileError, named
+from analysis.reading.text import ResultFileError
+from analysis.results.warned import warnings_of, without_device
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     import pandas as pd
 
@@ -26,11 +27,6 @@ if TYPE_CHECKING:
     from analysis.reading.batch import InputFile
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
-
-
-# Left out as planned, or presented again: nothing to warn of.
-_EXPECTED = ("practice", "control", "voided")
-_NO_STUDY = "n/a"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,7 +234,7 @@ def analyse(
         control=counting.control_table(trials),
         counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,
-        warnings=tuple(_warnings(loaded, excluded, stated)),
+        warnings=tuple(warnings_of(loaded, excluded, stated)),
         ci=ci,
         seed=seed,
         axis=loaded.axis,
@@ -309,92 +305,3 @@ def _counts(loaded: LoadedTrials) -> Counts:
 def _sessions_of(trials: pd.DataFrame) -> list[tuple[str, str]]:
     told = trials[["participant", "session"]].drop_duplicates()
     return list(told.itertuples(index=False, name=None))
-
-
-def _warnings(
-    loaded: LoadedTrials, excluded: pd.DataFrame, stated: Mapping[str, tuple[str, ...]]
-) -> Iterator[str]:
-    trials = loaded.trials
-    counted = trials[trials["reason"].eq("")]
-    yield from _incomplete(loaded)
-    lost = excluded[~excluded["reason"].isin(_EXPECTED)].groupby("reason")["trials"].sum()
-    if len(lost):
-        told = ", ".join(f"{reason} {number}" for reason, number in lost.items())
-        yield f"{lost.sum()} trials are left out: {told}"
-    empty = sorted({*trials["participant"]} - {*counted["participant"]})
-    if empty:
-        yield f"no trial counts of participant {', '.join(empty)}"
-    if loaded.cells is None and not counted["kind"].eq("single").any():
-        yield "no trial with a single stimulus counts, so there is no level to report"
-    yield from loaded.changed
-    studies = _studies(loaded)
-    if studies > 1:
-        yield f"the trials come from {studies} different studies (study_sha256)"
-    for differences in loaded.altered.values():
-        yield from (f"altered after recording: {one}" for one in differences)
-    for session, differences in loaded.lost.items():
-        yield from (f"session {session} is left out: {one}" for one in differences)
-    if without := without_device(trials).sum():
-        yield f"{without} of {len(trials)} trials are of people on a mock device or an emulator"
-    if 0 < (made := trials["simulated"].sum()) < len(trials):
-        yield f"{made} of {len(trials)} trials are simulated, the others real"
-    if len(stated) > 1:
-        told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
-        yield f"force and contact of the fingers are not the same in all sessions: {told}"
-    yield from _about_none(counted)
-
-
-def without_device(trials: pd.DataFrame) -> pd.Series[bool]:
-    """Tell which trials are of a person whose device moves nothing.
-
-    >>> import pandas as pd
-    >>> kinds = {"simulated": [False, False, True], "device_kind": ["mock", None, "mock"]}
-    >>> without_device(pd.DataFrame(kinds)).tolist()
-    [True, False, False]
-    """
-    return ~trials["simulated"].astype(bool) & trials["device_kind"].isin(["mock", "emulated"])
-
-
-def _studies(loaded: LoadedTrials) -> int:
-    """Count the studies; levels placed for a participant make no other one, by its plan."""
-    trials, key = loaded.trials, ["participant", "session"]
-    of_plan = {(one.participant, one.session): one.file_sha256 for one in loaded.progress}
-    known = trials.loc[trials["study_sha256"].ne(_NO_STUDY), [*key, "study_sha256"]]
-    told = known.drop_duplicates().itertuples(index=False)
-    return len({of_plan.get((row[0], row[1]), row[2]) for row in told})
-
-
-def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
-    for folder, told in loaded.without_table.items():
-        yield f"session {folder} has no trials.csv; {told}"
-    for one in loaded.progress:
-        if one.valid < one.planned:
-            where = _session(one.participant, one.session)
-            yield f"{where}: {one.valid} of {one.planned} planned trials have a valid attempt"
-        if one.unexported > 0:
-            where = _session(one.participant, one.session)
-            yield (
-                f"{where}: its journal tells of {one.unexported} more trials than its trials.csv; "
-                "tactstrip export DIR builds that anew"
-            )
-    planned = {(one.participant, one.session) for one in loaded.progress}
-    trials = loaded.trials[loaded.trials["kind"].isin(counting.COUNTED_KINDS)]
-    key = ["participant", "session", "trial"]
-    valid = trials[key].assign(ok=trials["status"].eq("ok")).groupby(key, as_index=False).any()
-    people = valid[~valid["ok"]].groupby(key[:2]).size().reset_index(name="missing")
-    for row in people.itertuples():
-        if (row.participant, row.session) not in planned:
-            where = _session(row.participant, row.session)
-            yield f"{where}: trials without a valid attempt: {row.missing}"
-
-
-def _session(participant: object, session: object) -> str:
-    return f"participant {participant}, session {session}"
-
-
-def _about_none(counted: pd.DataFrame) -> Iterator[str]:
-    offered = counted["none_offered"].fillna(value=False)
-    if offered.any() and not offered.all():
-        yield f'"none" is known to be an answer in {offered.sum()} of {len(offered)} trials only'
-    if not offered[counted["kind"].eq("blank")].all():
-        yield 'blank trials without "none" as an answer: a false alarm is nearly certain there'

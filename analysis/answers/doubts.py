@@ -1,0 +1,225 @@
+"""People whose answers a reader should look at: sides swapped, no better than guessing, drifting.
+
+The tests are exact where they decide on a person, so that an honest one is hardly ever named;
+docs/statistics.md, section 12, has how often, and how many of the others are found. Nothing is left
+out or turned around because of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pandas as pd
+from scipy.special import bdtr, bdtrc, gammaln
+
+from analysis.answers.counting import counted
+from analysis.answers.drift import drifting
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from analysis.axis import Axis
+
+    Counts = NDArray[np.int64]
+
+
+SWAPPED_P: Final = 1e-3
+"""Who is right as seldom as this by guessing has the sides swapped; who feels anything is safer."""
+GUESSED_P: Final = 0.05
+"""What guessing makes more probable than this cannot be told from guessing."""
+FEWEST: Final = 20
+"""Fewer stimuli tell of nobody that they only guess."""
+
+_SIDES: Final = ("left", "right")
+
+
+def doubts(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterator[str]:
+    """Say which people a reader should look at, and why, in a sentence each.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+    axis : Axis
+        Of the levels.
+    alternatives : int
+        Of a forced choice.
+
+    Yields
+    ------
+    str
+        People with swapped sides, people who may only guess, and sessions with a drift.
+
+    Examples
+    --------
+    >>> from analysis.axis import VOLTS
+    >>> trials = pd.DataFrame({"participant": "7", "condition": "main", "session": "01",
+    ...     "trial": range(40), "kind": "single", "side": ["left", "right"] * 20,
+    ...     "level_vpp": 60.0, "response": ["right", "left"] * 20, "reason": "",
+    ...     "none_offered": False})
+    >>> print(*doubts(trials, VOLTS))  # doctest: +ELLIPSIS
+    participant 7: the side was right in 0 of 40 left or right answers to single stimuli, fewer
+    than guessing gives (p = 7e-12): keys or actuators swapped? Nothing was turned around
+    """
+    single, blank = counted(trials, "single"), counted(trials, "blank")
+    if single.empty:
+        return
+    levels, blanks = _cells(single, "level_vpp"), _cells(blank)
+    found = {name: _swapped(name, every, alternatives) for name, every in _people(levels).items()}
+    yield from filter(None, found.values())
+    several = len({condition for _, condition in levels}) > 1
+    for (name, condition), cells in levels.items():
+        if found[name] or _told_from_guesses(cells, blanks.get((name, condition)), alternatives):
+            continue
+        where = f", condition {condition}" if several else ""
+        words = _guess_words(cells, blanks.get((name, condition)), alternatives)
+        yield f"participant {name}{where}: {words}"
+    yield from drifting(single, axis, alternatives)
+
+
+def short_p(value: float) -> str:
+    """Write a small probability.
+
+    >>> short_p(0.00012), short_p(0.0)
+    ('1e-4', '0')
+    """
+    return f"{value:.0e}".replace("e-0", "e-") if value else "0"
+
+
+# A cell is a row of counts: answers left and right to stimuli at the left, the same at the right,
+# stimuli at the left, all stimuli, those that were felt, and those with "none" not offered.
+_AT_LEFT, _ALL, _FELT, _FORCED = 4, 5, 6, 7
+
+
+def _cells(trials: pd.DataFrame, *more: str) -> dict[tuple[str, str], Counts]:
+    """Count the answers of each participant in each condition; a row each level where `more`."""
+    side, answer = (trials[name].astype(object) for name in ("side", "response"))
+    offered = trials["none_offered"].astype("boolean").fillna(value=False).astype(bool)
+    columns = [
+        *(side.eq(one) & answer.eq(other) for one, other in itertools.product(_SIDES, repeat=2)),
+        *(side.eq("left"), answer.notna(), answer.isin([*_SIDES, "both"]), ~offered),
+    ]
+    key = [trials[name].astype(object) for name in ("participant", "condition", *more)]
+    table = pd.concat(columns, axis=1, keys=range(len(columns))).astype(np.int64)
+    counts = table.groupby(key).sum()
+    rows: dict[tuple[str, str], list[Counts]] = {}
+    for where, row in zip(counts.index, counts.to_numpy(), strict=True):
+        rows.setdefault((str(where[0]), str(where[1])), []).append(row)
+    return {where: np.array(each) for where, each in rows.items()}
+
+
+def _people(cells: dict[tuple[str, str], Counts]) -> dict[str, Counts]:
+    """Return the counts of each participant, all conditions together."""
+    people: dict[str, Counts] = {}
+    for (name, _), rows in cells.items():
+        people[name] = people.get(name, 0) + rows.sum(axis=0)
+    return people
+
+
+def _swapped(name: str, row: Counts, alternatives: int) -> str:
+    sides = _sides(row, alternatives)
+    if sides.below >= SWAPPED_P:
+        return ""
+    return (
+        f"participant {name}: the side was right in {sides.right} of {sides.of} left or right "
+        f"answers to single stimuli, fewer than guessing gives (p = {short_p(sides.below)}): keys "
+        "or actuators swapped? Nothing was turned around"
+    )
+
+
+def _told_from_guesses(cells: Counts, blanks: Counts | None, alternatives: int) -> bool:
+    """Tell whether a participant does better than by guessing, at all levels or at one of them.
+
+    True, too, where nobody can know: few stimuli, or none that guesses could be told by.
+    """
+    together = _p_of_guesses(cells.sum(axis=0), blanks, alternatives)
+    if together is None or together < GUESSED_P or cells[:, _ALL].sum() < FEWEST:
+        return True
+    each = [_p_of_guesses(row, blanks, alternatives) for row in cells]
+    return min((p for p in each if p is not None), default=1.0) < GUESSED_P / len(cells)
+
+
+def _p_of_guesses(row: Counts, blanks: Counts | None, alternatives: int) -> float | None:
+    """Return how probable answers as good are in guesses, by their sides and against blanks."""
+    sides, tested = _sides(row, alternatives), []
+    if sides.tells:
+        tested.append(sides.above)
+    if blanks is not None:
+        felt, of = (np.array([row[i], blanks[0, i]]) for i in (_FELT, _ALL))
+        tested.append(hypergeometric_tails(np.stack([felt, of - felt], axis=1))[1])
+    return min(1.0, len(tested) * min(tested)) if tested else None
+
+
+def _guess_words(cells: Counts, blanks: Counts | None, alternatives: int) -> str:
+    row, parts = cells.sum(axis=0), []
+    sides = _sides(row, alternatives)
+    if sides.tells:
+        parts.append(f"the side right in {sides.right} of {sides.of} left or right answers")
+    if blanks is not None:
+        parts.append(
+            f"something felt in {row[_FELT]} of {row[_ALL]} single stimuli and in "
+            f"{blanks[0, _FELT]} of {blanks[0, _ALL]} blanks"
+        )
+    return (
+        f"answers cannot be told from guessing at any level ({', '.join(parts)}): levels too low, "
+        "the task misunderstood, or an actuator that does not move?"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sides:
+    """Right sides of so many answered; how probable as few, and as many, are in guesses.
+
+    `tells` is false where guesses could not be told: stimuli at one side only, "none" offered.
+    """
+
+    right: int
+    of: int
+    below: float = 1.0
+    above: float = 1.0
+    tells: bool = True
+
+
+def _sides(row: Counts, alternatives: int) -> _Sides:
+    table = row[:4].reshape(2, 2)
+    right, of = int(np.trace(table)), int(table.sum())
+    if 0 < row[_AT_LEFT] < row[_ALL]:
+        return _Sides(right, of, *hypergeometric_tails(table))
+    if row[_FORCED] < row[_ALL]:
+        return _Sides(right, of, tells=False)
+    # At one side only, the answer of a forced choice is right by chance once in so many.
+    p = 1 / alternatives
+    above = float(bdtrc(right - 1, of, p)) if right else 1.0
+    return _Sides(right, of, float(bdtr(right, of, p)), above)
+
+
+def hypergeometric_tails(table: Counts) -> tuple[float, float]:
+    """Return P(at most) and P(at least) as many in the first cell of a 2 x 2 table, its sums given.
+
+    Fisher's exact test, one tail each. How often a side is answered is given: a person who prefers
+    one is not taken for one who swaps them.
+
+    >>> [round(p, 6) for p in hypergeometric_tails(np.array([[0, 5], [5, 0]]))]
+    [0.003968, 1.0]
+    >>> hypergeometric_tails(np.array([[9, 0], [3, 0]]))
+    (1.0, 1.0)
+    """
+    row, other = (int(one) for one in table.sum(axis=1))
+    column = int(table[:, 0].sum())
+    first = np.arange(max(0, column - other), min(row, column) + 1)
+    log = -(
+        gammaln(first + 1.0)
+        + gammaln(row - first + 1.0)
+        + gammaln(column - first + 1.0)
+        + gammaln(other - column + first + 1.0)
+    )
+    shares = np.exp(log - log.max())
+    shares /= shares.sum()
+    here = int(table[0, 0])
+    below, above = float(shares[first <= here].sum()), float(shares[first >= here].sum())
+    return min(1.0, below), min(1.0, above)
