@@ -53,9 +53,19 @@ def with_limits(at: float, low: float, high: float, unit: str, levels: Sequence[
     """
     ends = [end for end in (low, at, high) if math.isfinite(end)]
     spread = max(ends) - min(ends)
+    return f"{rounded(at, spread)} {unit} ({between(low, high, levels, spread)})"
+
+
+def between(low: float, high: float, levels: Sequence[float], spread: float = 0.0) -> str:
+    """Return limits in words, rounded by their spread; an open one is that of the tested levels.
+
+    >>> between(74.0, 88.21, [60, 200]), between(-math.inf, math.inf, [60, 200])
+    ('74.0 to 88.2', '< 60 to > 200')
+    """
+    spread = spread or high - low
     least = f"< {shortest(min(levels))}" if low == -math.inf else rounded(low, spread)
     most = f"> {shortest(max(levels))}" if high == math.inf else rounded(high, spread)
-    return f"{rounded(at, spread)} {unit} ({least} to {most})"
+    return f"{least} to {most}"
 
 
 def bounded(low: float, high: float, unit: str, levels: Sequence[float]) -> str:

@@ -60,6 +60,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "it is known",
         "threshold_guess_0_vpp, threshold_guess_third_vpp": "the threshold if the guess rate were "
         "0 or 1/3",
+        "varied_low_vpp, varied_high_vpp, varied_printed": "limits of the threshold if answers "
+        "vary 2.8 times the binomial, as in Grund et al. 2022; only where none could be answered",
         "levels, trials": "how many the fit is of",
         "n, median, p10, p90": "correct answers to single stimuli with a time; median, 10 % and "
         "90 % points of the reaction time, seconds",

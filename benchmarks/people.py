@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
-from analysis.answers.doubts import doubts
+from analysis.answers.doubts import doubtful
 from analysis.axis import VOLTS
 from experiment.study.sections.simulation import Simulation
 from experiment.terms.observer import draw_observer, threshold_course_db
@@ -205,14 +205,12 @@ def sessions_of(
     )
 
 
-def doubt_rows(sessions: int = SESSIONS) -> Iterator[str]:
-    """Yield for each design and kind of people how many are named, of a thousand."""
+def doubt_rows() -> Iterator[str]:
+    """Yield for each design and kind of people how many are named."""
     for design in DESIGNS:
         for who, person in PEOPLE.items():
-            told = list(doubts(sessions_of(person, design, sessions), VOLTS))
-            counts = [
-                sum(words in one for one in told) * SESSIONS // sessions for words in KINDS.values()
-            ]
+            told = list(doubtful(sessions_of(person, design, SESSIONS), VOLTS))
+            counts = [sum(words in one for one in told) for words in KINDS.values()]
             yield f"| {design.name} | {who} | " + " | ".join(map(str, counts)) + " |"
 
 

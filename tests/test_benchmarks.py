@@ -14,6 +14,7 @@ from benchmarks import (
     field,
     gains,
     hard_cases,
+    people,
     screen,
     single,
     skipping,
@@ -168,3 +169,10 @@ def test_what_is_not_measured_stays_on_the_page(
     assert text.startswith("# Benchmarks\n\nMeasured by")
     assert text.endswith("\n\n## Long runs\n\n42 kills\n")
     assert "1 s" not in text
+
+
+def test_a_section_of_people_tells_who_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(people, "DESIGNS", people.DESIGNS[:1])
+    monkeypatch.setattr(people, "SESSIONS", 3)
+    rows = people.section().splitlines()
+    assert "| the paper's, 150 | sides swapped | 3 | 0 | 0 |" in rows

@@ -3,6 +3,7 @@ from . import detection as detection
 from .choice import Choices, choices, confusion_table
 from .counting import AUDIBILITY, CONTROL_COLUMNS, clean_table, counted, reaction_table
 from .detection import cells, level_table
+from .doubts import doubtful
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
 from .serial import SerialEffect
@@ -23,6 +24,7 @@ __all__ = [
     "counted",
     "counting",
     "detection",
+    "doubtful",
     "group_interval",
     "level_table",
     "proportion_ci",

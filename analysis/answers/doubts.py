@@ -38,7 +38,7 @@ FEWEST: Final = 20
 _SIDES: Final = ("left", "right")
 
 
-def doubts(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterator[str]:
+def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterator[str]:
     """Say which people a reader should look at, and why, in a sentence each.
 
     Parameters
@@ -62,7 +62,7 @@ def doubts(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterator[
     ...     "trial": range(40), "kind": "single", "side": ["left", "right"] * 20,
     ...     "level_vpp": 60.0, "response": ["right", "left"] * 20, "reason": "",
     ...     "none_offered": False})
-    >>> print(*doubts(trials, VOLTS))  # doctest: +ELLIPSIS
+    >>> print(*doubtful(trials, VOLTS))  # doctest: +ELLIPSIS
     participant 7: the side was right in 0 of 40 left or right answers to single stimuli, fewer
     than guessing gives (p = 7e-12): keys or actuators swapped? Nothing was turned around
     """

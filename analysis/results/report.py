@@ -62,6 +62,11 @@ _CENSORED: Final = (
     "is a limit. Everybody takes part in the group's threshold, those below and above included. "
     "A participant's interval is for that session; what another day brings needs a second one."
 )
+_VARIED: Final = (
+    'Where "none" could be answered, the answers of real people near threshold varied 2.8 times '
+    "the binomial (M. Grund et al., J. Neurosci. 42 (2022) 643-656). No such factor can be found "
+    'from one session: a column "if answers vary 2.8 times" has a threshold\'s limits for it.'
+)
 _COUNTS: Final = (
     "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
     "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
@@ -243,12 +248,12 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
               "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",
-              "Levels", "Trials"]  # fmt: skip
+              "If answers vary 2.8 times", "Levels", "Trials"]  # fmt: skip
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
         cells = [_threshold(row, unit) for _, row in rows.iterrows()]
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    yield Section(title="Thresholds", texts=[_CENSORED], tables=tables)
+    yield Section(title="Thresholds", texts=[_CENSORED, _VARIED], tables=tables)
 
 
 def _whole(number: float) -> str:
@@ -273,6 +278,7 @@ def _threshold(row: pd.Series[Any], unit: str) -> list[str]:
         *(p_text(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
         row["guess_basis"],
         *(_level_text(row[f"threshold_guess_{name}_vpp"], unit) for name in ("0", "third")),
+        row["varied_printed"] if isinstance(row["varied_printed"], str) else "n/a",
         str(row["levels"]),
         str(row["trials"]),
     ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analysis.answers import counting
-from analysis.answers.doubts import doubts
+from analysis.answers.doubts import doubtful
 from analysis.reading.text import named
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def warnings_of(
         told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
         yield f"force and contact of the fingers are not the same in all sessions: {told}"
     yield from _about_none(counted)
-    yield from doubts(trials, loaded.axis, loaded.alternatives)
+    yield from doubtful(trials, loaded.axis, loaded.alternatives)
 
 
 def without_device(trials: pd.DataFrame) -> pd.Series[bool]:

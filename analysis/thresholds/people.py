@@ -117,6 +117,8 @@ def _parts() -> Iterator[int]:
         yield 3 * 2 ** (power - 1)
 
 
+FORCED_CHOICE: Final = "forced choice"
+"""Basis of the guess rate where "none" could not be answered."""
 BLANKS_NEEDED: Final = 20
 """Fewer blank trials tell little of a guess rate, and the table of thresholds says so."""
 
@@ -149,7 +151,7 @@ def guessing(
     (1.0, 10.0)
     """
     if not none_offered:
-        return Guessing(rate=GuessRate(mean=1 / alternatives), basis="forced choice")
+        return Guessing(rate=GuessRate(mean=1 / alternatives), basis=FORCED_CHOICE)
     rate = GuessRate.after_blanks(answered=sided_answers, blanks=blanks)
     if not blanks:
         return Guessing(rate=rate, basis="assumed")

@@ -6,17 +6,25 @@ import math
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
 import pandas as pd
 
-from analysis.axis import VOLTS, bounded, with_limits
-from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD, PsychometricFit, fit_many
+from analysis.axis import VOLTS, between, bounded, with_limits
+from analysis.thresholds.fit import (
+    BOUNDED,
+    WITH_THRESHOLD,
+    PsychometricFit,
+    fit_many,
+    within_levels,
+)
 from analysis.thresholds.goodness import deviance_p
-from analysis.thresholds.people import GuessRate, people_of
+from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.people import FORCED_CHOICE, GuessRate, people_of
+from analysis.thresholds.posterior import posterior
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
@@ -31,7 +39,8 @@ THRESHOLD_COLUMNS: Final = (
     "threshold_high_vpp", "threshold_db", "threshold_low_db", "threshold_high_db", "printed",
     "sigma", "lapse_rate", "mle_threshold_vpp", "mle_sigma", "mle_lapse_rate", "deviance",
     "deviance_p", "guess_rate", "guess_basis", "threshold_guess_0_vpp",
-    "threshold_guess_third_vpp", "levels", "trials",
+    "threshold_guess_third_vpp", "varied_low_vpp", "varied_high_vpp", "varied_printed",
+    "levels", "trials",
 )  # fmt: skip
 
 WORDS: Final[Mapping[FitStatus, str]] = MappingProxyType(
@@ -51,6 +60,13 @@ WORDS: Final[Mapping[FitStatus, str]] = MappingProxyType(
 """What a status means to a reader."""
 
 _THIRD: Final = 1 / 3
+
+_VARIED_COLUMNS: Final = ("varied_low_vpp", "varied_high_vpp", "varied_printed")
+VARIED: Final = 2.8
+"""Variance of real answers over the binomial one, near threshold, where "none" is offered.
+
+Quarters of a block in M. Grund et al., J. Neurosci. 42 (2022) 643-656; docs/statistics.md, 8.
+"""
 
 
 def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> pd.DataFrame:
@@ -97,6 +113,7 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
         for rate in (0.0, _THIRD)
     ]
     misfits = deviance_p(x, *counts, fits=fits, guesses=rates, x_scale=scale, seed=seed)
+    varied = _varied(people, fits, axis)
     rows = [
         {
             "participant": participant,
@@ -108,6 +125,7 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
             "guess_basis": people.guesses[i].basis,
             "threshold_guess_0_vpp": axis.level(others[0][i].threshold),
             "threshold_guess_third_vpp": axis.level(others[1][i].threshold),
+            **varied[i],
             "levels": int((people.presented[i] > 0).sum()),
             "trials": int(people.presented[i].sum()),
         }
@@ -115,6 +133,40 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
     ]
     table = pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
     return table.sort_values(["condition", "participant"], ignore_index=True)
+
+
+def _varied(
+    people: PersonCounts, fits: Sequence[PsychometricFit], axis: Axis
+) -> list[dict[str, object]]:
+    """Return the limits of each threshold if answers vary `VARIED` times the binomial.
+
+    The likelihood of a table to the power of 1 / `VARIED`, on the same grid. None where there is no
+    threshold, and none in a forced choice, of which no such factor is known.
+    """
+    found: list[dict[str, object]] = [dict.fromkeys(_VARIED_COLUMNS, math.nan) for _ in fits]
+    rows = [
+        i
+        for i, fit in enumerate(fits)
+        if fit.status in WITH_THRESHOLD and people.guesses[i].basis != FORCED_CHOICE
+    ]
+    if not rows:
+        return found
+    x, shown = axis.on_axis(people.level_vpp[rows]), people.presented[rows]
+    rulers = [Ruler.of(one[of > 0], axis.x_scale) for one, of in zip(x, shown, strict=True)]
+    tables = surfaces(
+        x / np.array([[ruler.step] for ruler in rulers]),
+        people.detected[rows] / VARIED,
+        shown / VARIED,
+        rulers=rulers,
+        guesses=[people.guesses[i].rate for i in rows],
+    )
+    for i, ruler, mu in zip(rows, rulers, posterior(tables, rulers).mu, strict=True):
+        low, high = levels_of(within_levels(float(mu[0]), float(mu[2]), ruler), axis)
+        told = people.level_vpp[i, people.presented[i] > 0].tolist()
+        words = f"{between(low, high, told)} {axis.unit}"
+        values = (low if low > -math.inf else math.nan, high if high < math.inf else math.nan)
+        found[i] = dict(zip(_VARIED_COLUMNS, (*values, words), strict=True))
+    return found
 
 
 def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:

@@ -180,3 +180,22 @@ def test_no_digit_that_tells_is_left_out(levels: list[float], detected: Any, wor
     low, high = (math.log10(end) if math.isfinite(end) else end for end in fit.threshold_limits)
     fit = replace(fit, threshold=math.log10(fit.threshold), threshold_limits=(low, high))
     assert printed(fit, np.array(levels), Axis()) == words
+
+
+def test_answers_that_vary_more_have_wider_limits_where_none_could_be_answered() -> None:
+    with_none = felt([3, 9, 17, 24, 29], [49.0, 57.0, 64.0, 73.0, 91.0])
+    row = threshold_table(with_none, seed=1).iloc[0]
+    wide = 20 * math.log10(row["varied_high_vpp"] / row["varied_low_vpp"])
+    # A likelihood to the power of 1 / 2.8 is as wide as that of 2.8 times fewer answers.
+    assert wide / (row["threshold_high_db"] - row["threshold_low_db"]) == pytest.approx(
+        math.sqrt(2.8), rel=0.12
+    )
+    assert row["varied_printed"].endswith(" V")
+    forced = with_none.assign(none_offered=False)
+    assert threshold_table(forced, seed=1)["varied_printed"].isna().all()
+
+
+def test_limits_of_answers_that_vary_are_open_where_they_leave_the_levels() -> None:
+    row = threshold_table(felt([12, 29, 30, 30, 30]), seed=1).iloc[0]
+    assert math.isnan(row["varied_low_vpp"])
+    assert row["varied_printed"].startswith("< 60 to ")
