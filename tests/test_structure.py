@@ -30,6 +30,7 @@ LATER = {
     *("motion", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
     *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign", "commands/columns.py"),
+    *("figures/composed.py", "figures/curves.py", "figures/participants.py"),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/origins.py", "study/stated.py", "results/protocol.py", "results/answer.py"),
     *("study/simulated.py", "terms/curves.py", "results/compared.py"),

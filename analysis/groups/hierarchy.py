@@ -50,6 +50,8 @@ class Hierarchy:
     middle: Floats
     spread: Floats
     density: Floats  # (middle, spread), priors included
+    log_sigma: Floats  # S
+    cells: Floats  # (middle, spread, log_sigma): the density before S is integrated out
 
     def of_middle(self) -> Floats:
         """Return the points of `density.QUANTILES` of M."""
@@ -129,7 +131,9 @@ def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool =
         )
         # The density of a small spread is the narrowest.
         spread = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
-    return Hierarchy(middle=middle, spread=spread, density=density)
+    return Hierarchy(
+        middle=middle, spread=spread, density=density, log_sigma=log_sigma, cells=cells
+    )
 
 
 def _log_likelihood(

@@ -86,6 +86,8 @@ class Analysis:
         Of everything that is drawn at random: bootstrap and permutations.
     axis : Axis
         What the levels are.
+    people : PersonCounts
+        What everybody was shown and detected, as the thresholds are of.
     studies : tuple of str
         Canonical texts of the studies in the plans beside the tables, each once.
     altered : mapping of str to tuple of str
@@ -119,6 +121,7 @@ class Analysis:
     ci: str
     seed: int
     axis: Axis
+    people: PersonCounts
     studies: tuple[tuple[str, str], ...] = ()  # with the sources of their numbers
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -238,6 +241,7 @@ def analyse(
         ci=ci,
         seed=seed,
         axis=loaded.axis,
+        people=people,
         studies=tuple(dict.fromkeys((one.study, one.sources) for one in loaded.progress)),
         altered=loaded.altered,
         lost=loaded.lost,

@@ -1,4 +1,4 @@
-from .density import kind_prior, quantiles, trapezoid
+from .density import kind_prior, legendre, quantiles, trapezoid
 from .fit import (
     BOUNDED,
     WITH_THRESHOLD,
@@ -14,14 +14,16 @@ from .fit import (
 )
 from .grid import Ruler, Surface, sigma_prior, surfaces
 from .levels import Placement, place_levels
-from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import Guessing, GuessRate, PersonCounts, people_in
+from .mle import LOG_SIGMA, MOST_LAPSES, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
+from .people import MOST_GUESSES, Guessing, GuessRate, PersonCounts, people_in
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
 
 __all__ = [
     "BOUNDED",
     "LOG_SIGMA",
+    "MOST_GUESSES",
+    "MOST_LAPSES",
     "REACH",
     "SIGMA_FACTOR",
     "SIGMA_MEDIAN",
@@ -41,6 +43,7 @@ __all__ = [
     "in_volts",
     "increasing_exists",
     "kind_prior",
+    "legendre",
     "levels_of",
     "people_in",
     "place_levels",

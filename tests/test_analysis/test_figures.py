@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import subprocess
 import sys
 import warnings
@@ -17,13 +18,20 @@ from analysis.answers.choice import confusion_table
 from analysis.answers.counting import REACTION_COLUMNS
 from analysis.answers.detection import cells, participants_of
 from analysis.axis import VOLTS
+from analysis.groups.tables import difference_table, group_table
+from analysis.results.figures.composed import deviance_residuals
 from analysis.results.figures.confusion import draw as draw_confusion
+from analysis.results.figures.curves import person_curves
 from analysis.results.figures.detection import draw
-from analysis.results.figures.drawing import panels, written
+from analysis.results.figures.drawing import panels, plain, written
 from analysis.results.figures.figures import FIGURES
+from analysis.results.figures.participants import sheets as draw_participants
 from analysis.results.figures.reaction import draw as draw_reaction
 from analysis.results.figures.thresholds import draw as draw_thresholds
 from analysis.results.tables import Analysis, analyse
+from analysis.thresholds.people import people_of
+from analysis.thresholds.probit import deviance
+from analysis.thresholds.table import thresholds_of
 from tests.test_analysis.shared import LEAST, PAPER, felt, loaded
 
 if TYPE_CHECKING:
@@ -32,11 +40,13 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
+    from analysis.axis import Axis
+
 
 def analysis_of(**tables: object) -> Analysis:
     """Return an analysis that has nothing but these tables."""
     others = {"ci": "wilson", "axis": VOLTS, "mark": ""}
-    return cast("Analysis", SimpleNamespace(**others, **tables))
+    return cast("Analysis", SimpleNamespace(**(others | tables)))
 
 
 def data(
@@ -50,14 +60,26 @@ def data(
 ) -> Analysis:
     rng = np.random.default_rng(5)
     trials = pd.concat([
-        felt(rng.binomial(12, 0.7, len(levels)), [x + (n / 8 if own_levels else 0) for x in levels],
-             n=12, missed="right", participant=f"{name}{n:02d}", condition=condition)
+        felt(np.sort(rng.binomial(12, 0.7, len(levels))),
+             [x + (n / 8 if own_levels else 0) for x in levels], n=12, missed="right",
+             participant=f"{name}{n:02d}", condition=condition)
         for condition in conditions for n in range(people)
     ])  # fmt: skip
+    return tabulated(trials.assign(none_offered=not forced_choice))
+
+
+def tabulated(trials: pd.DataFrame, axis: Axis = VOLTS) -> Analysis:
+    """Return an analysis that has what the figures of functions show."""
+    people = people_of(trials)
     return analysis_of(
         levels=level_table(trials),
         participants=participants_of(cells(trials)),
-        detected_any=None if forced_choice else trials,
+        thresholds=thresholds_of(people, seed=0, axis=axis),
+        groups=group_table(people, axis),
+        differences=difference_table(people, axis),
+        counts=SimpleNamespace(conditions=trials["condition"].nunique()),
+        people=people,
+        axis=axis,
     )
 
 
@@ -83,15 +105,9 @@ NO_MEAN = "no level was given to everybody"
         ({"levels": (60.0,)}, ("<!-- 60 -->",), ()),
         ({"people": 1}, ("95 % interval (Wilson)",), ("mean of participants",)),
         ({"own_levels": True}, (NO_MEAN,), ("95 % interval of the group",)),
-        ({"forced_choice": True}, ("guessing left or right: 1/2",), ()),
-        ({"people": 2, "conditions": ("a", "b")}, ("condition a", "condition b"), ()),
-        pytest.param({"people": 6}, ("participant S05",), (), marks=pytest.mark.slow),
-        pytest.param(
-            {"people": 20},
-            ("each of 20 participants", "mean of participants"),
-            ("participant S05",),
-            marks=pytest.mark.slow,
-        ),
+        ({"forced_choice": True}, ("guessing: 1/2",), ()),
+        ({"people": 2, "conditions": ("a", "b")}, ("b against a: ", "<!-- a: "), ()),
+        ({"people": 20}, ("each of 20 participants", "mean of participants"), ()),
     ],
 )
 @pytest.mark.slow
@@ -101,6 +117,61 @@ def test_detection_is_drawn_with_its_words(
     svg = texts(data(**of))
     assert [text for text in present if text not in svg] == []
     assert [text for text in absent if text in svg] == []
+
+
+PEOPLE = {
+    "below": [30] * 5,
+    "above": [0] * 5,
+    "flat": [15, 14, 16, 15, 16],
+    "falls": [28, 22, 15, 8, 3],
+    "one step": [0, 0, 30, 30, 30],
+    "probably below": [20, 24, 29, 30, 30],
+    "open": [15, 24, 28, 30, 30],
+    "found": [2, 5, 15, 27, 30],
+}
+TOLD = (
+    "< 60 V", "> 200 V", "no threshold: does not rise with level", "no threshold: falls with level",
+    "(101.4 to 121.9), slope", "at most ", "(< 60 to ", "no threshold",
+)  # fmt: skip
+
+
+@pytest.mark.slow
+def test_who_has_no_number_is_drawn_with_a_bound_or_words() -> None:
+    shown = tabulated(pd.concat([felt(k, participant=name) for name, k in PEOPLE.items()]))
+    (sheet,) = draw_participants(shown)
+    svg = html.unescape(written(sheet.draw)[1].decode())
+    assert [text for text in (*PEOPLE, *TOLD) if text not in svg] == []
+
+
+@pytest.mark.parametrize(
+    ("status", "with_function"), [("found", True), ("open", True), ("one step", False),
+                                  ("below", False), ("probably below", False), ("flat", False)],
+)  # fmt: skip
+def test_a_function_is_drawn_only_where_the_table_tells_one(
+    status: str, *, with_function: bool
+) -> None:
+    curve = person_curves(tabulated(felt(PEOPLE[status])), "1")["main"]
+    assert (curve.function is not None) == with_function
+    assert (curve.residuals is not None) == with_function
+
+
+def test_every_page_has_eight_people_and_the_rest_is_told() -> None:
+    few = pd.concat([felt([3, 9, 14], n=15, participant=f"S{n:02d}") for n in range(9)])
+    first, second = draw_participants(tabulated(few))
+    assert (first.title, second.title) == ("Each participant (1 of 2)", "Each participant (2 of 2)")
+    assert "8 participants, S00 to S07" in first.alt
+    names = SimpleNamespace(participants=pd.DataFrame({"participant": [*map(str, range(60))]}))
+    *_, last = draw_participants(cast("Analysis", SimpleNamespace(
+        **vars(names), ci="wilson", axis=VOLTS)))  # fmt: skip
+    assert last.title == "Each participant (6 of 6)"
+    assert "The first 48 of 60 are shown." in last.caption
+
+
+def test_residuals_add_up_to_the_deviance() -> None:
+    k, n = np.array([0.0, 7, 22, 30]), np.full(4, 30.0)
+    p = np.array([0.02, 0.3, 0.7, 0.97])
+    expected = float(deviance(k[None], n[None], p[None], 1 - p[None])[0])
+    assert (deviance_residuals(k, n, p) ** 2).sum() == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -115,7 +186,7 @@ def test_any_name_can_be_drawn_without_a_warning(name: str, people: int) -> None
     "levels", [(60.0, 60.00000000000001), (60.0, 60.001), (1e-6, 1e6), (1e-6,), (1e6,)]
 )
 def test_any_levels_can_be_drawn_without_a_warning(levels: tuple[float, ...]) -> None:
-    assert f"<!-- {levels[0]:g} -->" in texts(data(levels=levels))
+    assert f"<!-- {plain(levels[0])} -->" in texts(data(levels=levels))
 
 
 @pytest.mark.slow
@@ -220,7 +291,10 @@ def test_reaction_times_are_of_each_side_in_seconds() -> None:
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     answers = ["left", "none", "left", "right", "left", "left"]
-    rows = [f"a,left,{60 + 10 * i},{answer},0.{i + 2}" for i, answer in enumerate(answers)]
+    rows = [
+        f"{who},left,{60 + 10 * i},{answer},0.{i + 2}"
+        for who in ("a", "b") for i, answer in enumerate(answers)
+    ]  # fmt: skip
     text = f"{LEAST[:-1]},rt_s\n" + "\n".join(rows)
     analysis = analyse(loaded(tmp_path, text))
     (sheet,) = FIGURES[name](analysis)

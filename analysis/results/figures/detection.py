@@ -1,131 +1,148 @@
-"""The figure of detection probability against level."""
+"""The figure of detection probability against level, with the functions of all conditions."""
 
 from __future__ import annotations
 
+import textwrap
 from functools import partial
 from typing import TYPE_CHECKING
 
-from analysis.results.figures.drawing import (
-    COLOURS,
-    GROUP,
-    MANY,
-    MARKERS,
-    Sheet,
-    in_words,
-    interval,
-    key,
-    level_axis,
-    of_people,
-    panels,
-    short,
+import numpy as np
+
+from analysis.definitions import TOTAL
+from analysis.results.figures.composed import (
+    DEVIANCE,
+    beside,
+    draw_panel,
+    name_parts,
+    of_means,
 )
+from analysis.results.figures.curves import conditions_of, group_curves, look_of
+from analysis.results.figures.drawing import Sheet, key, of_people, panels, short
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from collections.abc import Iterator, Mapping
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from analysis.results.figures.composed import Curve
     from analysis.results.tables import Analysis
 
 
-_HEIGHT_IN = 4.4
+_HEIGHT_IN, _ROW_IN = 5.1, 0.2
+_ALONE = 2
+"""Rows of a difference: one person's, and the group's, which tells nothing."""
+_LETTERS = 64
 
 
 def sheets(analysis: Analysis) -> list[Sheet]:
     """Return the figure; none where no level was presented."""
     if analysis.levels.empty:
         return []
+    alone = analysis.participants["participant"].nunique() == 1
     people = of_people(analysis.participants["participant"])
-    shown = f"Detection probability from 0 to 1 against level in {analysis.axis.label}, {people}"
+    number = len(conditions_of(analysis))
+    over = f", {number} conditions over each other" if number > 1 else ""
+    data = "" if alone else "means of the participants with the group's 95 % interval, "
     return [
         Sheet(
-            title="Detection probability by level",
-            caption="Each participant is a thin line; the thick one is their mean, with the "
-            "group's 95 % interval, where everybody was tested at a level.",
-            alt=in_words(analysis, shown, "numbers are in the table of detection by level"),
+            title="Detection probability by level, and the fitted function",
+            caption=(
+                f"Above, {data or 'proportions with their 95 % intervals, '}the function with "
+                "its 95 % band where the data tell one; in the middle the threshold with its 95 % interval"
+                + ("; " if alone else ", and thinner where another person's is expected; ")
+                + "below, how far the data lie from the function."
+            ),
+            alt=f"Detection probability from 0 to 1 against level in {analysis.axis.label}, "
+            f"{people}{over}, with the fitted function, thresholds and residuals; the numbers are "
+            "in the tables of detection by level and of thresholds.",
             draw=partial(draw, analysis),
         )
     ]
 
 
 def draw(analysis: Analysis) -> Figure:
-    """Draw detection probability against level.
-
-    Each participant is a thin line. Where everybody was tested at a level, the unweighted mean
-    stands on a thick line with the group interval; a single participant has the interval of each
-    cell. One panel per condition.
-    """
-    conditions = list(analysis.levels["condition"].unique())
-    figure, axes = panels(conditions, [_HEIGHT_IN] * len(conditions), analysis.mark)
-    for panel, condition in zip(axes, conditions, strict=True):
-        _draw(panel, analysis, condition)
+    """Draw the data of the group, or of the only person, and the function of every condition."""
+    curves = group_curves(analysis)
+    told = [*_differences(analysis)]
+    alone = analysis.participants["participant"].nunique() == 1
+    height = _HEIGHT_IN + _ROW_IN * (2 * len(curves) + len(told))
+    figure, (axes,) = panels([""], [height], analysis.mark)
+    levels_vpp = analysis.levels["level_vpp"].to_numpy(dtype=np.float64)
+    scale = DEVIANCE if alone else of_means(curves.values())
+    if not alone:
+        _draw_people(axes, analysis, [*curves])
+    draw_panel(axes, [*curves.values()], levels_vpp, analysis.axis, scale)
+    name_parts(axes, len(curves), scale)
+    _draw_guessing(axes, analysis)
+    if told:
+        axes.set_title("\n".join(told), fontsize=8, loc="left", x=-0.18)
+    _explain(axes, analysis, curves, alone=alone)
+    key(axes, columns=1)
     return figure
 
 
-def _draw(axes: Axes, analysis: Analysis, condition: str) -> None:
-    levels = analysis.levels[analysis.levels["condition"].eq(condition)]
-    people = analysis.participants[analysis.participants["condition"].eq(condition)]
-    everybody = sorted(analysis.participants["participant"].unique())
-    few = len(everybody) <= len(COLOURS)
-    if few:
-        _draw_few(axes, people, everybody)
-    else:
-        _draw_many(axes, people)
-    if len(people["participant"].unique()) == 1:
-        limits = people[["level_vpp", "low", "high"]]
-        interval(axes, limits, f"95 % interval ({analysis.ci.title()})", colour="black", zorder=2)
-    else:
-        _draw_group(axes, _shared(levels, people), few=few)
-    if analysis.detected_any is None:  # who feels nothing guesses a side
-        axes.axhline(0.5, color="black", lw=0.8, ls=(0, (4, 3)), zorder=1)
+def _draw_people(axes: Axes, analysis: Analysis, conditions: list[str]) -> None:
+    """Draw the proportions of each person, faintly: how far people differ."""
+    for place, condition in enumerate(conditions):
+        rows = analysis.participants[analysis.participants["condition"].eq(condition)]
+        colour, marker, _ = look_of(analysis, condition)
+        axes.scatter(
+            rows["level_vpp"], rows["p"], s=9, marker=marker, color=colour, alpha=0.35,
+            linewidths=0, zorder=2, transform=beside(axes, place, len(conditions)),
+        )  # fmt: skip
+
+
+def _draw_guessing(axes: Axes, analysis: Analysis) -> None:
+    """Mark where detection begins of who feels nothing, if that is the same of all."""
+    rates = analysis.thresholds["guess_rate"].unique()
+    if len(rates) == 1 and analysis.thresholds["guess_basis"].eq("forced choice").all():
+        (rate,) = rates
+        axes.axhline(rate, color="black", lw=0.8, ls=(0, (4, 3)), zorder=1)
         axes.annotate(
-            "guessing left or right: 1/2", (1, 0.5), xycoords=("axes fraction", "data"),
+            f"guessing: 1/{1 / rate:.0f}", (1, rate), xycoords=("axes fraction", "data"),
             xytext=(-4, -3), textcoords="offset points", ha="right", va="top", fontsize=8,
         )  # fmt: skip
-    level_axis(axes, levels["level_vpp"], analysis.axis)
-    axes.set_ylim(-0.03, 1.03)
-    axes.set_yticks([0, 0.25, 0.5, 0.75, 1])
-    axes.set_ylabel("Detection probability\n(detected / presented)")
-    key(axes, columns=2)
 
 
-def _draw_few(axes: Axes, people: pd.DataFrame, everybody: list[str]) -> None:
-    """Draw each participant in a colour and a marker that are the same in every panel."""
-    for name, colour, marker in zip(everybody, COLOURS, MARKERS, strict=False):
-        one = people[people["participant"].eq(name)]
-        if len(one):
-            axes.plot(
-                one["level_vpp"], one["p"], color=colour, marker=marker, lw=1.0, ms=4, zorder=3,
-                label=f"participant {short(name)}",
-            )  # fmt: skip
+def _differences(analysis: Analysis) -> Iterator[str]:
+    """Yield how much every two conditions differ, of the group or of who is alone in both."""
+    pairs = analysis.differences.groupby(["condition_a", "condition_b"], sort=False)
+    for (a, b), rows in pairs:
+        group = rows["participant"].eq(TOTAL)
+        row = rows[~group if group.sum() < len(rows) <= _ALONE else group].iloc[0]
+        words = f"{short(str(b))} against {short(str(a))}: {row['printed']}"
+        yield from textwrap.wrap(words, _LETTERS, subsequent_indent="    ")
 
 
-def _draw_many(axes: Axes, people: pd.DataFrame) -> None:
-    label: str | None = f"each of {people['participant'].nunique()} participants"
-    for _, one in people.groupby("participant"):
-        axes.plot(
-            one["level_vpp"], one["p"], color=MANY, marker="o", lw=0.8, ms=2, alpha=0.6, zorder=2,
-            label=label,
+def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alone: bool) -> None:
+    """Put into the key the threshold of each condition, and what the signs are."""
+    of_group = dict(zip(analysis.groups["condition"], analysis.groups["printed"], strict=True))
+    people = analysis.thresholds.groupby("condition")["printed"]
+    for condition, curve in curves.items():
+        colour, marker, line = curve.look
+        told = people.first()[condition] if people.size()[condition] == 1 else of_group[condition]
+        where = f"{short(condition)}: " if len(curves) > 1 else "threshold "
+        line = line if curve.function is not None else ""
+        axes.plot([], [], color=colour, marker=marker, ls=line, mfc="white", ms=5,
+                  label=where + str(told).split(";")[0])  # fmt: skip
+    marker, grey = next(iter(curves.values())).look[1], "#404040"
+    words = f"proportion, 95 % interval ({analysis.ci.title()})"
+    if not alone:
+        words = "mean of participants, 95 % interval of the group"
+    if any(len(curve.level_vpp) for curve in curves.values()):
+        axes.errorbar(
+            [], [], yerr=[], color=grey, marker=marker, mfc="white", ms=5, ls="", label=words
         )  # fmt: skip
-        label = None
-
-
-def _shared(levels: pd.DataFrame, people: pd.DataFrame) -> pd.DataFrame:
-    """Keep the levels that everybody was tested at: only these means are of the same people."""
-    tested = people.groupby("level_vpp")["participant"].nunique()
-    everywhere = tested.index[tested.eq(people["participant"].nunique())]
-    return levels[levels["level_vpp"].isin(everywhere)]
-
-
-def _draw_group(axes: Axes, levels: pd.DataFrame, *, few: bool) -> None:
-    if levels.empty:
+    else:
         axes.plot([], [], ls="", label="no level was given to everybody:\nno mean of participants")
+    if any(curve.function is not None for curve in curves.values()):
+        axes.fill_between([], [], color=grey, alpha=0.25, lw=0, label="95 % band of the function")
+    if alone:
         return
-    zorder = 2 if few else 4
-    limits = levels[["level_vpp", "group_low", "group_high"]]
-    interval(axes, limits, "", colour=GROUP, zorder=zorder)
-    axes.plot(
-        levels["level_vpp"], levels["p_mean"], color=GROUP, lw=2.6, marker="o",
-        ms=9 if few else 5, mfc="white", mew=2, zorder=zorder,
-        label="mean of participants,\n95 % interval of the group",
-    )  # fmt: skip
+    number = analysis.participants["participant"].nunique()
+    axes.plot([], [], color=grey, marker=marker, ls="", ms=3, alpha=0.5, mew=0,
+              label=f"each of {number} participants")  # fmt: skip
+    if any(curve.mark.new is not None for curve in curves.values()):
+        axes.plot([], [], color=grey, marker="|", lw=1.7, ms=5, alpha=0.5,
+                  label="another person's threshold, 95 %")  # fmt: skip

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from analysis.axis import shortest
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
@@ -30,7 +32,6 @@ WIDTH_IN: Final = 4.2
 
 _LONGEST_NAME = 14
 _BELOW_IN = 0.5
-_CLOSEST_TICKS = 0.1
 _LEAST_MARGIN = 1.001
 _DPI = 200.0
 # The font lacks a letter of a name: a box stands there, and the tables have the name.
@@ -142,52 +143,56 @@ def short(name: str) -> str:
     return f"{name[:half]}…{name[len(name) - half + 1 :]}"
 
 
-def level_axis(axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06) -> None:
+def level_axis(
+    axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06, letter: float = 1 / 30
+) -> None:
     """Make the x axis one of levels with a tick at each, none over its neighbour.
 
-    The axis goes on at either end by `beyond`, in parts of the levels' range.
+    The axis goes on at either end by `beyond`, in parts of the levels' range; a letter of a tick is
+    as wide as `letter`, in parts of the axis.
     """
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    closest = _CLOSEST_TICKS * (1 + beyond)
     levels = np.unique(np.asarray(levels_vpp, dtype=np.float64))
     if not axis.signed:
         axes.set_xscale("log")
         margin = max((levels[-1] / levels[0]) ** beyond, _LEAST_MARGIN)
         axes.set_xlim(levels[0] / margin, levels[-1] * margin)
         width = math.log(levels[-1] / levels[0] * margin**2)
-        ticks = _spaced(levels, np.log(levels), closest * width)
+        ticks = _spaced(levels, np.log(levels), letter * width)
         axes.set_xlabel(f"Level, logarithmic ({axis.label})")
     else:
         margin = beyond * float(levels[-1] - levels[0]) or 1.0
         axes.set_xlim(levels[0] - margin, levels[-1] + margin)
         width = float(levels[-1] - levels[0]) + 2 * margin
-        ticks = _spaced(levels, levels, closest * width)
+        ticks = _spaced(levels, levels, letter * width)
         axes.set_xlabel(f"Level ({axis.label})")
     axes.xaxis.set_major_locator(FixedLocator(ticks))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_major_formatter(lambda value, _: plain(value))
     axes.grid(color="#E5E5E5", lw=0.6)
     axes.set_axisbelow(True)
 
 
-def _spaced(levels_vpp: Any, places: Any, closest: float) -> list[float]:
+def plain(value: float) -> str:
+    """Return a number as a figure writes it: no power of ten up to ten digits, a minus sign.
+
+    >>> plain(1e6), plain(-0.5), plain(60.0)
+    ('1000000', '−0.5', '60')
+    """
+    return shortest(value).replace("-", "−")
+
+
+def _spaced(levels_vpp: Any, places: Any, letter: float) -> list[float]:
     """Choose the levels that get a tick, so that no label covers its neighbour."""
     ticks: list[float] = []
     last = -math.inf
     for level, place in zip(levels_vpp, places, strict=True):
-        if place - last >= closest:
+        half = letter * len(plain(level)) / 2
+        if place - half >= last:
             ticks.append(float(level))
-            last = place
+            last = place + half
     return ticks
-
-
-def interval(axes: Axes, limits: pd.DataFrame, label: str, *, colour: str, zorder: int) -> None:
-    """Draw upright bars with end strokes; the columns are place, lower and upper limit."""
-    x, low, high = (limits[name] for name in limits.columns)
-    axes.vlines(x, low, high, color=colour, lw=1.6, zorder=zorder, label=label)
-    for limit in (low, high):
-        axes.plot(x, limit, color=colour, marker="_", ms=9, mew=1.6, ls="", zorder=zorder)
 
 
 def key(axes: Axes, *, columns: int) -> None:
@@ -205,4 +210,5 @@ def key(axes: Axes, *, columns: int) -> None:
         ncols=columns,
         fontsize=8,
         frameon=False,
+        handlelength=2.8,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from analysis.results.figures import confusion, detection, reaction, thresholds
+from analysis.results.figures import confusion, detection, participants, reaction, thresholds
 from analysis.results.figures.drawing import written
 
 if TYPE_CHECKING:
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
 FIGURES: Mapping[str, Callable[[Analysis], Sequence[Sheet]]] = MappingProxyType(
     {
         "detection": detection.sheets,
+        "participants": participants.sheets,
         "thresholds": thresholds.sheets,
         "confusion": confusion.sheets,
         "reaction_times": reaction.sheets,
     }
 )
 """The sheets of each figure for which an analysis has data; nothing is drawn before it is asked."""
-_MOST_SHEETS: Mapping[str, int] = MappingProxyType({})
+_MOST_SHEETS: Mapping[str, int] = MappingProxyType({"participants": participants.MOST_SHEETS})
 """Where it is more than one."""
 
 

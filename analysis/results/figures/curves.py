@@ -1,0 +1,135 @@
+"""What a panel of functions shows of a group or a person: data, function, threshold, residuals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from analysis.groups.functions import Line, group_function, person_function
+from analysis.results.figures.composed import (
+    ABOVE,
+    BELOW,
+    LOOKS,
+    Curve,
+    Mark,
+    Residuals,
+    deviance_residuals,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from analysis.results.tables import Analysis
+
+    Floats = NDArray[np.float64]
+
+
+DRAWN = ("ok", "lapse_at_bound")
+"""Statuses of tables that tell a whole function; where it rises in one step, its slope is open."""
+
+
+def conditions_of(analysis: Analysis) -> list[str]:
+    """Return the conditions in the order in which they are drawn."""
+    return sorted({*analysis.levels["condition"]})
+
+
+def look_of(analysis: Analysis, condition: str) -> tuple[str, str, Any]:
+    """Return colour, marker and line of a condition, in every figure the same."""
+    return LOOKS[conditions_of(analysis).index(condition) % len(LOOKS)]
+
+
+def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
+    """Return what a panel shows of a person in each condition they took part in."""
+    rows = {
+        condition: i for i, (condition, name) in enumerate(analysis.people.names)
+        if name == participant
+    }  # fmt: skip
+    told = analysis.thresholds[analysis.thresholds["participant"].eq(participant)]
+    data = analysis.participants[analysis.participants["participant"].eq(participant)]
+    curves = {}
+    for condition in (one for one in conditions_of(analysis) if one in rows):
+        row = told[told["condition"].eq(condition)].iloc[0]
+        cells = data[data["condition"].eq(condition)].sort_values("level_vpp")
+        levels_vpp, p, low, high, detected, presented = (
+            cells[name].to_numpy(dtype=np.float64)
+            for name in ("level_vpp", "p", "low", "high", "detected", "presented")
+        )
+        function = residuals = None
+        if row["status"] in DRAWN:
+            line = Line(
+                mu=float(analysis.axis.on_axis(row["threshold_vpp"])), sigma=float(row["sigma"]),
+                lapse_rate=float(row["lapse_rate"]), guess_rate=float(row["guess_rate"]),
+            )  # fmt: skip
+            function = person_function(analysis.people, rows[condition], line, analysis.axis)
+            value = deviance_residuals(detected, presented, function.at(levels_vpp))
+            residuals = Residuals(level_vpp=levels_vpp, value=value)
+        curves[condition] = Curve(
+            look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
+            size=_sizes(presented), mark=_mark(row), function=function, residuals=residuals,
+        )  # fmt: skip
+    return curves
+
+
+def group_curves(analysis: Analysis) -> dict[str, Curve]:
+    """Return what a panel shows of the group in each condition; of one person, the person's.
+
+    The data are the means of the participants at the levels that everybody was tested at.
+    """
+    curves = {}
+    for condition in conditions_of(analysis):
+        row = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
+        people = [i for i, (name, _) in enumerate(analysis.people.names) if name == condition]
+        if len(people) == 1:
+            curves[condition] = person_curves(analysis, analysis.people.names[people[0]][1])[
+                condition
+            ]
+            continue
+        cells = shared_levels(analysis, condition)
+        levels_vpp, p, low, high, presented = (
+            cells[name].to_numpy(dtype=np.float64)
+            for name in ("level_vpp", "p_mean", "group_low", "group_high", "presented")
+        )
+        function = residuals = None
+        if row["status"] in (*DRAWN, "separated"):
+            function = group_function(analysis.people, people, analysis.axis)
+            at = function.at(levels_vpp)
+            residuals = Residuals(level_vpp=levels_vpp, value=p - at, low=low - at, high=high - at)
+        curves[condition] = Curve(
+            look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
+            size=_sizes(presented), mark=_mark(row), function=function, residuals=residuals,
+        )  # fmt: skip
+    return curves
+
+
+def shared_levels(analysis: Analysis, condition: str) -> pd.DataFrame:
+    """Return the levels that everybody was tested at: only these means are of the same people."""
+    levels = analysis.levels[analysis.levels["condition"].eq(condition)]
+    people = analysis.participants[analysis.participants["condition"].eq(condition)]
+    tested = people.groupby("level_vpp")["participant"].nunique()
+    everywhere = tested.index[tested.eq(people["participant"].nunique())]
+    return levels[levels["level_vpp"].isin(everywhere)].sort_values("level_vpp")
+
+
+def _sizes(presented: Floats) -> Floats:
+    """Return the size of a marker, whose area is as the number of stimuli."""
+    return np.asarray(np.sqrt(presented / presented.max())) if presented.size else presented
+
+
+def _mark(row: pd.Series[Any]) -> Mark:
+    at, low, high, new_low, new_high = (
+        float(row.get(name, np.nan))
+        for name in ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp", "new_low_vpp",
+                     "new_high_vpp")
+    )  # fmt: skip
+    status = str(row["status"])
+    if status in (*BELOW, *ABOVE) or np.isfinite(at):  # what a table calls n/a is an open limit
+        low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+    new = None
+    if "new_low_vpp" in row.index and np.isfinite(at):
+        new = (
+            -np.inf if np.isnan(new_low) else new_low,
+            np.inf if np.isnan(new_high) else new_high,
+        )
+    return Mark(at=at, low=low, high=high, status=status, new=new)
