@@ -43,16 +43,16 @@ def sheets(analysis: Analysis) -> list[Sheet]:
     people = of_people(analysis.participants["participant"])
     number = len(conditions_of(analysis))
     over = f", {number} conditions over each other" if number > 1 else ""
-    data = "" if alone else "means of the participants with the group's 95 % interval, "
+    data, new = "proportions with their 95 % intervals", ""
+    if not alone:
+        data = "means of the participants with the group's 95 % interval"
+        new = " and, thinner, where another person's is expected"
     return [
         Sheet(
             title="Detection probability by level, and the fitted function",
-            caption=(
-                f"Above, {data or 'proportions with their 95 % intervals, '}the function with "
-                "its 95 % band where the data tell one; in the middle the threshold with its 95 % interval"
-                + ("; " if alone else ", and thinner where another person's is expected; ")
-                + "below, how far the data lie from the function."
-            ),
+            caption=f"Above, {data}, and the function with its 95 % band where the data tell one; "
+            f"in the middle the threshold with its 95 % interval{new}; below, how far the data lie "
+            "from the function.",
             alt=f"Detection probability from 0 to 1 against level in {analysis.axis.label}, "
             f"{people}{over}, with the fitted function, thresholds and residuals; the numbers are "
             "in the tables of detection by level and of thresholds.",
