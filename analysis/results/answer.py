@@ -182,6 +182,9 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
         yield f"{name}{where}", _threshold_words(row), f"{of}, {trials}"
+        if number == 1 and isinstance(row["varied_printed"], str):
+            name = f"The same if answers vary 2.8 times{where}"
+            yield name, row["varied_printed"], "a sensitivity, not from these data"
 
 
 def _spread_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:

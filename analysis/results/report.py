@@ -252,8 +252,13 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
         cells = [_threshold(row, unit) for _, row in rows.iterrows()]
-        tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    yield Section(title="Thresholds", texts=[_CENSORED, _VARIED], tables=tables)
+        # A column in which nobody has a value says nothing.
+        told = [i for i in range(len(header)) if {row[i] for row in cells} != {"n/a"}]
+        cells = [[row[i] for i in told] for row in cells]
+        heads = [header[i] for i in told]
+        tables.append(Table(caption=caption, header=heads, rows=cells, texts=words))
+    varied = [_VARIED] if analysis.thresholds["varied_printed"].notna().any() else []
+    yield Section(title="Thresholds", texts=[_CENSORED, *varied], tables=tables)
 
 
 def _whole(number: float) -> str:

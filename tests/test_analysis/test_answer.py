@@ -363,6 +363,7 @@ class Made:
         rows = [
             dict.fromkeys(THRESHOLD_COLUMNS, math.nan)
             | {"participant": f"S{n}", "condition": name, "trials": 80, "guess_basis": basis}
+            | {"varied_printed": "50 to 150 V"}
             | self.value()
             for name in self.conditions
             for n in range(self.people)
@@ -467,6 +468,9 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
             assert f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})" in values
+        varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]
+        alone = analysis.groups["participants"].eq(1).any()
+        assert [row[1] for row in varied] == ["50 to 150 V"] * (len(analysis.groups) * alone)
         assert rows[-1][0] == "Trials left out"
 
 
