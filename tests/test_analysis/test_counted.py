@@ -169,7 +169,7 @@ def test_blanks_of_a_table_of_counts_are_the_false_alarms_of_its_trials(
     assert (one.counts.blank, one.counts.trials) == (40, 60)
     told = io.StringIO()
     print_analysis(one, told)
-    assert "Blank trials: 3/40 false alarms" in told.getvalue()
+    assert "3 of 40 blank trials" in told.getvalue()
 
 
 def test_a_cell_told_in_two_files_is_refused(tmp_path: Path) -> None:
