@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -276,11 +277,13 @@ def _product(a: Real, b: float) -> tuple[Real, Real]:
     return high, a_low * b_low - (((high - a_high * b_high) - a_low * b_high) - a_high * b_low)
 
 
+@lru_cache(maxsize=32)
 def peak_hz(burst: Burst) -> float:
     """Return the peak of a burst's spectrum; see `Burst.peak_hz`."""
     return _peak_y(_main_lobe(burst)) / burst.duration_s
 
 
+@lru_cache(maxsize=32)
 def band_hz(burst: Burst) -> tuple[float, float]:
     """Return the half-power band of a burst; see `Burst.band_hz`."""
     lobe = _main_lobe(burst)

@@ -13,9 +13,10 @@ from stimuli.field.synthesis import (
     synthesis_work,
     synthesized,
 )
+from stimuli.motion.frames import LOOKS, Course
 from stimuli.motion.motion import motions, reference_of, unpatched
 from stimuli.motion.oscillators import moved
-from stimuli.motion.peaks import INTERPOLATED, LOOKS, Course, LoadedRow, crests, wait_of
+from stimuli.motion.peaks import INTERPOLATED, crests, doubts_of, wait_of
 from stimuli.motion.section import AGREED, sections
 
 if TYPE_CHECKING:
@@ -175,22 +176,26 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real,
     Both, (n_loads, n_points), are of all times up to the last one or to the end of the drive.
     """
     every = np.arange(motion.oscillators.rest_m.shape[1])
-    rows = [LoadedRow(motion, load, [every]) for load in range(motion.oscillators.rest_m.shape[0])]
-    shape = len(rows), every.size
+    oscillators = motion.oscillators
+    loads = range(oscillators.rest_m.shape[0])
+    weights = [oscillators.weights(load) for load in loads]
+    doubts = [doubts_of(motion, load, every) for load in loads]
+    shape = len(loads), every.size
     course = Course(motion, drive)
     looks_s = np.arange(0.0, max(float(np.max(times_s)), drive.duration_s), course.look_s)
     largest, doubt = np.zeros(shape), np.zeros(shape)
     for answers, samples, _ in course.at(looks_s):
-        for load, row in enumerate(rows):
-            size = np.abs(moved(row.weights, row.rest_m, answers, samples))
+        for load in loads:
+            size = np.abs(moved(weights[load], oscillators.rest_m[load], answers, samples))
             largest[load] = np.maximum(largest[load], np.max(size, axis=1, initial=0.0))
-            inertia, around = row.doubts(0, answers, samples)
-            most = np.max(np.abs(inertia) + np.abs(around), axis=1, initial=0.0)
+            all_doubts = sum(np.abs(moved(*one, answers, samples)) for one in doubts[load])
+            most = np.max(all_doubts, axis=1, initial=0.0)
             doubt[load] = np.maximum(doubt[load], most)
     found = np.empty((times_s.size, *shape))
     for answers, samples, which in course.at(times_s):
-        for load, row in enumerate(rows):
-            found[which, load] = moved(row.weights, row.rest_m, answers, samples).T
+        for load in loads:
+            rest_m = oscillators.rest_m[load]
+            found[which, load] = moved(weights[load], rest_m, answers, samples).T
     # where nothing moves, as at an edge, an error counts beside what moves elsewhere
     least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
     largest = np.maximum(largest, least)

@@ -133,31 +133,37 @@ class Oscillators:
 
 
 def followed(
-    poles: Complex, samples: Real, step_s: float, start: Complex, *, held: bool
+    poles: Complex, samples: Real, step_s: float, start: Complex, *, held: bool, every: int = 1
 ) -> Complex:
-    """Return z of z' = poles z + s at the samples of a drive s: (n_poles, n_samples), (81).
+    """Return z of z' = poles z + s at every so many samples of a drive s, (81).
 
-    At the first sample z is `start`. Between samples the drive is a straight line or, if held,
-    what the last sample was.
+    That is (n_poles, n_samples // every + 1) values; samples - 1 is a multiple of `every`. At the
+    first sample z is `start`. Between samples the drive is a straight line or, if held, what the
+    last sample was.
     """
     whole, part = step_weights(poles * step_s)
     now, before = (np.zeros_like(whole), whole) if held else (part, whole - part)
-    # A sample after the other would take a turn of Python each. All blocks of samples are run
+    # what each sample from one value to the next adds to that
+    turned = np.exp(np.multiply.outer(poles * step_s, np.arange(every, -1, -1)))
+    each = now[:, np.newaxis] * turned
+    each[:, 0] = 0.0
+    each[:, :-1] += before[:, np.newaxis] * turned[:, 1:]
+    n_values = (samples.size - 1) // every
+    places = every * np.arange(n_values)[np.newaxis] + np.arange(every + 1)[:, np.newaxis]
+    # A value after the other would take a turn of Python each. All blocks of values are run
     # through at the same time instead, and then each gets what the one before it left.
-    length = math.isqrt(samples.size) + 1
-    n_blocks = -(-samples.size // length)
+    length = math.isqrt(n_values + 1) + 1
+    n_blocks = -(-(n_values + 1) // length)
     found = np.zeros((poles.size, n_blocks * length), dtype=np.complex128)
-    found[:, 1 : samples.size] = step_s * (
-        np.multiply.outer(now, samples[1:]) + np.multiply.outer(before, samples[:-1])
-    )
+    found[:, 1 : n_values + 1] = (step_s * each) @ samples[places]
     found[:, 0] = start
     blocks = found.reshape(-1, n_blocks, length)
-    turns = np.exp(np.multiply.outer(poles * step_s, np.arange(1, length + 1)))
+    turns = np.exp(np.multiply.outer(poles * (every * step_s), np.arange(1, length + 1)))
     for place in range(1, length):
         blocks[:, :, place] += turns[:, :1] * blocks[:, :, place - 1]
     for block in range(1, n_blocks):
         blocks[:, block] += turns * blocks[:, block - 1, -1:]
-    return found[:, : samples.size]
+    return found[:, : n_values + 1]
 
 
 def step_weights(turn: Complex) -> tuple[Complex, Complex]:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from stimuli.drive.sampled import SampledDrive
 from stimuli.field.synthesis import MOST_TIME_S
-from stimuli.motion.motion import is_slow
-from stimuli.motion.oscillators import followed, moved, step_weights
+from stimuli.motion.frames import Course
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -25,21 +23,20 @@ if TYPE_CHECKING:
     from stimuli.strip.strip import Strip
 
 
-_STEPS: Final = 128
-"""Steps of the drive in a period of the reference frequency: between them it is a straight line."""
+_BLOCK: Final = 256
+"""Looks at what swings freely that are computed at once."""
 
-LOOKS: Final = 32
-"""Looks at the displacement in such a period: with a parabola about the largest they hold the peak
-to 0.05 dB, ripples of the next wave included."""
+_FAINT: Final = 1e-5
+"""Part of what was found that is left out of what swings freely."""
 
-_CHUNK: Final = 1 << 12
-"""Looks that are computed at once."""
-
-_PARTS: Final = 2
+_FEWER: Final = 0.8
+_SHORTEST: Final = 2
 _LATE: Final = 0.75
 _MOST_WAITS: Final = 8.0
 _CHECKED: Final = 7
 """The error is estimated at every so many points, and when the peak is."""
+
+_DOUBTS: Final = 2
 
 _NEAR, _NEIGHBOURS = 0.5, 2
 """Only where those move by this part of their largest value all points are looked at; a peak has
@@ -75,10 +72,13 @@ class Peaks:
         Largest absolute value over a group of points and over time.
     error_m : ndarray of float64, same shape
         Estimate of its error.
+    around_m : ndarray of float64, same shape
+        What of it comes round an endless strip that repeats itself.
     """
 
     peak_m: Real
     error_m: Real
+    around_m: Real
 
 
 def peaks_of(
@@ -106,52 +106,33 @@ def peaks_of(
     with_error : bool
         Whether the error is asked for; else it is left 0.
     """
-    oscillators = motion.oscillators
-    checked = [group[::_CHECKED] for group in groups]
-    doubtful = checked if with_error else []
-    rows = [LoadedRow(motion, load, doubtful) for load in range(oscillators.rest_m.shape[0])]
-    decays = bool(np.all(oscillators.poles.real < 0))
-    found = np.zeros((len(groups), len(rows)))
-    # the checked points' alone; with each of two doubts added; with each taken off
-    doubted = np.zeros((5, *found.shape))
+    watched = _Watched(motion, groups, with_error=with_error)
+    decays = bool(np.all(motion.oscillators.poles.real < 0))
     latest = 0.0
-    for waited, answers, samples in _course(motion, drive, wait_s):
-        before = found.copy()
-        for column, row in enumerate(rows):
-            for line, (group, some) in enumerate(zip(groups, checked, strict=True)):
-                moved_m = moved(row.weights[some], row.rest_m[some], answers, samples)
-                at = _near(np.max(np.abs(moved_m), axis=0), found[line, column])
-                if at.size:
-                    whole_m = moved(
-                        row.weights[group], row.rest_m[group], answers[:, at], samples[at]
-                    )
-                    largest_m = np.max(crests(np.abs(whole_m)))
-                    found[line, column] = max(found[line, column], largest_m)
-                if not with_error:
-                    continue
-                doubts = row.doubts(line, answers, samples)
-                signed = [sign * doubt for sign in (1, -1) for doubt in doubts]
-                sums = [moved_m, *(moved_m + doubt for doubt in signed)]
-                largest = [np.max(np.abs(one)) for one in sums]
-                doubted[:, line, column] = np.maximum(doubted[:, line, column], largest)
-        latest = waited if np.any(found > before) else latest
-        last = np.abs(answers[:, -1])
-        left_m = [[np.max(np.abs(row.weights[group]) @ last) for row in rows] for group in groups]
-        if waited > 0 and decays and (np.all(left_m <= found) or waited * wait_s > MOST_TIME_S):
+    for stretch in _course(motion, drive, wait_s, watched):
+        waited = stretch.waited
+        latest = waited if watched.look(stretch) else latest
+        over = waited * wait_s > MOST_TIME_S
+        if waited > 0 and decays and (over or not watched.may_grow(stretch)):
             break
         if not decays and waited >= 1 and (latest <= _LATE * waited or waited >= _MOST_WAITS):
             break
+    found = watched.found
     if not with_error:
-        return Peaks(peak_m=found, error_m=np.zeros_like(found))
-    apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
-    error_m = apart.max(axis=0).sum(axis=0) + INTERPOLATED * found
+        none_m = np.zeros_like(found)
+        return Peaks(peak_m=found, error_m=none_m, around_m=none_m)
+    apart = np.abs(watched.doubted[1:] - watched.doubted[0]).reshape(2, 2, *found.shape)
+    inertia_m, around_m = apart.max(axis=1)
+    error_m = inertia_m + around_m + INTERPOLATED * found
     if motion.coarser:
         half, octave = (
-            np.abs(peaks_of(coarse, groups, drive, wait_s=wait_s, with_error=False).peak_m - found)
+            np.abs(
+                peaks_of(coarse(), groups, drive, wait_s=wait_s, with_error=False).peak_m - found
+            )
             for coarse in motion.coarser
         )
         error_m = error_m + np.maximum(_SHIFTED[0] * half, _SHIFTED[1] * octave)
-    return Peaks(peak_m=found, error_m=error_m)
+    return Peaks(peak_m=found, error_m=error_m, around_m=around_m)
 
 
 def _near(size: Real, found: float) -> NDArray[np.intp]:
@@ -211,7 +192,7 @@ def patched_peaks(
     load = int(np.argmax(known >= (1 - 1e-6) * np.max(known)))
     if not known[load] <= _PATCHED:
         raise PatchesUnknownError(load, float(known[load]))
-    return Peaks(peak_m=last.peak_m, error_m=error_m)
+    return Peaks(peak_m=last.peak_m, error_m=error_m, around_m=last.around_m)
 
 
 def wait_of(strip: Strip, far_m: float) -> float:
@@ -228,142 +209,157 @@ def wait_of(strip: Strip, far_m: float) -> float:
     return min(far_m**2 / (2 * spread), far_m / slowest_m_s) + 1 / strip.cutoff_hz()
 
 
-class LoadedRow:
-    """What the oscillators do for one load, and what is uncertain of it."""
+def doubts_of(motion: Motion, load: int, points: NDArray[np.intp]) -> list[tuple[Complex, Real]]:
+    """Return what may have to be added at some points, as weights and what follows at once.
 
-    def __init__(self, motion: Motion, load: int, checked: Sequence[NDArray[np.intp]]) -> None:
-        self._late, self._turned = motion.late, motion.turned
-        unsure_m = motion.unsure()[load] if motion.unsure is not None and checked else None
-        self._unsure_m = [None if unsure_m is None else unsure_m[group] for group in checked]
-        self.weights = motion.oscillators.weights(load)
-        self.rest_m = motion.oscillators.rest_m[load]
-        self._some = [self.weights[group] for group in checked]
-        late = motion.oscillators.poles[self._late]
-        self._at_once = [(some[:, self._late] / late).sum(axis=1).real for some in self._some]
-
-    def doubts(self, line: int, answers: Complex, samples: Real) -> tuple[Real, Real]:
-        """Return what may have to be added at the checked points of a group.
-
-        First the inertia of the upper modes, more than that of all which are left out, then what
-        comes round after half the length of an endless strip, or what is unsure at rest.
-        """
-        some, late = self._some[line], self._late
-        inertia = moved(some[:, late], self._at_once[line], answers[late], samples)
-        around = np.zeros_like(inertia)
-        if self._turned is not None:
-            around = moved(some * self._turned, np.zeros(len(some)), answers, samples)
-        unsure_m = self._unsure_m[line]
-        if unsure_m is not None:
-            around = np.multiply.outer(unsure_m, samples)
-        return inertia, around
+    First the inertia of the upper modes, more than that of all which are left out, then what
+    comes round after half the length of an endless strip, or what is unsure at rest.
+    """
+    oscillators, none = motion.oscillators, np.zeros(len(points))
+    weights = oscillators.weights(load)[points]
+    late = weights * motion.late
+    doubts = [(late, (late / oscillators.poles).sum(axis=1).real)]
+    if motion.turned is not None:
+        doubts.append((weights * motion.turned, none))
+    elif motion.unsure is not None:
+        doubts.append((np.zeros_like(weights), motion.unsure()[load][points]))
+    return doubts
 
 
-def _course(motion: Motion, drive: Drive, wait_s: float) -> Iterator[tuple[float, Complex, Real]]:
-    """Yield the answers of all oscillators and what the rest follows, stretch of time by stretch.
+class _Stretch(NamedTuple):
+    """Looks at the oscillators, equally far apart: all of them, or what is left of some."""
 
-    With them comes how long after the drive the stretch ends, in units of `wait_s`. The looks at
-    them are equally far apart, and a stretch begins with the last two of the one before, so that
-    a largest value between them is not missed.
+    waited: float  # how long after the drive it ends, in units of the wait
+    columns: Real  # their real and imaginary parts, and what the rest follows
+    last: Complex  # what the oscillators are at the last look
+    some: NDArray[np.intp] | None = None  # numbers of those that count still
+    state: Complex | None = None  # what these are at the first look; the columns are their turns
+
+    def moved(self, weights: Complex, rest_m: Real, at: NDArray[np.intp] | None = None) -> Real:
+        """Return displacements with such weights, at all looks or some: (n_points, n_looks)."""
+        parts = [weights.real, -weights.imag, rest_m[:, np.newaxis]]
+        if self.state is not None:
+            left = weights[:, self.some] * self.state
+            parts = [left.real, -left.imag]
+        columns = self.columns if at is None else self.columns[:, at]
+        return np.asarray(np.concatenate(parts, axis=1) @ columns)
+
+
+class _Watched:
+    """The largest displacements of groups of points, for each load, and with what is doubted."""
+
+    def __init__(
+        self, motion: Motion, groups: Sequence[NDArray[np.intp]], *, with_error: bool
+    ) -> None:
+        loads = range(motion.oscillators.rest_m.shape[0])
+        rest_m = motion.oscillators.rest_m
+        self.found = np.zeros((len(groups), len(loads)))
+        # the checked points' alone; with each of two doubts added; with each taken off
+        self.doubted = np.zeros((5, *self.found.shape))
+        self._pairs = [(line, load) for line in range(len(groups)) for load in loads]
+        weights = [motion.oscillators.weights(load) for load in loads]
+        self._whole = [
+            (weights[load][groups[line]], rest_m[load][groups[line]]) for line, load in self._pairs
+        ]
+        self._sizes = [np.abs(one) for one, _ in self._whole]
+        self._rows = []
+        for line, load in self._pairs:
+            checked = groups[line][::_CHECKED]
+            rows = [(weights[load][checked], rest_m[load][checked])]
+            rows += doubts_of(motion, load, checked) if with_error else []
+            self._rows.append(rows)
+        self._open = list(range(len(self._pairs)))
+
+    def look(self, stretch: _Stretch) -> bool:
+        """Take a stretch into account, and tell whether anything grew."""
+        grown = False
+        rows = [row for pair in self._open for row in self._rows[pair]]
+        both = (np.concatenate(one) for one in zip(*rows, strict=True))
+        ends = np.cumsum([len(rest) for _, rest in rows])[:-1]
+        found = iter(np.split(stretch.moved(*both), ends))
+        for pair in self._open:
+            place = self._pairs[pair]
+            moved_m, *doubts = (next(found) for _ in self._rows[pair])
+            at = _near(np.max(np.abs(moved_m), axis=0), self.found[place])
+            if at.size:
+                most = np.max(crests(np.abs(stretch.moved(*self._whole[pair], at)), at))
+                grown = grown or most > self.found[place]
+                self.found[place] = max(self.found[place], most)
+            if doubts:
+                self._doubt(place, moved_m, doubts)
+        return bool(grown)
+
+    def _doubt(self, place: tuple[int, int], moved_m: Real, doubts: Sequence[Real]) -> None:
+        every = [*doubts, *[np.zeros_like(moved_m)] * (_DOUBTS - len(doubts))]
+        sums = [moved_m, *(moved_m + sign * one for one in every for sign in (1, -1))]
+        largest = [np.max(np.abs(one)) for one in sums]
+        self.doubted[:, *place] = np.maximum(self.doubted[:, *place], largest)
+
+    def may_grow(self, stretch: _Stretch) -> bool:
+        """Tell whether all oscillators together could still give a larger value than was found."""
+        last = np.abs(stretch.last)
+        self._open = [
+            pair
+            for pair in self._open
+            if np.max(self._sizes[pair] @ last) > self.found[self._pairs[pair]]
+        ]
+        return bool(self._open)
+
+    def counting(self, state: Complex, some: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Return which of some oscillators count, with what they are at the beginning of looks."""
+        size = np.abs(state[some])
+        parts = [
+            np.max(self._sizes[pair][:, some], axis=0) * size / self.found[self._pairs[pair]]
+            for pair in self._open
+            if self.found[self._pairs[pair]] > 0
+        ]
+        if not parts:
+            return some
+        part = np.max(parts, axis=0)
+        order = np.argsort(part)
+        return np.sort(some[order[np.cumsum(part[order]) > _FAINT]])
+
+
+def _course(motion: Motion, drive: Drive, wait_s: float, watched: _Watched) -> Iterator[_Stretch]:
+    """Yield stretches of looks at all oscillators while they are driven, and then at those left.
+
+    A stretch begins with the last two looks of the one before, so that a largest value between
+    them is not missed.
     """
     course = Course(motion, drive)
     poles = motion.oscillators.poles
     seen, followed_by = np.zeros((poles.size, 0), dtype=np.complex128), np.zeros(0)
     for answers, late in course.looks():
         seen, followed_by = np.append(seen[:, -2:], answers, 1), np.append(followed_by[-2:], late)
-        yield 0.0, seen, followed_by
-    n_looks = max(2, math.ceil(wait_s / (_PARTS * course.look_s)))
-    turns = np.exp(np.multiply.outer(poles, course.look_s * np.arange(1, n_looks + 1)))
-    for part in count(1):
-        seen = np.append(seen[:, -2:], seen[:, -1:] * turns, axis=1)
-        followed_by = np.append(followed_by[-2:], np.zeros(n_looks))
-        yield part * n_looks * course.look_s / wait_s, seen, followed_by
+        yield _stretch(0.0, seen, followed_by)
+    n_looks = min(_BLOCK, max(_SHORTEST, math.ceil(wait_s / (_SHORTEST * course.look_s))))
+    turns = np.exp(np.multiply.outer(poles, course.look_s * np.arange(n_looks + 2)))
+    part = n_looks * course.look_s / wait_s
+    seen = np.append(seen[:, -2:], seen[:, -1:] * turns[:, 1:-1], axis=1)
+    yield _stretch(part, seen, np.append(followed_by[-2:], np.zeros(n_looks)))
+    state, some, columns = seen[:, -2], np.arange(poles.size), np.zeros((0, 0))
+    for block in count(2):
+        left = watched.counting(state, some)
+        if not columns.size or left.size < _FEWER * some.size:
+            some = left
+            columns = np.concatenate([turns[some].real, turns[some].imag])
+        last = np.zeros_like(state)
+        last[some] = state[some] * turns[some, -1]
+        yield _Stretch(block * part, columns, last, some, state[some])
+        state = state * turns[:, n_looks]
 
 
-class Course:
-    """A drive in fine steps, and what the oscillators answer while it lasts.
+def _stretch(waited: float, answers: Complex, late: Real) -> _Stretch:
+    columns = np.concatenate([answers.real, answers.imag, late[np.newaxis]])
+    return _Stretch(waited, columns, answers[:, -1])
 
-    Beside them runs what the rest follows: the drive, late by the plate's relaxation time as all
-    that bends slowly is. Left out, that microsecond costs a quiet finger a per cent.
+
+def crests(size: Real, looks: NDArray[np.intp] | None = None) -> Real:
+    """Return the largest values along the last axis, each by a parabola about it.
+
+    `looks` are the numbers of the looks where they are not all of them: a parabola goes through
+    neighbours only.
     """
-
-    def __init__(self, motion: Motion, drive: Drive) -> None:
-        self._viscous_s = motion.viscous_s
-        lag = [-1 / self._viscous_s] if self._viscous_s else []
-        self._poles = np.append(motion.oscillators.poles, lag)
-        # a slow drive is straight enough from look to look
-        steps = LOOKS if is_slow(drive, motion.reference_hz) else _STEPS
-        self._samples, self._step_s, self._held = _played(drive, steps * motion.reference_hz)
-        self._every = max(1, round(1 / (LOOKS * motion.reference_hz * self._step_s)))
-        self._samples = np.append(self._samples, np.zeros(-(self._samples.size - 1) % self._every))
-
-    @property
-    def look_s(self) -> float:
-        """Time between two looks."""
-        return self._every * self._step_s
-
-    def looks(self) -> Iterator[tuple[Complex, Real]]:
-        """Yield answers and what the rest follows at all looks, some at a time."""
-        for first, found in self._stretches():
-            shared = 0 if first == 0 else self._every
-            some = slice(shared, None, self._every)
-            yield self._split(found[:, some], self._samples[first : first + found.shape[1]][some])
-
-    def at(self, times_s: Real) -> Iterator[tuple[Complex, Real, NDArray[np.intp]]]:
-        """Yield answers, what the rest follows, and which of the times these are."""
-        place = times_s / self._step_s
-        early = np.flatnonzero(place < 0)
-        still = np.zeros((self._poles.size, early.size), dtype=np.complex128)
-        yield *self._split(still, np.zeros(early.size)), early
-        end = still[:, :0]
-        for first, found in self._stretches():
-            top = first + found.shape[1] - 1
-            which = np.flatnonzero((place >= first) & (place < top))
-            step = np.floor(place[which]).astype(np.intp)
-            part, before = place[which] - step, self._samples[step]
-            rise = 0.0 if self._held else (self._samples[step + 1] - before) * part
-            turn = np.multiply.outer(self._poles, part * self._step_s)
-            whole, late = step_weights(turn)
-            driven = part * self._step_s * (whole * before + late * rise)
-            answers = np.exp(turn) * found[:, step - first] + driven
-            yield *self._split(answers, before + rise), which
-            end = found[:, -1:]
-        after = np.flatnonzero(place >= self._samples.size - 1)
-        since_s = times_s[after] - (self._samples.size - 1) * self._step_s
-        free = end * np.exp(np.multiply.outer(self._poles, since_s))
-        yield *self._split(free, np.zeros(after.size)), after
-
-    def _split(self, found: Complex, samples: Real) -> tuple[Complex, Real]:
-        if not self._viscous_s:
-            return found, samples
-        return found[:-1], found[-1].real / self._viscous_s
-
-    def _stretches(self) -> Iterator[tuple[int, Complex]]:
-        """Yield the number of the first step and all answers; the ends are shared."""
-        start = np.zeros(self._poles.size, dtype=np.complex128)
-        length = self._every * _CHUNK
-        for first in range(0, self._samples.size - 1, length):
-            some = self._samples[first : first + length + 1]
-            found = followed(self._poles, some, self._step_s, start, held=self._held)
-            start = found[:, -1]
-            yield first, found
-
-
-def _played(drive: Drive, least_rate_hz: float) -> tuple[Real, float, bool]:
-    """Return a drive in fine steps up to its end, the step, and whether each is held."""
-    if not isinstance(drive, SampledDrive):
-        return np.append(drive.samples(least_rate_hz), 0.0), 1 / least_rate_hz, False
-    fine = math.ceil(least_rate_hz / drive.sample_rate_hz)
-    values = np.array(drive.values)
-    if drive.held:
-        samples = np.append(np.repeat(values, fine), 0.0)
-    else:
-        places = np.arange((values.size - 1) * fine + 1) / fine
-        samples = np.interp(places, np.arange(values.size), values)
-    return samples, 1 / (fine * drive.sample_rate_hz), drive.held
-
-
-def crests(size: Real) -> Real:
-    """Return the largest values along the last axis, each by a parabola about it."""
     top = np.clip(np.argmax(size, axis=-1), 1, size.shape[-1] - 2)
     before, at, after = (
         np.take_along_axis(size, (top + shift)[..., np.newaxis], axis=-1)[..., 0]
@@ -371,6 +367,8 @@ def crests(size: Real) -> Real:
     )
     bend = np.maximum(2 * at - before - after, np.finfo(np.float64).tiny)
     inside = (at >= before) & (at >= after)
+    if looks is not None:
+        inside &= looks[top + 1] - looks[top - 1] == _NEIGHBOURS
     return np.asarray(
         np.where(inside, at + (after - before) ** 2 / (8 * bend), np.max(size, axis=-1))
     )

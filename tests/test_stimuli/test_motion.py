@@ -39,7 +39,7 @@ from stimuli.fingers.fingertip import causal
 from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of
 from stimuli.motion.oscillators import followed, poles
-from stimuli.motion.peaks import peaks_of
+from stimuli.motion.peaks import crests, peaks_of
 from stimuli.motion.section import sections
 from stimuli.motion.standing_waves import strip_waves
 
@@ -308,6 +308,25 @@ def test_a_slow_load_moves_the_plate_as_a_static_one() -> None:
     static_m = still.rest_m[0, 0] + (still.weights(0)[0] / -still.poles).sum().real
     # two cycles in a Hann window have their largest value, 0.9, beside the middle
     assert found.peak_m[0, 0] == pytest.approx(static_m * np.abs(slow.samples(1e4)).max(), rel=1e-3)
+
+
+def test_a_parabola_goes_through_looks_that_are_neighbours() -> None:
+    # a wave, of which the looks between its two crests are left out
+    looks = np.append(np.arange(3, 10), np.arange(27, 31))
+    size = np.abs(np.sin(2 * math.pi * (looks - 0.3) / 32))
+    assert crests(size[np.newaxis], looks)[0] == pytest.approx(1.0, abs=1e-4)
+    assert crests(size[np.newaxis, 1:], looks[1:])[0] == pytest.approx(1.0, abs=1e-4)
+    assert crests(size[np.newaxis, 6:], looks[6:])[0] == size[6:].max()
+
+
+def test_answers_at_every_few_samples_are_those_at_all() -> None:
+    rng = np.random.default_rng(8)
+    poles = np.array([-10 - 1e3j, -40 + 1e4j, -900 + 3e4j, -1e3 + 1e5j], dtype=np.complex128)
+    samples, start = rng.normal(size=41), np.asarray(poles / 1e5, dtype=np.complex128)
+    for held in (False, True):
+        every = followed(poles, samples, 1e-5, start, held=held)
+        few = followed(poles, samples, 1e-5, start, held=held, every=4)
+        np.testing.assert_allclose(few, every[:, ::4], rtol=1e-12)
 
 
 def test_a_plate_without_loss_is_not_waited_for_forever() -> None:
