@@ -13,11 +13,11 @@ from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
 from stimuli.fingers.pressed import Impedance, Pressed, pressed_peaks, pressing
+from stimuli.fingers.unpressed import by_modes
 from stimuli.load import LOADS, Load
 from stimuli.motion.history import by_spectra
-from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
-from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
-from stimuli.motion.section import ECHOED, echoless
+from stimuli.motion.motion import motions
+from stimuli.motion.peaks import patched_peaks, wait_of
 from stimuli.strip.patch import cutoff_factor
 from stimuli.strip.strip import Strip
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
-    from stimuli.motion.motion import Motion
 
 
 _LEAST_RINGS: Final = 3
@@ -151,13 +150,6 @@ def _rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
 
 RTOL: Final = 3e-3
 """Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
-
-_QUIET: Final = 1e-3
-"""What a finger feels at less than this part of another one is known to `rtol` of that part only,
-0.3 dB at -80."""
-
-_ECHO_POINTS: Final = 5
-"""Every so many points of an area tell whether an echo counts."""
 
 
 def felt(
@@ -367,26 +359,3 @@ def _centres(tip: Fingertip, loads: Sequence[Load]) -> tuple[tuple[float, float]
     """Return the centres of loads under a fingertip: there a small load moves the plate most."""
     places = [(load.x_m, load.y_m) for load in loads]
     return tuple(p for p in places if math.dist(p, (tip.x_m, tip.y_m)) <= tip.radius_m)
-
-
-def by_modes(
-    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
-) -> tuple[Real, Motion, Scene] | None:
-    """Return the greatest absolute values and whose modes they are of; none if none are enough."""
-
-    def quickly(section: Scene) -> Real | None:
-        reference_hz = reference_of(section, drive)
-        if not is_enough(section.strip, ECHOED * reference_hz):
-            return None
-        motion, wait_s = motion_of(section, reference_hz, ECHOED), wait_of(section.strip, far_m)
-        some = [place[::_ECHO_POINTS] for place in places]
-        return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m
-
-    section = echoless(scene, quickly, rtol)
-    wait_s = wait_of(section.strip, far_m)
-    for motion in motions(section, drive):
-        found = peaks_of(motion, places, drive, wait_s=wait_s)
-        counts_m = np.maximum(found.peak_m, _QUIET * np.max(found.peak_m, axis=0))
-        if np.all(found.error_m <= rtol * counts_m):
-            return found.peak_m, motion, section
-    return None

@@ -30,7 +30,7 @@ from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
 from stimuli.motion.section import ECHOED, echoless
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -199,7 +199,7 @@ def pressed_peaks(
         motion = pressed_motion(section, reference_hz, ECHOED, there)
         return peaks_of(motion, groups, drive, wait_s=wait_s, with_error=False).peak_m
 
-    section = echoless(scene, quickly, rtol)
+    section = echoless(scene, quickly, rtol, _QUIET)
     there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
     for motion in pressed_motions(section, drive, there):
         peaks = peaks_of(motion, groups, drive, wait_s=wait_s)
@@ -270,7 +270,7 @@ def pressed_motion(
             f"{MOST_COUPLED} where fingers press, got {strip.length_m!r} and {n_modes} modes"
         )
 
-    def up_to(upper_hz: float, *coarser: Motion) -> Motion:
+    def up_to(upper_hz: float, *coarser: Callable[[], Motion]) -> Motion:
         oscillators = _coupled(bare, strip, pressed, upper_hz)
         return Motion(
             oscillators=oscillators,
@@ -283,7 +283,7 @@ def pressed_motion(
             coarser=coarser,
         )
 
-    coarser = (up_to(highest_hz / part) for part in (math.sqrt(2), 2.0))
+    coarser = (partial(up_to, highest_hz / part) for part in (math.sqrt(2), 2.0))
     return up_to(highest_hz, *coarser)
 
 

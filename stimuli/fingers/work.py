@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stimuli.fingers.fingertip import RTOL, asked, by_modes, pressed_of
+from stimuli.fingers.fingertip import RTOL, asked, pressed_of
 from stimuli.fingers.pressed import pressed_peaks
+from stimuli.fingers.unpressed import by_modes
 from stimuli.motion.motion import motions
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from .peaks import (
     peaks_of,
     wait_of,
 )
-from .section import ECHOED, echoless
+from .section import ECHOED, echoless, repeated
 
 __all__ = [
     "ECHOED",
@@ -50,6 +50,7 @@ __all__ = [
     "poles",
     "reference_of",
     "refuse_above_first_mode",
+    "repeated",
     "springs_lose",
     "steady",
     "transient",

@@ -88,9 +88,9 @@ class Motion:
         Relaxation time of the plate: what follows at once does so as late as this.
     unsure : callable or None
         Returns what may be wrong of a plate with patches at rest, (n_loads, n_points).
-    coarser : tuple of (Motion, Motion)
-        The same without the modes of the upper half octave and of the upper octave, where their
-        inertia shifts the others, as it does under fingers; else empty.
+    coarser : tuple of two callables
+        Return the same without the modes of the upper half octave and of the upper octave, where
+        their inertia shifts the others, as it does under fingers; else empty.
     """
 
     oscillators: Oscillators
@@ -100,10 +100,10 @@ class Motion:
     highest_hz: float
     viscous_s: float
     unsure: Callable[[], Real] | None = None
-    coarser: tuple[Motion, ...] = ()
+    coarser: tuple[Callable[[], Motion], ...] = ()
 
 
-def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
+def motions(scene: Scene, drive: Drive, period_m: float | None = None) -> Iterator[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
     asked = [*multiples_of(drive, reference_hz, scene.strip)]
@@ -111,7 +111,7 @@ def motions(scene: Scene, drive: Drive) -> Iterator[Motion]:
         asked.insert(0, ECHOED)
     multiples = enough_of(scene.strip, reference_hz, asked)
     for multiple in multiples:
-        yield motion_of(scene, reference_hz, multiple, multiples[-1])
+        yield motion_of(scene, reference_hz, multiple, multiples[-1], period_m)
 
 
 def is_slow(drive: Drive, reference_hz: float) -> bool:
@@ -151,7 +151,11 @@ def multiples_of(drive: Drive, reference_hz: float, strip: Strip) -> tuple[float
 
 @lru_cache(maxsize=4)
 def motion_of(
-    scene: Scene, reference_hz: float, multiple: float, most: float | None = None
+    scene: Scene,
+    reference_hz: float,
+    multiple: float,
+    most: float | None = None,
+    period_m: float | None = None,
 ) -> Motion:
     """Return a scene as oscillators.
 
@@ -165,11 +169,13 @@ def motion_of(
         Modes above so many times that frequency follow their load at once.
     most : float, optional
         The largest multiple that is going to be asked for.
+    period_m : float, optional
+        After which length an endless strip is taken to repeat itself.
     """
     strip, highest_hz = scene.strip, multiple * reference_hz
     lossless = dataclasses.replace(scene, strip=without_loss(strip))
     sought = lossless, highest_hz, (most or multiple) * reference_hz
-    bare = bare_of(*sought)
+    bare = bare_of(*sought, period_m)
     has_loss = springs_lose(strip)
     found, at_points, of_loads = [], [], []
     for group, moved, pushed in zip(bare.groups, bare.moved, bare.pushed, strict=True):
@@ -252,7 +258,9 @@ class Bare(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def bare_of(scene: Scene, highest_hz: float, within_hz: float) -> Bare:
+def bare_of(
+    scene: Scene, highest_hz: float, within_hz: float, period_m: float | None = None
+) -> Bare:
     """Return the same for every loss: a study that states none is computed with three."""
     strip = scene.strip
     centred = all(load.y_m == strip.width_m / 2 for load in scene.loads)
@@ -260,7 +268,7 @@ def bare_of(scene: Scene, highest_hz: float, within_hz: float) -> Bare:
         return _bare_patched(scene, highest_hz, within_hz, centred=centred)
     groups: Sequence[Modes | Waves]
     if strip.length_m is None:
-        groups = strip_waves(strip, highest_hz, _period_m(scene), centred=centred)
+        groups = strip_waves(strip, highest_hz, period_m or _period_m(scene), centred=centred)
     else:
         groups = plate_modes(strip, highest_hz, centred=centred)
     points_m, nodes = np.array(scene.points_m), _all_nodes(scene, highest_hz)

@@ -22,6 +22,8 @@ _BEYOND: Final = 20.0
 _LONGER: Final = 1.5
 """By so much more does the next one."""
 
+_ROUNDING: Final = 1e-9
+
 AGREED: Final = 0.5
 """Part of a wanted error by which two sections may differ: with the longer one, whose ends are half
 as far away again, less is left."""
@@ -70,7 +72,26 @@ def _section(scene: Scene, start_m: float, end_m: float, places: list[float]) ->
     )
 
 
-def echoless(scene: Scene, quickly: Callable[[Scene], Real | None], rtol: float) -> Scene:
+def repeated(section: Scene, scene: Scene) -> tuple[Scene, float | None]:
+    """Return a section that ends where its plate goes on as an endless strip, and its period.
+
+    What comes round has gone as far as what would come back from the ends, and the waves of the
+    strip are its modes. Others, and all without loss, are returned as they are, without a period.
+    """
+    strip, whole_m = section.strip, scene.strip.length_m
+    if strip.length_m is None or whole_m is None or not strip.material.viscous_time_s:
+        return section, None
+    middle_m = scene.points_m[0][0] - section.points_m[0][0]
+    if abs(middle_m) + strip.length_m / 2 > (1 - _ROUNDING) * whole_m / 2:
+        return section, None
+    return dataclasses.replace(
+        section, strip=dataclasses.replace(strip, length_m=None)
+    ), strip.length_m
+
+
+def echoless(
+    scene: Scene, quickly: Callable[[Scene], Real | None], rtol: float, quiet: float
+) -> Scene:
     """Return the shortest section of a scene that the next one agrees with; else all of it.
 
     Parameters
@@ -81,6 +102,8 @@ def echoless(scene: Scene, quickly: Callable[[Scene], Real | None], rtol: float)
         Returns what is looked at of a section, to some digits; none where it is too long for that.
     rtol : float
         Wanted error of that.
+    quiet : float
+        What is less than this part of the largest of its column is wanted to `rtol` of that only.
     """
     shorter: tuple[Scene, Real] | None = None
     for section in sections(scene):
@@ -89,7 +112,8 @@ def echoless(scene: Scene, quickly: Callable[[Scene], Real | None], rtol: float)
         found = quickly(section)
         if found is None:
             break
-        if shorter is not None and np.all(np.abs(found - shorter[1]) <= AGREED * rtol * found):
+        counts = np.maximum(found, quiet * np.max(found, axis=0))
+        if shorter is not None and np.all(np.abs(found - shorter[1]) <= AGREED * rtol * counts):
             return shorter[0]
         shorter = section, found
     return scene

@@ -1,0 +1,56 @@
+"""The peaks of a plate that no finger presses on, by its modes or by those of an endless strip."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
+from stimuli.motion.peaks import peaks_of, wait_of
+from stimuli.motion.section import ECHOED, echoless, repeated
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.drive.sampled import Drive
+    from stimuli.field.scene import Scene
+    from stimuli.motion.motion import Motion
+
+
+_QUIET: Final = 1e-3
+"""What a finger feels at less than this part of another one is known to `rtol` of that part only,
+0.3 dB at -80."""
+
+_ECHO_POINTS: Final = 5
+"""Every so many points of an area tell whether an echo counts."""
+
+
+def by_modes(
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
+) -> tuple[Real, Motion, Scene] | None:
+    """Return the greatest absolute values and whose modes they are of; none if none are enough."""
+
+    def quickly(section: Scene) -> Real | None:
+        reference_hz = reference_of(section, drive)
+        if not is_enough(section.strip, ECHOED * reference_hz):
+            return None
+        endless, period_m = repeated(section, scene)
+        motion = motion_of(endless, reference_hz, ECHOED, period_m=period_m)
+        wait_s, some = wait_of(section.strip, far_m), [place[::_ECHO_POINTS] for place in places]
+        return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m
+
+    section = echoless(scene, quickly, rtol, _QUIET)
+    wait_s = wait_of(section.strip, far_m)
+    endless, period_m = repeated(section, scene)
+    for motion in motions(endless, drive, period_m):
+        found = peaks_of(motion, places, drive, wait_s=wait_s)
+        counts_m = np.maximum(found.peak_m, _QUIET * np.max(found.peak_m, axis=0))
+        # what comes round does not count, as a longer section told
+        error_m = found.error_m - (found.around_m if period_m else 0.0)
+        if np.all(error_m <= rtol * counts_m):
+            return found.peak_m, motion, section
+    return None
