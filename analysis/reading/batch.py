@@ -232,15 +232,16 @@ def _set_schema(header: list[str], rows: list[list[str]]) -> None:
 def _joined(parts: Iterator[_Rows]) -> Iterator[list[_Rows]]:
     """Put parts together until they have `CHUNK_ROWS` rows; their columns must be the same."""
     held: list[_Rows] = []
-    header = None
+    header, rows = None, 0
     for part in parts:
         header = part.header if header is None else header
         if part.header != header:
             raise ResultFileError(part.file, 1, "another header than the table before")
         held.append(part)
-        if sum(len(one.rows) for one in held) >= CHUNK_ROWS:
+        rows += len(part.rows)
+        if rows >= CHUNK_ROWS:
             yield held
-            held = []
+            held, rows = [], 0
     if held:
         yield held
 

@@ -194,6 +194,8 @@ def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str
             if not line.isascii() and (bad := _ESCAPED.search(line)):
                 byte = ord(bad[0]) - 0xDC00
                 message = f"byte 0x{byte:02x} is not UTF-8; save the table as UTF-8 text"
+                if form:
+                    message += ', or state what it is in a map: [file] encoding = "cp1252"'
                 raise ResultFileError(file, number, message)
             yield line
     except UnicodeError as error:

@@ -35,6 +35,9 @@ _FORMULA = re.compile(r"""(^|[,;|\t"])([' ]*[=+\-@＝＋－＠])""")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", re.ASCII)
 
 
+_ROWS = 20_000
+
+
 def csv_text(table: pd.DataFrame) -> str:
     r"""Write a table as CSV with LF line ends; NaN is ``n/a``, numbers keep their shortest form.
 
@@ -44,11 +47,16 @@ def csv_text(table: pd.DataFrame) -> str:
     >>> csv_text(table)
     "level_vpp,group_low,name\n60,n/a,'=1+1\n"
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.columns)
-    writer.writerows(zip(*(_cells(table[name]) for name in table.columns), strict=True))
-    return text.getvalue()
+    parts = []
+    for first in range(0, max(len(table), 1), _ROWS):
+        text = io.StringIO()  # four bytes a sign while it is written, so only of some rows at once
+        writer = csv.writer(text, lineterminator="\n")
+        if first == 0:
+            writer.writerow(table.columns)
+        rows = table.iloc[first : first + _ROWS]
+        writer.writerows(zip(*(_cells(rows[name]) for name in table.columns), strict=True))
+        parts.append(text.getvalue())
+    return "".join(parts)
 
 
 def _cells(column: pd.Series[Any]) -> Iterable[str]:
