@@ -201,7 +201,9 @@ def test_the_report_is_silent_asks_for_nothing_and_fits(
     found, said, asked = shown(browser, report)
     keep_screenshot(browser, f"{report.parent.name}-{medium}-{width_px}")
     assert found["scroll"] <= width_px
-    expected = {"width": width_px, "wide": [], "boxes": 0, "figures": 4}
+    figures = len([*report.parent.glob("*.svg")])
+    assert figures >= 4
+    expected = {"width": width_px, "wide": [], "boxes": 0, "figures": figures}
     expected |= {"hidden": 0, "unnamed": 0, "scripts": 0}
     assert found == expected | {"scroll": found["scroll"]}
     assert said == set()
