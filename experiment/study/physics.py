@@ -220,7 +220,7 @@ def _in_keys(study: Study, condition: Condition, refusal: ValueError) -> str:
             f"the drive, with its peak at {drive.peak_hz():.6g} Hz, ends too sharply for this "
             'plate; take a window such as "hann", fade the file out, or state a loss_factor'
         )
-    if error.startswith("fingertips must have no"):
+    if error.startswith(("fingertips must have no", "length_m must be one whose modes")):
         return (
             "[finger_load] on this plate is not computed to 0.3 %: leave it out, or lower length_mm"
         )

@@ -554,6 +554,12 @@ def test_a_measured_cutoff_beside_ideal_edges_is_compared_and_not_used() -> None
     assert (without["measured_cutoff_hz"], without["measured_above_computed"]) == (None, None)
 
 
+def test_a_thickness_that_makes_no_plate_is_not_suggested() -> None:
+    plate = paper_study().plate
+    assert plate.fitting(4400.0, 150e3) == "fits 4.28 mm of width; you have 0.5 mm and 25 mm"
+    assert plate.fitting(4400.0, 1e12).startswith("fits no plate near it; you have")
+
+
 @pytest.mark.slow
 def test_the_papers_micrometres_are_not_said_to_be_measured_on_another_plate() -> None:
     told = checked(SECOND).stdout

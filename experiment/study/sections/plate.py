@@ -284,23 +284,28 @@ class Plate:
 
         Cut-offs go as thickness over width squared, whatever ideal edges the plate has.
         """
-        thickness_mm, width_mm = self._sizes(wanted_hz / cutoff_hz)
-        return self._told_fit({"thickness": f"{thickness_mm:.3g}", "width": f"{width_mm:.3g}"})
+        sizes = dict(zip(("thickness", "width"), self._sizes(wanted_hz / cutoff_hz), strict=True))
+        texts = {size: f"{mm:.3g}" for size, mm in sizes.items()}
+        return self._told_fit({size: mm for size, mm in texts.items() if self._may_be(size, mm)})
 
     def _sizes_within(self, ratio: float, *, thicker: bool) -> str:
         """Say the same of a cut-off that must stay beyond another: rounded to that side."""
         sizes = dict(zip(("thickness", "width"), self._sizes(ratio), strict=True))
-        sizes_now, told = {"thickness": self.thickness_mm, "width": self.width_mm}, {}
+        told = {}
         for size, mm in sizes.items():
             upward = thicker == (size == "thickness")
             # not quite at the limit, which itself is refused
             text = inward(mm * (1 + (1e-9 if upward else -1e-9)), least=upward, digits=3)
-            field = file_keys(type(self))[f"{size}_mm"]
-            limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
-            changed = sizes_now | {size: float(text)}
-            if limits.hold(float(text)) and _is_a_plate(**changed):
+            if self._may_be(size, text):
                 told[size] = text
         return self._told_fit(told)
+
+    def _may_be(self, size: str, mm: str) -> bool:
+        """Tell whether the plate may have another thickness or width, as it would be written."""
+        field = file_keys(type(self))[f"{size}_mm"]
+        limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
+        sizes_now = {"thickness": self.thickness_mm, "width": self.width_mm}
+        return limits.hold(float(mm)) and _is_a_plate(**(sizes_now | {size: float(mm)}))
 
     def _sizes(self, ratio: float) -> tuple[float, float]:
         """Return the thickness and the width, in mm, that multiply cut-offs by a ratio."""
