@@ -3,7 +3,7 @@ from . import detection as detection
 from .choice import Choices, choices, confusion_table
 from .counting import AUDIBILITY, CONTROL_COLUMNS, clean_table, counted, reaction_table
 from .detection import cells, level_table
-from .doubts import doubtful
+from .doubts import doubtful, doubtful_counts
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
 from .serial import SerialEffect
@@ -25,6 +25,7 @@ __all__ = [
     "counting",
     "detection",
     "doubtful",
+    "doubtful_counts",
     "group_interval",
     "level_table",
     "proportion_ci",

@@ -8,15 +8,16 @@ out or turned around because of them.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pandas as pd
-from scipy.special import bdtr, bdtrc, gammaln
+from scipy.special import bdtr, bdtrc, gammaln, ndtr
 
 from analysis.answers.counting import counted
-from analysis.answers.drift import drifting
+from analysis.answers.drift import drifting, short_p
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,6 +36,7 @@ GUESSED_P: Final = 0.05
 FEWEST: Final = 20
 """Fewer stimuli tell of nobody that they only guess."""
 
+_MOST_TERMS: Final = 100_000
 _SIDES: Final = ("left", "right")
 
 
@@ -63,13 +65,46 @@ def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterato
     ...     "level_vpp": 60.0, "response": ["right", "left"] * 20, "reason": "",
     ...     "none_offered": False})
     >>> print(*doubtful(trials, VOLTS))  # doctest: +ELLIPSIS
-    participant 7: the side was right in 0 of 40 left or right answers to single stimuli, fewer
-    than guessing gives (p = 7e-12): keys or actuators swapped? Nothing was turned around
+    participant 7: the side was right in 0 of 40 left or right answers, fewer than guessing gives
+    (p = 7e-12): keys or actuators swapped? Nothing was turned around
     """
     single, blank = counted(trials, "single"), counted(trials, "blank")
     if single.empty:
         return
-    levels, blanks = _cells(single, "level_vpp"), _cells(blank)
+    yield from _named(_cells(single, "level_vpp"), _cells(blank), alternatives)
+    yield from drifting(single, axis, alternatives)
+
+
+def doubtful_counts(
+    table: pd.DataFrame, blanks: pd.DataFrame | None, alternatives: int
+) -> Iterator[str]:
+    """Say the same of a table of counts, as far as it can be told: such a table has no sides.
+
+    >>> table = pd.DataFrame({"participant": "7", "condition": "main", "level_vpp": [60.0, 90.0],
+    ...     "detected": [1, 2], "presented": 30, "none_offered": False})
+    >>> print(*doubtful_counts(table, None, 2))  # doctest: +ELLIPSIS
+    participant 7: 3 of 60 answers were right, fewer than guessing gives (p = ...
+    """
+    beside = {} if blanks is None else _as_cells(blanks, "felt")
+    yield from _named(_as_cells(table, "detected"), beside, alternatives)
+
+
+def _as_cells(table: pd.DataFrame, detected: str) -> dict[tuple[str, str], Counts]:
+    """Return counts as those of stimuli at one side."""
+    cells: dict[tuple[str, str], list[list[int]]] = {}
+    for row in table.to_dict("records"):
+        k, n = int(row[detected]), int(row["presented"])
+        forced = 0 if row.get("none_offered", True) else n
+        where = str(row["participant"]), str(row["condition"])
+        one = [k, n - k if forced else 0, 0, 0, n, n, k, forced]
+        cells.setdefault(where, []).append(one)
+    return {where: np.array(rows) for where, rows in cells.items()}
+
+
+def _named(
+    levels: dict[tuple[str, str], Counts], blanks: dict[tuple[str, str], Counts], alternatives: int
+) -> Iterator[str]:
+    """Name people by their counts at each level, and at none."""
     found = {name: _swapped(name, every, alternatives) for name, every in _people(levels).items()}
     yield from filter(None, found.values())
     several = len({condition for _, condition in levels}) > 1
@@ -79,16 +114,6 @@ def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterato
         where = f", condition {condition}" if several else ""
         words = _guess_words(cells, blanks.get((name, condition)), alternatives)
         yield f"participant {name}{where}: {words}"
-    yield from drifting(single, axis, alternatives)
-
-
-def short_p(value: float) -> str:
-    """Write a small probability.
-
-    >>> short_p(0.00012), short_p(0.0)
-    ('1e-4', '0')
-    """
-    return f"{value:.0e}".replace("e-0", "e-") if value else "0"
 
 
 # A cell is a row of counts: answers left and right to stimuli at the left, the same at the right,
@@ -126,9 +151,8 @@ def _swapped(name: str, row: Counts, alternatives: int) -> str:
     if sides.below >= SWAPPED_P:
         return ""
     return (
-        f"participant {name}: the side was right in {sides.right} of {sides.of} left or right "
-        f"answers to single stimuli, fewer than guessing gives (p = {short_p(sides.below)}): keys "
-        "or actuators swapped? Nothing was turned around"
+        f"participant {name}: {sides.words}, fewer than guessing gives (p = "
+        f"{short_p(sides.below)}): keys or actuators swapped? Nothing was turned around"
     )
 
 
@@ -159,7 +183,7 @@ def _guess_words(cells: Counts, blanks: Counts | None, alternatives: int) -> str
     row, parts = cells.sum(axis=0), []
     sides = _sides(row, alternatives)
     if sides.tells:
-        parts.append(f"the side right in {sides.right} of {sides.of} left or right answers")
+        parts.append(sides.words)
     if blanks is not None:
         parts.append(
             f"something felt in {row[_FELT]} of {row[_ALL]} single stimuli and in "
@@ -183,13 +207,21 @@ class _Sides:
     below: float = 1.0
     above: float = 1.0
     tells: bool = True
+    sided: bool = False  # whether stimuli were at both sides
+
+    @property
+    def words(self) -> str:
+        """How often an answer was right."""
+        if self.sided:
+            return f"the side was right in {self.right} of {self.of} left or right answers"
+        return f"{self.right} of {self.of} answers were right"
 
 
 def _sides(row: Counts, alternatives: int) -> _Sides:
     table = row[:4].reshape(2, 2)
     right, of = int(np.trace(table)), int(table.sum())
     if 0 < row[_AT_LEFT] < row[_ALL]:
-        return _Sides(right, of, *hypergeometric_tails(table))
+        return _Sides(right, of, *hypergeometric_tails(table), sided=True)
     if row[_FORCED] < row[_ALL]:
         return _Sides(right, of, tells=False)
     # At one side only, the answer of a forced choice is right by chance once in so many.
@@ -201,8 +233,9 @@ def _sides(row: Counts, alternatives: int) -> _Sides:
 def hypergeometric_tails(table: Counts) -> tuple[float, float]:
     """Return P(at most) and P(at least) as many in the first cell of a 2 x 2 table, its sums given.
 
-    Fisher's exact test, one tail each. How often a side is answered is given: a person who prefers
-    one is not taken for one who swaps them.
+    Fisher's exact test, one tail each; of very large tables its normal limit.
+    How often a side is answered is given: a person who prefers one is not taken for one who swaps
+    them.
 
     >>> [round(p, 6) for p in hypergeometric_tails(np.array([[0, 5], [5, 0]]))]
     [0.003968, 1.0]
@@ -211,7 +244,14 @@ def hypergeometric_tails(table: Counts) -> tuple[float, float]:
     """
     row, other = (int(one) for one in table.sum(axis=1))
     column = int(table[:, 0].sum())
-    first = np.arange(max(0, column - other), min(row, column) + 1)
+    least, most, here = max(0, column - other), min(row, column), int(table[0, 0])
+    if most - least > _MOST_TERMS:
+        total = row + other
+        spread = math.sqrt(column * row / total * other / total * (total - column) / (total - 1))
+        z = np.array([here + 0.5, here - 0.5]) - column * row / total
+        below, above = ndtr(z / spread * [1, -1]).tolist()
+        return below, above
+    first = np.arange(least, most + 1)
     log = -(
         gammaln(first + 1.0)
         + gammaln(row - first + 1.0)
@@ -220,6 +260,5 @@ def hypergeometric_tails(table: Counts) -> tuple[float, float]:
     )
     shares = np.exp(log - log.max())
     shares /= shares.sum()
-    here = int(table[0, 0])
     below, above = float(shares[first <= here].sum()), float(shares[first >= here].sum())
     return min(1.0, below), min(1.0, above)

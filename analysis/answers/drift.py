@@ -30,27 +30,53 @@ _LAPSE: Final = 0.02
 
 
 def drifting(single: pd.DataFrame, axis: Axis, alternatives: int) -> Iterator[str]:
-    """Say in which sessions thresholds drift strongly, of single stimuli that count."""
+    """Say whose thresholds drift strongly, of single stimuli that count; a sentence a person.
+
+    That of the session with the least p; the other sessions are named.
+    """
     p_value, sessions = drift_p(single)
+    found: dict[str, list[tuple[float, str, str]]] = {}
     for i in np.flatnonzero(p_value < DRIFT_P):
-        rows = single[sessions.eq(i)]
+        rows = single[sessions.eq(i)].sort_values("trial")
         steps = drift_steps(rows, axis, alternatives)
-        if abs(steps) < STRONG:
-            continue
-        name, session = rows["participant"].iloc[0], rows["session"].iloc[0]
-        told = f"{abs(steps):.1f} dB"
-        if axis.x_scale != "log10":
-            told = f"{abs(steps) * _step(rows, axis):.3g} {axis.unit}"
-        which, why = (
-            ("rose", "tired, adapted, or a finger moved")
-            if steps > 0
-            else ("fell", "practice too short, or a finger moved")
-        )
+        if abs(steps) >= STRONG:
+            name, session = str(rows["participant"].iloc[0]), str(rows["session"].iloc[0])
+            words = _words(rows, steps, axis)
+            found.setdefault(name, []).append((float(p_value[i]), session, words))
+    for name, each in found.items():
+        p, session, words = min(each)
+        others = sorted(other for _, other, _ in each if other != session)
+        also = f"; so in {', '.join(others)}" if others else ""
         yield (
-            f"participant {name}, session {session}: the threshold {which} by about {told} from "
-            f"the first trial to the last (p = {p_value[i]:.0e}): {why}? What is told is the "
-            "session's mean"
+            f"participant {name}, session {session}: {words} (p = {short_p(p)}{also}): tired, "
+            "adapted, out of practice, or a finger moved? A threshold is the session's mean"
         )
+
+
+def _words(rows: pd.DataFrame, steps: float, axis: Axis) -> str:
+    """Tell a drift by both halves; how far the threshold moved, where several levels tell that."""
+    hit = rows["response"].astype(object).eq(rows["side"].astype(object)).to_numpy()
+    first, second = np.array_split(hit, 2)
+    told = (
+        f"{first.sum()} of {len(first)} single stimuli detected in the first half, "
+        f"{second.sum()} of {len(second)} in the second"
+    )
+    if len(set(rows["level_vpp"])) == 1:
+        return told
+    moved = f"{abs(steps):.1f} dB"
+    if axis.x_scale != "log10":
+        moved = f"{abs(steps) * _step(rows, axis):.3g} {axis.unit}"
+    which = "rose" if steps > 0 else "fell"
+    return f"{told}, as if the threshold {which} by {moved} from the first trial to the last"
+
+
+def short_p(value: float) -> str:
+    """Write a small probability.
+
+    >>> short_p(0.00012), short_p(0.0)
+    ('1e-4', '0')
+    """
+    return f"{value:.0e}".replace("e-0", "e-") if value else "0"
 
 
 def drift_p(single: pd.DataFrame) -> tuple[Floats, pd.Series[int]]:

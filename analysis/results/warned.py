@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analysis.answers import counting
-from analysis.answers.doubts import doubtful
+from analysis.answers.doubts import doubtful, doubtful_counts
 from analysis.reading.text import named
 
 if TYPE_CHECKING:
@@ -56,7 +56,13 @@ def warnings_of(
         told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
         yield f"force and contact of the fingers are not the same in all sessions: {told}"
     yield from _about_none(counted)
-    yield from doubtful(trials, loaded.axis, loaded.alternatives)
+    yield from _doubtful(loaded)
+
+
+def _doubtful(loaded: LoadedTrials) -> Iterator[str]:
+    if loaded.cells is None:
+        return doubtful(loaded.trials, loaded.axis, loaded.alternatives)
+    return doubtful_counts(loaded.cells, loaded.blanks, loaded.alternatives)
 
 
 def without_device(trials: pd.DataFrame) -> pd.Series[bool]:

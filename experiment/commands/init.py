@@ -44,9 +44,10 @@ _REALISTIC: Final = {
     "finger_difference_sd_db": 1.0,
     "masking_slope": 0.2,
     "drift_db": 1.0,
-    "wander_db": 1.5,
-    "wander_trials": 15.0,
-    "last_answer_db": 0.3,
+    "block_drift_db": 1.1,
+    "wander_db": 1.4,
+    "wander_trials": 11.0,
+    "last_answer_db": 0.35,
     "swapped_keys": 0.05,
 }
 """People as they are, as far as it is known; docs/model.md, section 4, has their sources.

@@ -12,6 +12,7 @@ from experiment.preview.findings import Findings
 from experiment.study.origins import instead_of_trials
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
+from experiment.study.simulated import unmeasured
 from experiment.study.sources import (
     cutoff_source,
     displacement_source,
@@ -95,6 +96,8 @@ def check_findings(check: StudyCheck, file_name: str, machine: Findings | None =
         keys = ", ".join(one.key for one in others if one.origin == origin)
         for line in textwrap.wrap(f"{whose}: {keys}", _WIDTH) if keys else ():
             found.tell("", line)
+    for words in unmeasured(study):
+        found.tell("simulation", words, simulation_unmeasured=list(unmeasured(study)))
     if machine is not None:
         found.take(machine)
     found.space()

@@ -164,10 +164,11 @@ def _shifts_db(study: Study, observer: Observer, plan: Plan) -> dict[int, tuple[
         name: (known.shift_db(left), known.shift_db(right))
         for name, (left, right) in vibrations(study).items()
     }
-    if not (of_condition or observer.drift_db or observer.wander_db):
+    courses = (observer.drift_db, observer.block_drift_db, observer.wander_db)
+    if not of_condition and not any(courses):
         return {}
     rng = np.random.default_rng((plan.seed, _COURSE_STREAM))
-    course_db = threshold_course_db(observer, len(plan.trials), rng)
+    course_db = threshold_course_db(observer, [trial.block for trial in plan.trials], rng)
     shifts_db = {}
     for trial in (*plan.trials, *plan.warm_up):
         left_db, right_db = of_condition.get(trial.condition, (0.0, 0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,8 @@ from experiment.terms.record import ANSWERS
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
 
 
@@ -84,6 +87,8 @@ class Observer:
         than its own threshold; ``None`` for the rule of section V.
     drift_db : float
         Rise of the thresholds from the first trial to the last, half of it on either side.
+    block_drift_db : float
+        The same within each block; the break undoes it.
     wander_db, wander_trials : float
         Standard deviation of a slow random course of the thresholds, and the number of trials over
         which it is forgotten (to 1/e).
@@ -121,6 +126,7 @@ class Observer:
     finger_difference_db: float = 0.0
     masking_slope: float | None = None
     drift_db: float = 0.0
+    block_drift_db: float = 0.0
     wander_db: float = 0.0
     wander_trials: float = 1.0
     last_answer_db: float = 0.0
@@ -347,23 +353,35 @@ def draw_observer(
     return replace(person, swapped=rng.random() < swapped_keys) if swapped_keys else person
 
 
-def threshold_course_db(observer: Observer, trials: int, rng: np.random.Generator) -> list[float]:
+def threshold_course_db(
+    observer: Observer, blocks: Sequence[int], rng: np.random.Generator
+) -> list[float]:
     """Draw by how much an observer's thresholds lie higher in each trial of a session.
 
-    A straight drift about the middle, and a stationary autoregressive course of the first order,
-    correlated with itself by exp(-lag / wander_trials).
+    `blocks` are those of the trials. Straight drifts about the middle of the session and of each
+    block, and a stationary autoregressive course, correlated with itself by
+    exp(-lag / wander_trials).
 
     >>> import numpy as np
     >>> from experiment.study.read import paper_study
-    >>> median = paper_study().simulation.median
-    >>> threshold_course_db(replace(median, drift_db=2.0), 3, np.random.default_rng(1))
-    [-1.0, 0.0, 1.0]
+    >>> person = replace(paper_study().simulation.median, drift_db=2.0, block_drift_db=1.0)
+    >>> threshold_course_db(person, [1, 1, 2, 2, 2], np.random.default_rng(1))
+    [-1.5, 0.0, -0.5, 0.5, 1.5]
     """
     kept = math.exp(-1.0 / observer.wander_trials)
     fresh = math.sqrt(1.0 - kept * kept)
     course_db, wander_db = [], observer.wander_db * rng.standard_normal()
-    for trial in range(trials):
+    of_block = Counter(blocks)
+    seen: Counter[int] = Counter()
+    for trial, block in enumerate(blocks):
         if trial:
             wander_db = kept * wander_db + fresh * observer.wander_db * rng.standard_normal()
-        course_db.append(wander_db + observer.drift_db * (trial / max(trials - 1, 1) - 0.5))
+        now_db = observer.drift_db * _about_middle(trial, len(blocks))
+        now_db += observer.block_drift_db * _about_middle(seen[block], of_block[block])
+        course_db.append(wander_db + now_db)
+        seen[block] += 1
     return course_db
+
+
+def _about_middle(place: int, of: int) -> float:
+    return place / (of - 1) - 0.5 if of > 1 else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pandas as pd
 import pytest
 from scipy.stats import fisher_exact
 
-from analysis.answers.doubts import doubtful, hypergeometric_tails
+from analysis.answers.doubts import doubtful, doubtful_counts, hypergeometric_tails
 from analysis.answers.drift import drift_p, drift_steps
 from analysis.axis import VOLTS, Axis
 from benchmarks.people import DESIGNS, HONEST, sessions_of
@@ -56,7 +57,7 @@ def test_one_of_21_people_of_a_public_study_is_named() -> None:
 
 def test_who_always_answers_the_rarer_side_has_not_swapped_them() -> None:
     (words,) = named(trials(["left"] * 90 + ["right"] * 30, ["right"] * 120))
-    assert "cannot be told from guessing at any level (the side right in 30 of 120" in words
+    assert "cannot be told from guessing at any level (the side was right in 30 of 120" in words
 
 
 def test_guesses_are_told_by_one_level_and_by_blanks() -> None:
@@ -81,7 +82,32 @@ def test_a_yes_at_one_side_without_blanks_tells_nothing_of_guesses() -> None:
     yes = ["left", "none"] * 50
     assert named(trials(["left"] * 100, yes, none_offered=True)) == []
     (words,) = named(trials(["left"] * 100, ["left", "right"] * 50))
-    assert "the side right in 50 of 100" in words
+    assert "(50 of 100 answers were right)" in words
+
+
+@pytest.mark.parametrize("table", [[[300_100, 299_900], [199_700, 200_300]]])
+def test_very_large_tables_have_the_normal_tail(table: list[list[int]]) -> None:
+    below, above = hypergeometric_tails(np.array(table))
+    assert below + above == pytest.approx(1.0, abs=0.01)
+    wanted = fisher_exact(np.array(table), alternative="greater").pvalue
+    assert above == pytest.approx(wanted, rel=1e-4)
+
+
+def test_counts_of_a_forced_choice_tell_guesses_and_swapped_answers() -> None:
+    table = pd.DataFrame({"condition": "main", "level_vpp": [60.0, 90.0] * 3, "presented": 30})
+    counts = table.assign(
+        participant=list("aabbcc"), detected=[15, 17, 2, 1, 20, 29], none_offered=False
+    )
+    swapped, guessing = doubtful_counts(counts, None, 2)
+    assert swapped.startswith("participant b: 3 of 60 answers were right")
+    assert guessing.startswith("participant a: answers cannot be told from guessing")
+    yes = counts.assign(none_offered=True)
+    assert list(doubtful_counts(yes, None, 2)) == []
+    blanks = pd.DataFrame(
+        {"condition": "main", "participant": list("abc"), "felt": [9, 1, 1], "presented": 20}
+    )
+    (words,) = [one for one in doubtful_counts(yes, blanks, 2) if "participant a" in one]
+    assert "felt in 32 of 60 single stimuli and in 9 of 20 blanks" in words
 
 
 def test_conditions_are_named_where_there_are_several() -> None:
@@ -129,9 +155,23 @@ def test_a_drift_is_found_again(axis: Axis, step: float | None) -> None:
     wanted = 6.0 if step else 3.0  # an eighth of the range of 160 is 20, two of these steps
     assert drift_steps(table, axis, 2) == pytest.approx(wanted, rel=0.1)
     (words,) = named(table, axis)
-    unit = "dB" if step else "mm/s"
-    assert words.startswith("participant 1, session 01: the threshold rose by about ")
-    assert f" {unit} from the first trial to the last (p = " in words
+    assert words.startswith("participant 1, session 01: ")
+    assert "of 1500 single stimuli detected in the first half" in words
+    moved = re.search(r"as if the threshold rose by ([0-9.]+) (dB|mm/s) from the first", words)
+    assert moved is not None
+    assert float(moved[1]) == pytest.approx(6.0 if step else 60.0, rel=0.1)
+
+
+def test_one_level_tells_a_drift_but_not_of_how_much_and_a_person_once() -> None:
+    hit = np.array([True] * 60 + [False] * 60)
+    first = trials(["left"] * 120, np.where(hit, "left", "none"), none_offered=True)
+    both = pd.concat([first, first.assign(session="02")])
+    (words,) = [one for one in named(both) if "session" in one]
+    assert words == (
+        "participant 1, session 01: 60 of 60 single stimuli detected in the first half, 0 of 60 in "
+        "the second (p = 3e-21; so in 02): tired, adapted, out of practice, or a finger "
+        "moved? A threshold is the session's mean"
+    )
 
 
 def test_neither_order_nor_sides_change_who_is_named() -> None:

@@ -632,3 +632,11 @@ window = "none"
         for finger in actuator["fingers"]
     ]
     assert levels[0] == pytest.approx(-36.303, abs=0.01)
+
+
+def test_a_threshold_curve_beyond_what_was_measured_is_told(run: Run) -> None:
+    assert run("init", "ours.toml", "--preset", "realistic").exit_code == 0
+    words = "duration 0.002 s lies outside what was measured, 0.01 to 1 s"
+    assert f"simulation     {words}" in run("check", "ours.toml").stdout
+    facts = json.loads(run("check", "ours.toml", "--json").stdout)
+    assert facts["simulation_unmeasured"] == [words]

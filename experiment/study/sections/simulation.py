@@ -107,6 +107,9 @@ class Simulation:
     drift_db: float | None = Field(
         default=None, ge=-20, le=20, description="thresholds rise from the first trial to the last"
     )
+    block_drift_db: float | None = Field(
+        default=None, ge=-20, le=20, description="the same within each block; its break undoes it"
+    )
     wander_db: float | None = Field(
         default=None, ge=0, le=20, description="standard deviation of a slow random course of them"
     )
