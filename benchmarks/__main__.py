@@ -27,7 +27,7 @@ NAMES = (
         "skipping",
         "link",
     ),
-    *("analysis", "calibration", "people"),
+    *("analysis", "precision", "calibration", "groups", "people"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"

@@ -13,8 +13,10 @@ from benchmarks import (
     calibration,
     field,
     gains,
+    groups,
     hard_cases,
     people,
+    precision,
     screen,
     single,
     skipping,
@@ -134,20 +136,50 @@ def test_an_analysis_section_sets_pandas_beside_the_command(
     assert text.count("| 2 |") == 4
 
 
-def test_a_calibration_section_tells_coverage_bias_and_time(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_calibration_section_tells_coverage_and_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calibration, "STUDIES", 20)
     monkeypatch.setattr(calibration, "BESIDE", 0)
-    monkeypatch.setattr(calibration, "GROUPS", 1)
-    monkeypatch.setattr(calibration, "GRIDS", (Nodes(between=11, outside=4, log_sigma=7, lapse=3),))
-    monkeypatch.setattr(calibration, "FINEST", Nodes(between=31, log_sigma=17, lapse=5))
-    monkeypatch.setattr(calibration, "FIGURE", tmp_path / "posterior.png")
+    monkeypatch.setattr(calibration, "SCENARIOS", calibration.SCENARIOS[:2])
     text = calibration.section()
     assert "| one cell, wilson | 0.5 |" in text
-    assert "| centred | 0.5 | all | ours | 20 |" in text
+    assert "| 0.5 | 0.02 | 30 | ours, all | 20 |" in text
+    assert "| the first 2 together |" in text
+
+
+def test_statsmodels_agrees_where_there_are_neither_guesses_nor_lapses() -> None:
+    one = calibration.Scenario(
+        levels_vpp=calibration.PAPER, threshold_vpp=100, guess_rate=0, lapse_rate=0, presented=400
+    )
+    (counts,) = one.counts(1)
+    (found,) = calibration.ours(one, counts[None])
+    assert 20 * calibration.by_statsmodels(one, counts) == pytest.approx(20 * found, abs=0.1)
+
+
+def test_a_precision_section_tells_time_and_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    coarse = Nodes(between=11, outside=4, log_sigma=7, lapse=3)
+    monkeypatch.setattr(precision, "BESIDE", 0)
+    monkeypatch.setattr(precision, "BATCH", 20)
+    monkeypatch.setattr(precision, "GRIDS", (coarse,))
+    monkeypatch.setattr(precision, "FINEST", Nodes(between=31, log_sigma=17, lapse=5))
+    monkeypatch.setattr(precision, "FIGURE", tmp_path / "posterior.png")
+    text = precision.section()
     assert "| 19 x 7 x 3 |" in text
+    assert "| centred | 12 |" in text
     assert (tmp_path / "posterior.png").exists()
+
+
+def test_a_groups_section_tells_coverage_of_groups_and_differences(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(groups, "STUDIES", 1)
+    monkeypatch.setattr(groups, "BESIDE", 1)
+    monkeypatch.setattr(groups, "PEOPLE", (3,))
+    text = groups.section()
+    assert "| centred | 3 | prior | 1 |" in text
+    assert "| 5 | statsmodels (`--population`) |" in text
+    assert "| the paper's | 3 | 2 dB | 3 dB | 1 |" in text
 
 
 def test_a_gain_matrix_and_a_check_are_timed(monkeypatch: pytest.MonkeyPatch) -> None:

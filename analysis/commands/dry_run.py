@@ -20,6 +20,7 @@ from experiment.terms.exits import DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
     from experiment.preview.check import StudyCheck
+    from experiment.study.study import Study
 
 
 MOST_PARTICIPANTS = 10_000
@@ -42,9 +43,20 @@ MOST_PARTICIPANTS = 10_000
     metavar="DIR",
     help="A new folder.  [default: dry-run-1, dry-run-2, ...]",
 )
+@click.option(
+    "--levels",
+    "with_levels",
+    is_flag=True,
+    help="Take the sessions for pilots, too: levels for each participant, what they are worth.",
+)
 @refusals
 def dry_run(
-    *, study_file: Path | None, participants: int, seed: int | None, out: Path | None
+    *,
+    study_file: Path | None,
+    participants: int,
+    seed: int | None,
+    out: Path | None,
+    with_levels: bool,
 ) -> None:
     """Run simulated participants on the mock device, then analyze their sessions.
 
@@ -67,7 +79,21 @@ def dry_run(
         click.echo(f"Threshold curves: {words}")
     _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
+    if with_levels:
+        _print_levels(study, folder)
     click.echo(f"Written to {folder / 'analysis'}")
+
+
+def _print_levels(study: Study, folder: Path) -> None:
+    from analysis.commands.levels import line
+    from analysis.reading.load import read_trials
+    from analysis.thresholds.levels import LevelsError, place_levels
+
+    click.echo("Levels by these sessions:")
+    trials = read_trials([folder])
+    for participant in sorted(trials["participant"].unique()):
+        for one in place_levels(trials, participant, study):
+            click.echo(f"  {one if isinstance(one, LevelsError) else line(one)}")
 
 
 def _new_folder(out: Path | None) -> Path:

@@ -13,7 +13,9 @@ from experiment.archive.manifest import LEVELS_SUFFIX
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
-    from analysis.thresholds.levels import Placement
+    from collections.abc import Sequence
+
+    from analysis.thresholds.levels import ExpectedError, Placement
     from experiment.study.study import Study
 
 
@@ -34,14 +36,22 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help=f"A new file for run --levels FILE; its name ends in {LEVELS_SUFFIX}.",
 )
+@click.option("--condition", metavar="NAME", help="Whose levels --write takes, of several.")
 @refusals
-def levels(*, folder: Path, participant: str, study_file: Path | None, target: Path | None) -> None:
-    """Place five levels on a participant's own psychometric function.
+def levels(
+    *,
+    folder: Path,
+    participant: str,
+    study_file: Path | None,
+    target: Path | None,
+    condition: str | None,
+) -> None:
+    """Place five levels on a participant's own psychometric function, in each condition.
 
     DIR holds a pilot session: about 40 single stimuli over a wide range of levels.
     """
     from analysis.reading.load import read_trials
-    from analysis.thresholds.levels import place_levels
+    from analysis.thresholds.levels import LevelsError, place_levels
     from experiment.study.read import read_study
 
     if target is not None and target.suffix != LEVELS_SUFFIX:  # a withdrawal would not find it
@@ -63,11 +73,29 @@ def levels(*, folder: Path, participant: str, study_file: Path | None, target: P
         _study_of(own["file"].unique().tolist()) if study_file is None else read_study(study_file)
     )
     found = place_levels(own, participant, study)
-    if target is not None:
-        write_levels(found, target)
-    click.echo(report(found))
+    placements = [one for one in found if not isinstance(one, LevelsError)]
+    if len(placements) < len(found) and (len(found) == 1 or not placements):
+        raise next(one for one in found if isinstance(one, LevelsError))
+    chosen = _chosen(placements, condition) if target is not None else None
+    if target is not None and chosen is not None:
+        write_levels(chosen, target)
+    for one in found:
+        click.echo(str(one) if isinstance(one, LevelsError) else report(one))
     if target is not None:
         click.echo(f"Written to {target}; tactstrip run STUDY --levels {target} uses it")
+
+
+def _chosen(placements: Sequence[Placement], condition: str | None) -> Placement:
+    """Return the placement to write: the only one, or that of the condition."""
+    names = [one.condition for one in placements]
+    if condition is None and len(placements) == 1:
+        return placements[0]
+    if condition not in names:
+        raise CommandError(
+            f"--condition must name the condition whose levels are written, one of "
+            f"{', '.join(names)}; got {condition or 'none'}"
+        )
+    return placements[names.index(condition)]
 
 
 def _study_of(files: list[str]) -> Study:
@@ -89,13 +117,27 @@ def report(found: Placement) -> str:
     )
     fixed = " ".join(f"{level:g}" for level in found.fixed_levels_vpp)
     return (
-        f"Participant {found.participant}: threshold {function.threshold_vpp:.1f} V "
-        f"({low:.1f} to {high:.1f}), sigma {function.sigma:.3f}, guess rate "
-        f"{function.guess_rate:.2g}\nLevels:\n{rows}\n"
-        f"Expected error of the threshold after {found.trials} stimuli (RMSE):\n"
-        f"  {found.error_db:.2f} dB with these levels\n"
-        f"  {found.fixed_error_db:.2f} dB with {fixed} V"
+        f"Participant {found.participant}, condition {found.condition}: threshold "
+        f"{function.threshold_vpp:.1f} V ({low:.1f} to {high:.1f}), sigma {function.sigma:.3f}, "
+        f"guess rate {function.guess_rate:.2g}\nLevels:\n{rows}\n"
+        f"Expected error of the threshold after {found.trials} stimuli (RMSE), by what the pilot "
+        f"tells:\n"
+        f"  {_error(found.error)} with these levels\n"
+        f"  {_error(found.fixed_error)} with {fixed} V"
     )
+
+
+def line(found: Placement) -> str:
+    """Return what was placed as one line."""
+    levels = " ".join(f"{level:g}" for level in found.levels_vpp)
+    return (
+        f"{found.participant} {found.condition}: {levels} V, expected error "
+        f"{_error(found.error)}; with the study's levels {_error(found.fixed_error)}"
+    )
+
+
+def _error(error: ExpectedError) -> str:
+    return f"{error.median_db:.2f} dB (90 %: below {error.most_db:.2f})"
 
 
 def write_levels(found: Placement, target: Path) -> None:

@@ -13,7 +13,7 @@ from .fit import (
     within_levels,
 )
 from .grid import Ruler, Surface, sigma_prior, surfaces
-from .levels import Placement, place_levels
+from .levels import ExpectedError, LevelsError, Placement, place_levels
 from .mle import LOG_SIGMA, MOST_LAPSES, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
 from .people import MOST_GUESSES, Guessing, GuessRate, PersonCounts, people_in
 from .probit import increasing_exists
@@ -29,9 +29,11 @@ __all__ = [
     "SIGMA_MEDIAN",
     "WITH_THRESHOLD",
     "WORDS",
+    "ExpectedError",
     "FitStatus",
     "GuessRate",
     "Guessing",
+    "LevelsError",
     "PersonCounts",
     "Placement",
     "PsychometricFit",

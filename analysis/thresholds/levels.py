@@ -10,8 +10,10 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from analysis.axis import VOLTS
+from analysis.thresholds.density import kinds, lapses, trapezoid
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.grid import Nodes, Ruler, sigma_prior, surfaces
+from analysis.thresholds.mle import MOST_LAPSES
 from analysis.thresholds.people import GuessRate, people_of
 from analysis.thresholds.posterior import posterior
 from analysis.thresholds.table import printed
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from analysis.thresholds.grid import Surface
     from analysis.thresholds.people import PersonCounts
     from experiment.study.study import Study
 
@@ -34,8 +37,13 @@ _WIDEST_DB: Final = 14.0
 """Limits of a pilot's threshold that lie farther apart place levels nearly anywhere."""
 _LOWEST_MOST: Final = 0.35
 _HIGHEST_LEAST: Final = 0.75
-_STUDIES: Final = 400
-"""Simulated participants; the error has a standard error of 3.5 %."""
+_DRAWS: Final = 200
+"""Functions drawn from what the pilot tells; the expected error differs between them."""
+_SESSIONS: Final = 48
+"""Simulated for each drawn function; the median of means of fewer squares is too small."""
+_AT_ONCE: Final = 250
+_NODES: Final = Nodes(between=21, outside=6, log_sigma=11, lapse=4)
+"""Medians within 0.02 dB in a quarter of the time: docs/benchmarks.md."""
 
 
 class LevelsError(ValueError):
@@ -53,12 +61,20 @@ class Function:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedError:
+    """Root mean square error of a threshold, dB, over the functions that a pilot allows."""
+
+    median_db: float
+    most_db: float  # no more than this with 90 %
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
-    """Levels for one participant, and what they are worth.
+    """Levels for one participant in one condition, and what they are worth.
 
     Attributes
     ----------
-    participant : str
+    participant, condition : str
     function : Function
         The pilot's posterior medians, mean lambda.
     threshold_limits_vpp : tuple of float
@@ -68,34 +84,34 @@ class Placement:
     felt : tuple of float
         How often each is felt by that function.
     trials : int
-        Single stimuli of a session.
-    error_db, fixed_error_db : float
-        Expected root mean square error of the threshold after these trials, at the placed levels
-        and at those of the study.
+        Single stimuli of a session in this condition.
+    error, fixed_error : ExpectedError
+        Of the threshold after these trials, at the placed levels and at those of the study.
     fixed_levels_vpp : tuple of float
         The latter.
     """
 
     participant: str
+    condition: str
     function: Function
     threshold_limits_vpp: tuple[float, float]
     levels_vpp: tuple[float, ...]
     felt: tuple[float, ...]
     trials: int
-    error_db: float
-    fixed_error_db: float
+    error: ExpectedError
+    fixed_error: ExpectedError
     fixed_levels_vpp: tuple[float, ...]
 
 
 def place_levels(
     trials: pd.DataFrame, participant: str, study: Study, *, seed: int = 0
-) -> Placement:
-    """Place levels on a participant's function.
+) -> tuple[Placement | LevelsError, ...]:
+    """Place levels on a participant's functions, one in each condition of the pilot.
 
     Parameters
     ----------
     trials : pandas.DataFrame
-        From `analysis.read_trials`.
+        From `analysis.read_trials`: constant or adaptive, with any number of stimuli at a level.
     participant : str
         Whose; other participants are ignored.
     study : Study
@@ -105,69 +121,105 @@ def place_levels(
 
     Returns
     -------
-    Placement
+    tuple of Placement or LevelsError
+        By the conditions' names; the error of a condition that has no threshold, one that is known
+        too badly, or one too close to an end of the levels that can be set.
 
     Raises
     ------
     LevelsError
-        If there is no pilot of that participant, or it has several conditions, no threshold, one
-        that is known too badly, or one too close to an end of the levels that can be set.
+        If there is no pilot of that participant.
     """
     people = people_of(trials[trials["participant"].eq(participant)])
-    if len(people.names) != 1:
-        told = ", ".join(condition for condition, _ in people.names) or "none"
+    if not people.names:
         raise LevelsError(
-            f"participant {participant} must have single stimuli that count in one condition; "
-            f"got conditions: {told}"
+            f"participant {participant} must have single stimuli that count; got none"
         )
-    guess = people.guesses[0].rate
-    x = np.log10(people.level_vpp)
-    fit = fit_many(x, people.detected, people.presented, guesses=[guess])[0]
+    found: list[Placement | LevelsError] = []
+    for i in range(len(people.names)):
+        try:
+            found.append(_placement(people, i, study, seed))
+        except LevelsError as error:
+            found.append(error)
+    return tuple(found)
+
+
+def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placement:
+    condition, participant = people.names[i]
+    whose = f"the pilot of participant {participant} in condition {condition}"
+    used = people.presented[i] > 0
+    level_vpp = people.level_vpp[i, used]
+    counts = (people.detected[None, i, used], people.presented[None, i, used])
+    guess, x = people.guesses[i].rate, np.log10(level_vpp)[None]
+    fit = fit_many(x, *counts, guesses=[guess])[0]
     if fit.status not in WITH_THRESHOLD:
-        words = printed(fit, people.level_vpp[0], VOLTS)
+        words = printed(fit, level_vpp, VOLTS)
         raise LevelsError(
-            f"the pilot of participant {participant} cannot place levels: {fit.status} ({words}); "
+            f"{whose} cannot place levels: {fit.status} ({words}); "
             "run another one over a wider range or with more trials"
         )
-    function, limits_vpp = _known(people, guess)
-    width_db = 20 * math.log10(limits_vpp[1] / limits_vpp[0])
+    ruler = Ruler.of(x[0], "log10")
+    (surface,) = surfaces(x / ruler.step, *counts, rulers=[ruler], guesses=[guess])
+    known = posterior([surface], [ruler])
+    low, middle, high = (float(value) for value in 10 ** (known.mu[0] * ruler.step))
+    width_db = 20 * math.log10(high / low)
     if width_db > _WIDEST_DB:
         raise LevelsError(
-            f"the pilot of participant {participant} knows the threshold only as "
-            f"{limits_vpp[0]:.1f} to {limits_vpp[1]:.1f} V, {width_db:.1f} dB; at most "
-            f"{_WIDEST_DB:g} dB place levels: run more trials"
+            f"{whose} knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB; "
+            f"at most {_WIDEST_DB:g} dB place levels: run more trials"
         )
-    levels_vpp = placed(function, study.device.ceiling_vpp)
-    design = study.design
-    return Placement(
-        participant=participant,
-        function=function,
-        threshold_limits_vpp=limits_vpp,
-        levels_vpp=levels_vpp,
-        felt=tuple(float(share) for share in _felt(function, levels_vpp)),
-        trials=2 * design.trials_per_side,
-        error_db=expected_error_db(function, levels_vpp, 2 * design.trials_per_side, seed=seed),
-        fixed_error_db=expected_error_db(
-            function, design.levels_vpp, 2 * design.trials_per_side, seed=seed
-        ),
-        fixed_levels_vpp=design.levels_vpp,
-    )
-
-
-def _known(people: PersonCounts, guess: GuessRate) -> tuple[Function, tuple[float, float]]:
-    """Return the function at the posterior medians, and the threshold's limits."""
-    x = np.log10(people.level_vpp)
-    ruler = Ruler.of(x[people.presented > 0], "log10")
-    counts = (x / ruler.step, people.detected, people.presented)
-    known = posterior(surfaces(*counts, rulers=[ruler], guesses=[guess]), [ruler])
-    low, middle, high = 10 ** (known.mu[0] * ruler.step)
     function = Function(
-        threshold_vpp=float(middle),
+        threshold_vpp=middle,
         sigma=float(ruler.step * np.exp(known.log_sigma[0, 1])),
         lapse_rate=float(known.lapse_rate[0]),
         guess_rate=guess.mean,
     )
-    return function, (float(low), float(high))
+    levels_vpp = placed(function, study.device.ceiling_vpp)
+    design = study.design
+    drawn = _draws(surface, ruler, guess.mean, np.random.default_rng(seed))
+    error, fixed_error = (
+        expected_error(drawn, levels, 2 * design.trials_per_side, seed=seed)
+        for levels in (levels_vpp, design.levels_vpp)
+    )
+    return Placement(
+        participant=participant,
+        condition=condition,
+        function=function,
+        threshold_limits_vpp=(low, high),
+        levels_vpp=levels_vpp,
+        felt=tuple(float(share) for share in _felt(function, levels_vpp)),
+        trials=2 * design.trials_per_side,
+        error=error,
+        fixed_error=fixed_error,
+        fixed_levels_vpp=design.levels_vpp,
+    )
+
+
+def _draws(
+    surface: Surface, ruler: Ruler, guess_rate: float, rng: np.random.Generator
+) -> list[Function]:
+    """Draw functions from the posterior of a pilot, anywhere between the nodes of its grid."""
+    prior = np.outer(ruler.mu_prior(surface.mu), sigma_prior(surface.log_sigma))
+    cells = np.outer(trapezoid(surface.mu), trapezoid(surface.log_sigma))
+    weight = surface.by_kind * prior * cells
+    chosen = rng.choice(weight.size, _DRAWS, p=weight.ravel() / weight.sum())
+    kind, row, column = np.unravel_index(chosen, weight.shape)
+    mu, log_sigma = (
+        np.interp(at + rng.uniform(-0.5, 0.5, _DRAWS), np.arange(len(axis)), axis)
+        for at, axis in ((row, surface.mu), (column, surface.log_sigma))
+    )
+    lapse, share = lapses(0.0, MOST_LAPSES, 12)
+    share = np.cumsum(kinds(lapse) * share, axis=1)
+    place = (share[kind] < rng.random((_DRAWS, 1)) * share[kind, -1:]).sum(axis=1)
+    return [
+        Function(
+            threshold_vpp=float(10 ** (mu[i] * ruler.step)),
+            sigma=float(np.exp(log_sigma[i]) * ruler.step),
+            lapse_rate=float(lapse[place[i]]),
+            guess_rate=guess_rate,
+        )
+        for i in range(_DRAWS)
+    ]
 
 
 def placed(function: Function, ceiling_vpp: float) -> tuple[float, ...]:
@@ -200,29 +252,42 @@ def placed(function: Function, ceiling_vpp: float) -> tuple[float, ...]:
     return tuple(float(level) for level in levels)
 
 
-def expected_error_db(
-    function: Function, levels_vpp: Sequence[float], trials: int, *, seed: int = 0
-) -> float:
-    """Return the root mean square error of a threshold found with some levels, by simulation.
+def expected_error(
+    functions: Sequence[Function], levels_vpp: Sequence[float], trials: int, *, seed: int = 0
+) -> ExpectedError:
+    """Return the error of a threshold found with some levels, of people who may be any of these.
 
-    In dB: 20 log10 of the ratio of posterior median and truth, whatever its status. `trials`
-    stimuli are spread evenly over the levels; one level alone finds no threshold: NaN.
+    The root mean square error of each, by simulation, in dB: 20 log10 of the ratio of posterior
+    median and truth, whatever its status; of these the median and the 90 % point. `trials` stimuli
+    are spread evenly over the levels; one level alone finds no threshold: NaN.
     """
     x = np.log10(levels_vpp)
     if np.ptp(x) == 0:
-        return math.nan
-    shown = np.diff(np.round(np.linspace(0, trials, len(x) + 1))).astype(np.int64)
-    p = function.guess_rate + (1 - function.guess_rate - function.lapse_rate) * _felt(
-        function, levels_vpp
-    )
-    drawn = np.random.default_rng(seed).binomial(shown, p, (_STUDIES, len(x)))
+        return ExpectedError(median_db=math.nan, most_db=math.nan)
+    shown = np.diff(np.round(np.linspace(0, trials, len(x) + 1)))
+    p = np.repeat([_detected(one, levels_vpp) for one in functions], _SESSIONS, axis=0)
+    drawn = np.random.default_rng(seed).binomial(shown.astype(np.int64), p).astype(np.float64)
     ruler = Ruler.of(x, "log10")
-    counts = (drawn.astype(np.float64), np.broadcast_to(shown.astype(np.float64), drawn.shape))
-    rulers, guesses = [ruler] * _STUDIES, [GuessRate(mean=function.guess_rate)] * _STUDIES
-    u = np.broadcast_to(x / ruler.step, drawn.shape)
-    known = posterior(surfaces(u, *counts, rulers=rulers, guesses=guesses), rulers)
-    errors = known.mu[:, 1] * ruler.step - math.log10(function.threshold_vpp)
-    return 20 * math.sqrt(float(np.square(errors).mean()))
+    rulers = [ruler] * len(p)
+    guesses = [GuessRate(mean=functions[0].guess_rate)] * len(p)
+    u, n = (np.broadcast_to(one, p.shape) for one in (x / ruler.step, shown))
+    middle = [
+        posterior(
+            surfaces(u[i], drawn[i], n[i], rulers=rulers[i], guesses=guesses[i], nodes=_NODES),
+            rulers[i],
+        ).mu[:, 1]
+        for i in (slice(first, first + _AT_ONCE) for first in range(0, len(p), _AT_ONCE))
+    ]
+    found = np.concatenate(middle).reshape(len(functions), -1) * ruler.step
+    truth = np.log10([one.threshold_vpp for one in functions])
+    errors = 20 * np.sqrt(np.square(found - truth[:, None]).mean(axis=1))
+    median_db, most_db = np.quantile(errors, (0.5, 0.9))
+    return ExpectedError(median_db=float(median_db), most_db=float(most_db))
+
+
+def _detected(function: Function, levels_vpp: Sequence[float]) -> NDArray[np.float64]:
+    rest = 1 - function.guess_rate - function.lapse_rate
+    return function.guess_rate + rest * _felt(function, levels_vpp)
 
 
 def _felt(function: Function, levels_vpp: Sequence[float]) -> NDArray[np.float64]:

@@ -12,19 +12,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.thresholds import levels as placing
+from analysis.thresholds.grid import Ruler, surfaces
 from analysis.thresholds.levels import (
     FELT,
     Function,
     LevelsError,
-    expected_error_db,
+    Placement,
+    expected_error,
     place_levels,
     placed,
 )
+from analysis.thresholds.people import GuessRate
+from analysis.thresholds.posterior import posterior
 from benchmarks.calibration import psychometric
 from experiment.study.read import paper_study, read_levels
 from tests.test_analysis.shared import PAPER, felt, put, run
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from tests.test_analysis.conftest import Simulate
@@ -64,8 +69,15 @@ def folder(tmp_path: Path, simulate: Simulate) -> Path:
 
 @pytest.fixture
 def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected errors from fewer simulated studies: enough where their digits do not matter."""
-    monkeypatch.setattr(placing, "_STUDIES", 20)
+    """Expected errors from fewer drawn functions: enough where their digits do not matter."""
+    monkeypatch.setattr(placing, "_DRAWS", 5)
+
+
+def only(trials: pd.DataFrame) -> Placement:
+    (found,) = place_levels(trials, "P7", paper_study())
+    if isinstance(found, LevelsError):
+        raise found
+    return found
 
 
 def owner(folder: Path) -> str:
@@ -79,8 +91,7 @@ def test_each_level_is_felt_as_often_as_it_should_be(
 ) -> None:
     one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=guess_rate)
     levels = placed(one, 1000.0)
-    same = {"threshold_vpp": threshold_vpp, "sigma": sigma}
-    p = psychometric(levels, **same, guess_rate=0, lapse_rate=0)
+    p = psychometric(levels, threshold_vpp=threshold_vpp, sigma=sigma, guess_rate=0, lapse_rate=0)
     assert p == pytest.approx(FELT, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
 
 
@@ -101,39 +112,57 @@ def test_levels_rise_within_what_can_be_set_or_are_refused(
     assert levels[-1] <= 200
 
 
+def error_db(levels: Sequence[float], trials: int) -> float:
+    return expected_error([TYPICAL] * 60, levels, trials).median_db
+
+
 @pytest.mark.slow
 def test_the_papers_levels_find_one_threshold_to_0_8_db_and_placed_levels_to_0_5_db() -> None:
     """150 stimuli; a forced choice with a threshold near the paper's lowest level."""
-    fixed = expected_error_db(TYPICAL, PAPER, 150)
-    near = expected_error_db(TYPICAL, placed(TYPICAL, 200.0), 150)
-    assert fixed == pytest.approx(0.81, abs=0.1)
-    assert near == pytest.approx(0.5, abs=0.06)
+    assert error_db(PAPER, 150) == pytest.approx(0.81, abs=0.1)
+    assert error_db(placed(TYPICAL, 200.0), 150) == pytest.approx(0.5, abs=0.06)
 
 
 @pytest.mark.slow
 def test_more_trials_make_the_error_smaller_by_their_root() -> None:
     levels = placed(TYPICAL, 200.0)
-    errors = [expected_error_db(TYPICAL, levels, trials) for trials in (300, 1200)]
+    errors = [error_db(levels, trials) for trials in (300, 1200)]
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.2)
-    assert expected_error_db(TYPICAL, levels, 300) == errors[0]
+    assert error_db(levels, 300) == errors[0]
 
 
 def test_one_level_finds_no_threshold() -> None:
-    assert math.isnan(expected_error_db(TYPICAL, [60.0], 150))
+    assert math.isnan(error_db([60.0], 150))
+
+
+@pytest.mark.slow
+def test_drawn_functions_are_those_of_the_posterior() -> None:
+    x, ruler = np.log10([WIDE]), Ruler.of(np.log10(WIDE), "log10")
+    counts = np.array([RISING], dtype=float), np.full((1, 8), 5.0)
+    (found,) = surfaces(x / ruler.step, *counts, rulers=[ruler], guesses=[GuessRate(mean=0.0)])
+    known = posterior([found], [ruler])
+    rng = np.random.default_rng(1)
+    drawn = [one for _ in range(20) for one in placing._draws(found, ruler, 0.0, rng)]
+    mu = np.log10([one.threshold_vpp for one in drawn]) / ruler.step
+    log_sigma = np.log([one.sigma / ruler.step for one in drawn])
+    for values, points in ((mu, known.mu[0]), (log_sigma, known.log_sigma[0])):
+        assert np.quantile(values, [0.025, 0.5, 0.975]) == pytest.approx(points, abs=0.15)
+    assert np.mean([one.lapse_rate for one in drawn]) == pytest.approx(found.lapse_rate, abs=0.005)
 
 
 @pytest.mark.usefixtures("few_studies")
 def test_a_pilot_places_levels_around_its_threshold() -> None:
-    found = place_levels(pilot(), "P7", paper_study())
+    found = only(pilot())
     assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
     assert found.felt == pytest.approx(FELT, abs=0.01)
-    assert found.error_db < found.fixed_error_db
+    assert found.error.median_db < found.error.most_db
+    assert found.error.median_db < found.fixed_error.median_db
     assert (found.trials, found.fixed_levels_vpp) == (150, tuple(PAPER))
 
 
 @pytest.mark.usefixtures("few_studies")
 def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
-    found = place_levels(pilot([0, 0, 0, 2, 5, 5, 5, 5]), "P7", paper_study())
+    found = only(pilot([0, 0, 0, 2, 5, 5, 5, 5]))
     assert found.levels_vpp[0] < 80 < found.levels_vpp[-1]
     low, high = found.threshold_limits_vpp
     assert 60 < low < found.function.threshold_vpp < high < 100
@@ -149,14 +178,54 @@ def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
         (pilot([5, 5, 4, 3, 2, 1, 0, 0]), "decreasing"),
         (pilot([3, 2, 2, 3, 3, 2, 4, 4], none_offered=False), "cannot place levels|only as"),
         (pilot([0, 1, 0, 1, 1, 1, 2, 3]), "threshold_above_levels|only as|too close"),
-        (pilot(participant="other"), "got conditions: none"),
-        (pilot(kind="practice"), "got conditions: none"),
-        (pd.concat([pilot(condition=name) for name in "ab"]), "got conditions: a, b"),
+        (pilot(participant="other"), "must have single stimuli that count; got none"),
+        (pilot(kind="practice"), "must have single stimuli that count; got none"),
     ],
 )
 def test_a_pilot_that_cannot_place_levels_is_refused(trials: pd.DataFrame, said: str) -> None:
     with pytest.raises(LevelsError, match=said):
-        place_levels(trials, "P7", paper_study())
+        only(trials)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
+def test_each_condition_of_a_pilot_has_levels_or_a_reason() -> None:
+    none = felt([5] * 8, WIDE, n=5, participant="P7", condition="b")
+    a, b, c = place_levels(
+        pd.concat([pilot(condition="a"), none, pilot([0, 0, 0, 1, 2, 4, 5, 5], condition="c")]),
+        "P7",
+        paper_study(),
+    )
+    assert isinstance(a, Placement)
+    assert isinstance(c, Placement)
+    assert (a.condition, c.condition) == ("a", "c")
+    assert a.levels_vpp[2] < c.levels_vpp[2]
+    assert "condition b cannot place levels: threshold_below_levels" in str(b)
+    alone = only(pilot(condition="a"))
+    assert a == alone
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
+def test_levels_come_from_a_staircase_as_well() -> None:
+    """One up, two down: many levels, each with a few stimuli, none twice as often as planned."""
+    rng, level, hits, rows = np.random.default_rng(4), 150.0, 0, []
+    for _ in range(80):
+        p = psychometric(level, threshold_vpp=85, sigma=0.08, guess_rate=0.0, lapse_rate=0.0)
+        hit = bool(rng.random() < p)
+        rows.append((level, int(hit)))
+        hits = hits + 1 if hit else 0
+        level *= 10 ** (0.06 if not hit else -0.05 if hits == 2 else 0)
+        hits %= 2
+    steps: dict[float, list[int]] = {}
+    for at, felt_it in rows:
+        steps.setdefault(round(at, 3), []).append(felt_it)
+    trials = pd.concat(
+        [felt([sum(hits)], [at], n=len(hits), participant="P7") for at, hits in steps.items()]
+    )
+    found = only(trials)
+    assert len(steps) > 10
+    assert 75 < found.function.threshold_vpp < 95
 
 
 def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
@@ -174,10 +243,41 @@ def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None
     levels = read_levels(target, name)
     assert len(levels) == 5
     assert levels[0] < 85 < levels[-1]
-    assert "dB with these levels" in result.stdout
-    assert "dB with 20 40 60 80 100 130 160 200 V" in result.stdout
+    assert ") with these levels\n" in result.stdout
+    assert ") with 20 40 60 80 100 130 160 200 V" in result.stdout
     again = run("levels", folder, "--participant", name)
     assert again.stdout == result.stdout[: len(again.stdout)]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
+def test_one_condition_of_several_is_written(folder: Path, tmp_path: Path) -> None:
+    name = owner(folder)
+    (trials,) = folder.rglob("trials.csv")
+    one = pd.read_csv(trials, dtype=str, keep_default_na=False)
+    table = tmp_path / "alone" / "pilot.csv"
+    table.parent.mkdir()
+    both = pd.concat([one, one.assign(condition="b", session="02")])
+    both.to_csv(table, index=False)
+    told = ["levels", table, "--participant", name, "--write", tmp_path / "l.toml"]
+    refused = run(*told)
+    assert refused.exit_code == 2
+    assert "--condition must name the condition whose levels are written" in refused.stderr
+    assert not (tmp_path / "l.toml").exists()
+    assert run(*told, "--condition", "b").exit_code == 0
+    assert len(read_levels(tmp_path / "l.toml", name)) == 5
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
+def test_a_dry_run_suggests_levels(tmp_path: Path) -> None:
+    study = put(tmp_path / "study.toml", PILOT)
+    result = run("dry-run", study, "--participants", 2, "--seed", 3, "--levels", "--out",
+                 tmp_path / "out")  # fmt: skip
+    assert result.exit_code == 0
+    told = result.stdout.partition("Levels by these sessions:\n")[2].splitlines()
+    assert [line[:10] for line in told[:2]] == ["  01 main:", "  02 main:"]
+    assert "V, expected error" in told[0]
 
 
 def test_no_levels_come_from_a_person_without_a_device(folder: Path, tmp_path: Path) -> None:

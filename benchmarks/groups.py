@@ -1,0 +1,257 @@
+"""Whether limits of groups and of differences hold, statsmodels beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr
+
+from analysis.groups.difference import paired_difference
+from analysis.groups.hierarchy import hierarchy
+from analysis.groups.population import population_thresholds
+from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD, status_of
+from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.people import Guessing, GuessRate, PersonCounts
+from benchmarks.calibration import CENTRED, PAPER, share
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from analysis.thresholds.grid import Surface
+
+    Floats = NDArray[np.float64]
+
+
+STUDIES: Final = 1000
+BESIDE: Final = 100
+"""Studies that statsmodels fits, too."""
+TRUTH_DB: Final = 20 * math.log10(62)
+LEVELS: Final = (("the paper's", PAPER), ("centred", CENTRED))
+PEOPLE: Final = (3, 5, 12)
+N: Final = 30
+_AT_ONCE: Final = 25
+_PRIOR_DB: Final = 6.0
+"""Of the half-normal spread between people, where it is drawn."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class People:
+    """How simulated people are alike, and how not."""
+
+    number: int
+    levels_vpp: tuple[float, ...]
+    between_db: float | None = 2.0  # None: drawn for each study from its prior
+    dispersion: int = 1
+    guess_rate: float = 0.5
+    lapse_rate: float = 0.02
+
+    def generator(self) -> np.random.Generator:
+        """Return a generator for this setting."""
+        return np.random.default_rng(
+            [self.number, int(10 * (self.between_db or 0)), self.dispersion]
+        )
+
+    def offsets_db(self, rng: np.random.Generator, studies: int) -> Floats:
+        """Draw how far people lie from the middle, shape (studies, people)."""
+        between = (
+            np.abs(_PRIOR_DB * rng.standard_normal((studies, 1)))
+            if self.between_db is None
+            else self.between_db
+        )
+        return between * rng.standard_normal((studies, self.number))
+
+    def answers(self, rng: np.random.Generator, at_db: Floats) -> Floats:
+        """Draw counts, which vary `dispersion` times as much as the binomial."""
+        x = 20 * np.log10(self.levels_vpp)
+        sigma = 2.0 * np.exp(0.3 * rng.standard_normal(at_db.shape))
+        felt = ndtr((x - at_db[..., None]) / sigma[..., None])
+        p = self.guess_rate + (1 - self.guess_rate - self.lapse_rate) * felt
+        if self.dispersion > 1:
+            size = (N - self.dispersion) / (self.dispersion - 1)
+            p = rng.beta(np.maximum(p * size, 1e-6), np.maximum((1 - p) * size, 1e-6))
+        return np.asarray(rng.binomial(N, p), dtype=np.float64)
+
+    def likelihoods(self, counts: Floats) -> Iterator[list[Surface]]:
+        """Yield the likelihoods of each study's people, of counts (studies, people, levels)."""
+        ruler, guess = self.ruler(), GuessRate(mean=self.guess_rate)
+        for first in range(0, len(counts), _AT_ONCE):
+            flat = counts[first : first + _AT_ONCE].reshape(-1, len(self.levels_vpp))
+            u = np.broadcast_to(np.log10(self.levels_vpp) / ruler.step, flat.shape)
+            found = surfaces(
+                u, flat, np.full(flat.shape, float(N)), rulers=[ruler] * len(flat),
+                guesses=[guess] * len(flat),
+            )  # fmt: skip
+            for i in range(0, len(found), self.number):
+                yield found[i : i + self.number]
+
+    def ruler(self) -> Ruler:
+        """Measure the levels."""
+        return Ruler.of(np.log10(self.levels_vpp), "log10")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Limits of many studies and their truth, dB."""
+
+    low: Floats
+    middle: Floats
+    high: Floats
+
+    def row(self) -> str:
+        """Tell coverage, median width, and errors of the middle."""
+        error = self.middle[np.isfinite(self.middle)]
+        if not len(error):
+            error = np.full(1, math.nan)
+        rmse = math.sqrt(float(np.square(error).mean()))
+        width = np.median(self.high - self.low)
+        inside = (self.low <= 0) & (self.high >= 0)
+        return f"{share(inside)} | {width:.1f} | {error.mean():+.2f} | {rmse:.2f}"
+
+
+def group_score(people: People, studies: int) -> tuple[Score, str]:
+    """Return how the group's threshold did, and of how many studies limits are printed."""
+    rng = people.generator()
+    counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, studies))
+    ruler, found, given = people.ruler(), [], 0
+    x, n = (
+        np.broadcast_to(np.log10(people.levels_vpp), counts.shape[1:]),
+        np.full(counts.shape[1:], float(N)),
+    )
+    for k, one in zip(counts, people.likelihoods(counts), strict=True):
+        low, middle, high = (float(v) for v in hierarchy(one, ruler).of_middle())
+        given += status_of(x, k, n, (low, middle, high), ruler) in (*WITH_THRESHOLD, *BOUNDED)
+        found.append((low, middle, high))
+    low_db, middle_db, high_db = (np.array(found) - TRUTH_DB).T
+    return Score(low=low_db, middle=middle_db, high=high_db), f"{given / studies:.1%}"
+
+
+def group_rows() -> Iterator[str]:
+    """Yield the coverage of group thresholds, over people, spread, levels and dispersion."""
+    spreads = ((1.0, 1), (2.0, 1), (4.0, 1), (6.0, 1), (2.0, 2), (2.0, 3), (None, 1))
+    for name, levels in LEVELS:
+        for number in PEOPLE:
+            for between_db, dispersion in spreads:
+                people = People(
+                    number=number, levels_vpp=levels, between_db=between_db, dispersion=dispersion
+                )
+                score, given = group_score(people, STUDIES)
+                between = "prior" if between_db is None else f"{between_db:g} dB"
+                yield f"| {name} | {number} | {between} | {dispersion} | {score.row()} | {given} |"
+
+
+def population_rows() -> Iterator[str]:
+    """Yield ours beside statsmodels, of people who hardly guess: its model has no guesses."""
+    for number in (5, 12):
+        people = People(number=number, levels_vpp=CENTRED, guess_rate=0.02)
+        score, _ = group_score(people, BESIDE)
+        yield f"| {number} | `fit_group` | {score.row()} |"
+        rng = people.generator()
+        counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, BESIDE))
+        found = np.array([_population(people, k) for k in counts]) - TRUTH_DB
+        other = Score(low=found[:, 0], middle=found[:, 1], high=found[:, 2])
+        yield f"| {number} | statsmodels (`--population`) | {other.row()} |"
+
+
+def _population(people: People, counts: Floats) -> tuple[float, float, float]:
+    guess = Guessing(rate=GuessRate(mean=people.guess_rate), basis="blanks")
+    (found,) = population_thresholds(
+        PersonCounts(
+            names=tuple(("main", str(i)) for i in range(people.number)),
+            level_vpp=np.broadcast_to(people.levels_vpp, counts.shape),
+            detected=counts,
+            presented=np.full(counts.shape, float(N)),
+            guesses=(guess,) * people.number,
+        )
+    )
+    low, high = found.threshold_limits_vpp
+    low_db, middle_db, high_db = 20 * np.log10([low, found.threshold_vpp, high])
+    return float(low_db), float(middle_db), float(high_db)
+
+
+def difference_score(people: People, *, shift_db: float, varying_db: float) -> Score:
+    """Return how the difference of two conditions of the same people did."""
+    rng = people.generator()
+    middle_db = TRUTH_DB + people.offsets_db(rng, STUDIES)
+    d = shift_db + varying_db * rng.standard_normal(middle_db.shape)
+    a, b = (people.answers(rng, middle_db + part * d) for part in (-0.5, 0.5))
+    found: list[Sequence[float]] = []
+    for of_a, of_b in zip(people.likelihoods(a), people.likelihoods(b), strict=True):
+        one, _ = paired_difference(of_a, of_b, people.ruler())
+        low, high = one.difference_limits_db
+        found.append((low, one.difference_db, high))
+    low_db, told, high_db = (np.array(found) - shift_db).T
+    return Score(low=low_db, middle=told, high=high_db)
+
+
+def difference_rows() -> Iterator[str]:
+    """Yield the coverage of differences of two conditions."""
+    settings = ((0.0, 0.5, 1), (2.0, 1.0, 1), (2.0, 2.0, 1), (2.0, 3.0, 1), (2.0, 1.0, 2),
+                (2.0, 1.0, 3))  # fmt: skip
+    for name, levels in LEVELS:
+        for number in PEOPLE:
+            for shift_db, varying_db, dispersion in settings:
+                people = People(number=number, levels_vpp=levels, dispersion=dispersion)
+                score = difference_score(people, shift_db=shift_db, varying_db=varying_db)
+                yield (
+                    f"| {name} | {number} | {shift_db:g} dB | {varying_db:g} dB | {dispersion} | "
+                    f"{score.row()} |"
+                )
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    return "\n".join(
+        [
+            "## Groups and differences",
+            "",
+            _GROUPS,
+            "",
+            (
+                "| levels | people | between people | dispersion | limits cover | width, dB "
+                "| bias, dB | RMSE, dB | with limits |"
+            ),
+            "|---|---|---|---|---|---|---|---|---|",
+            *group_rows(),
+            "",
+            _POPULATION,
+            "",
+            "| people | method | limits cover | width, dB | bias, dB | RMSE, dB |",
+            "|---|---|---|---|---|---|",
+            *population_rows(),
+            "",
+            _DIFFERENCES,
+            "",
+            (
+                "| levels | people | difference | between people | dispersion | limits cover "
+                "| width, dB | bias, dB | RMSE, dB |"
+            ),
+            "|---|---|---|---|---|---|---|---|---|",
+            *difference_rows(),
+            "",
+        ]
+    )
+
+
+_GROUPS: Final = (
+    f"Groups of forced choices, {STUDIES} seeded studies for each line: thresholds with a middle "
+    "of 62 V, sigma 2 dB (varying by exp(0.3) between people), lapses 0.02, 5 x 30 stimuli each, "
+    "the paper's levels or 49 to 91 V; dispersion is how many times as much as the binomial the "
+    "answers of a person vary; `prior`: half-normal, 6 dB, drawn anew for each study. Limits are "
+    "those of the posterior, whether or not they are printed (outside the levels they are open), "
+    "width the median one; the last column is the share of studies of which limits or a bound are "
+    "printed."
+)
+_POPULATION: Final = (
+    f"Beside statsmodels, {BESIDE} studies: 2 dB between people, centred levels, guess rate 0.02 "
+    "(its model has neither guesses nor lapses)."
+)
+_DIFFERENCES: Final = (
+    f"Differences of two conditions of the same people, {STUDIES} studies: as above with 2 dB "
+    "between the people's middles; the difference varies between people, too. Open limits count "
+    "as covering."
+)
