@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from analysis.results.summary import devices, versions
+from analysis.results.summary import versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,9 +70,6 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
         for what, words in _study(study):
             told.setdefault(what, {})[words] = None
     yield from ((what, [*words]) for what, words in told.items())
-    kinds = [f"{kind}: {number} trials" for kind, number in devices(analysis.trials).items()]
-    if kinds:
-        yield "Kind of device", [", ".join(kinds)]
     yield "Analysis by", [f"tactstrip {versions()['tactstrip']}"]
     contacts = analysis.contacts
     several = len(contacts) > 1

@@ -38,7 +38,7 @@ from analysis.results.rows import (
     p_text,
     population_text,
 )
-from analysis.results.summary import versions
+from analysis.results.summary import devices, versions
 from experiment.terms.record import RESPONSES
 
 if TYPE_CHECKING:
@@ -133,6 +133,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             texts=ANSWER_HEAD[1:],
         ),
         counts_told=_counts_told(analysis),
+        kinds=[f"{kind} {number}" for kind, number in devices(analysis.trials).items()],
         conditions=sorted({*analysis.trials["condition"], *analysis.levels["condition"]}),
         not_compared=not_compared_words(analysis.not_compared) if analysis.not_compared else "",
         pictures=list(pictures),
