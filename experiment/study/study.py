@@ -40,6 +40,7 @@ from experiment.study.sections.table import (
     KeyRange,
     file_keys,
     filled,
+    limits_of,
     section,
 )
 from experiment.terms.checks import in_metres, in_mind, inward
@@ -224,7 +225,9 @@ class Study:
                 continue
             path, per_vpp = f"actuator[{place}].{MEASURED_KEYS[0]}", thickness_um / highest_vpp
             limits = KeyRange(ge=LEAST_UM_PER_VPP * at_vpp, le=per_vpp * at_vpp)
-            levels = KeyRange(ge=um / per_vpp, le=um / LEAST_UM_PER_VPP)
+            own = limits_of(Actuator, MEASURED_KEYS[1])
+            least_vpp, most_vpp = max(um / per_vpp, own.ge or 0.0), um / LEAST_UM_PER_VPP
+            levels = KeyRange(ge=least_vpp, le=min(most_vpp, own.le or most_vpp))
             if not limits.hold(um):
                 raise ValueError(
                     f"{path} must be {limits.words(whole=False)} at {at_vpp:g} Vpp, so that it "
@@ -238,12 +241,13 @@ class Study:
         levels_vpp = self.design.levels_vpp
         named = {f"levels_vpp[{i}]": level_vpp for i, level_vpp in enumerate(levels_vpp)}
         named["both_level"] = self.design.both_level_vpp or 0.0
+        higher = replace(limits_of(DeviceSettings, "ceiling_vpp"), ge=max(named.values()))
         for name, level_vpp in named.items():
             if level_vpp > ceiling_vpp:
                 most = inward(ceiling_vpp, least=False, digits=12)
                 raise ValueError(
                     f"design.{name} must be at most device.ceiling_vpp = {most}; "
-                    f"got {level_vpp:.12g}"
+                    f"got {level_vpp:.12g}{in_mind('ceiling_vpp', ceiling_vpp, higher.hold)}"
                 )
 
     def _check_drives(self) -> None:

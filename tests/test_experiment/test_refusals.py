@@ -335,6 +335,7 @@ def without_diameter(left: str) -> str:
         ("burst.masking_limit_db = -20", "the other way: write masking_limit_db = 20"),
         ("masking.level_dbfs = 30", "its sign is meant the other way: write level_dbfs = -30"),
         ("design.levels_vpp = [0.06, 0.2]", "got 0.06; if these are kilovolts, write 60"),
+        ("device.ceiling_vpp = 0.2", "got 60; if these are kilovolts, write ceiling_vpp = 200"),
         ("design.foreperiod_s = [800, 2000]", "got 800; if these are milliseconds, write 0.8"),
         ("design.both_fraction = 10", "if this is per cent, write both_fraction = 0.1"),
         ("device.sample_rate_hz = 48", "these are kilohertz, write sample_rate_hz = 48000"),
@@ -381,6 +382,11 @@ def without_diameter(left: str) -> str:
 )
 def test_a_study_that_contradicts_itself_is_refused_in_one_line(text: str, said: str) -> None:
     assert said in refusal(text)
+
+
+def test_another_unit_is_told_only_if_it_is_not_refused_in_turn() -> None:
+    told = refusal(array(MEASURED.replace("2.6", "3000")))
+    assert told.endswith("; got 3000; if these are nanometres, write measured_displacement_um = 3")
 
 
 def test_several_faults_stand_in_one_line() -> None:

@@ -12,9 +12,7 @@ from pydantic_core import ArgsKwargs, PydanticCustomError
 
 from experiment.study.sections.table import (
     ASKED_FOR,
-    KeyRange,
-    file_keys,
-    range_of,
+    limits_of,
     refuse_below,
     section,
 )
@@ -302,8 +300,7 @@ class Plate:
 
     def _may_be(self, size: str, mm: str) -> bool:
         """Tell whether the plate may have another thickness or width, as it would be written."""
-        field = file_keys(type(self))[f"{size}_mm"]
-        limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
+        limits = limits_of(type(self), f"{size}_mm")
         sizes_now = {"thickness": self.thickness_mm, "width": self.width_mm}
         return limits.hold(float(mm)) and _is_a_plate(**(sizes_now | {size: float(mm)}))
 

@@ -186,6 +186,12 @@ def range_of(kind: Any, metadata: tuple[Any, ...] = ()) -> KeyRange | None:
     return KeyRange(**found) if found else None
 
 
+def limits_of(cls: type, key: str) -> KeyRange:
+    """Return between which numbers a key of a section must lie."""
+    field = file_keys(cls)[key]
+    return range_of(field.annotation, tuple(field.metadata)) or KeyRange()
+
+
 def _stated(kind: Any, metadata: tuple[Any, ...]) -> Iterator[Any]:
     """List what stands beside a type, those of a union's members included."""
     for part in metadata:
@@ -363,8 +369,7 @@ def refuse_below(values: object, key: str, least: float, otherwise: str) -> None
     stated: float | None = getattr(values, key)
     if stated is None or not 0 < abs(stated) < least:
         return
-    field = file_keys(type(values))[key]
-    limits = range_of(field.annotation, tuple(field.metadata)) or KeyRange()
+    limits = limits_of(type(values), key)
     hint = in_mind(key, stated, lambda meant: abs(meant) >= least and limits.hold(meant))
     words = replace(limits, ge=least).words(whole=False)
     raise ValueError(f"{key} must be {words}, {otherwise}; got {stated:g}{hint}")
