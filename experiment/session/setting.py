@@ -208,7 +208,7 @@ def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
 
 def _simulated_person(responder: Responder) -> dict[str, Any]:
     """Tell whom our own simulation drew; a lab's own says nothing of whom it simulates."""
-    facts = getattr(responder, "facts", None)
+    facts = getattr(responder, "observer_facts", None)
     return {"observer": facts} if responder.simulated and isinstance(facts, dict) else {}
 
 

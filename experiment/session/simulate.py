@@ -61,7 +61,7 @@ class SimulatedResponder:
         shifts_db: Mapping[int, tuple[float, float]] | None = None,
         facts: Mapping[str, Any] | None = None,
     ) -> None:
-        self.facts = {} if facts is None else dict(facts)
+        self.observer_facts = {} if facts is None else dict(facts)
         self._shifts_db = {} if shifts_db is None else shifts_db
         self._last_db = 0.0
         self._observer = observer
