@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import gc
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ from analysis.reading.sources import TABLE, find_sources, unchanged
 from analysis.reading.text import ResultFileError, one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
 
     from analysis.reading.batch import ReadTable
@@ -185,7 +186,7 @@ def read_inputs(
             blanks=counted.blanks,
             left_out=counted.left_out,
         )
-    with unchanged(files), watched(sources) as asked:
+    with unchanged(files), watched(sources) as asked, _no_search_for_circles():
         read = [
             one
             for batch in batches(asked)
@@ -220,6 +221,21 @@ def read_inputs(
         changed=changed,
         left_out=unread,
     )
+
+
+@contextmanager
+def _no_search_for_circles() -> Iterator[None]:
+    """Keep Python from looking for circular garbage, an eighth of the time of many sessions.
+
+    What is read is millions of plain values, none of which points back at another.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _not_compared(tables: Iterable[ReadTable]) -> tuple[str, ...]:

@@ -180,7 +180,7 @@ def test_sessions_and_runs_are_told_by_names_of_files(tmp_path: Path) -> None:
 def test_a_folder_of_tables_is_read_with_a_map_and_refused_without(tmp_path: Path) -> None:
     for who in "ab":
         put(tmp_path / f"{who}.csv", f"side,level_vpp,response\nleft,6{ord(who)},left\n")
-    put(tmp_path / "notes.docx", "no table")
+    put(tmp_path / "README.txt", "no table")
     read = read_inputs([tmp_path], ColumnMap(columns={"participant": "file-"}))
     assert read.trials["participant"].tolist() == ["a", "b"]
     assert "no sub-*/ses-*/trials.csv in this folder" in str(refused(tmp_path))

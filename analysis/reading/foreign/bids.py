@@ -10,7 +10,8 @@ if TYPE_CHECKING:
 
 
 _TABLE: Final = re.compile(r".+_(beh|events)\.tsv")
-_PLAIN: Final = (".csv", ".tsv", ".txt")
+_PLAIN: Final = ((".csv", ".tsv"), (".txt",))
+"""Endings of tables; the last only where there is none of the first: most .txt are no tables."""
 _ENTITY: Final = re.compile(r"([A-Za-z]+)-([A-Za-z0-9+]+)")
 STANDS_FOR: Final = {"participant": "sub-", "session": "ses-", "block": "run-"}
 """Which of our columns the name of a BIDS file tells, where the table does not."""
@@ -46,7 +47,9 @@ def plain_tables(folder: Path) -> list[Path]:
     >>> plain_tables(Path("/dev"))
     []
     """
-    return sorted(path for path in folder.iterdir() if path.suffix in _PLAIN and _shown(path))
+    files = sorted(path for path in folder.iterdir() if _shown(path))
+    found = ([path for path in files if path.suffix.lower() in endings] for endings in _PLAIN)
+    return next(filter(None, found), [])
 
 
 def _shown(path: Path) -> bool:
