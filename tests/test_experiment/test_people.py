@@ -21,13 +21,14 @@ import pytest
 
 from device.clock import VirtualClock
 from experiment.commands.init import write_study_text
-from experiment.session.simulate import SimulatedResponder, simulate_study
+from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
 from experiment.study.read import paper_study
 from experiment.study.sections.simulation import Simulation
 from experiment.study.simulated import unmeasured
 from experiment.terms.gains import OWN_FINGER_ONLY
 from experiment.terms.observer import Observer, draw_observer, threshold_course_db
 from experiment.terms.responder import AwaitedAnswer
+from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -258,3 +259,21 @@ def test_a_file_that_is_played_has_no_threshold_curve() -> None:
         paper_study().changed(
             condition=({"name": "a", "file": "click.wav"},), simulation={"threshold_at_hz": 250.0}
         )
+
+
+def test_a_curve_moves_the_threshold_of_another_burst_only() -> None:
+    study = paper_study().changed(
+        condition=(
+            {"name": "one"},
+            {"name": "two", "cycles": 2},
+            {"name": "low", "frequency_hz": 250.0},
+        ),
+        simulation={"threshold_at_hz": 500.0, "threshold_at_s": 0.002},
+    )
+    plan = draw_plan(study, participant="01", session="01", seed=1, gains=())
+    shifts_db = simulated_responder(study, plan, VirtualClock())._shifts_db
+    found = {one.condition: shifts_db[one.number] for one in plan.trials}
+    assert found["one"] == (0.0, 0.0)
+    twice_as_long_db = 10 * math.log10(math.expm1(-0.002 / 0.2) / math.expm1(-0.004 / 0.2))
+    assert found["two"] == pytest.approx((twice_as_long_db,) * 2)
+    assert found["low"] == pytest.approx((twice_as_long_db - 9.0,) * 2)  # 250 Hz, 4 ms
