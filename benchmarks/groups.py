@@ -10,9 +10,10 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.groups.difference import paired_difference
+from analysis.groups.group import LEVEL
 from analysis.groups.hierarchy import hierarchy
 from analysis.groups.population import population_thresholds
-from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD, status_of
+from analysis.thresholds.fit import fit_many, status_of
 from analysis.thresholds.grid import Ruler, surfaces
 from analysis.thresholds.people import Guessing, GuessRate, PersonCounts
 from benchmarks.calibration import CENTRED, PAPER, share
@@ -65,6 +66,16 @@ class People:
         )
         return between * rng.standard_normal((studies, self.number))
 
+    def middles_db(self, rng: np.random.Generator, studies: int) -> Floats:
+        """Return the middle of each study, (studies, 1): drawn between the levels, or 62 V."""
+        if self.between_db is not None:
+            return np.full((studies, 1), TRUTH_DB)
+        low, high = 20 * np.log10([self.levels_vpp[0], self.levels_vpp[-1]])
+        # Uniform between the levels, exponential outside, 3 dB: the prior of M.
+        at = rng.uniform(low - 3.0, high + 3.0, (studies, 1))
+        tail = rng.exponential(3.0, at.shape)
+        return np.where(at < low, low - tail, np.where(at > high, high + tail, at))
+
     def answers(self, rng: np.random.Generator, at_db: Floats) -> Floats:
         """Draw counts, which vary `dispersion` times as much as the binomial."""
         x = 20 * np.log10(self.levels_vpp)
@@ -116,17 +127,23 @@ class Score:
 def group_score(people: People, studies: int) -> tuple[Score, str]:
     """Return how the group's threshold did, and of how many studies limits are printed."""
     rng = people.generator()
-    counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, studies))
+    truth_db = people.middles_db(rng, studies)
+    counts = people.answers(rng, truth_db + people.offsets_db(rng, studies))
     ruler, found, given = people.ruler(), [], 0
+    guesses = [GuessRate(mean=people.guess_rate)] * people.number
     x, n = (
         np.broadcast_to(np.log10(people.levels_vpp), counts.shape[1:]),
         np.full(counts.shape[1:], float(N)),
     )
     for k, one in zip(counts, people.likelihoods(counts), strict=True):
         low, middle, high = (float(v) for v in hierarchy(one, ruler).of_middle())
-        given += status_of(x, k, n, (low, middle, high), ruler) in (*WITH_THRESHOLD, *BOUNDED)
+        status = status_of(x, k, n, (low, middle, high), ruler)
+        # Only where nobody's table rises a group has no limits.
+        given += status not in LEVEL or not all(
+            fit.status in LEVEL for fit in fit_many(x, k, n, guesses=guesses)
+        )
         found.append((low, middle, high))
-    low_db, middle_db, high_db = (np.array(found) - TRUTH_DB).T
+    low_db, middle_db, high_db = (np.array(found) - truth_db).T
     return Score(low=low_db, middle=middle_db, high=high_db), f"{given / studies:.1%}"
 
 
@@ -241,10 +258,10 @@ _GROUPS: Final = (
     f"Groups of forced choices, {STUDIES} seeded studies for each line: thresholds with a middle "
     "of 62 V, sigma 2 dB (varying by exp(0.3) between people), lapses 0.02, 5 x 30 stimuli each, "
     "the paper's levels or 49 to 91 V; dispersion is how many times as much as the binomial the "
-    "answers of a person vary; `prior`: half-normal, 6 dB, drawn anew for each study. Limits are "
-    "those of the posterior, whether or not they are printed (outside the levels they are open), "
-    "width the median one; the last column is the share of studies of which limits or a bound are "
-    "printed."
+    "answers of a person vary; `prior`: spread and middle are drawn from their priors anew for "
+    "each study. Limits are those of the posterior, whether or not they are printed (outside the "
+    "levels they are open), width the median one; the last column is the share of studies of "
+    "which limits or a bound are printed."
 )
 _POPULATION: Final = (
     f"Beside statsmodels, {BESIDE} studies: 2 dB between people, centred levels, guess rate 0.02 "

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 
 _NAN: Final = float("nan")
+LEVEL: Final = ("decreasing", "flat")
+"""Statuses of tables that do not rise with level."""
 FEW: Final = 5
 """Of fewer people the spread comes mostly from its prior."""
 
@@ -49,7 +51,8 @@ class GroupFit:
     Attributes
     ----------
     status : str
-        A word of `analysis.thresholds.fit.FitStatus`, of the pooled table and the group's median.
+        A word of `analysis.thresholds.fit.FitStatus`, of the pooled table and the group's median;
+        ``flat`` and ``decreasing`` only where nobody's table rises.
     threshold : float
         Middle of the people's thresholds, posterior median, in the levels' unit; NaN where the
         status tells none.
@@ -185,7 +188,7 @@ def group_on_axis(tables: PeopleTables) -> tuple[GroupFit, tuple[PsychometricFit
     if ruler is None:
         return GroupFit(status="one_level"), people
     found = hierarchy(tables.surfaces(ruler), ruler)
-    return _told(tables, ruler, found), people
+    return _told(tables, ruler, found, people), people
 
 
 def compare_conditions(
@@ -286,14 +289,20 @@ def difference_on_axis(
     )
 
 
-def _told(tables: PeopleTables, ruler: Ruler, found: Hierarchy) -> GroupFit:
+def _told(
+    tables: PeopleTables, ruler: Ruler, found: Hierarchy, people: Sequence[PsychometricFit]
+) -> GroupFit:
     """Lay a group's posterior on the axis, as far as its status lets it be told."""
     low, middle, high = (float(value) for value in found.of_middle())
     status = status_of(tables.x, tables.detected, tables.presented, (low, middle, high), ruler)
+    if status in LEVEL and not all(one.status in LEVEL for one in people):
+        # People who lie below, between and above the levels tell a threshold, if not a slope.
+        status = "ok" if middle <= ruler.high else "median_above_levels"
+        status = status if middle >= ruler.low else "median_below_levels"
     limits = within_levels(low, high, ruler)
     if status in BOUNDED:
         return GroupFit(status=status, threshold_limits=limits)
-    if status in ("one_level", "decreasing", "flat"):
+    if status in ("one_level", *LEVEL):
         return GroupFit(status=status)
     unit = ruler.step * 20 if tables.x_scale == "log10" else ruler.step
     least, spread, most = (float(value) * unit for value in found.of_spread())

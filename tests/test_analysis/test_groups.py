@@ -133,6 +133,14 @@ def test_a_group_without_a_number_has_a_status(detected: Any, status: str) -> No
     assert math.isnan(found.threshold)
 
 
+def test_people_on_both_sides_of_the_levels_have_a_group_threshold() -> None:
+    both = [[30] * 5, [15, 16, 14, 15, 15], [15, 15, 16, 14, 16], [29, 30, 30, 30, 30]]
+    found = fit_group(CENTRED, both, N, guess_rate=0.5)
+    assert found.status == "ok"
+    assert CENTRED[0] < found.threshold < CENTRED[-1]
+    assert found.spread_db > 3
+
+
 def test_people_who_answer_alike_have_little_between_them_and_the_pooled_threshold() -> None:
     k = np.tile([160, 190, 260, 298, 300], (6, 1))
     found = fit_group(PAPER, k, np.full((6, 5), 300), guess_rate=0.5)
