@@ -11,6 +11,7 @@ from benchmarks import __main__ as command
 from benchmarks import (
     analysis,
     calibration,
+    crosscheck,
     field,
     gains,
     groups,
@@ -125,6 +126,11 @@ def test_a_timed_run_is_told_its_number() -> None:
 def test_a_window_section_says_why_it_is_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.version_info", (3, 13, 0))
     assert "Not measured: --responder screen needs Python 3.11 or 3.12" in screen.section()
+
+
+def test_a_crosscheck_says_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crosscheck, "find_spec", lambda _: None)
+    assert "Not measured: needs the extra `crosscheck`" in crosscheck.section()
 
 
 def test_an_analysis_section_sets_pandas_beside_the_command(

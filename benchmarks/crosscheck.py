@@ -1,0 +1,120 @@
+"""The group model by another method: the no-U-turn sampler of NumPyro (extra `crosscheck`)."""
+
+from __future__ import annotations
+
+import math
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from analysis.groups.hierarchy import OMEGA_SPREAD, SPREAD, hierarchy
+from analysis.thresholds.density import QUANTILES, kind_prior
+from analysis.thresholds.mle import MOST_LAPSES, SIGMA_FACTOR, SIGMA_MEDIAN
+from benchmarks.calibration import CENTRED, PAPER
+from benchmarks.groups import TRUTH_DB, People
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+SETS: Final = (
+    *((PAPER, 5, spread_db) for spread_db in (1.0, 2.0, 4.0)),
+    *((CENTRED, 5, spread_db) for spread_db in (1.0, 2.0, 4.0)),
+    *((levels, people, 2.0) for people in (3, 12) for levels in (PAPER, CENTRED)),
+)
+"""Ten: levels, people and the spread between them."""
+WARM_UP: Final = 1000
+SAMPLES: Final = 8000
+
+
+def _model(x: Floats, counts: Floats, presented: float, guess_rate: float) -> None:
+    """State the model of docs/statistics.md, section 8, in decibels; omega is continuous here."""
+    import jax
+    import jax.numpy as jnp
+    import numpyro
+    from numpyro import distributions as dist
+
+    people = len(counts)
+    low, high = float(x.min()), float(x.max())
+    middle = numpyro.sample("middle", dist.Uniform(low - 60, high + 60))
+    outside = jnp.maximum(jnp.maximum(low - middle, middle - high), 0.0)
+    numpyro.factor("prior_of_middle", -outside / 3)
+    spread = numpyro.sample("spread", dist.HalfNormal(SPREAD))
+    steepness = numpyro.sample(
+        "steepness", dist.Normal(math.log(SIGMA_MEDIAN), math.log(SIGMA_FACTOR))
+    )
+    omega = numpyro.sample("omega", dist.HalfNormal(OMEGA_SPREAD))
+    with numpyro.plate("people", people):
+        mu = middle + spread * numpyro.sample("mu", dist.Normal(0, 1))
+        sigma = jnp.exp(steepness + omega * numpyro.sample("sigma", dist.Normal(0, 1)))
+        lapse = numpyro.sample("lapse", dist.Uniform(0, MOST_LAPSES))
+    t = lapse / MOST_LAPSES
+    kinds = jnp.stack([(1 - t) ** 2, 2 * t * (1 - t), t**2])
+    prior = jnp.asarray(kind_prior())[:, None]
+    of_kind = jnp.log(prior[:, 0]) + jnp.log(kinds / prior).sum(axis=1)
+    numpyro.factor("kinds", jax.scipy.special.logsumexp(of_kind))
+    numpyro.factor("prior_of_lapses", 9 * jnp.log1p(-lapse).sum())
+    felt = jax.scipy.stats.norm.cdf((x - mu[:, None]) / sigma[:, None])
+    p = guess_rate + (1 - guess_rate - lapse[:, None]) * felt
+    numpyro.sample("k", dist.Binomial(presented, p), obs=counts)
+
+
+def sampled(x: Floats, counts: Floats, presented: float, guess_rate: float) -> Any:
+    """Return the sampler after its run."""
+    import jax
+    import numpyro
+    from numpyro.infer import MCMC, NUTS
+
+    numpyro.enable_x64()
+    kernel = NUTS(_model, target_accept_prob=0.95)
+    sampler = MCMC(kernel, num_warmup=WARM_UP, num_samples=SAMPLES, progress_bar=False)
+    sampler.run(jax.random.PRNGKey(1), x, counts, presented, guess_rate)
+    return sampler
+
+
+def rows() -> Iterator[str]:
+    """Yield the points of middle and spread by both methods, of each set of data."""
+    from numpyro.diagnostics import effective_sample_size
+
+    for levels, number, spread_db in SETS:
+        people = People(number=number, levels_vpp=levels, between_db=spread_db)
+        rng = people.generator()
+        counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, 1))
+        (found,) = people.likelihoods(counts)
+        grid = hierarchy(found, people.ruler())
+        sampler = sampled(20 * np.log10(levels), counts[0], 30, people.guess_rate)
+        drawn = sampler.get_samples()
+        cells = []
+        for ours, name in ((grid.of_middle(), "middle"), (grid.of_spread(), "spread")):
+            theirs = np.quantile(np.asarray(drawn[name]), QUANTILES)
+            size = effective_sample_size(np.asarray(drawn[name])[None])
+            # Of a normal density the 2.5 % point of so many draws is known so well.
+            error = np.ptp(theirs) / 3.92 * 2.67 / math.sqrt(size)
+            told = ", ".join(f"{a:.2f} {b:.2f}" for a, b in zip(ours, theirs, strict=True))
+            cells.append(f"{told} | {np.abs(ours - theirs).max():.2f} | {error:.2f}")
+        name = "the paper's" if levels == PAPER else "centred"
+        yield f"| {name} | {number} | {spread_db:g} dB | {' | '.join(cells)} |"
+
+
+def section() -> str:
+    """Measure and return the section of docs/benchmarks.md."""
+    if find_spec("numpyro") is None:
+        return "## Groups by another method\n\nNot measured: needs the extra `crosscheck`.\n"
+    return "\n".join(["## Groups by another method", "", _WORDS, "", *_HEADER, *rows(), ""])
+
+
+_WORDS: Final = (
+    f"The middle M and the spread tau of ten groups, dB: 2.5, 50 and 97.5 % points by the grid and "
+    f"by NumPyro's no-U-turn sampler ({SAMPLES} draws after {WARM_UP}), which has the same model "
+    "but a continuous omega, and no nodes. Beside them the largest of the three differences, and "
+    "the sampler's own standard error of its outer points."
+)
+_NAMES: Final = (
+    "| levels | people | between people | M: grid, sampler | apart | error | tau: grid, sampler "
+    "| apart | error |"
+)
+_HEADER: Final = (_NAMES, "|---|---|---|---|---|---|---|---|---|")
