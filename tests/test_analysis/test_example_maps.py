@@ -11,7 +11,8 @@ import pytest
 
 from analysis import load_column_map
 from analysis.answers.detection import blank_table, level_table
-from tests.test_analysis.shared import EXAMPLES, loaded
+from analysis.reading.load import read_inputs
+from tests.test_analysis.shared import EXAMPLES, loaded, put
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,6 +36,24 @@ def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
     assert level[["level_vpp", "detected", "presented", "timeouts"]].tolist() == [1, 1, 3, 1]
     assert level["p_answered"] == 1 / 2
     assert blank_table(trials)[["left", "presented"]].iloc[-1].tolist() == [1, 2]
+
+
+def test_names_of_files_tell_whose_a_table_of_a_bids_data_set_is(tmp_path: Path) -> None:
+    header = ("participant_id", "run", "posture", "soa", "tactor1side", "response_correct", "rt",
+              "session", "trial")  # fmt: skip
+    rows = (("sub-008", "1", "crossed", "50", "left", "1", "1365", "ses-01", "1"),
+            ("sub-008", "1", "crossed", "300", "left", "0", "844", "ses-01", "2"))  # fmt: skip
+    for who in ("008", "009"):
+        lines = ["\t".join(row).replace("008", who) for row in (header, *rows)]
+        put(tmp_path / f"sub-{who}/ses-01/sub-{who}_task-LID_beh.tsv", "\n".join(lines) + "\n")
+    columns = load_column_map(EXAMPLES / "r2bids-columns.toml")
+    trials = read_inputs([tmp_path], columns).trials
+    told = trials[["participant", "session", "condition", "level_vpp", "response", "rt_s"]]
+    assert told.to_numpy().tolist() == [
+        [who, "ses-01", "crossed", *told]
+        for who in ("008", "009")
+        for told in ((50.0, "left", 1.365), (300.0, "right", 0.844))
+    ]
 
 
 def test_quickpsy_has_levels_below_0(tmp_path: Path) -> None:
