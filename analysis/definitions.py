@@ -47,6 +47,17 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "condition_a, condition_b": "of a difference: by how much b lies above a",
         "difference_db, low_db, high_db": "20 log10(threshold b / threshold a), posterior median "
         "and 95 % limits, without the thresholds' priors; n/a where an end is open",
+        "first": "of a difference: the condition that was over before the other began; neither "
+        "where they take turns; in a row 'all' how many participants had which first",
+        "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "
+        "count; with _a and _b of the conditions of a difference",
+        "felt": "single stimuli answered left, right or both",
+        "d_prime, d_prime_low, d_prime_high": "z(felt) - z(false alarms), with half a trial more "
+        "of either kind in each rate, and its 95 % limits; in a row 'all' the mean of the "
+        "participants with limits by Student's t; with _a and _b of the conditions of a "
+        "difference, over the levels of both",
+        "d_prime_answered": "the same of the answered trials alone, without time-outs and invalid "
+        "keys",
         "threshold_db, threshold_low_db, threshold_high_db": "the same in dB re 1 V peak-to-peak",
         "status": "ok, or why there is no threshold or how it is limited",
         "printed": "the threshold as a reader is told it",

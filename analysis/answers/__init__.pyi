@@ -1,9 +1,17 @@
 from . import counting as counting
 from . import detection as detection
 from .choice import Choices, choices, confusion_table
-from .counting import AUDIBILITY, CONTROL_COLUMNS, clean_table, counted, reaction_table
+from .counting import (
+    AUDIBILITY,
+    CONTROL_COLUMNS,
+    COUNTED_KINDS,
+    clean_table,
+    counted,
+    reaction_table,
+)
 from .detection import cells, level_table
 from .doubts import doubtful, doubtful_counts
+from .dprime import sensitivity_table, z_of
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
 from .serial import SerialEffect
@@ -11,6 +19,7 @@ from .serial import SerialEffect
 __all__ = [
     "AUDIBILITY",
     "CONTROL_COLUMNS",
+    "COUNTED_KINDS",
     "Choices",
     "Sensitivity",
     "SerialEffect",
@@ -30,4 +39,6 @@ __all__ = [
     "level_table",
     "proportion_ci",
     "reaction_table",
+    "sensitivity_table",
+    "z_of",
 ]

@@ -1,3 +1,4 @@
+from .criterion import with_criterion
 from .difference import Difference
 from .functions import Function, Line, group_function, person_function
 from .group import FEW, ConditionDifference, GroupFit, compare_conditions, fit_group
@@ -19,4 +20,5 @@ __all__ = [
     "group_table",
     "person_function",
     "population_thresholds",
+    "with_criterion",
 ]

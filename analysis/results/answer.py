@@ -227,7 +227,9 @@ def _compared(analysis: Analysis) -> Iterator[str]:
     if len(pairs) > 1:
         yield f"these intervals are not corrected for {len(pairs)} comparisons"
     if apart and analysis.detected_any is not None:
-        yield "a difference may be one of criterion, where false alarms differ too"
+        known = analysis.differences["d_prime_a"].notna().any()
+        beside = "; d', which does not depend on it, is in the table" if known else ""
+        yield f"a difference may be one of criterion, where false alarms differ too{beside}"
     if not pairs and len(analysis.groups) > 1:
         yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
 
@@ -235,7 +237,13 @@ def _compared(analysis: Analysis) -> Iterator[str]:
 def _difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
-        yield name, difference_cell(one), one.of
+        order = f"; first: {one.row['first']}" if isinstance(one.row["first"], str) else ""
+        yield name, difference_cell(one), one.of + order
+        a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
+        if not math.isnan(a + b):
+            of = "mean of participants; " if one.row["participant"] == TOTAL else ""
+            name = f"d' in {isolated(one.b)} against {isolated(one.a)}"
+            yield name, f"{b:.2f} against {a:.2f}", f"{of}all levels of both"
 
 
 def _totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:

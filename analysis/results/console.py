@@ -10,6 +10,7 @@ from analysis.definitions import TOTAL
 from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import plain
 from analysis.results.rows import (
+    POPULATION,
     TERMINAL,
     both_cells,
     control_totals,
@@ -145,6 +146,8 @@ def _population_lines(analysis: Analysis) -> Iterator[str]:
         where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
         told = one.reason or population_text(one, analysis.axis.unit)
         yield f"Threshold of the population{where}: {told}."
+    if analysis.population:
+        yield POPULATION
 
 
 def _where(row: pd.Series[Any]) -> str:

@@ -91,7 +91,7 @@ NAMES = (
     SUMMARY,
     manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
-    *("thresholds.csv", "differences.csv", "confusion.csv", "trials_clean.csv"),
+    *("thresholds.csv", "differences.csv", "sensitivity.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
     REPORT,
 )
@@ -198,6 +198,7 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
         "control.csv": analysis.control,
         "thresholds.csv": _with_groups(analysis.thresholds, analysis.groups),
         "differences.csv": analysis.differences,
+        "sensitivity.csv": analysis.sensitivity,
         "confusion.csv": analysis.confusion,
     }
     tables |= {name: table for name, table in possible.items() if len(table)}

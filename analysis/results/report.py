@@ -25,18 +25,24 @@ from analysis.results.protocol import (
 )
 from analysis.results.rows import (
     CONTROL_HEAD,
+    CRITERION,
+    D_PRIME,
+    D_PRIME_HEAD,
     PAGE,
+    POPULATION,
     blank_cells,
     both_cells,
     choice_rows,
     control_cells,
     count_rows,
+    d_prime_rows,
+    difference_rows,
     forced_choice,
     level_head,
     level_rows,
     not_compared_words,
     p_text,
-    population_text,
+    population_cells,
 )
 from analysis.results.summary import devices, versions
 from experiment.terms.record import RESPONSES
@@ -46,7 +52,6 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.groups.population import PopulationThreshold
     from analysis.results.figures.figures import Picture
     from analysis.results.protocol import Planned
     from analysis.results.tables import Analysis
@@ -144,6 +149,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             _protocol(analysis, plans),
         ],
         more_sections=[
+            *_sensitivity(analysis),
             *_answers(analysis),
             *_reaction_times(analysis),
             *_both_and_blank(analysis),
@@ -233,19 +239,14 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         ]
         caption = "Thresholds of the group"
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    for (a, b), rows in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
-        cells = [
-            ["Group" if row["participant"] == TOTAL else str(row["participant"]),
-             str(row["printed"])]
-            for _, row in rows.iterrows()
-        ]  # fmt: skip
-        caption = f"Threshold in condition {b} against {a}"
-        header = ["Participant", "Difference (95 %)"]
-        tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
+    tables += [
+        Table(caption=caption, header=header, rows=cells, texts=[*words, "First"])
+        for caption, header, cells in difference_rows(analysis, PAGE)
+    ]
     if analysis.population:
         caption = "The participants as one population: logistic, a random intercept each"
         header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
-        cells = [_population(one, unit) for one in analysis.population]
+        cells = [population_cells(one, unit) for one in analysis.population]
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
               "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",
@@ -259,21 +260,23 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         heads = [header[i] for i in told]
         tables.append(Table(caption=caption, header=heads, rows=cells, texts=words))
     varied = [_VARIED] if analysis.thresholds["varied_printed"].notna().any() else []
-    yield Section(title="Thresholds", texts=[_CENSORED, *varied], tables=tables)
+    second = [POPULATION] if analysis.population else []
+    compared = [CRITERION] if len(analysis.differences) and len(analysis.sensitivity) else []
+    yield Section(title="Thresholds", texts=[_CENSORED, *varied, *compared, *second], tables=tables)
+
+
+def _sensitivity(analysis: Analysis) -> Iterator[Section]:
+    tables = [
+        Table(caption=f"Sensitivity d' by level{_where(analysis, condition)}", header=D_PRIME_HEAD,
+              rows=rows, texts=[D_PRIME_HEAD[1], D_PRIME_HEAD[4]])
+        for condition, rows in d_prime_rows(analysis, PAGE)
+    ]  # fmt: skip
+    if tables:
+        yield Section(title="Sensitivity", texts=[D_PRIME], tables=tables)
 
 
 def _whole(number: float) -> str:
     return "n/a" if math.isnan(number) else f"{number:.0f}"
-
-
-def _population(one: PopulationThreshold, unit: str) -> list[str]:
-    return [
-        one.condition,
-        str(one.participants),
-        population_text(one, unit) or "n/a",
-        p_text(one.between_sd),
-        one.reason,
-    ]
 
 
 def _threshold(row: pd.Series[Any], unit: str) -> list[str]:

@@ -169,6 +169,75 @@ def blank_cells(row: pd.Series[Any], style: Style) -> list[str]:
     return [*counts, p_text(row["p"]), style.limits(row["low"], row["high"])]
 
 
+CRITERION: Final = (
+    "Where false alarms differ, a difference of thresholds may be one of the willingness to answer "
+    "(the criterion) and not of what is felt: d' does not depend on it, and stands beside."
+)
+"""What false alarms and d' beside a difference are there for."""
+
+
+def difference_rows(
+    analysis: Analysis, style: Style
+) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+    """Yield caption, header and rows of every two conditions, with what has to stand beside."""
+    for (a, b), rows in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
+        header = ["Participant", "Difference (95 %)", "First"]
+        if len(analysis.sensitivity):
+            header += [f"{what}, {name}" for what in ("False alarms", "d'") for name in (a, b)]
+        cells = [
+            ["Group" if row["participant"] == TOTAL else str(row["participant"]),
+             str(row["printed"]), *_beside(row, style)][: len(header)]
+            for _, row in rows.iterrows()
+        ]  # fmt: skip
+        yield f"Threshold in condition {b} against {a}", header, cells
+
+
+def _beside(row: pd.Series[Any], style: Style) -> list[str]:
+    """Return which condition came first, the false alarms of both, and d' of both."""
+    shares = [
+        "n/a"
+        if math.isnan(row[f"blanks_{one}"])
+        else style.share(int(row[f"false_alarms_{one}"]), int(row[f"blanks_{one}"]))
+        for one in "ab"
+    ]
+    first = row["first"] if isinstance(row["first"], str) else "n/a"
+    return [first, *shares, *(_two(row[f"d_prime_{one}"]) for one in "ab")]
+
+
+D_PRIME: Final = (
+    "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion "
+    "it does not rise with the willingness to answer. Rows 'all' have the mean of the "
+    "participants; d' of all levels together belongs to the mixture that was presented."
+)
+D_PRIME_HEAD: Final = (
+    "Level", "Participant", "Felt", "False alarms", "d' (95 %)", "d' of answered"
+)  # fmt: skip
+
+
+def d_prime_rows(analysis: Analysis, style: Style) -> Iterator[tuple[str, list[list[str]]]]:
+    """Yield the rows of d' by level, of each condition."""
+    for condition, rows in analysis.sensitivity.groupby("condition"):
+        yield str(condition), [_d_prime(row, analysis, style) for _, row in rows.iterrows()]
+
+
+def _d_prime(row: pd.Series[Any], analysis: Analysis, style: Style) -> list[str]:
+    level = row["level_vpp"]
+    low, high = (_two(row[f"d_prime_{end}"]) for end in ("low", "high"))
+    at = _two(row["d_prime"])
+    return [
+        "all levels" if math.isnan(level) else f"{shortest(level)} {analysis.axis.unit}",
+        str(row["participant"]),
+        style.share(int(row["felt"]), int(row["presented"])),
+        style.share(int(row["false_alarms"]), int(row["blanks"])),
+        at if low == "n/a" else f"{at} ({low}{style.to}{high})",
+        _two(row["d_prime_answered"]),
+    ]
+
+
+def _two(value: float) -> str:
+    return "n/a" if math.isnan(value) else f"{value:.2f}"
+
+
 _COUNTS: Final = {
     "single": ("single", "Single stimuli, counted"),
     "both": ("both", "Both-finger trials, counted"),
@@ -224,12 +293,27 @@ def control_totals(table: pd.DataFrame, style: Style) -> Iterator[tuple[pd.Serie
         yield rows.iloc[0], [_PARTS[rows.iloc[0]["part"]], *shares]
 
 
+POPULATION: Final = (
+    "A second opinion by another model, a logistic one: everybody takes part, also who has no "
+    "threshold of their own, with one slope for all. It leaves out lapses and guesses (and is "
+    "refused where blank trials show a guess rate above 0.03): misses of what is felt raise its "
+    "threshold, guesses lower it."
+)
+"""What the population model leaves out."""
+
+
 def population_text(one: PopulationThreshold, unit: str) -> str:
     """Return the threshold of a population and its limits; empty text where there is none."""
     if one.reason:
         return ""
     low, high = one.threshold_limits_vpp
     return with_limits(one.threshold_vpp, low, high, unit, levels=(low, high))
+
+
+def population_cells(one: PopulationThreshold, unit: str) -> list[str]:
+    """Return condition, participants, threshold, spread between people, and remark."""
+    told = population_text(one, unit) or "n/a"
+    return [one.condition, str(one.participants), told, p_text(one.between_sd), one.reason]
 
 
 _SERIAL = {

@@ -50,6 +50,7 @@ def summary_text(analysis: Analysis) -> str:
         "thresholds": _records(analysis.thresholds),
         "groups": _records(analysis.groups),
         "differences": _records(analysis.differences),
+        "sensitivity": _records(analysis.sensitivity),
         "population": [_population(one) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
         "reaction_times": _records(analysis.reaction_times),

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from analysis.answers import counting, detection
 from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
+from analysis.answers.dprime import sensitivity_table
 from analysis.definitions import METHODS
+from analysis.groups.criterion import with_criterion
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError
@@ -59,7 +61,9 @@ class Analysis:
     thresholds : pandas.DataFrame
         As `analysis.thresholds.table.thresholds_of` returns it.
     groups, differences : pandas.DataFrame
-        As `analysis.groups.tables` returns them.
+        As `analysis.groups.tables` returns them; differences `with_criterion`.
+    sensitivity : pandas.DataFrame
+        As `analysis.answers.dprime.sensitivity_table` returns it.
     population : tuple of PopulationThreshold
         As `population_thresholds` returns it; empty unless asked for.
     confusion : pandas.DataFrame
@@ -108,6 +112,7 @@ class Analysis:
     thresholds: pd.DataFrame
     groups: pd.DataFrame
     differences: pd.DataFrame
+    sensitivity: pd.DataFrame
     population: tuple[PopulationThreshold, ...]
     confusion: pd.DataFrame
     choice: tuple[Choices, ...]
@@ -219,6 +224,7 @@ def analyse(
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
     people = people_in(loaded)
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
+    sensitivity = sensitivity_table(trials)
     return Analysis(
         levels=detection.levels_of(cells),
         participants=detection.participants_of(cells, ci),
@@ -227,7 +233,8 @@ def analyse(
         excluded=excluded,
         thresholds=thresholds,
         groups=group_table(people, loaded.axis),
-        differences=difference_table(people, loaded.axis),
+        differences=with_criterion(difference_table(people, loaded.axis), trials, sensitivity),
+        sensitivity=sensitivity,
         population=_population(people, loaded.axis) if population else (),
         confusion=confusion_table(trials),
         choice=choices(trials, seed),

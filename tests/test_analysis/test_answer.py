@@ -18,6 +18,7 @@ import pytest
 
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.axis import VOLTS, Axis, bounded, with_limits
+from analysis.groups.criterion import BESIDE_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
 from analysis.results.compared import plain
@@ -255,6 +256,10 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     "a difference may be one of criterion, where false alarms differ too": is_true(
         lambda one: one.detected_any is not None and counted_pairs(one)
     ),
+    "a difference may be one of criterion, where false alarms differ too; d', which does not "
+    "depend on it, is in the table": is_true(
+        lambda one: one.differences["d_prime_a"].notna().any() and counted_pairs(one)
+    ),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
         lambda one: one.axis.signed and len(one.groups) > 1
     ),
@@ -381,8 +386,10 @@ class Made:
             at = math.nan
             low = low if status == "at_least" else math.nan
             high = high if status == "at_most" else math.nan
+        d_prime = rng.choice((math.nan, rng.uniform(0, 3)))
         return {"status": status, "difference_db": at, "low_db": low, "high_db": high,
-                "printed": "words"}  # fmt: skip
+                "printed": "words", "first": rng.choice((None, "a 2, b 1")),
+                "d_prime_a": d_prime, "d_prime_b": d_prime / 2}  # fmt: skip
 
     def differences(self, axis: Axis) -> pd.DataFrame:
         rows: list[dict[str, Any]] = []
@@ -394,7 +401,7 @@ class Made:
             if both == 1 or (not both and self.people == 1):
                 group = dict.fromkeys(group, math.nan) | {"status": "one_participant"}
             rows.append(pair | {"participant": "all"} | group)
-        return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
+        return pd.DataFrame(rows, columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS])
 
     def blank(self) -> pd.DataFrame:
         rows = []
@@ -468,6 +475,8 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
             assert f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})" in values
+            known = not math.isnan(row["d_prime_a"])
+            assert (f"{row['d_prime_b']:.2f} against {row['d_prime_a']:.2f}" in values) == known
         varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]
         alone = analysis.groups["participants"].eq(1).any()
         assert [row[1] for row in varied] == ["50 to 150 V"] * (len(analysis.groups) * alone)

@@ -134,7 +134,16 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     assert list(told) == [
         *("schema", "definitions", "inputs", "versions", "seed", "counts", "mark", "answer"),
         *("devices", "altered", "not_compared", "contact", "excluded", "levels"),
-        *("both", "blank", "control", "thresholds", "groups", "differences", "population"),
+        *(
+            "both",
+            "blank",
+            "control",
+            "thresholds",
+            "groups",
+            "differences",
+            "sensitivity",
+            "population",
+        ),
         *("choice", "reaction_times", "warnings"),
     ]
     assert told["inputs"] == [

@@ -295,6 +295,7 @@ def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
         f"{who},left,{60 + 10 * i},{answer},0.{i + 2}"
         for who in ("a", "b") for i, answer in enumerate(answers)
     ]  # fmt: skip
+    rows += [f"{who},none,,{answer},0.5" for who in ("a", "b") for answer in ("none", "left")]
     text = f"{LEAST[:-1]},rt_s\n" + "\n".join(rows)
     analysis = analyse(loaded(tmp_path, text))
     (sheet,) = FIGURES[name](analysis)

@@ -6,7 +6,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from analysis.results.figures import confusion, detection, participants, reaction, thresholds
+from analysis.results.figures import (
+    confusion,
+    d_prime,
+    detection,
+    participants,
+    reaction,
+    thresholds,
+)
 from analysis.results.figures.drawing import written
 
 if TYPE_CHECKING:
@@ -21,6 +28,7 @@ FIGURES: Mapping[str, Callable[[Analysis], Sequence[Sheet]]] = MappingProxyType(
         "detection": detection.sheets,
         "participants": participants.sheets,
         "thresholds": thresholds.sheets,
+        "d_prime": d_prime.sheets,
         "confusion": confusion.sheets,
         "reaction_times": reaction.sheets,
     }

@@ -1,0 +1,115 @@
+"""What stands beside a difference of thresholds: false alarms, d', and which condition came first.
+
+Where "none" can be answered, a threshold moves with the willingness to say "felt"; d' does not.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+
+from analysis.answers.counting import COUNTED_KINDS
+from analysis.answers.dprime import z_of
+from analysis.definitions import TOTAL
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+BESIDE_COLUMNS: Final = (
+    "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b", "d_prime_a", "d_prime_b",
+)  # fmt: skip
+MIXED: Final = "neither"
+"""What came first where conditions take turns, or share a block."""
+
+
+def with_criterion(
+    differences: pd.DataFrame, trials: pd.DataFrame, sensitivity: pd.DataFrame
+) -> pd.DataFrame:
+    """Return differences with `BESIDE_COLUMNS`, of the same people.
+
+    d' is of the levels that were presented in both conditions; in a row `TOTAL` the mean of the
+    participants. It is NaN where `sensitivity`, from `sensitivity_table`, has none.
+    """
+    if differences.empty:
+        return differences.assign(**{name: [] for name in BESIDE_COLUMNS})
+    firsts = _spans(trials)
+    rows = []
+    for (a, b), pair in differences.groupby(["condition_a", "condition_b"], sort=False):
+        people = [name for name in pair["participant"] if name != TOTAL]
+        order = {name: _first(firsts, name, (str(a), str(b))) for name in people}
+        each = _beside(sensitivity, (str(a), str(b)), people)
+        for name in pair["participant"]:
+            told = each.get(name, {})
+            first = _count(order.values()) if name == TOTAL else order[name]
+            rows.append({"first": first} | told)
+    beside = pd.DataFrame(rows, columns=list(BESIDE_COLUMNS), index=differences.index)
+    return pd.concat([differences, beside], axis="columns")
+
+
+def _spans(trials: pd.DataFrame) -> dict[tuple[str, str], tuple[Any, Any]]:
+    """Return the first and last place, session and block, of each participant's conditions."""
+    if trials.empty:
+        return {}
+    shown = trials[trials["kind"].isin(COUNTED_KINDS) & trials["reason"].eq("")]
+    pairs = [*zip(shown["session"], shown["block"], strict=True)]
+    places = shown.assign(place=pd.Series(pairs, index=shown.index, dtype=object))
+    spans = places.groupby(["participant", "condition"], observed=True)["place"].agg(["min", "max"])
+    return {key: (low, high) for key, low, high in spans.itertuples(name=None)}
+
+
+def _first(
+    spans: dict[tuple[str, str], tuple[Any, Any]], name: str, pair: tuple[str, str]
+) -> str | None:
+    """Return the condition that ended before the other began."""
+    a, b = (spans.get((name, condition)) for condition in pair)
+    if a is None or b is None:
+        return None
+    return pair[0] if a[1] < b[0] else pair[1] if b[1] < a[0] else MIXED
+
+
+def _count(firsts: Iterable[str | None]) -> str | None:
+    """Say how often each condition came first.
+
+    >>> _count(["covered", "bare", "bare", None])
+    'bare 2, covered 1'
+    """
+    known = [one for one in firsts if one is not None]
+    return ", ".join(f"{one} {known.count(one)}" for one in sorted(set(known))) or None
+
+
+def _beside(
+    sensitivity: pd.DataFrame, pair: tuple[str, str], people: list[str]
+) -> dict[str, dict[str, float]]:
+    """Return false alarms and d' in both conditions, of each of the people and of all."""
+    table = sensitivity[sensitivity["participant"].ne(TOTAL) & sensitivity["level_vpp"].notna()]
+    parts = [table[table["condition"].eq(condition)] for condition in pair]
+    if people:
+        parts = [part[part["participant"].isin(people)] for part in parts]
+        keys = [[*zip(part["participant"], part["level_vpp"], strict=True)] for part in parts]
+        parts = [
+            part[np.array([key in other for key in own], dtype=bool)]
+            for part, own, other in zip(parts, keys, ({*keys[1]}, {*keys[0]}), strict=True)
+        ]
+    else:
+        levels = {*parts[0]["level_vpp"]} & {*parts[1]["level_vpp"]}
+        parts = [part[part["level_vpp"].isin(levels)] for part in parts]
+    found: dict[str, dict[str, float]] = {}
+    for part, suffix in zip(parts, "ab", strict=True):
+        each = part.groupby("participant", as_index=False).agg(
+            {"felt": "sum", "presented": "sum", "false_alarms": "first", "blanks": "first"}
+        )
+        felt, presented, false_alarms, blanks = (
+            each[name].to_numpy(dtype=np.float64)
+            for name in ("felt", "presented", "false_alarms", "blanks")
+        )
+        d_prime = z_of(felt, presented) - z_of(false_alarms, blanks)
+        names = [*each["participant"], TOTAL] if len(each) else []
+        columns = ([*false_alarms, false_alarms.sum()], [*blanks, blanks.sum()],
+                   [*d_prime, d_prime.mean() if len(each) else np.nan])  # fmt: skip
+        for name, *values in zip(names, *columns, strict=False):
+            told = zip(("false_alarms", "blanks", "d_prime"), values, strict=True)
+            found.setdefault(name, {}).update({f"{key}_{suffix}": value for key, value in told})
+    return found

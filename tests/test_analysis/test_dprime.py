@@ -1,0 +1,135 @@
+"""d' by level and beside differences: values, limits, of whom, and which condition was first."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+
+from analysis.answers.choice import choices
+from analysis.answers.dprime import (
+    SENSITIVITY_COLUMNS,
+    d_prime_limits,
+    sensitivity_table,
+    z_of,
+)
+from analysis.groups.criterion import BESIDE_COLUMNS, with_criterion
+from tests.test_analysis.shared import felt
+
+
+def blanks(answered: int, n: int = 20, **same: Any) -> pd.DataFrame:
+    return felt([answered], [60.0], n=n, **({"kind": "blank", "side": "none"} | same)).assign(
+        level_vpp=np.nan
+    )
+
+
+def study(*parts: pd.DataFrame) -> pd.DataFrame:
+    trials = pd.concat(parts, ignore_index=True)
+    trials["trial"] = range(1, len(trials) + 1)
+    absent: dict[str, Any] = {"session": "01", "block": 1, "attempt": 1}
+    for name, value in absent.items():
+        if name not in trials:
+            trials[name] = value
+    return trials
+
+
+def test_d_prime_is_the_difference_of_corrected_quantiles() -> None:
+    table = sensitivity_table(study(felt([6, 25], [60.0, 95.0]), blanks(3)))
+    own = table[table["participant"].eq("1")]
+    assert tuple(table.columns) == SENSITIVITY_COLUMNS
+    expected = [norm.ppf((k + 0.5) / (n + 1)) - norm.ppf(3.5 / 21)
+                for k, n in ((6, 30), (25, 30), (31, 60))]  # fmt: skip
+    assert own["d_prime"].tolist() == pytest.approx(expected, rel=1e-12)
+    assert own["level_vpp"].iloc[:2].tolist() == [60.0, 95.0]
+    assert np.isnan(own["level_vpp"].iloc[2])
+
+
+def test_all_levels_together_are_as_the_answers_tell() -> None:
+    trials = study(
+        *(felt([6 + n, 25], [60.0, 95.0], participant=str(n)) for n in range(3)),
+        *(blanks(n, participant=str(n)) for n in range(3)),
+    )
+    table = sensitivity_table(trials)
+    told = {one.participant: one.detection.d_prime for one in choices(trials)}
+    together = table[table["level_vpp"].isna()].set_index("participant")["d_prime"]
+    assert together.to_dict() == pytest.approx(told, rel=1e-12)
+
+
+def test_time_outs_count_among_all_and_not_among_the_answered() -> None:
+    silent = felt([0], [60.0], n=10, missed="timeout")
+    table = sensitivity_table(study(felt([10], [60.0], n=20), silent, blanks(2)))
+    row = table.iloc[0]
+    z = norm.ppf(2.5 / 21)
+    assert row["d_prime"] == pytest.approx(norm.ppf(10.5 / 31) - z)
+    assert row["d_prime_answered"] == pytest.approx(norm.ppf(10.5 / 21) - z)
+
+
+def test_there_is_no_d_prime_without_blanks_or_none() -> None:
+    assert sensitivity_table(study(felt([6]))).empty
+    forced = study(felt([6], none_offered=False), blanks(3, none_offered=False))
+    assert sensitivity_table(forced).empty
+    other = study(felt([6]), felt([6], participant="2"), blanks(3, participant="2"))
+    assert {*sensitivity_table(other)["participant"]} == {"2", "all"}
+
+
+def test_limits_cover_d_prime() -> None:
+    rng = np.random.default_rng(4)
+    for hit, false, n0 in ((0.5, 0.1, 30), (0.9, 0.05, 60), (0.97, 0.2, 20)):
+        h, f = rng.binomial(30, hit, 4000), rng.binomial(n0, false, 4000)
+        low, high = d_prime_limits(
+            h.astype(float), np.full(4000, 30.0), f.astype(float), np.full(4000, float(n0))
+        )
+        truth = norm.ppf(hit) - norm.ppf(false)
+        assert 0.93 < float(((low < truth) & (truth < high)).mean()) < 0.99
+
+
+def test_exchanged_answers_turn_the_sign_of_d_prime() -> None:
+    k, n = np.array([0.0, 3, 7, 20]), np.full(4, 20.0)
+    assert (z_of(n - k, n) == -z_of(k, n)).all()
+
+
+def pair(*people: str) -> pd.DataFrame:
+    rows = [{"condition_a": "a", "condition_b": "b", "participant": name} for name in people]
+    return pd.DataFrame(rows)
+
+
+def test_beside_a_difference_stand_false_alarms_and_d_prime_of_common_levels() -> None:
+    trials = study(
+        felt([6, 25], [60.0, 95.0], condition="a"), blanks(2, condition="a"),
+        felt([20, 28], [95.0, 130.0], condition="b", block=2), blanks(5, condition="b", block=2),
+        felt([9, 9], [60.0, 95.0], condition="a", participant="2"),
+    ).fillna({"block": 1})  # fmt: skip
+    found = with_criterion(pair("1", "all"), trials, sensitivity_table(trials))
+    assert tuple(found.columns[3:]) == BESIDE_COLUMNS
+    own = found.iloc[0]
+    counts = own[["false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b"]].tolist()
+    assert counts == [2, 20, 5, 20]
+    assert own["d_prime_a"] == pytest.approx(norm.ppf(25.5 / 31) - norm.ppf(2.5 / 21))
+    assert own["d_prime_b"] == pytest.approx(norm.ppf(20.5 / 31) - norm.ppf(5.5 / 21))
+    assert found.iloc[1][["d_prime_a", "blanks_b"]].tolist() == [own["d_prime_a"], 20]
+    assert (own["first"], found.iloc[1]["first"]) == ("a", "a 1")
+
+
+@pytest.mark.parametrize(
+    ("places", "first"),
+    [
+        ({"a": [("01", 1)], "b": [("01", 2)]}, "a"),
+        ({"a": [("02", 1)], "b": [("01", 9)]}, "b"),
+        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "neither"),
+        ({"a": [("01", 1)], "b": [("01", 1)]}, "neither"),
+    ],
+)
+def test_the_condition_that_was_over_first_is_named(
+    places: dict[str, list[tuple[str, int]]], first: str
+) -> None:
+    parts = [
+        felt([3], [60.0], condition=name, session=session, block=block)
+        for name, held in places.items() for session, block in held
+    ]  # fmt: skip
+    trials = study(*parts)
+    found = with_criterion(pair("1", "all"), trials, sensitivity_table(trials))
+    assert found["first"].tolist() == [first, f"{first} 1"]
+    assert found["d_prime_a"].isna().all()
