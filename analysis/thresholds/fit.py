@@ -269,10 +269,16 @@ def fit_many(
     counts = (tables.u, tables.detected, tables.presented)
     found = surfaces(*counts, rulers=rulers, guesses=[guesses[i] for i in many])
     known = posterior(found, rulers)
-    best = fit_lapsing(tables, known.best, least_gain=_GAIN)
-    p, q = probabilities(tables, best)
-    misfit = deviance(tables.detected, tables.presented, p, q)
-    words = _statuses(tables, known.mu, at_upper_lapse(best), rulers)
+    words = _statuses(tables, known.mu, rulers)
+    best, misfit = np.full((len(many), 3), _NAN), np.full(len(many), _NAN)
+    # Others tell no likeliest function, and theirs are the slowest to find.
+    likely = np.flatnonzero([word == "ok" for word in words])
+    if len(likely):
+        part = tables[likely]
+        best[likely] = fit_lapsing(part, known.best[likely], least_gain=_GAIN)
+        misfit[likely] = deviance(part.detected, part.presented, *probabilities(part, best[likely]))
+        for row in likely[at_upper_lapse(best[likely])]:
+            words[row] = "lapse_at_bound"
     for row, i in enumerate(many):
         fit = _fit(known, best, row, rulers[row], words[row])
         fits[i] = replace(fit, deviance=float(misfit[row])) if fit.mle_sigma > 0 else fit
@@ -332,13 +338,13 @@ def status_of(
     pooled = Tables(
         u=levels[None] / ruler.step, detected=k[None], presented=n[None], guess_rate=np.zeros(1)
     )
-    return _statuses(pooled, np.array([mu]), np.zeros(1, dtype=bool), [ruler])[0]
+    return _statuses(pooled, np.array([mu]), [ruler])[0]
 
 
-def _statuses(
-    tables: Tables, mu: Floats, at_bound: NDArray[np.bool_], rulers: Sequence[Ruler]
-) -> list[FitStatus]:
+def _statuses(tables: Tables, mu: Floats, rulers: Sequence[Ruler]) -> list[FitStatus]:
     """Decide the status of each table, whose mu has limits and median (fits, 3): the first line.
+
+    That of lapses at their bound is decided later, among those that are "ok".
 
     A table that does not rise says "flat", unless it can hardly be but the upper end of a function
     that rises below its levels: then the threshold lies there. At the lower end there is no such
@@ -356,7 +362,6 @@ def _statuses(
         (mu[:, 1] < low, "median_below_levels"),
         (mu[:, 1] > high, "median_above_levels"),
         (~increasing_exists(tables.u, k, n), "separated"),
-        (at_bound, "lapse_at_bound"),
         (np.ones(len(tables), dtype=bool), "ok"),
     ]
     chosen = np.argmax([holds for holds, _ in rows], axis=0)
