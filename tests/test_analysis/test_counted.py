@@ -142,6 +142,7 @@ def test_a_level_of_0_has_no_place_on_a_logarithmic_axis(tmp_path: Path) -> None
     assert f"{path}:2: column 'level_vpp' is 0; it must be a number" in str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [False, True], ids=["by level 0", "by kind"])
 def test_blanks_of_a_table_of_counts_are_the_false_alarms_of_its_trials(
     tmp_path: Path, *, kind: bool

@@ -214,6 +214,7 @@ def test_our_own_bids_export_gives_the_tables_of_its_sessions(
     )
 
 
+@pytest.mark.slow
 def test_results_of_a_data_set_are_not_written_into_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
