@@ -240,21 +240,28 @@ SENTENCES = ("below the lowest tested level", "above the highest tested level", 
     [
         (
             [FOUND, ("ok", 100.0, NAN, 900.0, "")],
-            ("Threshold (V peak-to-peak, log.)", "threshold, 95 % interval", "group of 2"),
+            (
+                "Threshold (V peak-to-peak, log.)",
+                "threshold, 95 % interval",
+                "group of 2",
+                "another person's threshold, 95 %",
+            ),
             (),
         ),
+        ([("separated", 90.0, 80.0, 101.0, "")], ("slope unknown",), ("group of",)),
         ([FOUND, BELOW, BELOW, ABOVE], SENTENCES, ()),
         ([FOUND, ("flat", NAN, NAN, NAN, "")], ("<!-- S01 -->", "none: flat"), ()),
         ([FOUND] * 61, ("61 participants",), ("<!-- S01 -->",)),
         ([FOUND], (), ("group of",)),
     ],
-    ids=["interval and unit", "censored", "none: why", "a crowd", "one person"],
+    ids=["interval and unit", "one step", "censored", "none: why", "a crowd", "one person"],
 )
 def test_thresholds_are_drawn_with_their_words(
     people: list[tuple[Any, ...]], present: tuple[str, ...], absent: tuple[str, ...]
 ) -> None:
     limits = ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
-    group = dict(zip(("status", *limits), ("ok", 95.0, NAN, 120.0), strict=True))
+    news = ("new_low_vpp", "new_high_vpp")
+    group = dict(zip(("status", *limits, *news), ("ok", 95.0, NAN, 120.0, NAN, 160), strict=True))
     thresholds = pd.DataFrame(people, columns=["status", *limits, "printed"])
     names = [f"S{number:02d}" for number in range(len(people))]
     thresholds = thresholds.assign(participant=names, condition="main")

@@ -139,7 +139,7 @@ def draw_panel(
     """Draw conditions over each other, `None` where one is absent; `small`: one of many panels."""
     zero = -_FIRST_ROW - _ROW * (len(curves) - 1) - _TO_RESIDUALS
     foot = _Foot(zero=zero, per_unit=_RESIDUALS / scale.most, most=scale.most)
-    level_axis(axes, levels_vpp, axis, beyond=0.09, letter=1 / 24 if small else 1 / 30)
+    level_axis(axes, levels_vpp, axis, beyond=0.09, letter=1 / 24 if small else 1 / 32)
     axes.set_ylim(zero - _RESIDUALS * 1.15, _TOP)
     shown = (0.0, 0.5, 1.0) if small else (0.0, 0.25, 0.5, 0.75, 1.0)
     places = [*foot.at(np.array(scale.ticks)), *shown]

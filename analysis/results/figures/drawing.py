@@ -101,7 +101,7 @@ def written(draw: Callable[[], Figure]) -> tuple[bytes, bytes]:
         figure.set_layout_engine("none")
         figure.dpi = _DPI
         pixels, lines = FigureCanvasAgg(figure), FigureCanvasSVG(figure)
-        pixels.print_png(png)  # type: ignore[no-untyped-call]
+        pixels.print_png(png, pil_kwargs={"compress_level": 3})  # type: ignore[no-untyped-call]
         lines.print_svg(svg, metadata={"Date": None})  # type: ignore[no-untyped-call]
     return png.getvalue(), svg.getvalue()
 
@@ -144,7 +144,7 @@ def short(name: str) -> str:
 
 
 def level_axis(
-    axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06, letter: float = 1 / 30
+    axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06, letter: float = 1 / 32
 ) -> None:
     """Make the x axis one of levels with a tick at each, none over its neighbour.
 

@@ -89,7 +89,11 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
         draw_panel(axes, shown, levels_vpp, analysis.axis, DEVIANCE, small=True)
         axes.set_xlabel("")
         axes.tick_params(axis="x", labelsize=6.5)
-        axes.set_title("\n".join(notes[name]), fontsize=6, loc="left", pad=2, linespacing=1.15)
+        # At places that are given, nothing is measured to find them.
+        axes.xaxis.set_label_coords(0.5, 0.0)
+        axes.yaxis.set_label_coords(0.0, 0.5)
+        axes.set_title("\n".join(notes[name]), fontsize=6, loc="left", y=1.0, pad=2,
+                       linespacing=1.15)  # fmt: skip
         figure.text(left / WIDTH_IN, (top + above_in) / height_in, short(name), fontsize=8,
                     weight="bold", va="top")  # fmt: skip
         if column:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
@@ -52,6 +52,7 @@ class _Mark:
     status: str
     words: str
     colour: str
+    new: tuple[float, float] = (np.nan, np.nan)  # where another person's is expected
 
 
 def sheets(analysis: Analysis) -> list[Sheet]:
@@ -100,7 +101,12 @@ def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
         people = people.iloc[np.argsort(rank.to_numpy(), kind="stable")]
     rows = [_row(str(one["participant"]), one) for _, one in people.iterrows()]
     if group["participants"] > 1:
-        rows.append(_row(f"group of {group['participants']}", group, GROUP))
+        row = _row(f"group of {group['participants']}", group, GROUP)
+        if not np.isnan(row.at):  # what a table calls n/a is an open limit
+            low, high = float(group["new_low_vpp"]), float(group["new_high_vpp"])
+            row = replace(row, new=(-np.inf if np.isnan(low) else low,
+                                    np.inf if np.isnan(high) else high))  # fmt: skip
+        rows.append(row)
     return rows
 
 
@@ -144,22 +150,27 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
 
 
 def _draw_value(axes: Axes, row: _Mark, place: int, *, size: float) -> None:
+    if not np.isnan(row.new[0]):
+        _draw_limits(axes, replace(row, low=row.new[0], high=row.new[1]), place, faint=True)
     _draw_limits(axes, row, place)
     marker = "D" if row.colour == GROUP else "o"
-    axes.plot(row.at, place, color=row.colour, marker=marker, ms=size, zorder=3)
+    filled = "white" if row.status == "separated" else row.colour
+    axes.plot(row.at, place, color=row.colour, marker=marker, mfc=filled, ms=size, zorder=3)
 
 
-def _draw_limits(axes: Axes, row: _Mark, place: int) -> None:
+def _draw_limits(axes: Axes, row: _Mark, place: int, *, faint: bool = False) -> None:
     left, right = axes.get_xlim()
+    alpha = 0.4 if faint else 1.0
     if not np.isnan(row.low):
-        axes.hlines(place, max(row.low, left), min(row.high, right), color=row.colour, lw=1.4)
+        axes.hlines(place, max(row.low, left), min(row.high, right), color=row.colour,
+                    lw=1.0 if faint else 1.4, alpha=alpha)  # fmt: skip
         for limit, marker, beyond in (
             (row.low, "<", row.low < left),
             (row.high, ">", row.high > right),
         ):
             at = min(max(limit, left), right)
             axes.plot(at, place, color=row.colour, marker=marker if beyond else "|", ms=4,
-                      ls="", clip_on=False)  # fmt: skip
+                      ls="", clip_on=False, alpha=alpha)  # fmt: skip
 
 
 def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
@@ -177,9 +188,12 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
     if any(not np.isnan(row.at) and row.colour == _PERSON for row in rows):
         told = "threshold, 95 % interval"
         axes.plot([], [], color=_PERSON, marker="o", ms=4, lw=1.4, label=told)
+    if "separated" in held:
+        axes.plot([], [], color=_PERSON, marker="o", mfc="white", ms=4, lw=1.4,
+                  label="rises in one step: slope unknown")  # fmt: skip
     for statuses, words in (
-        (_BELOW, "below the lowest tested level"),
-        (_ABOVE, "above the highest tested level"),
+        (_BELOW, "(probably) below the lowest tested level"),
+        (_ABOVE, "(probably) above the highest tested level"),
     ):
         if held.intersection(statuses):
             pointed = _POINTED[statuses[0]]
@@ -187,3 +201,6 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
     if any(row.colour == GROUP for row in rows):
         told = "group, everybody taking part, 95 % interval"
         axes.plot([], [], color=GROUP, marker="D", ms=4, lw=1.4, label=told)
+        if any(not np.isnan(row.new[0]) for row in rows):
+            axes.plot([], [], color=GROUP, marker="|", ms=4, lw=1.0, alpha=0.4,
+                      label="another person's threshold, 95 %")  # fmt: skip
