@@ -17,11 +17,13 @@ from analysis import level_table
 from analysis.answers.choice import confusion_table
 from analysis.answers.counting import REACTION_COLUMNS
 from analysis.answers.detection import cells, participants_of
+from analysis.answers.dprime import sensitivity_table
 from analysis.axis import VOLTS
 from analysis.groups.tables import difference_table, group_table
 from analysis.results.figures.composed import deviance_residuals
 from analysis.results.figures.confusion import draw as draw_confusion
 from analysis.results.figures.curves import person_curves
+from analysis.results.figures.d_prime import sheets as draw_d_prime
 from analysis.results.figures.detection import draw
 from analysis.results.figures.drawing import panels, plain, written
 from analysis.results.figures.figures import FIGURES
@@ -281,6 +283,22 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     for text in ("75 %", "53–89 %", "25 %", "n = 20", "Answer (% of the stimulus's trials)"):
         assert f"<!-- {text} -->" in svg
     assert "ignores that participants differ" in svg
+
+
+def test_d_prime_is_drawn_where_nobody_shares_a_level() -> None:
+    trials = pd.concat([
+        part for n in range(2) for part in (
+            felt([9, 27], [60.0 + n, 95.0 + n], participant=str(n)),
+            felt([2], [60.0], n=20, participant=str(n), kind="blank", side="none").assign(
+                level_vpp=NAN),
+        )
+    ])  # fmt: skip
+    shown = analysis_of(
+        sensitivity=sensitivity_table(trials), levels=level_table(trials),
+        counts=SimpleNamespace(conditions=1),
+    )  # fmt: skip
+    (sheet,) = draw_d_prime(shown)
+    assert "mean of participants, false alarms 4 of 40" in written(sheet.draw)[1].decode()
 
 
 def test_reaction_times_are_of_each_side_in_seconds() -> None:

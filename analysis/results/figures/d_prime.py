@@ -60,8 +60,8 @@ def draw(analysis: Analysis) -> Figure:
     low, high = table["d_prime"].min(), table["d_prime"].max()
     several = len({*table["participant"]} - {TOTAL}) > 1
     bars = table[table["participant"].eq(TOTAL) == several]
-    least, most = (max(bars["d_prime_low"].min(), low - _BEYOND),
-                   min(bars["d_prime_high"].max(), high + _BEYOND))  # fmt: skip
+    least, most = (max(bars["d_prime_low"].fillna(low).min(), low - _BEYOND),
+                   min(bars["d_prime_high"].fillna(high).max(), high + _BEYOND))  # fmt: skip
     axes.set_ylim(min(least, low) - _ROOM, max(most, high) + _ROOM)
     axes.set_ylabel("d' (detection)")
     key(axes, columns=1)
