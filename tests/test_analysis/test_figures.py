@@ -145,6 +145,7 @@ def test_who_has_no_number_is_drawn_with_a_bound_or_words() -> None:
     assert [text for text in (*PEOPLE, *TOLD) if text not in svg] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("status", "with_function"), [("found", True), ("open", True), ("one step", False),
                                   ("below", False), ("probably below", False), ("flat", False)],
@@ -285,6 +286,7 @@ def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:
     assert "ignores that participants differ" in svg
 
 
+@pytest.mark.slow
 def test_d_prime_is_drawn_where_nobody_shares_a_level() -> None:
     trials = pd.concat([
         part for n in range(2) for part in (
