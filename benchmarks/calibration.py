@@ -354,5 +354,5 @@ _HEADER: Final = (
 )
 _BELOW: Final = (
     f"How often a session is told to be `< 60 V`, the paper's levels, {STUDIES} sessions for each: "
-    "false in all of these, if only just at 60 V, where yes and no are told so in up to 3 %."
+    "false in all of these, if only just at 60 V."
 )

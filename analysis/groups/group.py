@@ -18,10 +18,10 @@ from analysis.thresholds.fit import (
     fit_many,
     in_volts,
     status_of,
-    within_levels,
 )
 from analysis.thresholds.grid import Ruler, surfaces
 from analysis.thresholds.people import GuessRate
+from analysis.thresholds.posterior import within_levels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,7 +14,7 @@ from analysis.axis import LARGEST, XScale
 from analysis.thresholds.grid import Ruler, surfaces
 from analysis.thresholds.mle import Tables, at_upper_lapse, fit_lapsing, probabilities
 from analysis.thresholds.people import GuessRate
-from analysis.thresholds.posterior import posterior
+from analysis.thresholds.posterior import posterior, within_levels
 from analysis.thresholds.probit import Lines, deviance, fit_lines, increasing_exists, scale
 
 if TYPE_CHECKING:
@@ -309,19 +309,6 @@ def _fit(
         mle_threshold=float(ruler.step * best[row, 0]),
         mle_sigma=float(ruler.step * np.exp(best[row, 1])),
         mle_lapse_rate=float(best[row, 2]),
-    )
-
-
-def within_levels(low: float, high: float, ruler: Ruler) -> tuple[float, float]:
-    """Return limits on the axis: outside the levels they are open, or no closer than these.
-
-    >>> ruler = Ruler(low=0.0, high=10.0, step=0.5, tail=3.0)
-    >>> within_levels(-2.0, 4.0, ruler), within_levels(11.0, 12.0, ruler)
-    ((-inf, 2.0), (5.0, inf))
-    """
-    return (
-        -math.inf if low < ruler.low else min(low, ruler.high) * ruler.step,
-        math.inf if high > ruler.high else max(high, ruler.low) * ruler.step,
     )
 
 

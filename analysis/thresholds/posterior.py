@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
+
+
+_CLEAR: Final = 0.1
+"""Steps of the prior, 0.1 dB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,3 +58,22 @@ def _on_common_axes(found: Sequence[Surface], rulers: Sequence[Ruler]) -> list[l
     for i, (one, ruler) in enumerate(zip(found, rulers, strict=True)):
         groups.setdefault((id(one.mu), ruler), []).append(i)
     return list(groups.values())
+
+
+def within_levels(low: float, high: float, ruler: Ruler) -> tuple[float, float]:
+    """Return limits on the axis: outside the levels they are open, or no closer than these.
+
+    What is told to lie below the levels does: of people exactly at the lowest level, the upper
+    limit lies below it in 3 % of sessions, and 0.1 dB below in 2 %. A closer one is told just
+    inside, and so at the highest level.
+
+    >>> ruler = Ruler(low=0.0, high=10.0, step=0.5, tail=3.0)
+    >>> within_levels(-2.0, 4.0, ruler), within_levels(11.0, 12.0, ruler)
+    ((-inf, 2.0), (5.0, inf))
+    """
+    high = high if high <= ruler.low - _CLEAR else max(high, ruler.low + _CLEAR)
+    low = low if low >= ruler.high + _CLEAR else min(low, ruler.high - _CLEAR)
+    return (
+        -math.inf if low < ruler.low else min(low, ruler.high) * ruler.step,
+        math.inf if high > ruler.high else max(high, ruler.low) * ruler.step,
+    )

@@ -15,12 +15,11 @@ from analysis.thresholds.fit import (
     WITH_THRESHOLD,
     PsychometricFit,
     fit_many,
-    within_levels,
 )
 from analysis.thresholds.goodness import deviance_p
 from analysis.thresholds.grid import Ruler, surfaces
 from analysis.thresholds.people import FORCED_CHOICE, GuessRate, people_of
-from analysis.thresholds.posterior import posterior
+from analysis.thresholds.posterior import posterior, within_levels
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

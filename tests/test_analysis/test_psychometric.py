@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from scipy.special import ndtr
 
 from analysis import GuessRate, PsychometricFit, fit_psychometric
+from analysis.axis import VOLTS
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD, fit_many
 from analysis.thresholds.probit import fit_lines, scale
+from analysis.thresholds.table import printed
 from benchmarks.calibration import psychometric
 from tests.test_analysis.shared import PAPER
 
@@ -302,3 +304,16 @@ def test_another_axis_is_refused() -> None:
 def test_a_place_without_a_stimulus_does_not_stretch_the_scale() -> None:
     scaled = scale(np.array([[60.0, 95.0, 1e9]]), np.array([[5.0, 5.0, 0.0]]))
     assert (scaled.low[0], scaled.width[0]) == (60.0, 35.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("guess", [0.02, 0.5])
+def test_below_the_levels_is_hardly_ever_said_of_who_is_at_the_lowest(guess: float) -> None:
+    rng, levels = np.random.default_rng(8), np.array(PAPER)
+    felt = guess + (0.98 - guess) * ndtr(20 * np.log10(levels / 60) / 1.0)
+    k = rng.binomial(30, felt, (2000, 5)).astype(float)
+    x = np.tile(np.log10(levels), (2000, 1))
+    fits = fit_many(x, k, np.full_like(k, 30), guesses=[GuessRate(mean=guess)] * 2000)
+    words = [printed(fit, levels, VOLTS) for fit in fits]
+    assert "at most" in " ".join(words)
+    assert np.mean([word == "< 60 V" for word in words]) <= 0.025
