@@ -17,7 +17,7 @@ from analysis.reading.foreign.counts import read_counted
 from analysis.reading.foreign.table import count_columns
 from analysis.reading.plans import PLAN, left_out
 from analysis.reading.reasons import with_reasons
-from analysis.reading.rows import UNNUMBERED, no_rows
+from analysis.reading.rows import UNNUMBERED, no_rows, offered_to_all
 from analysis.reading.sources import TABLE, find_sources, unchanged
 from analysis.reading.text import ResultFileError, one_line
 
@@ -108,9 +108,10 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
         categoricals for words, int64, float64 (NaN where there is no value), bool, nullable boolean
         for ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then
         ``file`` and ``line``, where the row stands, and ``none_offered``, whether "none" could be
-        answered: by the plan beside the file; without one true where the table says yes or no, or
-        has this answer in the same condition; else unknown. ``reason``, why the trial does not
-        count, is empty text where it does; ``fault`` is what is amiss with it whatever its kind.
+        answered: by the plan beside the file; without one true where the map says yes or no, or
+        anybody gave this answer in the same condition of the same study; else unknown. ``reason``,
+        why the trial does not count, is empty text where it does; ``fault`` is what is amiss with
+        it whatever its kind.
 
     Raises
     ------
@@ -201,6 +202,7 @@ def read_inputs(
         raise ResultFileError(tables[0].path, 1, empty)
     told = [one.rows for one in read if not one.rows.empty]
     trials = _numbered(pd.concat(told, ignore_index=True))
+    trials["none_offered"] = offered_to_all(trials)
     planned = frozenset(str(table.path) for table in tables if table.plan)
     unit = None if columns is None else columns.units.get("rt_s", "s")
     trials, changed = in_seconds(trials, planned=planned, unit=unit)

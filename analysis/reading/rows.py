@@ -163,9 +163,9 @@ def with_responses(rows: pd.DataFrame, task: str = "") -> pd.DataFrame:
     choice, with the other side. A blank trial has no side: a felt one counts for the only side at
     which its file has stimuli. Then tell where "none" was an answer.
 
-    ``none_offered`` is what the task says; without one it is true where "none" was answered in the
-    same file and condition, else missing. Control trials tell nothing of it: "none" is always an
-    answer there.
+    ``none_offered`` is what the task says; without one it is true where "none" was answered, else
+    missing until `offered_to_all`. Control trials tell nothing of it: "none" is always an answer
+    there.
 
     Raises ResultFileError for a felt blank trial in a file with stimuli at more than one side.
 
@@ -186,13 +186,33 @@ def with_responses(rows: pd.DataFrame, task: str = "") -> pd.DataFrame:
     stated = rows["correct"].astype("boolean")
     rows["correct"] = stated.fillna(expected_correct(rows))
     none = rows["response"].eq("none") & rows["kind"].ne("control")
-    said = none.groupby([rows["file"], rows["condition"]]).transform("any").astype(bool)
     rows["none_offered"] = (
         pd.array([task == YES_NO] * len(rows), dtype="boolean")
         if task
-        else said.astype("boolean").mask(~said)
+        else none.astype("boolean").mask(~none)
     )
     return rows[[*_NAMES, "file", "line", "none_offered"]]
+
+
+def offered_to_all(trials: pd.DataFrame) -> pd.Series[Any]:
+    """Return ``none_offered`` with what the answers of others tell where it is missing.
+
+    "none" was an answer for everybody in a condition of a study if anybody gave it there: who never
+    felt nothing, or never said so, had the same keys. Tables made elsewhere name no study, and are
+    one. What a plan says of its own session stays.
+
+    >>> trials = pd.DataFrame({"condition": ["a", "a", "b"], "study_sha256": "n/a",
+    ...     "none_offered": pd.array([True, None, None], dtype="boolean")})
+    >>> offered_to_all(trials).tolist()
+    [True, True, <NA>]
+    """
+    told = trials["none_offered"].astype("boolean")
+    unknown = told.isna()
+    if not unknown.any():
+        return told
+    yes = told.fillna(value=False)
+    anybody = yes.groupby([trials["condition"], trials["study_sha256"]]).transform("any")
+    return told.mask(unknown & anybody, other=True)
 
 
 def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool]) -> pd.Series[Any]:

@@ -19,6 +19,7 @@ from analysis.results.compared import (
     number_of,
     pairs_of,
 )
+from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -254,7 +255,11 @@ def _totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:
 
 def _false_alarms(analysis: Analysis) -> Iterator[str]:
     if analysis.detected_any is None:
-        yield 'false alarms are not told, for "none" was not an answer as far as the files tell'
+        yield (
+            'false alarms are not told, for "none" is not known to be an answer in all trials'
+            if none_in_part(analysis)
+            else 'false alarms are not told, for "none" was not an answer as far as the files tell'
+        )
         return
     totals = [*_totals(analysis)]
     if not totals:

@@ -112,7 +112,7 @@ def _print_levels(analysis: Analysis, file: TextIO) -> None:
         forced = analysis.detected_any is None
         _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
         if forced:
-            _say(file, forced_choice("k/n"))
+            _say(file, forced_choice(analysis, "k/n"))
 
 
 def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None:

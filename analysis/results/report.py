@@ -215,7 +215,7 @@ def _detection(analysis: Analysis) -> Section:
     levels = level_rows(analysis, PAGE)
     return Section(
         title=title,
-        texts=[forced_choice("the detection probability")] if forced else [],
+        texts=[forced_choice(analysis, "the detection probability")] if forced else [],
         tables=[
             Table(caption=f"{title}{_where(analysis, name)}", header=levels.header, rows=rows)
             for name, rows in levels.of_condition.items()

@@ -135,8 +135,21 @@ def level_rows(analysis: Analysis, style: Style) -> LevelRows:
     )
 
 
-def forced_choice(what: str) -> str:
+def none_in_part(analysis: Analysis) -> bool:
+    """Tell whether "none" could be answered in some trials that count, but not in all."""
+    if analysis.detected_any is not None or analysis.trials.empty:
+        return False
+    offered = analysis.trials.loc[analysis.trials["reason"].eq(""), "none_offered"]
+    return bool(offered.fillna(value=False).any())
+
+
+def forced_choice(analysis: Analysis, what: str) -> str:
     """Return what a reader of levels has to know where "none" could not be answered."""
+    if none_in_part(analysis):
+        return (
+            'The answer "none" is not known to have been offered in all trials. Where it was not, '
+            f"who felt nothing guessed, so {what} starts near 1/2 there, not at 0."
+        )
     return (
         'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
         f"{what} starts near 1/2, not at 0."

@@ -213,6 +213,11 @@ def counted_pairs(analysis: Analysis) -> int:
 
 
 # What may stand in an answer: nothing else, and each only where its check passes.
+def some_offered(analysis: Analysis) -> bool:
+    of = analysis.trials
+    return True in [one for one in of.loc[of["reason"].eq(""), "none_offered"] if one is not pd.NA]
+
+
 SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:in condition (?P<condition>\S+) )?(?:it|the threshold of (?P<who>.+?)) "
     r"(?P<said>(?:is|cannot be told:) .+?)(?P<session> in (?:this session|these \d+ sessions))?":
@@ -264,7 +269,10 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         lambda one: one.axis.signed and len(one.groups) > 1
     ),
     'false alarms are not told, for "none" was not an answer as far as the files tell': is_true(
-        lambda one: one.detected_any is None
+        lambda one: one.detected_any is None and not some_offered(one)
+    ),
+    'false alarms are not told, for "none" is not known to be an answer in all trials': is_true(
+        lambda one: one.detected_any is None and some_offered(one)
     ),
     "false alarms are not known, for there were no blank trials": is_true(
         lambda one: one.detected_any is not None and one.blank.empty
@@ -426,6 +434,9 @@ class Made:
         trials = least.trials.iloc[: rng.choice((0, 2, 2))].assign(
             reason=rng.choice(("", "practice"))
         )
+        any_felt = rng.choice((None, least.detected_any))
+        if any_felt is None:
+            trials["none_offered"] = [rng.choice((False, True)), False][: len(trials)]
         counts = replace(
             least.counts, trials=400 + out, left_out=out, conditions=len(self.conditions),
             participants=self.people, simulated=rng.choice((0, 0, 400 + out, 7)),
@@ -440,7 +451,7 @@ class Made:
             differences=self.differences(axis), blank=self.blank(), excluded=excluded,
             counts=counts, trials=trials, lost=rng.choice(({}, {"s": ("gone",)})),
             warnings=rng.choice(((), ("one", "two"))),
-            detected_any=rng.choice((None, least.detected_any)),
+            detected_any=any_felt,
         )  # fmt: skip
 
 
@@ -553,3 +564,14 @@ def test_of_a_table_of_counts_nobody_knows_what_was_left_out(tmp_path: Path) -> 
     assert first.startswith("The threshold of participant 1 is 101.")
     assert '"none" was not an answer' in second
     assert third == "Counts were read, which do not tell what was left out of them."
+
+
+def test_none_in_one_condition_only_is_told_as_that(tmp_path: Path) -> None:
+    rows = "1,left,60,none,a\n1,left,95,left,a\n1,none,0,none,a\n2,left,60,right,b\n"
+    analysis = analyse(loaded(tmp_path, LEAST.replace("\n", ",condition\n") + rows))
+    printed = io.StringIO()
+    print_analysis(analysis, printed)
+    said = " ".join(printed.getvalue().split())
+    assert '"none" is not known to be an answer in all trials.' in said
+    assert 'The answer "none" is not known to have been offered in all trials.' in said
+    assert "was not offered" not in said

@@ -68,11 +68,12 @@ def test_slow_answers_are_judged_person_by_person(tmp_path: Path) -> None:
     assert "median of 480 s for participant 2" in str(refused(fast, slow))
 
 
-def test_whether_none_was_an_answer_is_judged_file_by_file(tmp_path: Path) -> None:
+def test_whether_none_was_an_answer_is_judged_study_by_study(tmp_path: Path) -> None:
     offered = write(tmp_path / "offered.csv", row(), row(2, response="none"))
-    unknown = write(tmp_path / "unknown.csv", row(participant="2"))
-    offers = read_trials([offered, unknown])["none_offered"]
-    assert offers.fillna(value=False).tolist() == [True, True, False]
+    same = write(tmp_path / "same.csv", row(participant="2"))
+    other = write(tmp_path / "other.csv", row(participant="3", study_sha256="cd" * 32))
+    offers = read_trials([offered, same, other])["none_offered"]
+    assert offers.fillna(value=False).tolist() == [True, True, True, False]
 
 
 def test_a_felt_blank_counts_for_the_side_of_its_own_file(tmp_path: Path) -> None:

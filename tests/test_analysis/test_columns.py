@@ -166,11 +166,11 @@ def offered(trials: pd.DataFrame) -> list[bool | None]:
     return [None if value is pd.NA else bool(value) for value in trials["none_offered"]]
 
 
-def test_one_answer_none_shows_that_its_file_and_condition_offered_it(tmp_path: Path) -> None:
+def test_one_answer_none_shows_that_its_condition_offered_it_to_everybody(tmp_path: Path) -> None:
     header = "participant,side,level_vpp,response,condition\n"
     rows = ("1,left,60,none,a\n1,left,60,left,a\n1,left,60,left,b\n", "2,left,60,left,a\n")
     paths = [put(tmp_path / f"{n}.csv", header + text) for n, text in enumerate(rows)]
-    assert offered(read_trials(paths, ColumnMap())) == [True, True, None, None]
+    assert offered(read_trials(paths, ColumnMap())) == [True, True, None, True]
 
 
 def test_a_table_that_says_yes_or_no_offered_none(tmp_path: Path) -> None:

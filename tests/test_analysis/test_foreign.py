@@ -10,6 +10,7 @@ import pytest
 
 from analysis import ColumnMap, read_trials
 from analysis.reading.load import read_inputs
+from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, loaded, put, refused, run
 
 if TYPE_CHECKING:
@@ -252,3 +253,20 @@ def test_what_a_map_cannot_mean_is_refused(section: dict[str, Any], words: str) 
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         ColumnMap(**section)
     assert words in str(caught.value)
+
+
+def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_path: Path) -> None:
+    for who in ("01", "02", "07"):
+        answers = ("left", "left") if who == "07" else ("none", "right")
+        rows = "".join(
+            f"left\t60\t{answers[0]}\nright\t{level}\t{answers[1]}\nnone\t0\t{answers[0]}\n"
+            for level in (80, 95, 110 + int(who))
+        )
+        put(tmp_path / f"sub-{who}/beh/sub-{who}_task-felt_beh.tsv",
+            "side\tlevel_vpp\tresponse\n" + rows)  # fmt: skip
+    found = analyse(read_inputs([tmp_path], ColumnMap()))
+    assert found.detected_any is not None
+    totals = found.blank[found.blank["participant"].eq("all")]
+    assert totals["left"].tolist() == [3]
+    assert {*found.thresholds["guess_basis"]} == {"few blanks"}
+    assert not [one for one in found.warnings if '"none"' in one]
