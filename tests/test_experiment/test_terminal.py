@@ -129,7 +129,9 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
     )
     assert (told.returncode, "--allow-simulated" in told.stderr) == (2, True)
     assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
-    assert b"160" not in terminal.shown.replace(str(sessions.study.parent).encode(), b"")
+    # no level is shown; a folder's name or the last hash of the journal may hold any three digits
+    shown = terminal.shown.replace(str(sessions.study.parent).encode(), b"")
+    assert b"160" not in re.sub(rb"[0-9a-f]{64}", b"", shown)
 
 
 def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
