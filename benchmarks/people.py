@@ -209,7 +209,7 @@ def doubt_rows() -> Iterator[str]:
     """Yield for each design and kind of people how many are named."""
     for design in DESIGNS:
         for who, person in PEOPLE.items():
-            told = list(doubtful(sessions_of(person, design, SESSIONS), VOLTS))
+            told = [str(one) for one in doubtful(sessions_of(person, design, SESSIONS), VOLTS)]
             counts = [sum(words in one for one in told) for words in KINDS.values()]
             yield f"| {design.name} | {who} | " + " | ".join(map(str, counts)) + " |"
 

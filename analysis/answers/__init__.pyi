@@ -10,7 +10,7 @@ from .counting import (
     reaction_table,
 )
 from .detection import cells, level_table
-from .doubts import doubtful, doubtful_counts
+from .doubts import GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
 from .dprime import sensitivity_table, z_of
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
@@ -20,7 +20,10 @@ __all__ = [
     "AUDIBILITY",
     "CONTROL_COLUMNS",
     "COUNTED_KINDS",
+    "GUESSING",
+    "SWAPPED",
     "Choices",
+    "Doubt",
     "Sensitivity",
     "SerialEffect",
     "Share",

@@ -36,11 +36,31 @@ GUESSED_P: Final = 0.05
 FEWEST: Final = 20
 """Fewer stimuli tell of nobody that they only guess."""
 
+SWAPPED: Final = "swapped"
+GUESSING: Final = "guessing"
+DRIFTING: Final = "drifting"
 _MOST_TERMS: Final = 100_000
 _SIDES: Final = ("left", "right")
 
 
-def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterator[str]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubt:
+    """Who a reader should look at, and why in a sentence.
+
+    `kind` is `SWAPPED` of a participant in all conditions, `GUESSING` in one, or `DRIFTING` of
+    sessions, which the sentence names.
+    """
+
+    kind: str
+    words: str
+    participant: str = ""
+    condition: str = ""
+
+    def __str__(self) -> str:
+        return self.words
+
+
+def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterator[Doubt]:
     """Say which people a reader should look at, and why, in a sentence each.
 
     Parameters
@@ -54,7 +74,7 @@ def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterato
 
     Yields
     ------
-    str
+    Doubt
         People with swapped sides, people who may only guess, and sessions with a drift.
 
     Examples
@@ -72,12 +92,13 @@ def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterato
     if single.empty:
         return
     yield from _named(_cells(single, "level_vpp"), _cells(blank), alternatives)
-    yield from drifting(single, axis, alternatives)
+    for words in drifting(single, axis, alternatives):
+        yield Doubt(kind=DRIFTING, words=words)
 
 
 def doubtful_counts(
     table: pd.DataFrame, blanks: pd.DataFrame | None, alternatives: int
-) -> Iterator[str]:
+) -> Iterator[Doubt]:
     """Say the same of a table of counts, as far as it can be told: such a table has no sides.
 
     >>> table = pd.DataFrame({"participant": "7", "condition": "main", "level_vpp": [60.0, 90.0],
@@ -103,17 +124,20 @@ def _as_cells(table: pd.DataFrame, detected: str) -> dict[tuple[str, str], Count
 
 def _named(
     levels: dict[tuple[str, str], Counts], blanks: dict[tuple[str, str], Counts], alternatives: int
-) -> Iterator[str]:
+) -> Iterator[Doubt]:
     """Name people by their counts at each level, and at none."""
     found = {name: _swapped(name, every, alternatives) for name, every in _people(levels).items()}
-    yield from filter(None, found.values())
+    for name, words in found.items():
+        if words:
+            yield Doubt(kind=SWAPPED, words=words, participant=name)
     several = len({condition for _, condition in levels}) > 1
     for (name, condition), cells in levels.items():
         if found[name] or _told_from_guesses(cells, blanks.get((name, condition)), alternatives):
             continue
         where = f", condition {condition}" if several else ""
         words = _guess_words(cells, blanks.get((name, condition)), alternatives)
-        yield f"participant {name}{where}: {words}"
+        words = f"participant {name}{where}: {words}"
+        yield Doubt(kind=GUESSING, words=words, participant=name, condition=condition)
 
 
 # A cell is a row of counts: answers left and right to stimuli at the left, the same at the right,

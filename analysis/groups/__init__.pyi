@@ -1,4 +1,4 @@
-from .criterion import with_criterion
+from .criterion import MIXED, with_criterion
 from .difference import Difference
 from .functions import Function, Line, group_function, person_function
 from .group import FEW, ConditionDifference, GroupFit, compare_conditions, fit_group
@@ -7,6 +7,7 @@ from .tables import difference_table, group_table
 
 __all__ = [
     "FEW",
+    "MIXED",
     "ConditionDifference",
     "Difference",
     "Function",

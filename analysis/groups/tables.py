@@ -167,15 +167,18 @@ def _pair(
 
 def _difference(one: Difference | ConditionDifference) -> list[object]:
     low, high = one.difference_limits_db
+    least, most = (round(end, 1) for end in (low, high))
+    # A sign at the beginning would look like a formula to a spreadsheet.
+    told = f"not told apart, {one.difference_db:+.1f}"
+    if least > 0 or most < 0:
+        told = f"{'lower' if most < 0 else 'higher'} by {abs(one.difference_db):.1f}"
     return [
         one.difference_db,
         _known(low),
         _known(high),
         one.status,
         {
-            # A sign at the beginning would look like a formula to a spreadsheet.
-            "ok": f"{'lower' if one.difference_db < 0 else 'higher'} by "
-            f"{abs(one.difference_db):.1f} dB ({low:+.1f} to {high:+.1f})",
+            "ok": f"{told} dB ({low:+.1f} to {high:+.1f})",
             "at_least": f"at least {low:+.1f} dB (95 %)",
             "at_most": f"at most {high:+.1f} dB (95 %)",
             "unknown": "not bounded by these levels",

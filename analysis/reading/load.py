@@ -63,6 +63,8 @@ class LoadedTrials:
         Names of the tables that have no journal beside them.
     alternatives : int
         Of a forced choice.
+    task : str
+        What the map states, as `ColumnMap.task`.
     cells : pandas.DataFrame or None
         Of a table of counts, its cells as `analysis.reading.foreign.counts.Counted` has them; there
         are no trials then.
@@ -84,6 +86,7 @@ class LoadedTrials:
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
     alternatives: int = 2
+    task: str = ""
     cells: pd.DataFrame | None = None
     blanks: pd.DataFrame | None = None
     changed: tuple[str, ...] = ()
@@ -183,6 +186,7 @@ def read_inputs(
             progress=(),
             axis=axis_of(columns.axis),
             alternatives=columns.alternatives,
+            task=columns.task,
             cells=counted.cells,
             blanks=counted.blanks,
             left_out=counted.left_out,
@@ -218,6 +222,7 @@ def read_inputs(
         progress=tuple(table.progress for table in tables if table.progress is not None),
         axis=Axis() if columns is None else axis_of(columns.axis),
         alternatives=2 if columns is None else columns.alternatives,
+        task="" if columns is None else columns.task,
         altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
         changed=changed,

@@ -9,21 +9,23 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import rounded, with_limits
-from analysis.definitions import TOTAL
 from analysis.groups.group import FEW
+from analysis.reading.foreign import FORCED
 from analysis.results.compared import (
-    difference_cell,
-    difference_words,
+    SPELLED,
+    compared,
+    difference_rows,
     isolated,
     number_of,
-    pairs_of,
+    totals,
 )
 from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     import pandas as pd
 
@@ -31,8 +33,7 @@ if TYPE_CHECKING:
 
 
 ANSWER_HEAD: Final = ("What", "Value (95 % interval)", "From")
-_SPELLED: Final = 3
-"""Of more conditions, or pairs of them, a sentence says where they stand."""
+_DOUBTS: Final = {SWAPPED: "sides look swapped", GUESSING: "answers look like guesses"}
 _MEDIAN: Final = "(posterior median, 95 % interval "
 REASONS: Final = {
     "practice": "practice",
@@ -67,7 +68,7 @@ class Answer:
 
 def answer(analysis: Analysis) -> Answer:
     """Answer from the tables of an analysis."""
-    second = [*_compared(analysis), *_false_alarms(analysis)]
+    second = [*compared(analysis), *_false_alarms(analysis)]
     told = (_thresholds(analysis), second, _left_out(analysis))
     return Answer(
         statements=tuple(
@@ -75,7 +76,7 @@ def answer(analysis: Analysis) -> Answer:
         ),
         rows=(
             *_threshold_rows(analysis),
-            *_difference_rows(analysis),
+            *difference_rows(analysis),
             *_blank_rows(analysis),
             *_spread_rows(analysis),
             _left_out_row(analysis),
@@ -145,29 +146,95 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
     groups = analysis.groups
     if groups.empty:
         yield "there is no threshold, for no trial with a single stimulus counts"
-    elif len(groups) > _SPELLED:
+    elif len(groups) > SPELLED:
         yield f"the thresholds of {len(groups)} conditions stand in the table"
-    told_of = ""
-    for _, group in groups.iterrows() if len(groups) <= _SPELLED else ():
+    told_of: tuple[str, set[str]] = "", set()
+    for _, group in groups.iterrows() if len(groups) <= SPELLED else ():
         condition, number = str(group["condition"]), int(group["participants"])
         alone = number == 1
         row = _one(analysis, condition) if alone else group
-        who = f"the group of {_people(analysis, number)}"
+        names = _names(analysis, condition)
+        other = told_of[0] and not alone and not names & told_of[1]
+        who = f"{'another' if other else 'the'} group of {_people(analysis, number)}"
         if alone:
             who = f"{_kind(analysis)}participant {isolated(row['participant'])}"
         where = _where(analysis, condition, "in")
-        subject = "it" if who == told_of else f"the threshold of {who}"
+        subject = "it" if (who, names) == told_of else f"the threshold of {who}"
         when = f" in {_session(analysis, row['participant'], condition)}" if alone else ""
         yield f"{where} {subject} {_predicate(row)}{when}".lstrip()
-        told_of = who
-    if analysis.thresholds["guess_basis"].eq("assumed").any():
+        told_of = who, names
+    yield from _doubted(analysis)
+    yield from _remarks(analysis)
+
+
+def _names(analysis: Analysis, condition: str) -> set[str]:
+    table = analysis.thresholds
+    return {*table.loc[table["condition"].eq(condition), "participant"]}
+
+
+def _doubted(analysis: Analysis) -> Iterator[str]:
+    """Name those in a threshold whose answers a warning doubts."""
+    for _, group in analysis.groups.iterrows():
+        condition = str(group["condition"])
+        here = _names(analysis, condition)
+        for kind, words in _DOUBTS.items():
+            names = [
+                one.participant
+                for one in analysis.doubts
+                if one.kind == kind and one.participant in here and one.condition in ("", condition)
+            ]
+            if not names or not _is_told(analysis, group):
+                continue
+            count = "counts" if len(names) == 1 else "count"
+            who = f"participant{'s' * (len(names) > 1)} {_and(names)}"
+            if len(names) > SPELLED:
+                who = f"{len(names)} participants"
+            where = _where(analysis, condition)
+            yield f"{who} {count}{where}, though their {words} (see the warnings)"
+            told = _unswapped(analysis, condition) if kind == SWAPPED else None
+            if told is not None:
+                them = who if len(names) <= SPELLED else "them"
+                yield f"without {them} the threshold of the group{where} {_predicate(told)}"
+
+
+def _and(names: Sequence[str]) -> str:
+    """Enumerate names."""
+    *first, last = map(isolated, names)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def _unswapped(analysis: Analysis, condition: str) -> pd.Series[Any] | None:
+    """Return the group of a condition without people whose sides look swapped, if there is one."""
+    table = analysis.unswapped
+    if table is None:
+        return None
+    rows = table[table["condition"].eq(condition) & table["participants"].gt(1)]
+    return None if rows.empty else rows.iloc[0]
+
+
+def _is_told(analysis: Analysis, group: pd.Series[Any]) -> bool:
+    """Whether a threshold of the group, or of who is alone in it, or a bound of it is told."""
+    row = _one(analysis, str(group["condition"])) if group["participants"] == 1 else group
+    return not all(math.isnan(row[f"threshold_{name}vpp"]) for name in ("", "low_", "high_"))
+
+
+def _remarks(analysis: Analysis) -> Iterator[str]:
+    """Say what the thresholds that were told rest on."""
+    told = [group for _, group in analysis.groups.iterrows() if _is_told(analysis, group)]
+    conditions = [group["condition"] for group in told]
+    people = analysis.thresholds[analysis.thresholds["condition"].isin(conditions)]
+    if people["guess_basis"].eq("assumed").any():
         yield "thresholds rest on an assumed guess rate, for want of blank trials"
-    if groups["participants"].eq(1).any():
+    if any(group["participants"] == 1 for group in told):
         yield "a participant's interval is for that session, another day may bring another"
-    if groups["participants"].between(2, FEW - 1).any():
+    spread = [group for group in told if not math.isnan(group["spread_db"])]
+    few = [str(group["condition"]) for group in spread if group["participants"] < FEW]
+    if few:
+        which = "conditions" if len(few) > 1 else "condition"
+        where = f" in {which} {_and(few)}" if len(few) < len(analysis.groups) else ""
         yield (
-            "with fewer than five participants it is mostly the prior that says how much people "
-            "differ"
+            f"with fewer than five participants{where} it is mostly the prior that says how much "
+            "people differ"
         )
 
 
@@ -183,6 +250,10 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
         yield f"{name}{where}", _threshold_words(row), f"{of}, {trials}"
+        without = _unswapped(analysis, condition)
+        if number > 1 and without is not None and without["participants"] < number:
+            name = f"The same without swapped sides{where}"
+            yield name, _threshold_words(without), _people(analysis, int(without["participants"]))
         if number == 1 and isinstance(row["varied_printed"], str):
             name = f"The same if answers vary 2.8 times{where}"
             yield name, row["varied_printed"], "a sensitivity, not from these data"
@@ -214,62 +285,23 @@ def _new_person(group: pd.Series[Any], analysis: Analysis) -> str:
     return with_limits(at, low, high, analysis.axis.unit, levels)
 
 
-def _compared(analysis: Analysis) -> Iterator[str]:
-    pairs = [*pairs_of(analysis.differences)]
-    apart = sum(one.apart for one in pairs)
-    if len(pairs) > _SPELLED:
-        yield (
-            f"of {len(pairs)} pairs of conditions {apart} differ in threshold, and "
-            f"{len(pairs) - apart} cannot be told apart with these data (95 % intervals, in the "
-            "table)"
-        )
-    else:
-        yield from (difference_words(one) for one in pairs)
-    if len(pairs) > 1:
-        yield f"these intervals are not corrected for {len(pairs)} comparisons"
-    if apart and analysis.detected_any is not None:
-        known = analysis.differences["d_prime_a"].notna().any()
-        beside = "; d', which does not depend on it, is in the table" if known else ""
-        yield f"a difference may be one of criterion, where false alarms differ too{beside}"
-    if not pairs and len(analysis.groups) > 1:
-        yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
-
-
-def _difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
-    for one in pairs_of(analysis.differences):
-        name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
-        order = f"; first: {one.row['first']}" if isinstance(one.row["first"], str) else ""
-        yield name, difference_cell(one), one.of + order
-        a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
-        if not math.isnan(a + b):
-            of = "mean of participants; " if one.row["participant"] == TOTAL else ""
-            name = f"d' in {isolated(one.b)} against {isolated(one.a)}"
-            yield name, f"{b:.2f} against {a:.2f}", f"{of}all levels of both"
-
-
-def _totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:
-    """Yield the totals of blank trials, of each condition where there are several."""
-    table = analysis.blank
-    yield from (row for _, row in table[table["participant"].eq(TOTAL)].iterrows())
-
-
 def _false_alarms(analysis: Analysis) -> Iterator[str]:
     if analysis.detected_any is None:
-        yield (
-            'false alarms are not told, for "none" is not known to be an answer in all trials'
-            if none_in_part(analysis)
-            else 'false alarms are not told, for "none" was not an answer as far as the files tell'
-        )
+        how = " was not an answer as far as the files tell"
+        if none_in_part(analysis):
+            how = " is not known to be an answer in all trials"
+        elif analysis.task == FORCED:
+            how = " was not an answer: forced choice, as the map says"
+        yield f'false alarms are not told, for "none"{how}'
         return
-    totals = [*_totals(analysis)]
-    if not totals:
+    rows = [*totals(analysis)]
+    if not rows:
         yield "false alarms are not known, for there were no blank trials"
-    elif len(totals) > _SPELLED:
+    elif len(rows) > SPELLED:
         yield "false alarms stand in the table"
     else:
         each = (
-            f"{_share(row)} of blank trials{_where(analysis, row.get('condition'))}"
-            for row in totals
+            f"{_share(row)} of blank trials{_where(analysis, row.get('condition'))}" for row in rows
         )
         yield f"false alarms: {', '.join(each)}"
 
@@ -280,7 +312,7 @@ def _share(row: pd.Series[Any]) -> str:
 
 
 def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
-    for row in _totals(analysis) if analysis.detected_any is not None else ():
+    for row in totals(analysis) if analysis.detected_any is not None else ():
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if analysis.counts.participants > 1:

@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from analysis.definitions import TOTAL
+from analysis.groups.criterion import MIXED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
 
+    from analysis.results.tables import Analysis
 
+
+SPELLED: Final = 3
+"""Of more conditions, or pairs of them, a sentence says where they stand."""
 _ISOLATE, _END = "\u2068", "\u2069"
 
 
@@ -132,3 +137,56 @@ def difference_cell(one: Pair) -> str:
         return str(one.row["printed"])
     low, high = one.ends_db
     return f"{float(one.row['difference_db']):+.1f} dB ({low:+.1f} to {high:+.1f})"
+
+
+def compared(analysis: Analysis) -> Iterator[str]:
+    """Say how every two conditions compare."""
+    pairs = [*pairs_of(analysis.differences)]
+    apart = sum(one.apart for one in pairs)
+    if len(pairs) > SPELLED:
+        yield (
+            f"of {len(pairs)} pairs of conditions {apart} differ in threshold, and "
+            f"{len(pairs) - apart} cannot be told apart with these data (95 % intervals, in the "
+            "table)"
+        )
+    else:
+        yield from (difference_words(one) for one in pairs)
+    if len(pairs) > 1:
+        yield f"these intervals are not corrected for {len(pairs)} comparisons"
+    if apart and analysis.detected_any is not None:
+        yield from _criterion(analysis, [one for one in pairs if one.apart])
+    if not pairs and len(analysis.groups) > 1:
+        yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
+
+
+def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
+    """Say of conditions that differ whether false alarms do so, or are not known."""
+    rates = {row["condition"]: float(row["p"]) for row in totals(analysis) if "condition" in row}
+    known = analysis.differences["d_prime_a"].notna().any()
+    beside = "; d', which does not depend on it, is in the table" if known else ""
+    if any(not {one.a, one.b} <= {*rates} for one in pairs):
+        yield f"a difference may be one of criterion, of which only blank trials can tell{beside}"
+    elif any(rates[one.a] != rates[one.b] for one in pairs):
+        yield f"false alarms differ, too, so that a difference may be one of criterion{beside}"
+
+
+def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    """Yield the rows of differences and d' of the answer's table."""
+    for one in pairs_of(analysis.differences):
+        name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
+        first = one.row["first"]
+        # Of all of them neither: they took turns, or a table made elsewhere does not tell.
+        told = isinstance(first, str) and ("," in first or first.partition(" ")[0] != MIXED)
+        order = f"; first: {first}" if told else ""
+        yield name, difference_cell(one), one.of + order
+        a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
+        if not math.isnan(a + b):
+            of = "mean of participants; " if one.row["participant"] == TOTAL else ""
+            name = f"d' in {isolated(one.b)} against {isolated(one.a)}"
+            yield name, f"{b:.2f} against {a:.2f}", f"{of}all levels of both"
+
+
+def totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:
+    """Yield the totals of blank trials, of each condition where there are several."""
+    table = analysis.blank
+    yield from (row for _, row in table[table["participant"].eq(TOTAL)].iterrows())

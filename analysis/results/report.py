@@ -45,7 +45,7 @@ from analysis.results.rows import (
     population_cells,
 )
 from analysis.results.summary import devices, versions
-from experiment.terms.record import RESPONSES
+from experiment.terms.record import NOT_AVAILABLE, RESPONSES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -122,7 +122,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
     pages.filters["base64"] = _base64
     style = _text("report.css")
     digest = _base64(hashlib.sha256(style.encode()).digest())
-    found, plans = answer(analysis), planned(analysis)
+    found, plans, kinds = answer(analysis), planned(analysis), devices(analysis.trials)
     unit = "V: volts peak-to-peak; " if analysis.axis.unit == VOLTS.unit else ""
     return pages.get_template("report.html.jinja").render(
         analysis=analysis,
@@ -138,7 +138,9 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             texts=ANSWER_HEAD[1:],
         ),
         counts_told=_counts_told(analysis),
-        kinds=[f"{kind} {number}" for kind, number in devices(analysis.trials).items()],
+        kinds=[f"{kind} {number}" for kind, number in kinds.items()]
+        if {*kinds} - {NOT_AVAILABLE}
+        else [],
         conditions=sorted({*analysis.trials["condition"], *analysis.levels["condition"]}),
         not_compared=not_compared_words(analysis.not_compared) if analysis.not_compared else "",
         pictures=list(pictures),

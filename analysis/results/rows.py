@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
 from analysis.axis import VOLTS, shortest, with_limits
 from analysis.definitions import TOTAL
+from analysis.reading.foreign import FORCED
 from analysis.reading.text import named
+from analysis.thresholds.people import FORCED_CHOICE
 from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
@@ -145,14 +147,18 @@ def none_in_part(analysis: Analysis) -> bool:
 
 def forced_choice(analysis: Analysis, what: str) -> str:
     """Return what a reader of levels has to know where "none" could not be answered."""
+    table = analysis.thresholds
+    rates = {*table.loc[table["guess_basis"].eq(FORCED_CHOICE), "guess_rate"]}
+    start = f"1/{1 / rates.pop():.0f}" if len(rates) == 1 else "the guess rate"
     if none_in_part(analysis):
         return (
             'The answer "none" is not known to have been offered in all trials. Where it was not, '
-            f"who felt nothing guessed, so {what} starts near 1/2 there, not at 0."
+            f"who felt nothing guessed, so {what} starts near {start} there, not at 0."
         )
+    how = "as the map says" if analysis.task == FORCED else "as far as the files tell"
     return (
-        'The answer "none" was not offered, as far as the files tell: who felt nothing guessed, so '
-        f"{what} starts near 1/2, not at 0."
+        f'The answer "none" was not offered, {how}: who felt nothing guessed, so {what} starts '
+        f"near {start}, not at 0."
     )
 
 

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 from analysis.answers import counting, detection
 from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
+from analysis.answers.doubts import SWAPPED
 from analysis.answers.dprime import sensitivity_table
 from analysis.definitions import METHODS
 from analysis.groups.criterion import with_criterion
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError
-from analysis.results.warned import warnings_of, without_device
+from analysis.results.warned import doubts_of, warnings_of, without_device
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.answers.choice import Choices
+    from analysis.answers.doubts import Doubt
     from analysis.axis import Axis
     from analysis.groups.population import PopulationThreshold
     from analysis.reading.batch import InputFile
@@ -102,6 +104,12 @@ class Analysis:
         Tables of sessions without a journal.
     contacts : mapping of str to tuple of str
         As `analysis.reading.plans.contacts`.
+    doubts : tuple of Doubt
+        As `analysis.answers.doubts.doubtful`.
+    task : str
+        As `LoadedTrials.task`.
+    unswapped : pandas.DataFrame or None
+        `groups` without the people whose sides look swapped; ``None`` where there are none.
     """
 
     levels: pd.DataFrame
@@ -132,6 +140,9 @@ class Analysis:
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
     contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    doubts: tuple[Doubt, ...] = ()
+    task: str = ""
+    unswapped: pd.DataFrame | None = None
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
@@ -222,7 +233,7 @@ def analyse(
     excluded = counting.excluded_table(trials)
     stated = contacts(loaded.progress, _sessions_of(trials))
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
-    people = people_in(loaded)
+    people, doubts = people_in(loaded), tuple(doubts_of(loaded))
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
     sensitivity = sensitivity_table(trials)
     return Analysis(
@@ -244,7 +255,10 @@ def analyse(
         control=counting.control_table(trials),
         counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,
-        warnings=tuple(warnings_of(loaded, excluded, stated)),
+        warnings=tuple(warnings_of(loaded, excluded, stated, doubts)),
+        doubts=doubts,
+        task=loaded.task,
+        unswapped=_unswapped(people, doubts, loaded.axis),
         ci=ci,
         seed=seed,
         axis=loaded.axis,
@@ -255,6 +269,19 @@ def analyse(
         not_compared=loaded.not_compared,
         contacts=stated,
     )
+
+
+def _unswapped(people: PersonCounts, doubts: tuple[Doubt, ...], axis: Axis) -> pd.DataFrame | None:
+    """Fit the groups without people whose sides look swapped.
+
+    Who looks as if guessing stays in: often it is a high threshold, without which the group's
+    would be too low.
+    """
+    swapped = {one.participant for one in doubts if one.kind == SWAPPED}
+    if not swapped:
+        return None
+    places = [i for i, (_, who) in enumerate(people.names) if who not in swapped]
+    return group_table(people.at(places), axis)
 
 
 def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:

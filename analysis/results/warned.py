@@ -9,10 +9,11 @@ from analysis.answers.doubts import doubtful, doubtful_counts
 from analysis.reading.text import named
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     import pandas as pd
 
+    from analysis.answers.doubts import Doubt
     from analysis.reading.load import LoadedTrials
 
 
@@ -22,11 +23,15 @@ _NO_STUDY = "n/a"
 
 
 def warnings_of(
-    loaded: LoadedTrials, excluded: pd.DataFrame, stated: Mapping[str, tuple[str, ...]]
+    loaded: LoadedTrials,
+    excluded: pd.DataFrame,
+    stated: Mapping[str, tuple[str, ...]],
+    doubts: Iterable[Doubt],
 ) -> Iterator[str]:
     """Yield a sentence for everything about trials that a reader has to be told.
 
-    `excluded` is what is left out, `stated` how the fingers lay, in words and by session.
+    `excluded` is what is left out, `stated` how the fingers lay, in words and by session, and
+    `doubts` are `doubts_of` the same.
     """
     trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
@@ -56,10 +61,11 @@ def warnings_of(
         told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
         yield f"force and contact of the fingers are not the same in all sessions: {told}"
     yield from _about_none(counted)
-    yield from _doubtful(loaded)
+    yield from map(str, doubts)
 
 
-def _doubtful(loaded: LoadedTrials) -> Iterator[str]:
+def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:
+    """Yield who a reader should look at."""
     if loaded.cells is None:
         return doubtful(loaded.trials, loaded.axis, loaded.alternatives)
     return doubtful_counts(loaded.cells, loaded.blanks, loaded.alternatives)

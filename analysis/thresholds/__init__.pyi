@@ -14,13 +14,14 @@ from .fit import (
 from .grid import Ruler, Surface, sigma_prior, surfaces
 from .levels import ExpectedError, LevelsError, Placement, place_levels
 from .mle import LOG_SIGMA, MOST_LAPSES, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import MOST_GUESSES, Guessing, GuessRate, PersonCounts, people_in
+from .people import FORCED_CHOICE, MOST_GUESSES, Guessing, GuessRate, PersonCounts, people_in
 from .posterior import within_levels
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
 
 __all__ = [
     "BOUNDED",
+    "FORCED_CHOICE",
     "LOG_SIGMA",
     "MOST_GUESSES",
     "MOST_LAPSES",

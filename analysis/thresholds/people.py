@@ -179,13 +179,16 @@ class PersonCounts:
 
     def by_content(self) -> PersonCounts:
         """Return the same people, ordered by their counts: other names change no last digit."""
-        order = sorted(range(len(self.names)), key=self._content)
+        return self.at(sorted(range(len(self.names)), key=self._content))
+
+    def at(self, places: list[int]) -> PersonCounts:
+        """Return the people at these places."""
         return PersonCounts(
-            names=tuple(self.names[i] for i in order),
-            level_vpp=self.level_vpp[order],
-            detected=self.detected[order],
-            presented=self.presented[order],
-            guesses=tuple(self.guesses[i] for i in order),
+            names=tuple(self.names[i] for i in places),
+            level_vpp=self.level_vpp[places],
+            detected=self.detected[places],
+            presented=self.presented[places],
+            guesses=tuple(self.guesses[i] for i in places),
         )
 
     def _content(self, i: int) -> tuple[list[float], ...]:

@@ -17,11 +17,13 @@ import pandas as pd
 import pytest
 
 from analysis import ColumnMap, print_analysis, write_analysis
+from analysis.answers.doubts import Doubt
 from analysis.axis import VOLTS, Axis, bounded, with_limits
 from analysis.groups.criterion import BESIDE_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
 from analysis.results.compared import plain
+from analysis.results.rows import forced_choice
 from analysis.results.tables import Analysis, analyse
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import THRESHOLD_COLUMNS, WORDS
@@ -95,7 +97,11 @@ def threshold(found: re.Match[str], analysis: Analysis) -> None:
     if found["who"]:
         share = analysis.counts.simulated / analysis.counts.trials
         kind = "simulated " if share == 1 else "simulated or real " if share else ""
-        of_all = f"the group of {group['participants']} {kind}participants"
+        others = analysis.thresholds.loc[
+            analysis.thresholds["condition"].lt(condition), "participant"
+        ]
+        which = "the" if others.empty or {*others} & {*people["participant"]} else "another"
+        of_all = f"{which} group of {group['participants']} {kind}participants"
         name = people["participant"].iloc[0]
         assert found["who"] == (f"{kind}participant {name}" if alone else of_all)
 
@@ -201,6 +207,56 @@ def several(found: re.Match[str], analysis: Analysis) -> None:
     ]
 
 
+def told_groups(analysis: Analysis) -> pd.DataFrame:
+    """Return the groups of which, or of whose only person, a threshold or a bound is told."""
+    ends = ["threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"]
+    alone = analysis.thresholds.drop_duplicates("condition").set_index("condition")
+    known = analysis.groups[ends].notna().any(axis="columns")
+    of_one = (
+        analysis.groups["condition"].map(alone[ends].notna().any(axis="columns")).eq(other=True)
+    )
+    one = analysis.groups["participants"].eq(1)
+    return analysis.groups[(one & of_one) | (~one & known)]
+
+
+def few(analysis: Analysis) -> list[str]:
+    groups = told_groups(analysis)
+    of = groups["participants"].between(2, 4) & groups["spread_db"].notna()
+    return [*groups.loc[of, "condition"]]
+
+
+def mostly_prior(found: re.Match[str], analysis: Analysis) -> None:
+    assert few(analysis)
+    all_are = len(few(analysis)) == len(analysis.groups)
+    told = re.split(", | and ", found["which"]) if found["which"] else []
+    assert told == ([] if all_are else few(analysis))
+
+
+def doubted(found: re.Match[str], analysis: Analysis) -> None:
+    kind = "swapped" if found["what"] == "sides look swapped" else "guessing"
+    names = {
+        one.participant
+        for one in analysis.doubts
+        if one.kind == kind and one.condition in ("", found["condition"] or one.condition)
+    }
+    if found["number"]:
+        assert int(found["number"]) == len(names) > 3
+    else:
+        assert {*re.split(", | and ", found["who"])} == names
+
+
+def unswapped(found: re.Match[str], analysis: Analysis) -> None:
+    assert analysis.unswapped is not None
+    condition = found["condition"] or analysis.groups["condition"].iloc[0]
+    [(_, row)] = analysis.unswapped[analysis.unswapped["condition"].eq(condition)].iterrows()
+    check_value(found["said"], row)
+
+
+def rates(analysis: Analysis) -> dict[str, float]:
+    table = totals(analysis)
+    return dict(zip(table["condition"], table["p"], strict=True)) if "condition" in table else {}
+
+
 def is_true(test: Callable[[Analysis], object]) -> Callable[[re.Match[str], Analysis], None]:
     def check(found: re.Match[str], analysis: Analysis) -> None:
         assert test(analysis), found[0]
@@ -229,13 +285,13 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         lambda one: len(one.groups) > 3
     ),
     "thresholds rest on an assumed guess rate, for want of blank trials": is_true(
-        lambda one: "assumed" in {*one.thresholds["guess_basis"]}
+        lambda one: "assumed" in {*one.thresholds["guess_basis"]} and len(told_groups(one))
     ),
     "a participant's interval is for that session, another day may bring another": is_true(
-        lambda one: one.groups["participants"].eq(1).any()
+        lambda one: told_groups(one)["participants"].eq(1).any()
     ),
-    "with fewer than five participants it is mostly the prior that says how much people differ":
-        is_true(lambda one: one.groups["participants"].between(2, 4).any()),
+    r"with fewer than five participants(?: in conditions? (?P<which>.+))? it is mostly the prior "
+    "that says how much people differ": mostly_prior,
     rf"the threshold in condition (?P<b>\S+) is (?P<at>{NUMBER}) dB (?P<more>higher|lower) than in "
     rf"(?P<a>\S+) \(posterior median, 95 % interval (?P<low>{NUMBER}) to (?P<high>{NUMBER}) dB; "
     r"(?P<of>.+)\)": apart,
@@ -258,22 +314,27 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"these intervals are not corrected for \d+ comparisons": is_true(
         lambda one: counted_pairs(one) > 1
     ),
-    "a difference may be one of criterion, where false alarms differ too": is_true(
-        lambda one: one.detected_any is not None and counted_pairs(one)
+    r"a difference may be one of criterion, of which only blank trials can tell"
+    r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
+        lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
-    "a difference may be one of criterion, where false alarms differ too; d', which does not "
-    "depend on it, is in the table": is_true(
-        lambda one: one.differences["d_prime_a"].notna().any() and counted_pairs(one)
+    r"false alarms differ, too, so that a difference may be one of criterion"
+    r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
+        lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
         lambda one: one.axis.signed and len(one.groups) > 1
     ),
     'false alarms are not told, for "none" was not an answer as far as the files tell': is_true(
-        lambda one: one.detected_any is None and not some_offered(one)
+        lambda one: one.detected_any is None and not some_offered(one) and not one.task
     ),
     'false alarms are not told, for "none" is not known to be an answer in all trials': is_true(
         lambda one: one.detected_any is None and some_offered(one)
     ),
+    'false alarms are not told, for "none" was not an answer: forced choice, as the map says':
+        is_true(
+            lambda one: one.detected_any is None and one.task and not some_offered(one)
+        ),
     "false alarms are not known, for there were no blank trials": is_true(
         lambda one: one.detected_any is not None and one.blank.empty
     ),
@@ -292,6 +353,11 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         - {*one.trials.loc[one.trials["reason"].eq(""), "participant"]}
     ),
     r"\d+ sessions?, lost after recording, took no part": is_true(lambda one: one.lost),
+    r"(?:participants? (?P<who>.+)|(?P<number>\d+) participants) counts?"
+    r"(?: in condition (?P<condition>\S+))?, though their (?P<what>sides look swapped|answers look "
+    r"like guesses) \(see the warnings\)": doubted,
+    r"without .+? the threshold of the group(?: in condition (?P<condition>\S+))? "
+    r"(?P<said>(?:is|cannot be told:) .+)": unswapped,
 }  # fmt: skip
 
 
@@ -313,8 +379,13 @@ def checked(found: Answer, analysis: Analysis) -> set[str]:
     groups, pairs = len(analysis.groups), counted_pairs(analysis)
     assert used.count(kinds[0]) == (groups if groups <= 3 else 0)
     assert sum(used.count(kinds[i]) for i in range(6, 12)) == (pairs if pairs <= 3 else 0)
-    assert (kinds[4] in used) == bool(analysis.groups["participants"].eq(1).any())
-    assert (kinds[5] in used) == bool(analysis.groups["participants"].between(2, 4).any())
+    told = told_groups(analysis)
+    assert (kinds[4] in used) == bool(told["participants"].eq(1).any())
+    assert (kinds[5] in used) == bool(few(analysis))
+    said = plain(" ".join(found.statements))
+    assert ("criterion" in said and "; d', which" in said) <= bool(
+        analysis.differences["d_prime_a"].notna().any()
+    )
     return {*used}
 
 
@@ -414,7 +485,7 @@ class Made:
     def blank(self) -> pd.DataFrame:
         rows = []
         for name in self.conditions if self.rng.random() < 0.7 else ():
-            left, right, of = self.rng.randrange(4), self.rng.randrange(4), 60
+            left, right, of = self.rng.randrange(3), self.rng.randrange(2), 60
             row = {"condition": name, "participant": "all", "left": left, "right": right, "both": 1}
             p = (left + right + 1) / of
             rows.append(row | {"presented": of, "p": p, "low": p / 2, "high": 2 * p})
@@ -452,20 +523,39 @@ class Made:
             counts=counts, trials=trials, lost=rng.choice(({}, {"s": ("gone",)})),
             warnings=rng.choice(((), ("one", "two"))),
             detected_any=any_felt,
+            task=rng.choice(("", "forced choice")),
         )  # fmt: skip
+
+    def doubted(self, analysis: Analysis) -> Analysis:
+        """Return it with people whose answers are in doubt."""
+        rng = self.rng
+        names = rng.sample(
+            [f"S{n}" for n in range(self.people)], min(self.people, rng.randrange(6))
+        )
+        swapped = [Doubt(kind="swapped", words="", participant=name) for name in names[::2]]
+        guessing = [
+            Doubt(kind="guessing", words="", participant=name, condition=condition)
+            for name in names[1::2]
+            for condition in self.conditions
+        ]
+        left = self.people - len(swapped)
+        groups = self.groups().assign(participants=left) if swapped and left else None
+        return replace(analysis, doubts=(*swapped, *guessing), unswapped=groups)
 
 
 def test_every_sentence_is_true_of_the_tables(least: Analysis) -> None:
-    for seed in range(20):
-        analysis = Made(seed).analysis(least)
+    for seed in range(14):
+        made = Made(seed)
+        analysis = made.doubted(made.analysis(least))
         checked(answer(analysis), analysis)
 
 
 @pytest.mark.slow
 def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis) -> None:
     used = set()
-    for seed in range(20, 200):
-        analysis = Made(seed).analysis(least)
+    for seed in range(14, 200):
+        made = Made(seed)
+        analysis = made.doubted(made.analysis(least))
         used |= checked(answer(analysis), analysis)
     nothing = replace(least, groups=least.groups[:0], thresholds=least.thresholds[:0])
     used |= checked(answer(nothing), nothing)
@@ -545,6 +635,10 @@ def test_page_terminal_and_summary_begin_with_the_same_true_answer(
     made = files(tmp_path / "out")
     assert json.loads(made["summary.json"])["answer"] == statements
     page = made["report.html"].decode()
+    assert "Trials by kind of device" not in page  # nothing is known of them
+    for _, row in analysis.differences[analysis.differences["status"].eq("ok")].iterrows():
+        apart = round(row["low_db"], 1) > 0 or round(row["high_db"], 1) < 0
+        assert row["printed"].startswith(("higher by", "lower by") if apart else "not told apart, ")
     first = page[page.index("<h1>") : page.index("<h2>")]
     told = re.findall("<p>(.*?)</p>", first.replace("<bdi>", "").replace("</bdi>", ""))
     assert [html.unescape(one) for one in told[:3]] == statements
@@ -562,7 +656,7 @@ def test_of_a_table_of_counts_nobody_knows_what_was_left_out(tmp_path: Path) -> 
     analysis = analyse(loaded(tmp_path, text, columns))
     first, second, third = map(plain, answer(analysis).statements)
     assert first.startswith("The threshold of participant 1 is 101.")
-    assert '"none" was not an answer' in second
+    assert '"none" was not an answer: forced choice, as the map says' in second
     assert third == "Counts were read, which do not tell what was left out of them."
 
 
@@ -575,3 +669,72 @@ def test_none_in_one_condition_only_is_told_as_that(tmp_path: Path) -> None:
     assert '"none" is not known to be an answer in all trials.' in said
     assert 'The answer "none" is not known to have been offered in all trials.' in said
     assert "was not offered" not in said
+
+
+def test_one_swapped_person_is_named_beside_the_number_they_have_moved(tmp_path: Path) -> None:
+    text = study({"main": 60.0}, 6, kind="forced")
+    other = {"left": "right", "right": "left"}
+    lines = text.splitlines()
+    for i, line in enumerate(lines):
+        cells = line.split(",")
+        if cells[0] == "S2" and cells[3] == "single":
+            cells[6] = other[cells[6]]
+            # Both sides: only so are guesses known from a preference of one.
+        if cells[3] == "single" and int(cells[1]) % 2:
+            cells[4], cells[6] = other[cells[4]], other[cells[6]]
+        lines[i] = ",".join(cells)
+    analysis = analyse(loaded(tmp_path, "\n".join(lines) + "\n"))
+    assert [(one.kind, one.participant) for one in analysis.doubts] == [("swapped", "S2")]
+    found = answer(analysis)
+    first = plain(found.statements[0])
+    assert "Participant S2 counts, though their sides look swapped (see the warnings)." in first
+    assert analysis.unswapped is not None
+    alone = analysis.unswapped["threshold_vpp"].iloc[0]
+    assert f"Without participant S2 the threshold of the group is {alone:.1f} V" in first
+    assert analysis.groups["threshold_vpp"].iloc[0] > 1.05 * alone
+    assert ("The same without swapped sides", "5 participants") in {
+        (name, of) for name, _, of in found.rows
+    }
+
+
+def test_people_of_another_condition_are_another_group(least: Analysis) -> None:
+    made = Made(0)
+    made.conditions, made.people = ["a", "b"], 5
+    analysis = made.analysis(least)
+    people = analysis.thresholds
+    analysis = replace(
+        analysis,
+        thresholds=people.assign(participant=people["condition"] + people["participant"]),
+    )
+    first = plain(answer(analysis).statements[0])
+    assert "n condition a the threshold of the group of 5" in first
+    assert "n condition b the threshold of another group of 5" in first
+
+
+def test_a_choice_of_three_starts_at_a_third(least: Analysis) -> None:
+    thresholds = Made(0).thresholds().assign(guess_basis="forced choice", guess_rate=1 / 3)
+    told = forced_choice(replace(least, thresholds=thresholds, task="forced choice"), "k/n")
+    assert "not offered, as the map says" in told
+    assert told.endswith("k/n starts near 1/3, not at 0.")
+    mixed = thresholds.assign(guess_rate=[1 / 2, *[1 / 3] * (len(thresholds) - 1)])
+    assert "near the guess rate" in forced_choice(replace(least, thresholds=mixed), "k/n")
+
+
+@pytest.mark.parametrize(("rates", "times"), [((0.1, 0.2), 1), ((0.1, 0.1), 0)])
+def test_criterion_is_spoken_of_only_where_false_alarms_differ(
+    least: Analysis, rates: tuple[float, float], times: int
+) -> None:
+    apart = {"status": "ok", "difference_db": 3.0, "low_db": 1.0, "high_db": 5.0}
+    row = {"condition_a": "a", "condition_b": "b", "participant": "all", "first": "neither 8"}
+    blank = pd.DataFrame(
+        {"condition": ["a", "b"], "participant": "all", "presented": 60, "p": rates, "low": 0.05,
+         "high": 0.3}
+    )  # fmt: skip
+    analysis = replace(
+        least, counts=replace(least.counts, conditions=2), blank=blank,
+        detected_any=least.levels,
+        differences=pd.DataFrame([row | apart], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
+    )  # fmt: skip
+    found = answer(analysis)
+    assert found.statements[1].lower().count("false alarms differ, too") == times
+    assert not any("neither" in of for _, _, of in found.rows)

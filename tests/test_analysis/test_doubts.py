@@ -36,7 +36,7 @@ def trials(sides: Any, answers: Any, **columns: Any) -> pd.DataFrame:
 
 
 def named(table: pd.DataFrame, axis: Axis = VOLTS) -> list[str]:
-    return list(doubtful(table, axis))
+    return list(map(str, doubtful(table, axis)))
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_counts_of_a_forced_choice_tell_guesses_and_swapped_answers() -> None:
     counts = table.assign(
         participant=list("aabbcc"), detected=[15, 17, 2, 1, 20, 29], none_offered=False
     )
-    swapped, guessing = doubtful_counts(counts, None, 2)
+    swapped, guessing = map(str, doubtful_counts(counts, None, 2))
     assert swapped.startswith("participant b: 3 of 60 answers were right")
     assert guessing.startswith("participant a: answers cannot be told from guessing")
     yes = counts.assign(none_offered=True)
@@ -106,7 +106,7 @@ def test_counts_of_a_forced_choice_tell_guesses_and_swapped_answers() -> None:
     blanks = pd.DataFrame(
         {"condition": "main", "participant": list("abc"), "felt": [9, 1, 1], "presented": 20}
     )
-    (words,) = [one for one in doubtful_counts(yes, blanks, 2) if "participant a" in one]
+    (words,) = [one for one in map(str, doubtful_counts(yes, blanks, 2)) if "participant a" in one]
     assert "felt in 32 of 60 single stimuli and in 9 of 20 blanks" in words
 
 
