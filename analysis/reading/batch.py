@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from analysis.reading.foreign.columns import ColumnMap
+    from analysis.reading.foreign.form import RowFilter
     from analysis.reading.plans import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
     from analysis.reading.text import Chunk
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 MOST_BYTES = 2_000_000
 _SCHEMA = COLUMNS[0].name
 EXPORTED_SUFFIX = ".tsv"
-EXPORTED = TextFormat(separator="\t", quoted=False)
+EXPORTED = TextFormat(delimiter="\t", quoted=False)
 """How `tactstrip export --bids` writes events."""
 
 
@@ -126,22 +127,30 @@ def batches(sources: Iterable[InputTable]) -> Iterator[list[InputTable]]:
 
 
 def read_batch(
-    sources: Sequence[InputTable], columns: ColumnMap | None, *, accept_altered: bool = False
+    sources: Sequence[InputTable],
+    columns: ColumnMap | None,
+    *,
+    kept: RowFilter | None = None,
+    accept_altered: bool = False,
 ) -> list[Batch]:
-    """Read tables together or, where one of them has a fault, one by one.
+    """Read tables together or, where one of them has a fault, one by one; of foreign ones `kept`.
 
     Raises ResultFileError for the first fault of the first table that has one.
     """
     if len(sources) > 1:
         try:
-            return [_read(sources, columns, accept_altered=accept_altered)]
+            return [_read(sources, columns, kept, accept_altered=accept_altered)]
         except ResultFileError:
             pass
-    return [_read([one], columns, accept_altered=accept_altered) for one in sources]
+    return [_read([one], columns, kept, accept_altered=accept_altered) for one in sources]
 
 
 def _read(
-    sources: Sequence[InputTable], columns: ColumnMap | None, *, accept_altered: bool
+    sources: Sequence[InputTable],
+    columns: ColumnMap | None,
+    kept: RowFilter | None,
+    *,
+    accept_altered: bool,
 ) -> Batch:
     # What costs is the number of pandas calls, not of rows: a thousand short sessions are typed and
     # checked as one table. The plans are read before and held to afterwards, table by table,
@@ -149,7 +158,7 @@ def _read(
     records = [read_record(source.path, accept_altered=accept_altered) for source in sources]
     counts, left_out = [0] * len(sources), [0] * len(sources)
     frames = []
-    for parts in _joined(_parts(sources, records, columns)):
+    for parts in _joined(_parts(sources, records, columns, kept)):
         frames.append(_typed(parts, columns))
         for part in parts:
             counts[part.place] += len(part.rows)
@@ -187,13 +196,16 @@ def _table(
 
 
 def _parts(
-    sources: Sequence[InputTable], records: Sequence[SessionRecord], columns: ColumnMap | None
+    sources: Sequence[InputTable],
+    records: Sequence[SessionRecord],
+    columns: ColumnMap | None,
+    kept: RowFilter | None,
 ) -> Iterator[_Rows]:
     for place, (source, record) in enumerate(zip(sources, records, strict=True)):
         file = str(source.path)
         try:
             with source.path.open("rb") as stream:
-                header, chunks = _chunks(stream, source, record, columns)
+                header, chunks = _chunks(stream, source, record, columns, kept)
                 for (lines, rows), left_out in chunks:
                     if record.altered and record.compared and record.plan:
                         _set_schema(header, rows)
@@ -206,12 +218,18 @@ def _parts(
 
 
 def _chunks(
-    stream: BinaryIO, source: InputTable, record: SessionRecord, columns: ColumnMap | None
+    stream: BinaryIO,
+    source: InputTable,
+    record: SessionRecord,
+    columns: ColumnMap | None,
+    kept: RowFilter | None,
 ) -> tuple[list[str], Iterator[tuple[Chunk, int]]]:
     file = str(source.path)
     if columns is not None:
         form = columns.form(source.path.suffix)
-        return foreign_chunks(stream, file, form=form, rows=columns.filter, about=source.about)
+        return foreign_chunks(
+            stream, file, form=form, rows=kept or columns.filter, about=source.about
+        )
     header, chunks = text_chunks(
         stream,
         file,

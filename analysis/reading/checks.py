@@ -28,11 +28,12 @@ KEY = ["participant", "session", "trial", "attempt"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rule:
-    """A column, what it must be, and the rows that break this."""
+    """A column, what it must be, the rows that break this, and how messages call the column."""
 
     column: str
     must: str
     broken: pd.Series[bool]
+    label: str = ""
 
 
 def check_rows(rows: pd.DataFrame, *, signed: bool = False) -> None:
@@ -138,7 +139,7 @@ def _fault(rows: pd.DataFrame, row: int, rule: Rule) -> tuple[int, str]:
     """Return the line of a row that breaks a rule, and the message."""
     value = rows[rule.column].iloc[row]
     shown = NOT_AVAILABLE if pd.isna(value) else format_value(_plain(value))
-    message = f"column '{rule.column}' is {shown}; it must be {rule.must}"
+    message = f"column '{rule.label or rule.column}' is {shown}; it must be {rule.must}"
     return int(rows["line"].iloc[row]), message
 
 

@@ -14,6 +14,7 @@ from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds
 from analysis.reading.foreign.counts import read_counted
+from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
 from analysis.reading.plans import PLAN, left_out
 from analysis.reading.reasons import with_reasons
@@ -162,10 +163,12 @@ def read_inputs(
     """
     found = find_sources([Path(path) for path in paths], foreign=columns is not None)
     sources = found.tables
+    kept = RowFilter() if columns is None else columns.filter
     if columns is not None and sources:
-        sources = tuple(one for one in sources if columns.filter.reads(one.about))
+        sources = tuple([one for one in sources if kept.reads(one.about)])
         if not sources:
-            raise ResultFileError(paths[0], None, "[rows] of the map leaves all files out")
+            kept.refuse_unmet(str(paths[0]))
+            raise ResultFileError(paths[0], None, f"all files are left out by {kept.told()}")
     if not sources:
         without = left_out(found, accept_altered=accept_altered)
         why = [*without.told.values(), *(one for lines in without.lost.values() for one in lines)]
@@ -175,7 +178,7 @@ def read_inputs(
     counts = count_columns(columns.table) if columns else None
     if columns and counts:
         with unchanged(files), watched(sources) as asked:
-            counted = read_counted(asked, columns, counts)
+            counted = read_counted(asked, columns, counts, kept)
         without = left_out(found, accept_altered=accept_altered)
         return LoadedTrials(
             trials=with_reasons(no_rows()),
@@ -195,14 +198,15 @@ def read_inputs(
         read = [
             one
             for batch in batches(asked)
-            for one in read_batch(batch, columns, accept_altered=accept_altered)
+            for one in read_batch(batch, columns, kept=kept, accept_altered=accept_altered)
         ]
+    kept.refuse_unmet(str(paths[0]))
     without = left_out(found, accept_altered=accept_altered)
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
     unread = sum(table.left_out for table in tables)
     if not any(table.trials for table in tables):
-        empty = f"[rows] of the map leaves all {unread} rows out" if unread else _NOTHING_YET
+        empty = f"all {unread} rows are left out by {kept.told()}" if unread else _NOTHING_YET
         raise ResultFileError(tables[0].path, 1, empty)
     told = [one.rows for one in read if not one.rows.empty]
     trials = _numbered(pd.concat(told, ignore_index=True))

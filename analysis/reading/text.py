@@ -67,7 +67,7 @@ def shown(value: str) -> str:
 MAX_LINE = 65_536
 CHUNK_ROWS = 4_096
 
-SEPARATORS: Final[Mapping[str, str]] = MappingProxyType(
+DELIMITERS: Final[Mapping[str, str]] = MappingProxyType(
     {",": "commas", ";": "semicolons", "\t": "tabs", "|": "vertical bars", " ": "spaces"}
 )
 """What may stand between the columns of a table made elsewhere."""
@@ -90,7 +90,7 @@ Chunk = tuple[list[int], list[list[str]]]
 class TextFormat:
     """How a table made elsewhere is written; what is empty text is seen in the file."""
 
-    separator: str = ""  # one of `SEPARATORS`
+    delimiter: str = ""  # one of `DELIMITERS`
     encoding: str = ""  # as Python names it; else by the byte order mark, or UTF-8
     quoted: bool = True  # cells may stand in quotation marks
 
@@ -106,7 +106,7 @@ def text_chunks(
     on which its rows begin, and their cells; with `empty_allowed` a header alone is one chunk
     without rows. Of the stream nothing is read beyond the first fault.
 
-    Raises ResultFileError for an empty file, a header alone, a doubled column, another separator, a
+    Raises ResultFileError for an empty file, a header alone, a doubled column, another delimiter, a
     row with too few or too many fields, text of another encoding, a NUL or a line over `MAX_LINE`
     characters; for what is wrong below the header, when its chunk is asked for.
 
@@ -146,7 +146,7 @@ def _records(
     reader = csv.reader(
         chain([first], lines),
         strict=True,
-        delimiter=_separator(first, file, form) if form else ",",
+        delimiter=_delimiter(first, file, form) if form else ",",
         quoting=csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE,
     )
     begins = 1
@@ -160,15 +160,15 @@ def _records(
         raise ResultFileError(file, begins, message) from None
 
 
-def _separator(heading: str, file: str, form: TextFormat) -> str:
-    if form.separator:
-        return form.separator
+def _delimiter(heading: str, file: str, form: TextFormat) -> str:
+    if form.delimiter:
+        return form.delimiter
     bare = re.sub('"[^"]*"', "", heading)
-    seen = [separator for separator in _SEEN if separator in bare] or [","]
+    seen = [delimiter for delimiter in _SEEN if delimiter in bare] or [","]
     most = max(seen, key=bare.count)
     if len(seen) > 1 and most != ",":
-        could = " or ".join(SEPARATORS[separator] for separator in seen)
-        message = f"the columns may be separated by {could}; [file] separator of a map says which"
+        could = " or ".join(DELIMITERS[delimiter] for delimiter in seen)
+        message = f"the columns may be separated by {could}; [file] delimiter of a map says which"
         raise ResultFileError(file, 1, message)
     return most
 
@@ -232,7 +232,7 @@ def _check_header(header: list[str], file: str, form: TextFormat | None) -> None
     joined = ",".join(header)
     likely = max(_SEEN, key=joined.count)
     if form is None and likely != ",":
-        message = f"the columns seem to be separated by {SEPARATORS[likely]}; only commas are read"
+        message = f"the columns seem to be separated by {DELIMITERS[likely]}; only commas are read"
         raise ResultFileError(file, 1, message)
     for position, name in enumerate(header):
         if form is None and name in header[:position]:

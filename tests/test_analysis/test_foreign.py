@@ -51,11 +51,36 @@ def test_only_rows_that_the_map_keeps_are_read_and_the_others_are_counted(tmp_pa
 def test_filters_of_columns_that_a_table_lacks_or_that_leave_nothing_are_refused(
     tmp_path: Path,
 ) -> None:
-    path = put(tmp_path / "t.csv", LEAST + "1,left,60,left\n")
+    path = put(tmp_path / "t.csv", LEAST + "1,left,60,left\n1,right,60,none\n")
     lacks = refused(path, columns=ColumnMap(rows={"skip": {"phase": "a"}}))
     assert "no column 'phase', named by [rows]; it has participant, side" in str(lacks)
-    nothing = refused(path, columns=ColumnMap(rows={"keep": {"side": "right"}}))
-    assert "[rows] of the map leaves all 1 rows out" in str(nothing)
+    rows = {"keep": {"side": "right"}, "skip": {"response": "none"}}
+    nothing = refused(path, columns=ColumnMap(rows=rows))
+    assert "all 2 rows are left out by [rows.keep] side and [rows.skip] response" in str(nothing)
+
+
+@pytest.mark.parametrize("counts", [False, True])
+def test_a_word_of_a_filter_that_stands_in_no_row_is_refused_with_those_that_do(
+    tmp_path: Path, *, counts: bool
+) -> None:
+    text = "participant,side,level_vpp,response,phase,k,n\n1,left,60,left,practice,9,9\n"
+    paths = [put(tmp_path / "a.csv", text), put(tmp_path / "b.csv", text.replace("practice", "go"))]
+    table = {"detected": "k", "presented": "n"} if counts else {}
+    for section, word in (("skip", "practise"), ("keep", "practise"), ("skip", ["go", "practise"])):
+        columns = ColumnMap(rows={section: {"phase": word}}, table=table, task="yes/no")
+        said = f"[rows.{section}] phase: 'practise' stands in no row, allowed 'go', 'practice'"
+        assert said in str(refused(*paths, columns=columns))
+    kept = ColumnMap(rows={"skip": {"phase": ["go", ""]}}, table=table, task="yes/no")
+    assert read_inputs(paths, kept).left_out == 1
+    nothing = ColumnMap(rows={"skip": {"phase": ["go", "practice"]}}, table=table, task="yes/no")
+    assert "[rows.skip] phase" in str(refused(*paths, columns=nothing))
+
+
+def test_a_word_that_no_name_of_a_file_tells_is_refused_with_those_that_do(tmp_path: Path) -> None:
+    put(tmp_path / "sub-1/beh/sub-1_task-felt_beh.tsv", LEAST.replace(",", "\t"))
+    columns = ColumnMap(rows={"keep": {"task-": "fell"}})
+    said = "[rows.keep] task-: 'fell' is told by no file's name, allowed 'felt'"
+    assert said in str(refused(tmp_path, columns=columns))
 
 
 def test_a_percentage_of_full_scale_is_a_level_by_its_factor(tmp_path: Path) -> None:
@@ -234,11 +259,11 @@ def test_results_of_a_data_set_are_not_written_into_it(
 @pytest.mark.parametrize(
     ("section", "words"),
     [
-        ({"file": {"separator": "::"}}, "[file] separator: allowed ',', ';'"),
-        ({"file": {"separator": ",", "decimal": ","}}, "must be another sign than decimal"),
+        ({"file": {"delimiter": "::"}}, "[file] delimiter: allowed ',', ';'"),
+        ({"file": {"delimiter": ",", "decimal": ","}}, "must be another sign than decimal"),
         ({"file": {"encoding": "zip"}}, "[file] encoding: must name one"),
         ({"file": {"encoding": "latin-99"}}, "[file] encoding: must name one"),
-        ({"file": {"quote": "'"}}, "[file] quote: allowed separator, decimal, encoding"),
+        ({"file": {"quote": "'"}}, "[file] quote: allowed delimiter, decimal, encoding"),
         ({"rows": {"drop": {}}}, "[rows.drop] is not known"),
         ({"rows": {"keep": {"phase": 1}}}, "[rows.keep] phase: must be text in quotation marks"),
         ({"rows": {"keep": ["phase"]}}, "[rows.keep] must be a table"),

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis import ResultFileError
-from analysis.reading.text import CHUNK_ROWS, MAX_LINE, SEPARATORS, Chunk, TextFormat, text_chunks
+from analysis.reading.text import CHUNK_ROWS, DELIMITERS, MAX_LINE, Chunk, TextFormat, text_chunks
 
 BROKEN: list[tuple[bytes, int, str]] = [
     (b"", 1, "the file is empty"),
@@ -96,9 +96,9 @@ def test_a_table_made_elsewhere_says_by_itself_how_it_is_written(raw: bytes) -> 
 
 
 def test_a_heading_that_could_be_read_in_two_ways_is_refused() -> None:
-    with pytest.raises(ResultFileError, match=r"commas or semicolons; \[file\] separator"):
+    with pytest.raises(ResultFileError, match=r"commas or semicolons; \[file\] delimiter"):
         read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat())
-    [(_, rows)] = read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat(separator=";"))
+    [(_, rows)] = read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat(delimiter=";"))
     assert rows == [["1", "2", "3"]]
 
 
@@ -118,7 +118,7 @@ def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
     form=st.none()
     | st.builds(
         TextFormat,
-        separator=st.sampled_from(["", *SEPARATORS]),
+        delimiter=st.sampled_from(["", *DELIMITERS]),
         encoding=st.sampled_from(["", "utf-16", "utf-32", "cp1252", "utf-7"]),
         quoted=st.booleans(),
     ),

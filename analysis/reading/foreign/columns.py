@@ -85,7 +85,7 @@ class ColumnMap:
         Our column to the factor that brings a number of theirs to our unit, where it is none of
         `UNITS`.
     file : mapping of str to str
-        ``separator``, ``decimal``, ``encoding``, see `analysis.reading.foreign.form`.
+        ``delimiter``, ``decimal``, ``encoding``, see `analysis.reading.foreign.form`.
     rows : mapping
         ``keep`` and ``skip``: their column to a word or to words, see `row_filter`.
     axis : mapping of str to str
@@ -171,7 +171,7 @@ class ColumnMap:
     def form(self, suffix: str) -> TextFormat:
         """Say how a file with this ending is written.
 
-        >>> ColumnMap(file={"separator": ";"}).form(".csv").separator
+        >>> ColumnMap(file={"delimiter": ";"}).form(".csv").delimiter
         ';'
         """
         return text_format(self.file, suffix)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from analysis.reading.foreign.columns import ColumnMap
+    from analysis.reading.foreign.form import RowFilter
     from analysis.reading.foreign.table import CountColumns
     from analysis.reading.sources import InputTable
 
@@ -59,9 +60,9 @@ class Counted:
 
 
 def read_counted(
-    sources: Iterable[InputTable], columns: ColumnMap, counts: CountColumns
+    sources: Iterable[InputTable], columns: ColumnMap, counts: CountColumns, kept: RowFilter
 ) -> Counted:
-    """Read tables of counts as one table of cells.
+    """Read tables of counts, of which rows are `kept`, as one table of cells.
 
     Rows with nothing presented are checked and left out.
 
@@ -76,18 +77,21 @@ def read_counted(
     for source in sources:
         first = first or str(source.path)
         try:
-            for rows, number in _frames(source, columns, counts):
+            for rows, number in _frames(source, columns, counts, kept):
                 frames.append(rows)
                 left_out += number
             inputs.append(InputFile(name=source.name, sha256=sha256_of(source.path)))
         except OSError as error:
             raise unreadable(error, source.path) from None
+    kept.refuse_unmet(first)
     rows = pd.concat([one for one in frames if len(one)] or frames[:1], ignore_index=True)
     refuse_repeat(rows, [n for n in COUNTED_COLUMNS if n in rows], "told already at")
     rows = rows[rows["presented"].gt(0)]
     single, blank = rows[rows["kind"].eq("single")], rows[rows["kind"].eq("blank")]
     if single.empty:
-        raise ResultFileError(first, None, "nothing was presented in any row")
+        out = f"; {left_out} are left out by {kept.told()}" if left_out else ""
+        message = f"nothing was presented in any row{out}"
+        raise ResultFileError(first, None, message)
     cells = single.groupby(CELL, as_index=False)[["detected", "presented"]].sum()
     unknown = dict.fromkeys(UNKNOWN, float("nan"))
     return Counted(
@@ -107,7 +111,7 @@ def _blanks(single: pd.DataFrame, blank: pd.DataFrame) -> pd.DataFrame:
 
 
 def _frames(
-    source: InputTable, columns: ColumnMap, counts: CountColumns
+    source: InputTable, columns: ColumnMap, counts: CountColumns, kept: RowFilter
 ) -> Iterator[tuple[pd.DataFrame, int]]:
     file = str(source.path)
     signed = axis_of(columns.axis).signed
@@ -116,7 +120,7 @@ def _frames(
             stream,
             file,
             form=columns.form(source.path.suffix),
-            rows=columns.filter,
+            rows=kept,
             about=source.about,
         )
         for (lines, cells), left_out in chunks:
@@ -167,13 +171,17 @@ def _rules(rows: pd.DataFrame, counts: CountColumns, *, signed: bool) -> Iterato
         must = "left or right, for single stimuli are counted"
         broken = single & ~rows["side"].isin(["left", "right"])
         yield Rule(column="side", must=must, broken=broken)
+    over = rows["detected"].gt(rows["presented"])
+    of = rows.loc[over, "presented"].iloc[0] if over.any() else ""
     yield Rule(
         column="detected",
-        must=f"at most what was presented, column {shown(counts.presented)}",
-        broken=rows["detected"].gt(rows["presented"]),
+        label=counts.detected,
+        must=f"at most what was presented, {of} in column {shown(counts.presented)}",
+        broken=over,
     )
     yield Rule(
         column="presented",
+        label=counts.presented,
         must=f"at most {MOST_PRESENTED:.0e}",
         broken=rows["presented"].gt(MOST_PRESENTED),
     )

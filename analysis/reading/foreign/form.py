@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from analysis.reading.text import (
-    SEPARATORS,
+    DELIMITERS,
     TWICE,
     ResultFileError,
     TextFormat,
@@ -20,20 +20,21 @@ if TYPE_CHECKING:
     from analysis.reading.text import Chunk
 
 
-FILE_KEYS: Final = ("separator", "decimal", "encoding")
+FILE_KEYS: Final = ("delimiter", "decimal", "encoding")
 DECIMALS: Final = (".", ",")
-_SEPARATOR_OF: Final = {".tsv": "\t"}
+_DELIMITER_OF: Final = {".tsv": "\t"}
+_MOST_TOLD: Final = 8
 
 
 def check_file(section: Mapping[str, Any]) -> None:
     """Refuse what a map's section ``[file]`` cannot say.
 
-    >>> check_file({"separator": ";", "decimal": ","})
+    >>> check_file({"delimiter": ";", "decimal": ","})
     >>> check_file({"decimal": ";"})
     Traceback (most recent call last):
     ValueError: [file] decimal: allowed '.', ',', got ';'
     """
-    choices = {"separator": tuple(SEPARATORS), "decimal": DECIMALS}
+    choices = {"delimiter": tuple(DELIMITERS), "decimal": DECIMALS}
     for key, value in section.items():
         if key not in FILE_KEYS:
             raise ValueError(f"[file] {key}: allowed {', '.join(FILE_KEYS)}")
@@ -44,8 +45,8 @@ def check_file(section: Mapping[str, Any]) -> None:
             raise ValueError(
                 f'[file] encoding: must name one, such as "cp1252" or "utf-16", got {value!r}'
             )
-    if section.get("separator") == section.get("decimal", "."):
-        raise ValueError("[file] separator: must be another sign than decimal")
+    if section.get("delimiter") == section.get("decimal", "."):
+        raise ValueError("[file] delimiter: must be another sign than decimal")
 
 
 def _is_encoding(name: object) -> bool:
@@ -58,11 +59,11 @@ def _is_encoding(name: object) -> bool:
 def text_format(section: Mapping[str, str], suffix: str) -> TextFormat:
     r"""Return how a file with this ending is written; one that ends in .tsv has tabs.
 
-    >>> text_format({"decimal": ","}, ".tsv").separator
+    >>> text_format({"decimal": ","}, ".tsv").delimiter
     '\t'
     """
-    separator = section.get("separator", _SEPARATOR_OF.get(suffix.lower(), ""))
-    return TextFormat(separator=separator, encoding=section.get("encoding", ""))
+    delimiter = section.get("delimiter", _DELIMITER_OF.get(suffix.lower(), ""))
+    return TextFormat(delimiter=delimiter, encoding=section.get("encoding", ""))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +71,7 @@ class RowFilter:
     """Which rows are read: with one of the words in each column of `keep`, in none of `skip`.
 
     A name that ends in ``-`` is told by the file's name, see `analysis.reading.foreign.bids.about`;
-    a file that does not tell it has empty text there.
+    a file that does not tell it has empty text there. `met` has what stood in these columns so far.
 
     >>> kept = RowFilter(skip={"trials.thisN": ("",)}).rule(["trials.thisN"], "t.csv")
     >>> kept(["0"]), kept([""])
@@ -79,14 +80,14 @@ class RowFilter:
 
     keep: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     skip: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    met: dict[str, set[str]] = field(default_factory=dict)
 
     def reads(self, about: Mapping[str, str]) -> bool:
         """Tell whether any row is read of a file whose name tells this."""
-        return all(
-            (about.get(name, "") in words) is wanted
-            for name, words, wanted in self._tests()
-            if name.endswith("-")
-        )
+        tests = [one for one in self._tests() if one[0].endswith("-")]
+        for name, _, _ in tests:
+            self.met.setdefault(name, set()).add(about.get(name, ""))
+        return all((about.get(name, "") in words) is wanted for name, words, wanted in tests)
 
     def rule(self, header: list[str], file: str) -> Callable[[list[str]], bool]:
         """Return the test that each row has to pass.
@@ -100,7 +101,52 @@ class RowFilter:
             elif not name.endswith("-"):
                 message = f"no column {shown(name)}, named by [rows]; it has {', '.join(header)}"
                 raise ResultFileError(file, 1, message)
-        return lambda row: all((row[at] in words) is wanted for at, words, wanted in tests)
+        met = [(at, self.met.setdefault(header[at], set())) for at, _, _ in tests]
+
+        def reads(row: list[str]) -> bool:
+            for at, words in met:
+                words.add(row[at])
+            return all((row[at] in words) is wanted for at, words, wanted in tests)
+
+        return reads
+
+    def refuse_unmet(self, file: str) -> None:
+        """Refuse a word that stood in no row so far: it is misspelled, or of another data set.
+
+        Empty text is none: a table may have no empty cell.
+
+        >>> kept = RowFilter(skip={"phase": ("practise",)}, met={"phase": {"practice", "main"}})
+        >>> kept.refuse_unmet("t.csv")
+        Traceback (most recent call last):
+        analysis.reading.text.ResultFileError: t.csv: [rows.skip] phase: 'practise' stands in no
+        row, allowed 'main', 'practice'
+        """
+        for key, (name, words, _) in zip(self._keys(), self._tests(), strict=True):
+            met = self.met.get(name, set())
+            for word in words:
+                if word and word not in met and met:
+                    there = sorted(met)[:_MOST_TOLD]
+                    more = ", ..." * (len(met) > len(there))
+                    what = "is told by no file's name" if name.endswith("-") else "stands in no row"
+                    message = (
+                        f"{key}: {shown(word)} {what}, allowed {', '.join(map(shown, there))}{more}"
+                    )
+                    raise ResultFileError(file, None, message)
+
+    def told(self) -> str:
+        """Name the keys, for what is said of the rows that they leave out.
+
+        >>> RowFilter(keep={"phase": ("main",)}, skip={"n": ("",)}).told()
+        '[rows.keep] phase and [rows.skip] n'
+        """
+        return " and ".join(self._keys())
+
+    def _keys(self) -> list[str]:
+        return [
+            f"[rows.{section}] {name}"
+            for section, columns in (("keep", self.keep), ("skip", self.skip))
+            for name in columns
+        ]
 
     def _tests(self) -> Iterator[tuple[str, tuple[str, ...], bool]]:
         for section, wanted in ((self.keep, True), (self.skip, False)):
@@ -132,7 +178,7 @@ def row_filter(section: Mapping[str, Any]) -> RowFilter:
                     f"got {given!r}"
                 )
             told[which][name] = tuple(words)
-    return RowFilter(**told)
+    return RowFilter(keep=told.get("keep", {}), skip=told.get("skip", {}))
 
 
 def refuse_doubled(header: list[str], ours: list[str], file: str) -> None:
