@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
+import re
 import warnings
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -12,7 +14,7 @@ import numpy as np
 from analysis.axis import shortest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     import pandas as pd
     from matplotlib.axes import Axes
@@ -31,6 +33,7 @@ WIDTH_IN: Final = 4.2
 """One panel stands below the other, so that a telephone shows the letters large enough."""
 
 _LONGEST_NAME = 14
+_PARTS = re.compile(r"<U\+[0-9A-F]+>|.", re.DOTALL)
 _BELOW_IN = 0.5
 _LEAST_MARGIN = 1.001
 _DPI = 200.0
@@ -136,11 +139,21 @@ def short(name: str) -> str:
 
     >>> short("S01"), short("S" * 64)
     ('S01', 'SSSSSSS…SSSSSS')
+    >>> short("S1<U+200F>S2<U+200F>")  # an escape stands as a whole, or not at all
+    'S1…S2<U+200F>'
     """
     if len(name) <= _LONGEST_NAME:
         return name
-    half = _LONGEST_NAME // 2
-    return f"{name[:half]}…{name[len(name) - half + 1 :]}"
+    parts = _PARTS.findall(name)
+    first = "".join(_taken(parts, _LONGEST_NAME // 2))
+    last = _taken(parts[::-1], _LONGEST_NAME - 1 - len(first))
+    return f"{first}…{''.join(last[::-1])}"
+
+
+def _taken(parts: Sequence[str], letters: int) -> list[str]:
+    """Return as many of the first parts as have together at most so many letters."""
+    lengths = itertools.accumulate(map(len, parts))
+    return [part for part, length in zip(parts, lengths, strict=True) if length <= letters]
 
 
 def level_axis(
