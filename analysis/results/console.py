@@ -18,6 +18,7 @@ from analysis.results.rows import (
     forced_choice,
     level_rows,
     not_compared_words,
+    population_spread,
     population_text,
 )
 
@@ -144,7 +145,10 @@ def _control_lines(table: pd.DataFrame) -> Iterator[str]:
 def _population_lines(analysis: Analysis) -> Iterator[str]:
     for one in analysis.population:
         where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
-        told = one.reason or population_text(one, analysis.axis.unit)
+        told = one.reason
+        if not told:
+            spread = population_spread(one, analysis.axis)
+            told = f"{population_text(one, analysis.axis)}, between people {spread} (SD)"
         yield f"Threshold of the population{where}: {told}."
     if analysis.population:
         yield POPULATION

@@ -81,12 +81,11 @@ def _study(study: Study) -> Iterator[tuple[str, str]]:
     from experiment.preview.check_report import burst_words
     from experiment.study.sources import plate_words
 
-    strip, design, device = study.strip, study.design, study.device
+    design, device = study.design, study.device
     yield "Study", study.name
     yield "Plate", f"{plate_size(study)}; {plate_words(study.plate)}"
-    material = strip.material
-    elastic = f"{material.youngs_modulus_pa / 1e9:g} GPa, Poisson's ratio"
-    yield "Material", f"{elastic} {material.poisson_ratio:g}, {material.density_kg_m3:g} kg/m3"
+    yield "Material", material_words(study)
+    yield "Cut-off frequency", cutoff_words(study)
     for one in study.actuators:
         sizes_m = (one.diameter_m, one.length_x_m, one.length_y_m)
         size = " x ".join(f"{size_m * 1e3:g}" for size_m in sizes_m if size_m is not None)
@@ -117,6 +116,49 @@ def plate_size(study: Study) -> str:
     strip = study.strip
     length = "endless" if strip.length_m is None else f"{strip.length_m * 1e3:g} mm long"
     return f"{strip.width_m * 1e3:g} mm wide, {length}, {strip.thickness_m * 1e3:g} mm thick"
+
+
+def material_words(study: Study) -> str:
+    """Return what a plate is made of.
+
+    >>> from experiment import paper_study
+    >>> material_words(paper_study())
+    "67 GPa, Poisson's ratio 0.346, 2700 kg/m3"
+    """
+    made_of = study.strip.material
+    elastic = f"{made_of.youngs_modulus_pa / 1e9:g} GPa, Poisson's ratio"
+    return f"{elastic} {made_of.poisson_ratio:g}, {made_of.density_kg_m3:g} kg/m3"
+
+
+def cutoff_words(study: Study) -> str:
+    """Return a plate's first cut-off, and where it is from.
+
+    >>> from experiment import paper_study
+    >>> cutoff_words(paper_study())
+    '2900 Hz, measured by the paper (figure 4)'
+    """
+    from experiment.study.sources import cutoff_source
+
+    found = cutoff_source(study.plate)
+    return f"{found.value:.4g} Hz, {found.words}"
+
+
+def guess_words(analysis: Analysis) -> list[str]:
+    """Return where guess rates are from, with their values, each once."""
+    told = []
+    for basis, rates in analysis.thresholds.groupby("guess_basis", sort=False)["guess_rate"]:
+        low, high = rates.min(), rates.max()
+        value = f"{low:.2g}" if f"{low:.2g}" == f"{high:.2g}" else f"{low:.2g} to {high:.2g}"
+        told.append(f"{value}, {_GUESSES.get(str(basis), str(basis))}")
+    return told
+
+
+_GUESSES: Final = {
+    "forced choice": 'known, as "none" was not an answer',
+    "blanks": "from blank trials",
+    "few blanks": "from few blank trials",
+    "assumed": "assumed, for want of blank trials: Beta(1, 10)",
+}
 
 
 def levels_words(study: Study) -> str:
@@ -154,6 +196,11 @@ def noise_words(study: Study) -> str:
     return f"{masking.noise}, {level}"
 
 
+IN_METHODS: Final = {
+    told.__name__: told
+    for told in (plate_size, material_words, cutoff_words, levels_words, trials_words, noise_words)
+}
+"""What the paragraph of methods says of a study."""
 _OF_PLATE: Final = ("strip.", "actuator[", "finger_load", "level_db.")
 
 

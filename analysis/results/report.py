@@ -15,13 +15,11 @@ from analysis.results.answer import ANSWER_HEAD, REASONS, answer, left_out_words
 from analysis.results.compared import number_of
 from analysis.results.figures.confusion import stimulus
 from analysis.results.protocol import (
-    levels_words,
-    noise_words,
+    IN_METHODS,
+    guess_words,
     number_tables,
     planned,
-    plate_size,
     protocol_rows,
-    trials_words,
 )
 from analysis.results.rows import (
     CONTROL_HEAD,
@@ -158,11 +156,9 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         ],
         study=plans.studies[0] if plans.studies else None,
         studies=len(plans.studies),
-        plate_size=plate_size,
+        guesses=guess_words(analysis),
         burst_words=burst_words,
-        levels_words=levels_words,
-        trials_words=trials_words,
-        noise_words=noise_words,
+        **IN_METHODS,
         left_out=left_out_words(analysis),
         versions=versions(),
         definitions=DEFINITIONS,
@@ -247,8 +243,8 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
     ]
     if analysis.population:
         caption = "The participants as one population: logistic, a random intercept each"
-        header = ["Condition", "Participants", "Threshold (95 %)", "Between people", "Remark"]
-        cells = [population_cells(one, unit) for one in analysis.population]
+        header = ["Condition", "Participants", "Threshold (95 %)", "Between people (SD)", "Remark"]
+        cells = [population_cells(one, analysis.axis) for one in analysis.population]
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
               "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
-from analysis.axis import VOLTS, shortest, with_limits
+from analysis.axis import VOLTS, rounded, shortest, with_limits
 from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED
 from analysis.reading.text import named
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
     from analysis.answers.serial import SerialEffect
+    from analysis.axis import Axis
     from analysis.groups.population import PopulationThreshold
     from analysis.results.tables import Analysis, Counts
 
@@ -321,18 +322,27 @@ POPULATION: Final = (
 """What the population model leaves out."""
 
 
-def population_text(one: PopulationThreshold, unit: str) -> str:
+def population_text(one: PopulationThreshold, axis: Axis) -> str:
     """Return the threshold of a population and its limits; empty text where there is none."""
     if one.reason:
         return ""
     low, high = one.threshold_limits_vpp
-    return with_limits(one.threshold_vpp, low, high, unit, levels=(low, high))
+    return with_limits(one.threshold_vpp, low, high, axis.unit, levels=(low, high))
 
 
-def population_cells(one: PopulationThreshold, unit: str) -> list[str]:
+def population_spread(one: PopulationThreshold, axis: Axis) -> str:
+    """Return the standard deviation of people's thresholds, in dB on a logarithmic axis."""
+    if math.isnan(one.between_sd):
+        return "n/a"
+    if axis.x_scale == "log10":
+        return f"{20 * one.between_sd:.1f} dB"
+    return f"{rounded(one.between_sd, one.between_sd)} {axis.unit}"
+
+
+def population_cells(one: PopulationThreshold, axis: Axis) -> list[str]:
     """Return condition, participants, threshold, spread between people, and remark."""
-    told = population_text(one, unit) or "n/a"
-    return [one.condition, str(one.participants), told, p_text(one.between_sd), one.reason]
+    told = population_text(one, axis) or "n/a"
+    return [one.condition, str(one.participants), told, population_spread(one, axis), one.reason]
 
 
 _SERIAL = {

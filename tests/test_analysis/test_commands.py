@@ -509,6 +509,11 @@ def test_a_population_is_fitted_only_on_request(example: Path, tmp_path: Path) -
     assert low < one["threshold_vpp"] < high
     report = (tmp_path / "report.html").read_text()
     assert f"{one['threshold_vpp']:.1f} V ({low:.1f} to {high:.1f})" in report
+    spread = f"{20 * one['between_sd']:.1f} dB"
+    assert f">{spread}<" in report.replace("<bdi>", "").replace("</bdi>", "")
+    terminal = " ".join(result.stdout.split())
+    assert f"between people {spread} (SD)" in terminal
+    assert "It leaves out lapses and guesses" in terminal
 
 
 def test_a_population_that_cannot_be_fitted_has_a_reason(tmp_path: Path) -> None:

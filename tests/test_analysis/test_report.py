@@ -257,6 +257,17 @@ def test_the_report_says_how_the_fingers_lay_on_the_plate(
     write_analysis([simulate(tmp_path / "lab", contact, participants=2)], tmp_path / "out",
                    figures=False)  # fmt: skip
     told = Outline((tmp_path / "out" / "report.html").read_text(encoding="utf-8")).text
+    pasted = " ".join(told.partition("Methods, to paste")[2].split())
+    for words in (
+        "67 GPa",
+        "cut-off frequency (2900 Hz, measured by the paper",
+        "median 2 dB",
+        "exp(-distance / 3 dB)",
+        "Beta(1, 10)",
+        "half-normal prior of 6 dB",
+        "Franco",
+    ):
+        assert words in pasted
     protocol, _, to_paste = told.partition("Methods, to paste")
     assert protocol.count("held: <b>20 g on the nail") == 1
     assert to_paste.count("held: <b>20 g on the nail") == 1
@@ -267,4 +278,8 @@ def test_the_report_says_how_the_fingers_lay_on_the_plate(
 
 @pytest.mark.slow
 def test_a_report_of_tables_without_plans_says_that_no_plate_is_known(tmp_path: Path) -> None:
-    assert "No plan beside the tables tells of a plate." in report(tmp_path)
+    told = report(tmp_path)
+    assert "No plan beside the tables tells of a plate." in told
+    # Of one participant there is no group, nor what its intervals rest on.
+    assert "effective" not in told.partition("Methods, to paste")[2]
+    assert "Franco" not in told
