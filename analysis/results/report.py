@@ -121,6 +121,10 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
     style = _text("report.css")
     digest = _base64(hashlib.sha256(style.encode()).digest())
     found, plans, kinds = answer(analysis), planned(analysis), devices(analysis.trials)
+    drawn = list(pictures)
+    # Pages of many people come after what is told of all of them.
+    several = [one for one in drawn if one.figure == "participants"]
+    of_people = several if len(several) > 1 else []
     unit = "V: volts peak-to-peak; " if analysis.axis.unit == VOLTS.unit else ""
     return pages.get_template("report.html.jinja").render(
         analysis=analysis,
@@ -141,7 +145,8 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         else [],
         conditions=sorted({*analysis.trials["condition"], *analysis.levels["condition"]}),
         not_compared=not_compared_words(analysis.not_compared) if analysis.not_compared else "",
-        pictures=list(pictures),
+        pictures=[one for one in drawn if one not in of_people],
+        of_people=of_people,
         sections=[
             *_thresholds(analysis),
             _detection(analysis),

@@ -12,8 +12,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from analysis import ColumnMap, ResultFileError, write_analysis
+from analysis.results.figures.figures import Picture
 from analysis.results.files import NAMES
-from tests.test_analysis.shared import files, put
+from analysis.results.report import report_html
+from analysis.results.tables import analyse
+from tests.test_analysis.shared import LEAST, files, loaded, put
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -283,3 +286,24 @@ def test_a_report_of_tables_without_plans_says_that_no_plate_is_known(tmp_path: 
     # Of one participant there is no group, nor what its intervals rest on.
     assert "effective" not in told.partition("Methods, to paste")[2]
     assert "Franco" not in told
+
+
+def test_pages_of_many_people_come_after_what_is_told_of_all(tmp_path: Path) -> None:
+    trials = LEAST + "1,left,60,left\n1,left,90,left\n"
+    analysis = analyse(loaded(tmp_path, trials))
+
+    def page(sheets: int) -> str:
+        names = ["detection", *["participants"] * sheets, "thresholds"]
+        drawn = [
+            Picture(figure=name, name=name, title=f"{name} drawn", caption="", alt="", png=b"",
+                    svg=b"")
+            for name in names
+        ]  # fmt: skip
+        return report_html(analysis, drawn)
+
+    for sheets in (1, 3):
+        told = page(sheets)
+        assert told.count("participants drawn") == sheets
+        tables = told.index("<h2>Detection by level</h2>")
+        assert told.index("thresholds drawn") < tables
+        assert (told.index("participants drawn") > tables) == (sheets > 1)
