@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import dataclass, field
@@ -28,6 +29,10 @@ DETECTED = Column(
     choices=("0", "1", *(word for word in RESPONSES if word in {"timeout", "invalid"})),
     description="whether the stimulus was felt, in tables that do not tell the side answered",
 )
+TRUTHS: Mapping[str, str] = MappingProxyType(
+    dict.fromkeys(("true", "True", "TRUE"), "1") | dict.fromkeys(("false", "False", "FALSE"), "0")
+)
+"""How jsPsych, Python and R write whether something was detected."""
 UNANSWERED = Column(
     name="unanswered",
     type="bool",
@@ -36,6 +41,13 @@ UNANSWERED = Column(
     description="whether a time-out is coded in another column than the answer",
 )
 
+# What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
+UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
+    {
+        "_s": {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6)},
+        "_vpp": {"V": (1.0, 1.0), "mV": (1.0, 1e3), "V-peak": (2.0, 1.0), "mV-peak": (2.0, 1e3)},
+    }
+)
 _LEAST: Mapping[str, int] = MappingProxyType(
     {
         "schema": SCHEMA,
@@ -66,6 +78,15 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WHOLE = re.compile(r"-?\d+(\.0*)?", re.ASCII)
 _COMMA = re.compile(r"[+-]?\d*,\d+", re.ASCII)
 _FLAGS: Mapping[str, bool] = MappingProxyType({"true": True, "false": False})
+
+
+def units_of(ours: str) -> Mapping[str, tuple[float, float]]:
+    """Return the units that a column of ours may have elsewhere.
+
+    >>> [*units_of("rt_s")]
+    ['s', 'ms', 'us']
+    """
+    return next((units for suffix, units in UNITS.items() if ours.endswith(suffix)), {})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,6 +209,8 @@ class CellReader:
         """Read one cell; a word of theirs stands for a value in our unit already."""
         if text in self.words:
             return parse(self.column, self.words[text], least=self.least)
+        if self.column == DETECTED:
+            text = TRUTHS.get(text, text)
         if self.decimal != "." and self.column.type in {"int", "float"}:
             if "." in text:
                 raise ValueError("a point where commas are decimal")
@@ -196,7 +219,10 @@ class CellReader:
         return value * self.scale[0] / self.scale[1] if isinstance(value, float) else value
 
     def _hint(self, text: str) -> str:
-        """Say what a map could say of a number with a comma."""
+        """Say what a map could say of a number with a comma, or of another word for 0 and 1."""
+        if self.column == DETECTED and text:
+            key = json.dumps(text[:_LONGEST_TEXT], ensure_ascii=False)
+            return f'; a map says what it stands for, as [values.detected] {key} = "1"'
         if self.column.type != "float" or not _COMMA.fullmatch(text) or self.decimal != ".":
             return ""
         return '; where commas are decimal, a map says [file] decimal = ","'

@@ -93,6 +93,16 @@ def test_answers_of_0_and_1_need_their_task_and_what_has_no_column(tmp_path: Pat
     assert read.axis.x_scale == "linear"
 
 
+def test_true_and_false_beside_keys_are_told_as_they_stand(tmp_path: Path) -> None:
+    text = "subject,side,volume,response,correct\ns,left,60,f,true\ns,right,60,f,false\n"
+    draft, _ = map_draft(find_sources([put(tmp_path / "t.csv", text)], foreign=True).tables)
+    assert 'response = "response"  # guess; correct has 2 values: true, false' in draft
+    asked = text.replace("response", "asked").replace(",f,", ",x,")
+    draft, _ = map_draft(find_sources([put(tmp_path / "u.csv", asked)], foreign=True).tables)
+    assert 'detected = "correct"  # guess; 2 values: true, false' in draft
+    assert "values.detected" not in draft
+
+
 def test_the_command_writes_no_file_twice_and_takes_no_table_of_ours(tmp_path: Path) -> None:
     table, target = put(tmp_path / "t.csv", LEAST + "1,left,60,f\n"), tmp_path / "map.toml"
     done = run("columns", table, "--write", target)

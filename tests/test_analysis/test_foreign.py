@@ -135,6 +135,19 @@ def test_zeros_and_ones_under_the_name_correct_are_trials_with_a_task(tmp_path: 
     ]
 
 
+def test_true_and_false_are_whether_something_was_detected_and_other_words_need_a_map(
+    tmp_path: Path,
+) -> None:
+    text = "participant,side,level_vpp,correct\n1,left,60,true\n1,right,60,FALSE\n"
+    columns = ColumnMap(columns={"detected": "correct"}, task="yes/no")
+    assert told(loaded(tmp_path, text, columns), "response") == [["left"], ["none"]]
+    own = {"detected": {"true": "0", "FALSE": "timeout"}}
+    other = ColumnMap(columns={"detected": "correct"}, values=own, task="yes/no")
+    assert told(loaded(tmp_path, text, other), "response") == [["none"], ["timeout"]]
+    error = refused(put(tmp_path / "w.csv", text.replace("true", "yes")), columns=columns)
+    assert 'a map says what it stands for, as [values.detected] "yes" = "1"' in str(error)
+
+
 def test_a_name_that_stands_twice_is_refused_only_where_it_is_needed(tmp_path: Path) -> None:
     text = "participant,side,level_vpp,response,note,note\n1,left,60,left,a,b\n"
     assert told(loaded(tmp_path, text), "level_vpp") == [[60.0]]

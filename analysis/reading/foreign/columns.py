@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,9 +13,15 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from analysis.axis import axis_of
-from analysis.reading.cells import ANY, DETECTED, UNANSWERED, CellReader, allowed, parse
+from analysis.reading.cells import ANY, DETECTED, UNANSWERED, CellReader, allowed, parse, units_of
 from analysis.reading.foreign.bids import STANDS_FOR
-from analysis.reading.foreign.form import check_file, refuse_doubled, row_filter, text_format
+from analysis.reading.foreign.form import (
+    check_file,
+    refuse_doubled,
+    row_filter,
+    text_format,
+    toml_document,
+)
 from analysis.reading.foreign.table import COUNTED_COLUMNS, count_columns
 from analysis.reading.sources import read_regular
 from analysis.reading.text import ResultFileError, shown
@@ -38,18 +43,11 @@ KEYS = ("task", "alternatives")
 """They stand before any section."""
 YES_NO, FORCED = "yes/no", "forced choice"
 _ALTERNATIVES = (2, 100)
+_FORCED_ONLY = f'alternatives: allowed beside task = "{FORCED}" only'
 _TASKLESS = (
     'counts, and answers of 0 and 1, need task = "yes/no" (who felt nothing could say so) or '
     'task = "forced choice" (who felt nothing had to guess) at the top of the map'
 )
-# What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
-UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
-    {
-        "_s": {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6)},
-        "_vpp": {"V": (1.0, 1.0), "mV": (1.0, 1e3), "V-peak": (2.0, 1.0), "mV-peak": (2.0, 1e3)},
-    }
-)
-
 # A table made elsewhere may lack these values; a trials.csv has them in every row.
 _OPTIONAL_ELSEWHERE = {"foreperiod_s", "study_sha256"}
 _OURS: Mapping[str, Column] = MappingProxyType(
@@ -79,11 +77,11 @@ class ColumnMap:
         Our column to the one value that it has in every row, in our unit; a level only where there
         is a stimulus.
     units : mapping of str to str
-        Our column to their unit, see `UNITS`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is an
-        amplitude, so that it counts twice.
+        Our column to their unit, see `units_of`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is
+        an amplitude, so that it counts twice.
     scale : mapping of str to float
         Our column to the factor that brings a number of theirs to our unit, where it is none of
-        `UNITS`.
+        `units_of`.
     file : mapping of str to str
         ``delimiter``, ``decimal``, ``encoding``, see `analysis.reading.foreign.form`.
     rows : mapping
@@ -141,8 +139,8 @@ class ColumnMap:
             for theirs, word in words.items():
                 _check_word(f"[values.{ours}] {shown(theirs)}", ours, word, self._least(ours))
         for ours, unit in self.units.items():
-            if unit not in _units_of(ours):
-                choices = ", ".join(_units_of(ours)) or "no unit but its own"
+            if unit not in units_of(ours):
+                choices = ", ".join(units_of(ours)) or "no unit but its own"
                 raise ValueError(f"[units] {ours}: allowed {choices}, got {shown(unit)}")
 
     def reader(self, ours: str) -> CellReader:
@@ -152,7 +150,7 @@ class ColumnMap:
         np.float64(0.612)
         """
         theirs = self.columns.get(ours) or ours
-        unit = _units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
+        unit = units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
         return CellReader(
             column=_OURS[ours],
             label=ours if ours == theirs else f"{theirs} ({ours})",
@@ -287,7 +285,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
     path = Path(path)
     try:
         raw = read_regular(path, _MAX_MAP_BYTES)
-        sections = _sections(tomllib.loads(raw.decode()))
+        sections = _sections(toml_document(raw.decode()))
         return ColumnMap(**sections, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
@@ -300,6 +298,8 @@ def _sections(document: dict[str, Any]) -> dict[str, Any]:
         if name not in SECTIONS or type(section) is not dict:
             known = ", ".join(f"[{section}]" for section in SECTIONS)
             raise ValueError(f"[{name}] is not a section of a map, allowed {known}")
+    if "alternatives" in document and document.get("task") != FORCED:
+        raise ValueError(_FORCED_ONLY)  # also of 2, which is the default
     plain = document.get("constant", {})
     numbers = {o: format_value(v) for o, v in plain.items() if type(v) in {bool, int, float}}
     return document | ({"constant": plain | numbers} if numbers else {})
@@ -352,7 +352,7 @@ def _check_task(columns: ColumnMap) -> None:
             f"alternatives: must be a whole number from {least} to {most}, got {number!r}"
         )
     if number > least and task != FORCED:
-        raise ValueError(f'alternatives: allowed beside task = "{FORCED}" only')
+        raise ValueError(_FORCED_ONLY)
 
 
 def _check_counts(columns: ColumnMap) -> None:
@@ -390,8 +390,3 @@ def _check_required(have: set[str], required: Iterable[str], file: str) -> None:
     if missing:
         message = f"no column {', '.join(missing)}; the map must say where it comes from"
         raise ResultFileError(file, 1, message)
-
-
-def _units_of(ours: str) -> Mapping[str, tuple[float, float]]:
-    matching: Iterable[str] = (suffix for suffix in UNITS if ours.endswith(suffix))
-    return UNITS.get(next(iter(matching), ""), {})

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
+from analysis.reading.cells import TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.form import RowFilter, foreign_chunks, text_format
@@ -227,15 +228,17 @@ def _answer(
     if "table" in sections:
         return
     if hit is not None and hit != response and response is not None:
-        _put(sections, "columns", "response", response, f"guess; 0 and 1 stand in {one_line(hit)}")
+        told = _of(table, hit)
+        _put(sections, "columns", "response", response, f"guess; {one_line(hit)} has {told}")
         _words(table, "response", response, sections)
     elif hit is not None:
         _put(sections, "columns", "detected", hit, f"guess; {_of(table, hit)}")
         if "response" in table.header:
             _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
         for word in table.words(hit):
-            if told := _FELT.get(word.lower()):
-                _put(sections, "values.detected", word, told, "guess")
+            ours = _FELT.get(word.lower())
+            if ours and word not in TRUTHS:
+                _put(sections, "values.detected", word, ours, "guess")
     elif response is not None:
         _named(table, "response", response, sections)
     else:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
@@ -10,6 +12,7 @@ from analysis.reading.text import (
     TWICE,
     ResultFileError,
     TextFormat,
+    one_line,
     shown,
     text_chunks,
 )
@@ -24,6 +27,30 @@ FILE_KEYS: Final = ("delimiter", "decimal", "encoding")
 DECIMALS: Final = (".", ",")
 _DELIMITER_OF: Final = {".tsv": "\t"}
 _MOST_TOLD: Final = 8
+_LONGEST_WORD: Final = 60
+
+
+_BARE: Final = re.compile(r"\s*([^=#]+?)\s*=\s*((?:[^\W\d_][^#\"']*?)?)\s*(?:#.*)?")
+"""A key of TOML with a word, or nothing, in the place of its value."""
+
+
+def toml_document(text: str) -> dict[str, Any]:
+    """Read a map's text, and say of a word without quotation marks what it needs.
+
+    >>> toml_document("task = yes")
+    Traceback (most recent call last):
+    ValueError: Invalid value (at line 1, column 8); task: text needs quotation marks, task = "yes"
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"Invalid value \(at (?:line (\d+)|end)", str(error))
+        line = text.split("\n")[int(place[1] or 0) - 1].rstrip("\r") if place else ""
+        if not (found := _BARE.fullmatch(line)):
+            raise
+        key, value = one_line(found[1]), one_line(found[2][:_LONGEST_WORD]) or "..."
+        message = f'{error}; {key}: text needs quotation marks, {key} = "{value}"'
+        raise ValueError(message) from None
 
 
 def check_file(section: Mapping[str, Any]) -> None:
