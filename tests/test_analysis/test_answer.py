@@ -660,6 +660,7 @@ def test_of_a_table_of_counts_nobody_knows_what_was_left_out(tmp_path: Path) -> 
     assert third == "Counts were read, which do not tell what was left out of them."
 
 
+@pytest.mark.slow
 def test_none_in_one_condition_only_is_told_as_that(tmp_path: Path) -> None:
     rows = "1,left,60,none,a\n1,left,95,left,a\n1,none,0,none,a\n2,left,60,right,b\n"
     analysis = analyse(loaded(tmp_path, LEAST.replace("\n", ",condition\n") + rows))

@@ -293,6 +293,7 @@ def test_what_a_map_cannot_mean_is_refused(section: dict[str, Any], words: str) 
     assert words in str(caught.value)
 
 
+@pytest.mark.slow
 def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_path: Path) -> None:
     for who in ("01", "02", "07"):
         answers = ("left", "left") if who == "07" else ("none", "right")
