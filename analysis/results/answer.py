@@ -149,12 +149,13 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
     elif len(groups) > SPELLED:
         yield f"the thresholds of {len(groups)} conditions stand in the table"
     told_of: tuple[str, set[str]] = "", set()
+    seen: set[str] = set()
     for _, group in groups.iterrows() if len(groups) <= SPELLED else ():
         condition, number = str(group["condition"]), int(group["participants"])
         alone = number == 1
         row = _one(analysis, condition) if alone else group
         names = _names(analysis, condition)
-        other = told_of[0] and not alone and not names & told_of[1]
+        other = told_of[0] and not alone and not names & seen
         who = f"{'another' if other else 'the'} group of {_people(analysis, number)}"
         if alone:
             who = f"{_kind(analysis)}participant {isolated(row['participant'])}"
@@ -163,6 +164,7 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
         when = f" in {_session(analysis, row['participant'], condition)}" if alone else ""
         yield f"{where} {subject} {_predicate(row)}{when}".lstrip()
         told_of = who, names
+        seen |= names
     yield from _doubted(analysis)
     yield from _remarks(analysis)
 

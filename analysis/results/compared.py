@@ -136,7 +136,8 @@ def difference_cell(one: Pair) -> str:
     if one.row["status"] != "ok":
         return str(one.row["printed"])
     low, high = one.ends_db
-    return f"{float(one.row['difference_db']):+.1f} dB ({low:+.1f} to {high:+.1f})"
+    at = round(float(one.row["difference_db"]), 1) + 0.0  # no minus before 0
+    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f})"
 
 
 def compared(analysis: Analysis) -> Iterator[str]:

@@ -710,6 +710,13 @@ def test_people_of_another_condition_are_another_group(least: Analysis) -> None:
     first = plain(answer(analysis).statements[0])
     assert "n condition a the threshold of the group of 5" in first
     assert "n condition b the threshold of another group of 5" in first
+    made.conditions = ["a", "b", "c"]
+    analysis = made.analysis(least)
+    people = analysis.thresholds
+    turned = people["participant"].where(people["condition"].ne("b"), "B" + people["participant"])
+    analysis = replace(analysis, thresholds=people.assign(participant=turned))
+    first = plain(answer(analysis).statements[0])
+    assert "n condition c the threshold of the group of 5" in first
 
 
 def test_a_choice_of_three_starts_at_a_third(least: Analysis) -> None:
