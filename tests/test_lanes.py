@@ -75,6 +75,7 @@ def test_a_named_file_runs_whole_and_a_folder_its_fast_lane(
     assert done.countoutcomes()[1:] == [0, 0]
 
 
+@pytest.mark.slow
 def test_an_unknown_marker_is_refused(project: pytest.Pytester) -> None:
     path = project.path / "tests/test_a.py"
     path.write_text(TESTS.replace("mark.slow", "mark.slwo"))

@@ -543,6 +543,7 @@ class Made:
         return replace(analysis, doubts=(*swapped, *guessing), unswapped=groups)
 
 
+@pytest.mark.slow
 def test_every_sentence_is_true_of_the_tables(least: Analysis) -> None:
     for seed in range(14):
         made = Made(seed)
@@ -562,6 +563,7 @@ def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis) -> None:
     assert [one for one in SENTENCES if one not in used] == []
 
 
+@pytest.mark.slow
 def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) -> None:
     for seed in range(20):
         analysis = Made(seed).analysis(least)
@@ -672,6 +674,7 @@ def test_none_in_one_condition_only_is_told_as_that(tmp_path: Path) -> None:
     assert "was not offered" not in said
 
 
+@pytest.mark.slow
 def test_one_swapped_person_is_named_beside_the_number_they_have_moved(tmp_path: Path) -> None:
     text = study({"main": 60.0}, 6, kind="forced")
     other = {"left": "right", "right": "left"}

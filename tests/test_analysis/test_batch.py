@@ -76,6 +76,7 @@ def test_whether_none_was_an_answer_is_judged_study_by_study(tmp_path: Path) -> 
     assert offers.fillna(value=False).tolist() == [True, True, True, False]
 
 
+@pytest.mark.slow
 def test_a_felt_blank_counts_for_the_side_of_its_own_file(tmp_path: Path) -> None:
     paths = [
         put(tmp_path / f"{side}.csv", f"{MAPPED}detected\n{side},{side},60,1\n{side},none,0,1\n")
@@ -88,6 +89,7 @@ def test_a_felt_blank_counts_for_the_side_of_its_own_file(tmp_path: Path) -> Non
     assert_as_alone(paths, ColumnMap(task="yes/no"))
 
 
+@pytest.mark.slow
 def test_tables_with_columns_in_another_order_or_number_are_read_together(tmp_path: Path) -> None:
     texts = (
         f"{MAPPED}response\n1,left,60,left\n",

@@ -201,6 +201,7 @@ def test_the_output_reads_in_80_columns(example: Path) -> None:
         assert row.split()[-1] == str(level["detected_any"])
 
 
+@pytest.mark.slow
 def test_a_terminal_gets_the_same_text(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = analysed(tmp_path, LEAST + "1,left,60,left\n1,left,60,none\n")
     plain, terminal = io.StringIO(), io.StringIO()
@@ -222,6 +223,7 @@ def test_a_closed_standard_output_is_no_failure(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "levels.csv").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_the_interval_is_the_one_asked_for(tmp_path: Path, analyze: Analyze, method: str) -> None:
     analyze(table(tmp_path / "t.csv", REAL), "--ci", method)
@@ -268,6 +270,7 @@ def test_a_refusal_is_one_line_with_exit_2_and_changes_nothing(
     assert {path.name for path in tmp_path.iterdir()} == {"broken.csv", "out"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["levels.csv", "summary.json"])
 def test_what_is_analysed_is_never_overwritten(tmp_path: Path, analyze: Analyze, name: str) -> None:
     path = table(tmp_path / name, REAL)
@@ -278,6 +281,7 @@ def test_what_is_analysed_is_never_overwritten(tmp_path: Path, analyze: Analyze,
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["blank.csv", "detection.svg", "summary.json"])
 def test_files_of_the_user_are_never_touched(tmp_path: Path, analyze: Analyze, name: str) -> None:
     mine = put(tmp_path / "out" / name, "mine")
@@ -287,6 +291,7 @@ def test_files_of_the_user_are_never_touched(tmp_path: Path, analyze: Analyze, n
     assert files(tmp_path / "out") == {name: b"mine"}
 
 
+@pytest.mark.slow
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path, analyze: Analyze) -> None:
     mine = put(tmp_path / "out", "mine")
     result = analyze(table(tmp_path / "t.csv", REAL))
@@ -334,6 +339,7 @@ def test_a_full_disk_names_the_file_and_leaves_the_old_results(
     assert files(earlier) == before
 
 
+@pytest.mark.slow
 def test_a_folder_that_was_made_for_nothing_is_removed(
     tmp_path: Path, analyze: Analyze, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -343,6 +349,7 @@ def test_a_folder_that_was_made_for_nothing_is_removed(
     assert {one.name for one in tmp_path.iterdir()} == {"t.csv", "maps"}
 
 
+@pytest.mark.slow
 def test_only_what_a_killed_analysis_left_is_removed(tmp_path: Path, analyze: Analyze) -> None:
     out = tmp_path / "out"
     left, writing, mine = (out / f".analysis-{name}" for name in ("dead", "alive", "notes"))
@@ -354,6 +361,7 @@ def test_only_what_a_killed_analysis_left_is_removed(tmp_path: Path, analyze: An
     assert (mine / "notes.txt").exists()
 
 
+@pytest.mark.slow
 def test_nothing_is_written_beside_the_folder(
     tmp_path: Path, analyze: Analyze, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -369,6 +377,7 @@ def test_nothing_is_written_beside_the_folder(
     assert used == [tmp_path / "out"]
 
 
+@pytest.mark.slow
 def test_a_name_that_is_not_utf8_is_told_in_ascii(tmp_path: Path, analyze: Analyze) -> None:
     assert analyze(table(tmp_path / os.fsdecode(b"t\xff.csv"), REAL)).exit_code == 0
     assert "t\\udcff.csv" in [file["name"] for file in summary(tmp_path / "out")["inputs"]]
@@ -392,6 +401,7 @@ def test_bad_usage_has_exit_code_2(tmp_path: Path, arguments: list[object], word
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, analyze: Analyze) -> None:
     paths = [table(tmp_path / "1.csv", REAL), table(tmp_path / "2.csv", OTHER_SIMULATED)]
     result = analyze(*paths)
@@ -406,6 +416,7 @@ def test_simulated_and_real_sessions_are_not_mixed(tmp_path: Path, analyze: Anal
     assert summary(tmp_path / "out")["warnings"] == told
 
 
+@pytest.mark.slow
 def test_tables_of_a_mixture_say_whose_a_row_is(tmp_path: Path, analyze: Analyze) -> None:
     path, out = table(tmp_path / "t.csv", REAL, OTHER_SIMULATED), tmp_path / "out"
     assert analyze(path).stderr.startswith(f"error: {path}:3: a simulated trial")
@@ -415,6 +426,7 @@ def test_tables_of_a_mixture_say_whose_a_row_is(tmp_path: Path, analyze: Analyze
     assert [row["simulated"] for row in rows(out / "levels.csv")] == ["mixed"]
 
 
+@pytest.mark.slow
 def test_simulated_sessions_alone_are_marked_and_accepted(tmp_path: Path, analyze: Analyze) -> None:
     result = analyze(table(tmp_path / "t.csv", SIMULATED), "--strict")
     assert result.exit_code == 0
@@ -447,12 +459,14 @@ def test_strict_makes_a_warning_exit_1(
     assert any(words in warning for warning in summary(tmp_path / "out")["warnings"])
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_printed_with_its_reason(tmp_path: Path, analyze: Analyze) -> None:
     practice = [f"{name},01,2,practice,left,60,left,ok,false\n" for name in "12"]
     result = analyze(table(tmp_path / "t.csv", REAL, *practice))
     assert "Left out, practice: 2 trials (1 1, 2 1)." in result.stdout
 
 
+@pytest.mark.slow
 def test_a_session_without_a_table_is_a_warning(tmp_path: Path, analyze: Analyze) -> None:
     table(tmp_path / "s" / "sub-1" / "ses-01" / "trials.csv", REAL)
     (tmp_path / "s" / "sub-1" / "ses-02").mkdir()
@@ -462,6 +476,7 @@ def test_a_session_without_a_table_is_a_warning(tmp_path: Path, analyze: Analyze
     assert "session sub-1/ses-02 has no trials.csv; nothing was recorded in it" in told
 
 
+@pytest.mark.slow
 def test_a_study_where_nothing_counts_says_so(tmp_path: Path) -> None:
     path = table(tmp_path / "t.csv", REAL.replace("single", "practice"))
     names = put(tmp_path / "names.toml", "")
@@ -471,6 +486,7 @@ def test_a_study_where_nothing_counts_says_so(tmp_path: Path) -> None:
     assert set(files(tmp_path / "out")) == BASIC
 
 
+@pytest.mark.slow
 def test_conditions_are_printed_one_by_one(tmp_path: Path) -> None:
     each = "1,both,60,both,{0}\n1,left,60,left,{0}\n"
     header = "participant,side,level_vpp,response,condition\n"
@@ -516,6 +532,7 @@ def test_a_population_is_fitted_only_on_request(example: Path, tmp_path: Path) -
     assert "It leaves out lapses and guesses" in terminal
 
 
+@pytest.mark.slow
 def test_a_population_that_cannot_be_fitted_has_a_reason(tmp_path: Path) -> None:
     text = LEAST + "1,left,60,left\n1,left,90,left\n"
     [one] = analysed(tmp_path, text, population=True).population

@@ -77,6 +77,7 @@ def test_no_other_table_knows_them(tmp_path: Path) -> None:
     assert level_table(with_them)["level_vpp"].tolist() == [60.0]
 
 
+@pytest.mark.slow
 def test_none_in_a_control_trial_does_not_say_that_it_was_offered_elsewhere(tmp_path: Path) -> None:
     said, summary = analysed(tmp_path, MAIN, CONTROL)
     assert 'The answer "none" was not offered' in said
@@ -92,6 +93,7 @@ def test_conditions_are_never_pooled(tmp_path: Path) -> None:
     assert totals.groupby("condition")["presented"].sum().to_dict() == {"a": 3, "b": 3}
 
 
+@pytest.mark.slow
 def test_the_command_writes_and_tells_them_apart(tmp_path: Path) -> None:
     said, summary = analysed(tmp_path, MAIN, CONTROL)
     for words in (
@@ -111,6 +113,7 @@ def test_the_command_writes_and_tells_them_apart(tmp_path: Path) -> None:
         assert column in defined | {"participant"}, column
 
 
+@pytest.mark.slow
 def test_without_control_trials_there_is_no_file_and_no_line(tmp_path: Path) -> None:
     said, summary = analysed(tmp_path, MAIN)
     assert "Fingers off" not in said
@@ -118,6 +121,7 @@ def test_without_control_trials_there_is_no_file_and_no_line(tmp_path: Path) -> 
     assert summary["control"] == []
 
 
+@pytest.mark.slow
 def test_control_trials_alone_can_be_read(tmp_path: Path) -> None:
     assert "Fingers off the plate, audibility check: 1/3" in analysed(tmp_path, CONTROL)[0]
 
@@ -133,6 +137,7 @@ def dry(tmp_path: Path, simulate: Simulate) -> Path:
     return simulate(tmp_path / "dry", control, participants=2, seed=3)
 
 
+@pytest.mark.slow
 def test_a_simulated_studys_control_trials_are_complete(dry: Path) -> None:
     analysis = analyse(read_inputs([dry]))
     assert analysis.warnings == ()

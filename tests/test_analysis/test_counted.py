@@ -92,6 +92,7 @@ def test_a_thousand_million_trials_take_no_more_room_than_one(tmp_path: Path) ->
     assert (len(found.participants), found.counts.trials) == (2, 1000000010)
 
 
+@pytest.mark.slow
 def test_what_counts_do_not_tell_is_not_given(tmp_path: Path) -> None:
     assert analysed(tmp_path, "A,0,60,9,10\n").warnings == ()
     [level] = json.loads((tmp_path / "out" / "summary.json").read_text())["levels"]

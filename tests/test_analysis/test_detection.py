@@ -233,6 +233,7 @@ def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
     assert_same(blank_table(trials), there[blank_table(trials).columns])
 
 
+@pytest.mark.slow
 @few
 @given(studies())
 def test_every_trial_is_counted_or_listed(trials: pd.DataFrame) -> None:

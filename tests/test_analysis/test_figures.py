@@ -197,6 +197,7 @@ def test_levels_that_are_nearly_the_same_have_one_tick() -> None:
     assert texts(data(levels=(60.0, 60.00000000000001))).count("<!-- 60 -->") == 1
 
 
+@pytest.mark.slow
 def test_no_warning_is_hidden_but_that_the_font_lacks_a_letter() -> None:
     def draw_warning() -> Figure:
         figure, axes = panels(["main"], [2.0])

@@ -141,6 +141,7 @@ def test_people_on_both_sides_of_the_levels_have_a_group_threshold() -> None:
     assert found.spread_db > 3
 
 
+@pytest.mark.slow
 def test_people_who_answer_alike_have_little_between_them_and_the_pooled_threshold() -> None:
     k = np.tile([160, 190, 260, 298, 300], (6, 1))
     found = fit_group(PAPER, k, np.full((6, 5), 300), guess_rate=0.5)

@@ -74,6 +74,7 @@ def test_without_information_its_estimates_are_biased_as_known(
     assert np.mean(found, axis=0) == pytest.approx([plug_in, miller_madow], abs=0.002)
 
 
+@pytest.mark.slow
 def test_p_is_uniform_where_there_is_no_information() -> None:
     rng = np.random.default_rng(2)
     drawn = rng.multinomial(25, [0.5, 0.3, 0.2], (300, 2))

@@ -71,6 +71,7 @@ def test_wilson_solves_the_score_equation(kn: tuple[int, int]) -> None:
         assert n * (k / n - limit) ** 2 == pytest.approx(z**2 * limit * (1 - limit), abs=1e-9)
 
 
+@pytest.mark.slow
 @fast
 @given(counts, st.sampled_from(METHODS))
 def test_more_detections_of_as_many_stimuli_raise_both_limits(kn: tuple[int, int], m: str) -> None:

@@ -150,6 +150,7 @@ def test_drawn_functions_are_those_of_the_posterior() -> None:
     assert np.mean([one.lapse_rate for one in drawn]) == pytest.approx(found.lapse_rate, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_studies")
 def test_a_pilot_places_levels_around_its_threshold() -> None:
     found = only(pilot())

@@ -95,6 +95,7 @@ def test_order_empty_and_split_levels_change_nothing(detected: list[int], order:
     assert probit_mle(*zip(*with_empty, strict=True)) == here
 
 
+@pytest.mark.slow
 def test_many_fits_are_the_single_ones() -> None:
     rng = np.random.default_rng(1)
     u = np.linspace(0, 1, 5)

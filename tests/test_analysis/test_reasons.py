@@ -63,6 +63,7 @@ def test_the_first_reason_that_holds_is_told_and_a_fault_whatever_the_kind(
     assert (trial["reason"], trial["fault"]) == (reason, fault)
 
 
+@pytest.mark.slow
 def test_an_analysis_asks_for_reasons_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
 
@@ -76,6 +77,7 @@ def test_an_analysis_asks_for_reasons_once(tmp_path: Path, monkeypatch: pytest.M
     assert asked == [18]
 
 
+@pytest.mark.slow
 def test_no_table_looks_at_what_the_reason_was_told_from(tmp_path: Path) -> None:
     loaded = load.read_inputs(tables(tmp_path, 2), ColumnMap())
     bare = loaded.trials.drop(columns=["anticipated", "noise_ok"])

@@ -102,6 +102,7 @@ def test_foreign_names_are_text_and_nothing_else(html: str) -> None:
     assert all(name in outline.text for name in HOSTILE)
 
 
+@pytest.mark.slow
 def test_names_in_the_sentences_of_the_answer_are_text_too(tmp_path: Path) -> None:
     told = report(tmp_path, HOSTILE[1:3])
     assert f"condition <bdi>{escape(HOSTILE[1])}</bdi> the threshold of" in told
@@ -160,6 +161,7 @@ def test_marks_that_show_no_sign_are_spelled_out_in_every_file(tmp_path: Path, m
     assert f"S<U+{ord(mark):04X}>1," in made["participants.csv"].decode()
 
 
+@pytest.mark.slow
 def test_trials_clean_reads_back_to_the_same_numbers(hostile: Path, tmp_path: Path) -> None:
     write_analysis([hostile / "trials_clean.csv"], tmp_path, columns=ColumnMap(), figures=False)
     for name in ("participants.csv", "levels.csv"):
@@ -180,6 +182,7 @@ def test_trials_clean_has_every_trial_with_its_reason(hostile: Path) -> None:
         assert row["reason"] == ("practice" if left_out else "n/a")
 
 
+@pytest.mark.slow
 def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
     told = re.sub(r"\s*\n", "", Outline(report(tmp_path, ("S1", "S2"))).text)
     counted = "26 trials of 2 participants in 2 sessions, 2 conditions"
@@ -188,6 +191,7 @@ def test_the_report_says_what_was_counted_and_left_out(tmp_path: Path) -> None:
         assert words in told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("simulated", "marks"), [(True, 1), (False, 0)])
 def test_simulated_participants_are_marked(tmp_path: Path, *, simulated: bool, marks: int) -> None:
     text = report(tmp_path, simulated=simulated)
@@ -242,6 +246,7 @@ def test_the_report_says_whose_the_plates_numbers_are(tmp_path: Path, simulate: 
     assert "by its value" not in told
 
 
+@pytest.mark.slow
 def test_a_number_that_the_file_states_is_told_as_the_studys(
     tmp_path: Path, simulate: Simulate
 ) -> None:
@@ -288,6 +293,7 @@ def test_a_report_of_tables_without_plans_says_that_no_plate_is_known(tmp_path: 
     assert "Franco" not in told
 
 
+@pytest.mark.slow
 def test_pages_of_many_people_come_after_what_is_told_of_all(tmp_path: Path) -> None:
     trials = LEAST + "1,left,60,left\n1,left,90,left\n"
     analysis = analyse(loaded(tmp_path, trials))

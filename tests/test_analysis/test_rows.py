@@ -68,6 +68,7 @@ def test_terminal_and_page_have_the_same_numbers_of_a_level(found: Analysis) -> 
         assert (f"{one[0]} V", one[6].replace("-", " to ")) == (other[0], other[6])
 
 
+@pytest.mark.slow
 def test_what_is_printed_shown_and_summed_up_are_these_rows(found: Analysis) -> None:
     printed = io.StringIO()
     print_analysis(found, printed)

@@ -41,6 +41,7 @@ def test_published_counts(hits: Share, false: Share, d_prime: float, criterion: 
     assert (found.d_prime, found.criterion) == pytest.approx((d_prime, criterion), abs=1e-12)
 
 
+@pytest.mark.slow
 @given(shares, shares)
 def test_saying_no_for_yes_turns_the_criterion_only(hits: Share, false_alarms: Share) -> None:
     found = detection_sensitivity(hits, false_alarms)
@@ -51,6 +52,7 @@ def test_saying_no_for_yes_turns_the_criterion_only(hits: Share, false_alarms: S
     assert turned.criterion == -found.criterion
 
 
+@pytest.mark.slow
 @given(shares, shares)
 def test_spatial_sensitivity_is_smaller_by_the_root_of_two(hits: Share, others: Share) -> None:
     wide, narrow = detection_sensitivity(hits, others), spatial_sensitivity(hits, others)
@@ -93,6 +95,7 @@ def test_the_binomial_p_is_that_of_scipy(left: int, right: int, a: int, b: int) 
     assert binomial_p(left, right, (a, b)) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 3000), st.integers(0, 3000), st.integers(1, 99), st.integers(1, 99))
 def test_the_binomial_p_has_no_side(left: int, right: int, a: int, b: int) -> None:
     p = binomial_p(left, right, (a, b))

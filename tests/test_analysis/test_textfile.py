@@ -112,6 +112,7 @@ def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
         read(io.BytesIO(raw + b"x"), TextFormat(encoding="utf-16"))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=150)
 @given(
     raw=st.binary(max_size=200),

@@ -34,6 +34,7 @@ def blanks(name: str, answers: list[str]) -> pd.DataFrame:
     return pd.DataFrame([same | {"response": answer} for answer in answers])
 
 
+@pytest.mark.slow
 def test_the_table_says_what_the_fit_says() -> None:
     row = table_of(person("1", GOOD)).iloc[0]
     fit = fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=GuessRate(mean=1 / 11, beta=(1, 10)))
@@ -101,6 +102,7 @@ def test_a_guess_rate_needs_blanks_and_the_answer_none() -> None:
     assert enough.rate.beta == (0.5 + 4.5, 0.5 + 20 - 4.5)
 
 
+@pytest.mark.slow
 def test_blanks_tell_the_guess_rate_of_their_participant_only() -> None:
     answers = ["left"] * 5 + ["right"] * 3 + ["both"] * 2 + ["none"] * 30
     same = [6, 14, 22, 28, 29]
@@ -139,6 +141,7 @@ def test_neither_the_order_of_rows_nor_names_change_a_digit() -> None:
     assert renamed.to_csv(index=False) == known.drop(columns="participant").to_csv(index=False)
 
 
+@pytest.mark.slow
 def test_conditions_are_never_mixed() -> None:
     alone = table_of(person("1", GOOD))
     both = table_of(person("1", GOOD), person("1", GOOD, condition="control plate"))
@@ -159,6 +162,7 @@ def test_without_single_trials_there_is_an_empty_table() -> None:
     assert tuple(table.columns) == THRESHOLD_COLUMNS
 
 
+@pytest.mark.slow
 def test_a_linear_axis_has_no_decibels_and_keeps_its_unit() -> None:
     row = table_of(person("1", GOOD), axis=Axis(x_scale="linear")).iloc[0]
     assert math.isnan(row["threshold_db"])
@@ -182,6 +186,7 @@ def test_no_digit_that_tells_is_left_out(levels: list[float], detected: Any, wor
     assert printed(fit, np.array(levels), Axis()) == words
 
 
+@pytest.mark.slow
 def test_answers_that_vary_more_have_wider_limits_where_none_could_be_answered() -> None:
     with_none = felt([3, 9, 17, 24, 29], [49.0, 57.0, 64.0, 73.0, 91.0])
     row = threshold_table(with_none, seed=1).iloc[0]

@@ -685,6 +685,7 @@ def test_stops_are_welcome_in_every_state_any_number_of_times(rig: Rig, state: s
     assert play(rig, 5).outcome is Outcome.FIRED
 
 
+@pytest.mark.slow
 def test_a_stop_from_other_threads_is_never_lost(live: Rig) -> None:
     tokens = count(1)
 

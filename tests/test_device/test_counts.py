@@ -28,6 +28,7 @@ from tests.test_device.bursts import refusal
 ZEROS = np.zeros(2, dtype=np.int32)
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(level_vpp=st.floats(0.0, 4e6))
 def test_a_level_is_rounded_toward_zero_to_millivolts(level_vpp: float) -> None:
@@ -35,6 +36,7 @@ def test_a_level_is_rounded_toward_zero_to_millivolts(level_vpp: float) -> None:
     assert level_mvpp - 1e-3 <= level_vpp * 1000 < level_mvpp + 1
 
 
+@pytest.mark.slow
 @given(level_mvpp=st.integers(0, 10_000_000))
 @settings(deadline=None, max_examples=300)
 def test_a_level_on_the_grid_stays_what_it_is(level_mvpp: int) -> None:

@@ -105,6 +105,7 @@ def test_every_whole_frame_between_noise_is_found(
     assert all(frame in remaining for frame in sent)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(frame=some_frame, where=st.integers(0, 200), flip=st.integers(1, 255))
 def test_a_frame_with_one_wrong_byte_is_dropped(frame: Frame, where: int, flip: int) -> None:

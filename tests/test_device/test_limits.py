@@ -31,6 +31,7 @@ def passes(peak: float, level_vpp: float, limits: Limits) -> bool:
     return True
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(
     peak=st.floats(0.0, 1.0),
@@ -46,6 +47,7 @@ def test_a_burst_passes_just_if_its_exact_product_is_within_the_ceiling(
     assert passes(peak, level_vpp, limits) is within
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(level_vpp=st.floats(1e-3, 1e4), peak=st.floats(0.0, 1.0, exclude_min=True))
 def test_exactly_at_the_ceiling_is_allowed_and_one_step_above_is_not(
@@ -132,6 +134,7 @@ def test_a_waveform_of_the_longest_length_passes() -> None:
     assert check_waveforms(longest, longest, LIMITS) == (longest.max(), longest.max())
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(
     durations_us=st.lists(st.integers(1, 1_000_000), min_size=2, max_size=20),

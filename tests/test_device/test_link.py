@@ -110,6 +110,7 @@ def test_a_line_lost_at_any_byte_of_a_trial_leaves_no_trial_wrong() -> None:
     assert counts["indeterminate"] == 0
 
 
+@pytest.mark.slow
 def test_numbers_that_wrap_around_leave_no_trial_wrong() -> None:
     trials = Virtual(SCRIPTS["all but losses"], 1)
     trials.link._numbers = count(2**16 - 200)

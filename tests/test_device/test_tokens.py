@@ -33,6 +33,7 @@ def test_no_token_that_was_here_is_ever_said_to_be_new(
         assert fate is Fate.UNKNOWN or asked not in tokens
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=100)
 @given(steps=st.lists(st.integers(1, 5), min_size=1, max_size=50), capacity=st.integers(1, 10))
 def test_counting_upwards_keeps_the_answer_for_a_new_token_certain(

@@ -295,6 +295,7 @@ def test_the_study_describes_the_data_set(described: Path) -> None:
     assert sidecar["TaskDescription"] == "Say where a vibration is felt"
 
 
+@pytest.mark.slow
 def test_host_and_operator_are_only_in_sourcedata(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

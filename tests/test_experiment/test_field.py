@@ -71,6 +71,7 @@ def files() -> list[str]:
     return sorted(path.name for path in Path().iterdir())
 
 
+@pytest.mark.slow
 def test_the_paper_plate_confines_a_tone_of_its_burst() -> None:
     found = plate_map(plate(ENDLESS), 500.0)
     for driven, x_m in enumerate((-0.035, 0.035)):
@@ -359,6 +360,7 @@ def test_a_missing_study_is_one_line(refused: Refused) -> None:
     assert refused("field", "no.toml") == "error: no.toml: No such file or directory\n"
 
 
+@pytest.mark.slow
 def test_a_write_that_fails_leaves_no_file_behind(
     monkeypatch: pytest.MonkeyPatch, run: Run
 ) -> None:

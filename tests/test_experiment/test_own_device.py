@@ -556,6 +556,7 @@ def test_a_responder_has_to_say_whether_anybody_is_there(lab_device: Any, tmp_pa
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_foreperiod_is_kept_by_whoever_does_not_wait(lab_device: Any, tmp_path: Path) -> None:
     ending = sat(lab_device, tmp_path, wait=lambda _: None)
     with ending.trials_path.open(encoding="utf-8") as table:
@@ -578,6 +579,7 @@ def test_a_step_of_a_converter_that_fails_is_a_failure_of_the_device(step: str) 
         device.open() if step == "connect" else device.close()
 
 
+@pytest.mark.slow
 def test_a_balanced_study_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
     clock = VirtualClock()
     text = STUDY.replace("[design]", '[design]\ncondition_order = "balanced"')

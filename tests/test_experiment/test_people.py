@@ -101,6 +101,7 @@ def test_graded_masking_falls_with_the_distance_of_fingers_of_one_hand() -> None
     assert drawn.masking_slope == pytest.approx(0.4 * math.exp(-2))
 
 
+@pytest.mark.slow
 def test_the_course_of_thresholds_drifts_and_forgets() -> None:
     person = replace(PERSON, drift_db=3.0, wander_db=2.0, wander_trials=8.0)
     courses = np.array(
@@ -143,6 +144,7 @@ def in_session(person: Observer, trials: int, seed: int) -> SimulatedResponder:
     )
 
 
+@pytest.mark.slow
 def test_the_last_answer_counts_only_where_none_is_offered() -> None:
     person = replace(PERSON, last_answer_db=6.0)
     responder, forced = in_session(person, 6000, 1), in_session(person, 200, 1)

@@ -74,6 +74,7 @@ LOST = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("files", LOST)
 def test_what_cannot_be_built_anew_is_named_by_every_command(
     results: Path, run: Run, files: str
@@ -195,6 +196,7 @@ def stopped(make_study: Callable[[str], Study], short_study_text: str, results: 
         return lab
 
 
+@pytest.mark.slow
 def test_a_session_that_never_began_is_no_loss(results: Path, run: Run, stopped: Lab) -> None:
     stopped.folder.journal_path.touch()
     assert run("verify", results).exit_code == 0
@@ -208,6 +210,7 @@ def test_a_session_that_never_began_is_no_loss(results: Path, run: Run, stopped:
     assert (done.exit_code, "never began: sub-03/ses-01" in done.output) == (0, True)
 
 
+@pytest.mark.slow
 def test_a_session_that_is_not_exported_yet_is_a_warning(
     results: Path, run: Run, stopped: Lab
 ) -> None:
@@ -248,6 +251,7 @@ def test_verify_examines_the_others_where_one_cannot_be_read(results: Path, run:
     assert "sub-02/ses-01: as it was recorded" in told.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["", "sub-01", SESSION])
 def test_an_honest_session_is_not_suspected_wherever_one_stands(
     results: Path, run: Run, monkeypatch: pytest.MonkeyPatch, place: str
@@ -266,6 +270,7 @@ def test_an_honest_session_is_not_suspected_wherever_one_stands(
     assert len([*(results.parent / "bids").glob("sub-*/ses-*/beh/*.tsv")]) == number
 
 
+@pytest.mark.slow
 def test_a_bare_name_is_a_path_like_another(
     results: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -353,6 +358,7 @@ def test_a_link_to_a_session_s_table_is_refused_with_what_it_leads_to(
     )
 
 
+@pytest.mark.slow
 def test_the_folder_of_results_may_be_reached_by_a_link(results: Path, run: Run) -> None:
     link = results.parent / "link"
     link.symlink_to(results)

@@ -11,6 +11,7 @@ from experiment.participant.wrapping import as_drawn, filled, wrapped
 WORDS = st.lists(st.text(st.characters(categories=("L", "N")), min_size=1), min_size=1)
 
 
+@pytest.mark.slow
 @given(words=WORDS, longest=st.integers(1, 12))
 def test_a_broken_text_says_the_same_in_lines_that_fit(words: list[str], longest: int) -> None:
     text = " ".join(words)
@@ -19,6 +20,7 @@ def test_a_broken_text_says_the_same_in_lines_that_fit(words: list[str], longest
     assert "".join(lines).replace(" ", "") == text.replace(" ", "")
 
 
+@pytest.mark.slow
 @given(words=WORDS)
 def test_words_that_fit_stay_whole(words: list[str]) -> None:
     longest = max(map(len, words))

@@ -234,6 +234,7 @@ def test_trials_may_be_said_as_a_lab_counts_them(in_lab_words: str, in_trials: s
     assert study_from_canonical(one.canonical) == one
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(
     levels=st.lists(st.floats(1.0, 200.0), min_size=1, max_size=6, unique=True).map(sorted),

@@ -36,6 +36,7 @@ def sig(value: float, digits: int) -> float:
     return float(f"{value:.{digits}g}")
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(
     width_mm=st.floats(2, 300).map(lambda mm: sig(mm, 3)),
@@ -202,6 +203,7 @@ def refusal_of(make: Any, **keys: Any) -> str:
     return ""
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(
     x_mm=st.floats(3, 75),
@@ -226,6 +228,7 @@ def test_a_finger_as_large_as_is_named_rests_on_the_plate(
         put(float(most))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(ceiling_vpp=st.floats(0.1, 1000), level_vpp=st.floats(0.1, 1e4))
 def test_a_level_at_the_ceiling_that_is_named_is_taken(
@@ -239,6 +242,7 @@ def test_a_level_at_the_ceiling_that_is_named_is_taken(
     put(float(most))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(um=st.floats(1e-4, 5000), at_vpp=st.floats(1e-3, 1000), vpp=st.floats(0.1, 200))
 def test_a_displacement_in_the_range_that_is_named_is_taken(
@@ -263,6 +267,7 @@ def test_a_displacement_in_the_range_that_is_named_is_taken(
             put(value)
 
 
+@pytest.mark.slow
 @given(
     value=st.floats(-1e6, 1e6).filter(bool),
     least=st.floats(-1e3, 1e3),

@@ -319,6 +319,7 @@ def test_brackets_without_end_do_not_stop_a_withdrawal(results: Path, tmp_path: 
     assert lines[lines.index(UNSEARCHED) + 1 : -1] == [f"  {damaged / NAME}"]
 
 
+@pytest.mark.slow
 def test_an_analysis_without_the_person_is_not_listed(results: Path, run: Run) -> None:
     withdraw(results)
     assert search([results], "01", leave_out=look_up(results, "01").known).holdings

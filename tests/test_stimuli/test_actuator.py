@@ -105,6 +105,7 @@ MODULI_PA = st.floats(1e9, 4e11)
 RATIOS = st.floats(-0.3, 0.49)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(SIZES_M, SIZES_M | st.floats(1e-8, 1e-5), MODULI_PA, MODULI_PA, RATIOS, RATIOS)
 def test_one_layer_bends_the_plate_as_a_bimetal(

@@ -53,6 +53,7 @@ def test_a_whole_number_of_samples_is_recognised_and_exactly_antisymmetric(
     np.testing.assert_array_equal(samples, -samples[::-1])
 
 
+@pytest.mark.slow
 @given(
     window=windows,
     cycles=st.integers(1, 12),

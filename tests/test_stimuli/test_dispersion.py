@@ -173,6 +173,7 @@ def test_asking_for_more_waves_does_not_change_the_first(section: Section, count
     assert np.all(distance < 1e-6 * (abs(x) + abs(section.bending)))
 
 
+@pytest.mark.slow
 @laws
 @given(section=sections(), count=st.integers(1, 30))
 def test_the_slope_is_the_derivative_of_the_function(section: Section, count: int) -> None:
@@ -191,6 +192,7 @@ def test_the_slope_is_the_derivative_of_the_function(section: Section, count: in
 # --- laws of the wavenumbers ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @laws
 @given(
     exponent=st.floats(-6, 6),

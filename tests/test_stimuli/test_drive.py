@@ -123,6 +123,7 @@ def test_fine_samples_have_the_band_and_the_energies_of_their_burst() -> None:
     assert drive.duration_s == burst.duration_s
 
 
+@pytest.mark.slow
 @laws
 @given(drive=sampled())
 def test_no_frequency_has_more_than_the_peak_and_the_edges_half_its_power(

@@ -231,6 +231,7 @@ def test_without_loss_the_ends_turn_all_power_back(edge: Edge, frequency_hz: flo
     assert abs(value.imag) < 1e-7 * abs(value)
 
 
+@pytest.mark.slow
 def test_a_wider_plate_of_the_same_shape_bends_alike() -> None:
     wide = dataclasses.replace(FINITE, width_m=2 * W, length_m=0.1)
     small = at(FINITE, force(0.01, 0.01), [(0.02, 0.005)], 4000.0, 1e-8)
@@ -256,6 +257,7 @@ def test_ends_bear_no_moment_and_no_shear(edge: Edge, frequency_hz: float) -> No
     assert abs(sheared[0] + (2 - nu) * sheared[1]) < 1e-3 * max(abs(a) for a in sheared)
 
 
+@pytest.mark.slow
 @each_edge
 def test_the_plate_equation_holds_up_to_the_end(edge: Edge) -> None:
     strip, frequency_hz = on(edge, 0.05, loss=0.01), 5000.0

@@ -128,6 +128,7 @@ def test_the_number_of_solved_frequencies_does_not_grow_with_those_asked() -> No
         assert solved < 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 def test_no_wave_is_lost_nor_found_twice(sign: int) -> None:
     rng = np.random.default_rng(23)

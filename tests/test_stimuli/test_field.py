@@ -126,6 +126,7 @@ def test_a_force_and_a_point_may_be_exchanged(
     assert abs(there - back) < 1e-10 * max(abs(there), 1e-3 * abs(own))
 
 
+@pytest.mark.slow
 @laws
 @given(edge=edges, y0=across, y=across, x=st.floats(0, 3 * W), f=frequencies, loss=losses)
 def test_the_field_is_the_same_to_the_left_and_mirrored_about_the_centre_line(
@@ -151,6 +152,7 @@ def test_the_field_at_rest_is_the_limit_of_slow_vibration(edge: Edge) -> None:
     assert np.all(np.abs(u.imag) < 1e-11 * np.abs(u))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("f", [0.0, 500.0, 3000.0, 20_000.0])
 def test_springs_reach_both_ideal_edges(f: float) -> None:
     def moved(edge: Edge) -> NDArray[np.complex128]:

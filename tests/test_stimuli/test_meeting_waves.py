@@ -110,6 +110,7 @@ def is_finite(answer: Response | None) -> bool:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("meeting", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize("edge", [FREE, HELD], ids=["supported", "clamped"])
 def test_no_material_gives_nan_at_and_beside_a_meeting(edge: Edge, meeting: float) -> None:

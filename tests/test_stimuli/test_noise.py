@@ -49,6 +49,7 @@ def test_the_lines_go_from_20_hz_to_half_the_rate(rate_hz: float) -> None:
         assert rate_hz / 2 - 1.01 / loop_s <= lines_hz[-1] < rate_hz / 2
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**32), level_dbfs=st.floats(-70.0, -20.0), loop_s=st.floats(1.0, 3.0))
 def test_its_rms_is_the_level_asked_for_about_no_mean(
@@ -86,6 +87,7 @@ def test_same_seed_same_noise_and_another_seed_another() -> None:
     assert abs(np.corrcoef(loop_of(5), loop_of(6))[0, 1]) < 0.1
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**32), level_dbfs=st.floats(-20.0, 0.0))
 def test_a_level_is_refused_if_and_only_if_it_would_be_clipped(

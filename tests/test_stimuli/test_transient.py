@@ -230,6 +230,7 @@ def test_a_slow_drive_moves_the_strip_as_a_static_load() -> None:
     assert misfit(found, static * signal) < 2e-5
 
 
+@pytest.mark.slow
 def test_times_may_come_in_any_order() -> None:
     mixed = np.random.default_rng(5).permutation(TIMES)
     u, v = (synthesized(scene_of(), SMOOTH, times, rtol=1e-6) for times in (TIMES, mixed))
