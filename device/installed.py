@@ -52,7 +52,7 @@ class Installed:
                 f"{self.name} of {self.distribution} must be a factory that can be called; got "
                 f"{self.entry.value}, a {type(factory).__name__}"
             )
-        return factory  # type: ignore[no-any-return]
+        return factory  # type: ignore[no-any-return] # only a call can tell more
 
     def make(self, settings: object, clock: object, protocol: type) -> Any:
         """Call the factory; ValueError where it fails, or makes what lacks a part of a protocol."""

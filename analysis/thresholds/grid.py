@@ -42,7 +42,7 @@ _TINY: Final = 1e-300
 _MATTERS: Final = 15.0
 """Of log likelihood below the greatest: what is less likely counts for nothing."""
 _CHUNK_CELLS: Final = 400_000
-_LEVELS: Final = 5
+_LEVELS: Final = 5  # that a table counts as having, where each has one stimulus
 _ZOOMS: Final = 40
 _SETTLED: Final = 0.7
 _ROOM: Final = 0.1

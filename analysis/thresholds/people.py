@@ -92,8 +92,9 @@ class GuessRate:
         """Return rates over which a likelihood of so many stimuli times the density is summed.
 
         They are midpoints of equal parts of the angle's quarter turn, by which even functions are
-        integrated with an error that falls exponentially; parts are at most 1.6 times as wide as
-        the posterior. People who know about as much have the same ones. A known rate is alone.
+        integrated with an error that falls exponentially; they lie at most 1.6 standard deviations
+        of the posterior apart. People who know about as much have the same ones. A known rate is
+        alone.
 
         >>> [round(one, 2) for one in GuessRate.after_blanks(answered=1, blanks=2).nodes(0)]
         [0.01, 0.08, 0.22, 0.4, 0.6, 0.78, 0.92, 0.99]

@@ -253,7 +253,7 @@ class Faulty:
         self.played.append((abs(left_v).max(), abs(right_v).max()))
         if isinstance(self.outcome, Exception):
             raise self.outcome
-        return self.outcome  # type: ignore[no-any-return]
+        return self.outcome  # type: ignore[no-any-return] # of no type, on purpose
 
     def zero(self) -> None: ...
 
