@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from device.checks import require_positive, require_real, require_whole
 from device.driver import FloatArray, Refusal, rejection
@@ -19,6 +21,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _LARGEST_GAIN = 1e6
+_LEAST_RATIO = 1e-6
+_GRID_TOLERANCE = 1e-6
+
+_Codes: TypeAlias = NDArray[np.signedinteger[Any]]
+_Peak = TypeVar("_Peak", int, float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,10 +76,42 @@ class Limits:
         require_positive("ceiling_vpp", self.ceiling_vpp)
         require_positive("gain", self.gain, most=_LARGEST_GAIN)
         require_real("least_interval_s", self.least_interval_s, least=0.0)
-        require_positive("max_duty", self.max_duty, most=1.0)
+        require_real("max_duty", self.max_duty, least=_LEAST_RATIO, most=1.0)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
         require_positive("dc_tolerance", self.dc_tolerance, most=1.0)
         require_positive("longest_time_to_live_s", self.longest_time_to_live_s)
+
+    # A device counts in whole numbers, so that firmware, which has no floats, comes to the same
+    # verdict to the last bit; and these are the numbers that it tells of itself.
+    @property
+    def ceiling_mvpp(self) -> int:
+        """The ceiling in whole millivolts."""
+        return _whole(self.ceiling_vpp * 1e3)
+
+    @property
+    def least_interval_us(self) -> int:
+        """The least interval in microseconds."""
+        return round(self.least_interval_s * 1e6)
+
+    @property
+    def max_duty_ppm(self) -> int:
+        """The largest duty in parts per million."""
+        return _whole(self.max_duty * 1e6)
+
+    @property
+    def dc_tolerance_ppm(self) -> int:
+        """The tolerance of DC in parts per million."""
+        return _whole(self.dc_tolerance * 1e6)
+
+    @property
+    def longest_time_to_live_us(self) -> int:
+        """The longest time to live in microseconds."""
+        return round(self.longest_time_to_live_s * 1e6)
+
+
+def _whole(limit: float) -> int:
+    """Return a limit as a whole number that is not above it, but for how floats are written."""
+    return math.floor(limit + _GRID_TOLERANCE)
 
 
 def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tuple[float, float]:
@@ -92,7 +131,23 @@ def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tupl
     device.driver.LimitExceeded: the waveform has a DC part (a unipolar click has one): right
     """
     _check_lengths(left.size, right.size, limits)
-    return _check_waveform("left", left, limits), _check_waveform("right", right, limits)
+    peaks = (_check_waveform("left", left, limits), _check_waveform("right", right, limits))
+    return float(peaks[0]), float(peaks[1])
+
+
+def check_codes(left: _Codes, right: _Codes, *, full_scale: int, limits: Limits) -> tuple[int, int]:
+    """Check the codes of both channels as a device does, and return the peak code of each.
+
+    >>> sine = np.array([0, 32767, 0, -32767, 0])
+    >>> check_codes(sine, 0 * sine, full_scale=32767, limits=Limits(ceiling_vpp=200.0))
+    (32767, 0)
+    """
+    _check_lengths(left.size, right.size, limits)
+    peaks = (
+        _check_waveform("left", left.astype(np.int64), limits, full_scale),
+        _check_waveform("right", right.astype(np.int64), limits, full_scale),
+    )
+    return int(peaks[0]), int(peaks[1])
 
 
 def _check_lengths(n_left: int, n_right: int, limits: Limits) -> None:
@@ -105,24 +160,26 @@ def _check_lengths(n_left: int, n_right: int, limits: Limits) -> None:
         raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
 
 
-def _check_waveform(channel: str, samples: FloatArray, limits: Limits) -> float:
+def _check_waveform(
+    channel: str, samples: FloatArray | _Codes, limits: Limits, full_scale: int = 1
+) -> float:
     magnitudes = np.abs(samples)
-    peak = float(magnitudes.max())
+    peak = magnitudes.max()
     if not math.isfinite(peak):
         raise rejection(Refusal.NOT_FINITE, channel)
-    if peak > 1.0:
-        raise rejection(Refusal.OUT_OF_RANGE, f"{channel} reaches {peak:g}")
-    if samples[0] != 0.0 or samples[-1] != 0.0:
+    if peak > full_scale:
+        raise rejection(Refusal.OUT_OF_RANGE, f"{channel} reaches {peak / full_scale:g}")
+    if samples[0] != 0 or samples[-1] != 0:
         raise rejection(Refusal.EDGES_NOT_ZERO, channel)
-    if abs(samples.sum()) > limits.dc_tolerance * magnitudes.sum():
+    if abs(samples.sum()) * 1_000_000 > limits.dc_tolerance_ppm * magnitudes.sum():
         raise rejection(Refusal.DC, channel)
-    return peak
+    return float(peak)
 
 
 def check_ceiling(peak: float, level_vpp: float, limits: Limits) -> None:
     """Refuse a burst whose peak x level x gain is above the ceiling; exactly at it is allowed.
 
-    The product is formed in whole numbers from the exact values of the four floats, so that no
+    The product is formed in whole numbers from the exact values of the factors, so that no
     rounding lets a larger one pass.
 
     >>> limits = Limits(ceiling_vpp=200.0)
@@ -132,14 +189,14 @@ def check_ceiling(peak: float, level_vpp: float, limits: Limits) -> None:
     Traceback (most recent call last):
     device.driver.LimitExceeded: peak x level x gain is above the ceiling: 1 x 200 x 1 > 200 Vpp
     """
-    numerator, denominator = 1, 1
-    for factor in (peak, level_vpp, limits.gain):
-        above, below = float(factor).as_integer_ratio()
-        numerator, denominator = numerator * above, denominator * below
-    ceiling, unit = float(limits.ceiling_vpp).as_integer_ratio()
-    if numerator * unit > ceiling * denominator:
-        detail = f"{peak:g} x {level_vpp:g} x {limits.gain:g} > {limits.ceiling_vpp:g} Vpp"
-        raise rejection(Refusal.CEILING, detail)
+    _require_at_most(limits.ceiling_vpp, peak, level_vpp, limits.gain)
+
+
+def _require_at_most(ceiling_vpp: float | Fraction, *factors: float | Fraction) -> None:
+    product = math.prod(Fraction(factor) for factor in factors)
+    if product > Fraction(ceiling_vpp):
+        told = " x ".join(f"{float(factor):g}" for factor in factors)
+        raise rejection(Refusal.CEILING, f"{told} > {float(ceiling_vpp):g} Vpp")
 
 
 def check_burst(
@@ -153,20 +210,33 @@ def check_burst(
         check_ceiling(peak, level_vpp, limits)
 
 
-def least_peaks(loaded: Iterable[tuple[float, float]]) -> tuple[float, float]:
+def check_stored(
+    peaks: tuple[int, int], levels_mvpp: tuple[int, int], *, full_scale: int, limits: Limits
+) -> None:
+    """Check left and right of a burst against the ceiling as a device does: in whole numbers.
+
+    >>> limits = Limits(ceiling_vpp=64.1)
+    >>> check_stored((32767, 0), (64_100, 10**6), full_scale=32767, limits=limits)
+    """
+    ceiling_vpp = Fraction(limits.ceiling_mvpp, 1000)
+    for peak, level_mvpp in zip(peaks, levels_mvpp, strict=True):
+        factors = Fraction(peak, full_scale), Fraction(level_mvpp, 1000), limits.gain
+        _require_at_most(ceiling_vpp, *factors)
+
+
+def least_peaks(loaded: Iterable[tuple[_Peak, _Peak]]) -> tuple[_Peak | int, _Peak | int]:
     """Return the smallest peak of each channel among the loaded slots, silent ones left out.
 
     A level that is too high even for these cannot be used by any slot, and is refused when it is
     set; which slot will be played is known only when it is armed, and then checked exactly.
 
     >>> least_peaks([(1.0, 0.0), (0.5, 0.0)])
-    (0.5, 0.0)
+    (0.5, 0)
     """
-    left, right = math.inf, math.inf
-    for peak_left, peak_right in loaded:
-        left = min(left, peak_left or math.inf)
-        right = min(right, peak_right or math.inf)
-    return (0.0 if left == math.inf else left, 0.0 if right == math.inf else right)
+    pairs = list(loaded)
+    left = min((pair[0] for pair in pairs if pair[0]), default=0)
+    right = min((pair[1] for pair in pairs if pair[1]), default=0)
+    return left, right
 
 
 def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None:
@@ -181,18 +251,18 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
     device.driver.LimitExceeded: the last burst ended too short a time ago: 49.999 of 50 ms
     """
     rest_us = since_onset_us - duration_us
-    least_us = round(limits.least_interval_s * 1e6)
+    least_us = limits.least_interval_us
     if rest_us < least_us:
         detail = f"{rest_us / 1e3:g} of {least_us / 1e3:g} ms"
         raise rejection(Refusal.LEAST_INTERVAL, detail)
-    if duration_us > limits.max_duty * since_onset_us:
+    if duration_us * 1_000_000 > limits.max_duty_ppm * since_onset_us:
         detail = f"{duration_us / 1e3:g} ms in {since_onset_us / 1e3:g} ms"
         raise rejection(Refusal.DUTY, f"{detail}, at most {limits.max_duty:g}")
 
 
 def check_time_to_live(time_to_live_us: int, limits: Limits) -> None:
     """Refuse a time to live of less than a microsecond or above the limits' longest."""
-    longest_us = round(limits.longest_time_to_live_s * 1e6)
+    longest_us = limits.longest_time_to_live_us
     if not 1 <= time_to_live_us <= longest_us:
         detail = f"1 to {longest_us} us, got {time_to_live_us}"
         raise rejection(Refusal.BAD_TIME_TO_LIVE, detail)

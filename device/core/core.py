@@ -33,10 +33,10 @@ from device.core.tokens import Fate, Record, Reply, TokenHistory
 from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
 from device.limits import (
     Limits,
-    check_burst,
+    check_codes,
     check_rest,
+    check_stored,
     check_time_to_live,
-    check_waveforms,
     least_peaks,
 )
 
@@ -58,7 +58,7 @@ _RENDERED_AT_MOST = 64
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Slot:
     codes: CodeArray
-    peaks: tuple[float, float]
+    peaks: tuple[int, int]
     rendered: dict[Levels, FloatArray] = field(default_factory=dict)
 
 
@@ -165,7 +165,7 @@ class DeviceCore:
     def _load(self, message: LoadSlot) -> None:
         after = self._after(Step.LOAD)
         full = full_scale(self.output.bits)
-        peaks = check_waveforms(message.left / full, message.right / full, self.limits)
+        peaks = check_codes(message.left, message.right, full_scale=full, limits=self.limits)
         codes = np.array((message.left, message.right), dtype=np.int32)
         self._slots[message.slot] = _Slot(codes=codes, peaks=peaks)
         self._state = after
@@ -174,7 +174,7 @@ class DeviceCore:
         """Set both levels, unless no loaded waveform of a channel could use its level."""
         after = self._after(Step.LEVEL)
         peaks = least_peaks(slot.peaks for slot in self._slots.values())
-        check_burst(peaks, message.vpp, self.limits)
+        self._check_ceiling(peaks, message)
         self._levels = message
         self._state = after
 
@@ -190,7 +190,7 @@ class DeviceCore:
             raise rejection(Refusal.TOKEN_SPENT)
         if message.slot not in self._slots:
             raise rejection(Refusal.EMPTY_SLOT, f"slot {message.slot}")
-        check_burst(self._slots[message.slot].peaks, self._levels.vpp, self.limits)
+        self._check_ceiling(self._slots[message.slot].peaks, self._levels)
         self._armed = message
         self._armed_until_us = self._now_us + message.time_to_live_us
         self._state = after
@@ -288,6 +288,10 @@ class DeviceCore:
             self._tokens.keep(earlier)
             self._armed = None
 
+    def _check_ceiling(self, peaks: tuple[int, int], levels: Levels) -> None:
+        levels_mvpp, full = (levels.left_mvpp, levels.right_mvpp), full_scale(self.output.bits)
+        check_stored(peaks, levels_mvpp, full_scale=full, limits=self.limits)
+
     def _check_rest(self) -> None:
         if self._last is not None:
             since_us = self._now_us - self._last.start_us
@@ -296,8 +300,8 @@ class DeviceCore:
 
     def _emit(self, armed: Arm) -> Record:
         slot, levels = self._slots[armed.slot], self._levels
-        left_mvpp = levels.left_mvpp if slot.peaks[0] > 0.0 else 0
-        right_mvpp = levels.right_mvpp if slot.peaks[1] > 0.0 else 0
+        left_mvpp = levels.left_mvpp if slot.peaks[0] else 0
+        right_mvpp = levels.right_mvpp if slot.peaks[1] else 0
         volts = self._render(slot)
         self._last = Emission(
             token=armed.token,

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from device.limits import Limits
 
 
+_LARGEST_FACTOR = 2**39
+"""By this a code of 24 bits can be multiplied in 64."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputStage:
     """A converter with an amplifier, the same for both channels.
@@ -86,13 +90,24 @@ class OutputStage:
         >>> OutputStage().render(codes, levels=levels, limits=limits).tolist()
         [[0.0, 100.0, -100.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
         """
-        amplitudes_v = np.array(levels.vpp)[:, None] * limits.gain / 2
-        steps = np.trunc(codes * (amplitudes_v / self.rail_v))
+        levels_mvpp = (levels.left_mvpp, levels.right_mvpp)
+        pairs = zip(codes, levels_mvpp, strict=True)
+        steps = np.array([self._steps(row, level_mvpp, limits) for row, level_mvpp in pairs])
         most_v = min(self.rail_v, limits.ceiling_vpp / 2)
         volts = np.clip(steps * self.rail_v / full_scale(self.bits), -most_v, most_v)
         volts = _follow(volts, self.slew_v_s / self.sample_rate_hz)
         volts.setflags(write=False)
         return volts
+
+    # In whole numbers, as a firmware has it: where the exact quotient is a step of the converter, a
+    # float may lie just below it and lose that step.
+    def _steps(self, codes: CodeArray, level_mvpp: int, limits: Limits) -> FloatArray:
+        above, below = limits.gain.as_integer_ratio()
+        factor, divisor = level_mvpp * above, round(2000 * self.rail_v) * below
+        fits = factor < _LARGEST_FACTOR and divisor < _LARGEST_FACTOR
+        magnitudes = np.abs(codes).astype(np.int64 if fits else object)
+        steps: CodeArray = np.sign(codes) * (magnitudes * factor // divisor)
+        return steps.astype(np.float64)
 
 
 def _follow(target_v: FloatArray, step_v: float) -> FloatArray:
@@ -166,7 +181,7 @@ class Emission:
     @property
     def duration_us(self) -> int:
         """Microseconds from the onset to the end of the last sample, uncut."""
-        return int(np.ceil(self.left_v.size * 1e6 / self.sample_rate_hz))
+        return -(-self.left_v.size * 10**9 // round(self.sample_rate_hz * 1000))
 
     def cut(self, at_us: int) -> Emission:
         """Return the burst as a stop at device time `at_us` left it: zero from there on.

@@ -13,7 +13,9 @@ from device.limits import (
     Limits,
     check_burst,
     check_ceiling,
+    check_codes,
     check_rest,
+    check_stored,
     check_time_to_live,
     check_waveforms,
     least_peaks,
@@ -148,10 +150,10 @@ def test_bursts_as_early_as_allowed_keep_the_duty_over_any_time(
     elapsed_us = 0
     for duration_us in durations_us:
         least_us = duration_us + round(least_interval_s * 1e6)
-        earliest_us = max(least_us, math.ceil(duration_us / max_duty) + 1)
+        earliest_us = max(least_us, -(-duration_us * 10**6 // limits.max_duty_ppm))
         check_rest(since_onset_us=earliest_us, duration_us=duration_us, limits=limits)
         with pytest.raises(LimitExceeded):
-            check_rest(since_onset_us=earliest_us - 3, duration_us=duration_us, limits=limits)
+            check_rest(since_onset_us=earliest_us - 1, duration_us=duration_us, limits=limits)
         elapsed_us += earliest_us
     assert sum(durations_us) <= max_duty * elapsed_us
 
@@ -215,3 +217,28 @@ def test_what_no_study_says_of_its_limits_is_cautious() -> None:
     )
     for longest in (1, 2**31):
         assert Limits(ceiling_vpp=200.0, longest_waveform=longest).longest_waveform == longest
+
+
+def test_a_device_counts_its_limits_in_whole_numbers() -> None:
+    limits = Limits(ceiling_vpp=64.1, least_interval_s=0.0123, max_duty=0.3, dc_tolerance=0.07)
+    assert (limits.ceiling_mvpp, limits.least_interval_us) == (64_100, 12_300)
+    assert (limits.max_duty_ppm, limits.dc_tolerance_ppm) == (300_000, 70_000)
+    assert limits.longest_time_to_live_us == 10_000_000
+    assert Limits(ceiling_vpp=64.0999).ceiling_mvpp == 64_099
+
+
+def test_a_device_compares_without_rounding() -> None:
+    limits = Limits(ceiling_vpp=200.0)
+    full = 2**23 - 1
+    check_stored((full - 1, full), (200_000, 200_000), full_scale=full, limits=limits)
+    with pytest.raises(LimitExceeded):
+        check_stored((0, full - 1), (0, 200_001), full_scale=full, limits=limits)
+    most_mvpp = 200_000 * full // (full // 2)
+    check_stored((full // 2, 0), (most_mvpp, 0), full_scale=full, limits=limits)
+    with pytest.raises(LimitExceeded):
+        check_stored((full // 2, 0), (most_mvpp + 1, 0), full_scale=full, limits=limits)
+    codes = np.array([0, 505, -495, 0])
+    assert check_codes(codes, 0 * codes, full_scale=full, limits=limits) == (505, 0)
+    codes[1] += 1
+    with pytest.raises(LimitExceeded):
+        check_codes(codes, 0 * codes, full_scale=full, limits=limits)

@@ -1,5 +1,7 @@
 """Output stage: never above what was checked, never beyond the rail, never faster than the slew."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -31,6 +33,29 @@ def highest_level_mvpp(peak: float, limits: Limits) -> int:
         level_mvpp -= 1
         check_ceiling(peak, level_mvpp / 1000, limits)
     return level_mvpp
+
+
+def test_a_step_that_a_float_would_lose_is_played() -> None:
+    codes = np.array([[0, 400, -400, 0]] * 2, dtype=np.int32)
+    levels = Levels(left_mvpp=14_500, right_mvpp=14_499)
+    volts = OutputStage().render(codes, levels=levels, limits=CEILING)
+    assert (volts * 32_767 / 100).round(9).tolist() == [[0, 29, -29, 0], [0, 28, -28, 0]]
+
+
+@given(
+    code=st.integers(-(2**23) + 1, 2**23 - 1),
+    level_mvpp=st.integers(0, 2**32 - 1),
+    gain=st.sampled_from([1.0, 27.5, 0.1, 1e6]),
+)
+def test_a_code_is_scaled_without_rounding_but_at_last(
+    code: int, level_mvpp: int, gain: float
+) -> None:
+    stage = OutputStage(bits=24, rail_v=1e12, slew_v_s=1e18)
+    limits = Limits(ceiling_vpp=4e12, gain=gain)
+    levels = Levels(left_mvpp=level_mvpp, right_mvpp=0)
+    volts = stage.render(np.array([[code], [0]]), levels=levels, limits=limits)
+    exact = abs(code) * Fraction(level_mvpp) * Fraction(gain) // Fraction(2 * 10**15)
+    assert abs(volts[0, 0]) == int(exact) * 1e12 / full_scale(24)
 
 
 @pytest.mark.slow
