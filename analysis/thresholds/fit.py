@@ -280,35 +280,40 @@ def fit_many(
         for row in likely[at_upper_lapse(best[likely])]:
             words[row] = "lapse_at_bound"
     for row, i in enumerate(many):
-        fit = _fit(known, best, row, rulers[row], words[row])
-        fits[i] = replace(fit, deviance=float(misfit[row])) if fit.mle_sigma > 0 else fit
+        likeliest = (*best[row].tolist(), float(misfit[row]))
+        fits[i] = _fit(known, likeliest, row, rulers[row], words[row])
     return tuple(fits)
 
 
 def _fit(
-    known: Posterior, best: Floats, row: int, ruler: Ruler, status: FitStatus
+    known: Posterior,
+    likeliest: tuple[float, float, float, float],
+    row: int,
+    ruler: Ruler,
+    status: FitStatus,
 ) -> PsychometricFit:
-    """Lay one table's posterior on its axis, as far as its status lets it be told."""
-    low, middle, high = (float(value) for value in known.mu[row])
+    """Lay one table's posterior on its axis, as far as its status lets it be told.
+
+    With its likeliest mu, log sigma and lambda and their deviance.
+    """
+    low, middle, high = known.mu[row].tolist()
     limits = within_levels(low, high, ruler)
     if status in BOUNDED:
         return PsychometricFit(status=status, threshold_limits=limits)
     if status not in WITH_THRESHOLD:
         return PsychometricFit(status=status)
-    fit = PsychometricFit(
+    mu, log_sigma, lapse_rate, misfit = likeliest
+    steep = status == "separated"
+    return PsychometricFit(
         status=status,
         threshold=middle * ruler.step,
         threshold_limits=limits,
+        sigma=_NAN if steep else ruler.step * math.exp(known.log_sigma[row, 1]),
         lapse_rate=float(known.lapse_rate[row]),
-    )
-    if status == "separated":
-        return fit
-    return replace(
-        fit,
-        sigma=float(ruler.step * np.exp(known.log_sigma[row, 1])),
-        mle_threshold=float(ruler.step * best[row, 0]),
-        mle_sigma=float(ruler.step * np.exp(best[row, 1])),
-        mle_lapse_rate=float(best[row, 2]),
+        mle_threshold=ruler.step * mu,
+        mle_sigma=ruler.step * math.exp(log_sigma),
+        mle_lapse_rate=lapse_rate,
+        deviance=misfit,
     )
 
 

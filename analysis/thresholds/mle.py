@@ -39,7 +39,7 @@ _EASIER: Final = 10.0
 _HARDER: Final = 4.0
 _LEAST_DAMPING: Final = 1e-8
 _SOLVABLE: Final = 1e-12
-_LAPSE: Final = 400.0
+_METRIC: Final = np.array([1.0, 1.0, 400.0])
 """A step of 1/20 in lambda counts as much as one of sigma in mu."""
 _LEAST: Final = 1e-100
 """Probabilities below count as this; what is divided by two of them stays finite."""
@@ -106,23 +106,23 @@ def log_likelihood(tables: Tables, parameters: Floats) -> Floats:
 def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Floats:
     """Return the likeliest mu, log sigma and lambda within their bounds: (fits, 3), as `start`.
 
-    Fisher's scoring, damped where a step would go downhill (Levenberg and Marquardt); a parameter
-    at a bound that the likelihood wants to leave stays there. It begins at `start`, near the
-    greatest of several maxima, and ends with a step that gains no more than `least_gain` of log
-    likelihood.
+    Newton's steps, Fisher's scoring where the likelihood is not concave, damped where a step would
+    go downhill (Levenberg and Marquardt); a parameter at a bound that the likelihood wants to leave
+    stays there. It begins at `start`, near the greatest of several maxima, and ends with a step
+    that gains no more than `least_gain` of log likelihood.
     """
-    # Thousands of drawn tables are fitted at once, which a general optimiser takes one by one; with
-    # expected instead of observed information a step goes uphill wherever its damping is enough,
-    # and each table keeps a damping of its own.
-    lower, upper = tables.bounds()
-    at = np.clip(start, lower, upper)
-    value, damping = log_likelihood(tables, at), np.ones(len(tables))
+    # Thousands of drawn tables are fitted at once, which a general optimiser takes one by one; each
+    # keeps a damping of its own. Steps are of sigma, not of its logarithm: where detection nearly
+    # rises in one step, likely functions lie along a line of mu and sigma.
+    lower, upper = (_with(np.exp, ends) for ends in tables.bounds())
+    at = np.clip(_with(np.exp, start), lower, upper)
+    value, damping = log_likelihood(tables, _with(np.log, at)), np.ones(len(tables))
     active = np.arange(len(tables))
     for _ in range(_MOST_STEPS):
         part, here, best = tables[active], at[active], value[active]
         ends = (lower[active], upper[active])
         new = np.clip(here + _free_step(part, here, damping[active], ends), *ends)
-        reached = log_likelihood(part, new)
+        reached = log_likelihood(part, _with(np.log, new))
         better = reached >= best - _ROUNDING * np.abs(best)
         moving = (np.abs(new - here) > _ENOUGH).any(axis=1)
         going = moving & ~(better & (reached - best <= least_gain) & (least_gain > 0))
@@ -132,7 +132,12 @@ def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Fl
         active = active[going]
         if not len(active):
             break
-    return at
+    return _with(np.log, at)
+
+
+def _with(function: np.ufunc, parameters: Floats) -> Floats:
+    """Return parameters with a function of the second."""
+    return np.stack([parameters[:, 0], function(parameters[:, 1]), parameters[:, 2]], axis=1)
 
 
 def at_upper_lapse(parameters: Floats) -> NDArray[np.bool_]:
@@ -142,38 +147,61 @@ def at_upper_lapse(parameters: Floats) -> NDArray[np.bool_]:
 
 def _free_step(tables: Tables, at: Floats, damping: Floats, ends: tuple[Floats, Floats]) -> Floats:
     """Return (information + damping)^-1 times score, over the parameters that are free to move."""
-    score, information = _score(tables, at)
+    score, observed, expected = _score(tables, at)
     lower, upper = ends
     stuck = ((at <= lower) & (score < 0)) | ((at >= upper) & (score > 0))
-    metric = np.stack([np.exp(-2 * at[:, 1]), np.ones(len(at)), np.full(len(at), _LAPSE)], axis=1)
-    size = np.einsum("fii->fi", information)
-    information += (damping[:, None] * metric + _SOLVABLE * size)[:, :, None] * np.eye(3)
+    size = np.einsum("fii->fi", expected)
+    damped = (damping[:, None] * _METRIC + _SOLVABLE * size)[:, :, None] * np.eye(3)
     for _ in range(2):
-        step = _solve(score, information, stuck)
+        step = _solve(score, observed + damped, expected + damped, stuck)
         leaving = ((at <= lower) & (step < 0)) | ((at >= upper) & (step > 0))
         if not (leaving & ~stuck).any():
             break
         stuck |= leaving
+    step[:, :2] *= at[:, 1, None]
     return step
 
 
-def _solve(score: Floats, information: Floats, stuck: NDArray[np.bool_]) -> Floats:
+def _solve(score: Floats, observed: Floats, expected: Floats, stuck: NDArray[np.bool_]) -> Floats:
     free = ~stuck
-    matrix = information * (free[:, :, None] & free[:, None, :]) + stuck[:, :, None] * np.eye(3)
+    moving = free[:, :, None] & free[:, None, :]
+    matrix = np.where(moving, observed, np.eye(3))
+    concave = _definite(matrix)[:, None, None]
+    matrix = np.where(concave | ~moving, matrix, expected)
     return np.asarray(np.linalg.solve(matrix, np.where(free, score, 0.0)[:, :, None])[:, :, 0])
 
 
-def _score(tables: Tables, at: Floats) -> tuple[Floats, Floats]:
-    """Return the score, shape (fits, 3), and Fisher's information, shape (fits, 3, 3)."""
-    mu, log_sigma, lapse = (at[:, i, None] for i in range(3))
-    z = (tables.u - mu) * np.exp(-log_sigma)
+def _definite(matrix: Floats) -> NDArray[np.bool_]:
+    """Tell which symmetric matrices are positive definite, by their leading minors: (fits,)."""
+    two = matrix[:, 0, 0] * matrix[:, 1, 1] > matrix[:, 0, 1] ** 2
+    return np.asarray((matrix[:, 0, 0] > 0) & two & (np.linalg.det(matrix) > 0))
+
+
+def _score(tables: Tables, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the score, (fits, 3), and observed and expected information, (fits, 3, 3).
+
+    Of mu and sigma in units of sigma, and lambda.
+    """
+    mu, sigma, lapse = (at[:, i, None] for i in range(3))
+    z = (tables.u - mu) / sigma
     felt, density = ndtr(z), np.exp(-0.5 * z * z) / _SQRT_2PI
     guess = tables.guess_rate[:, None]
     rest = 1 - guess - lapse
     p = np.maximum(guess + rest * felt, _LEAST)
     q = np.maximum(lapse + rest * ndtr(-z), _LEAST)
-    slopes = np.stack([-rest * density * np.exp(-log_sigma), -rest * density * z, -felt], axis=1)
-    missed = tables.presented - tables.detected
-    score = (slopes * (tables.detected / p - missed / q)[:, None, :]).sum(axis=2)
-    weight = tables.presented / (p * q)
-    return score, np.einsum("fil,fjl,fl->fij", slopes, slopes, weight)
+    hits, misses = tables.detected / p, (tables.presented - tables.detected) / q
+    slopes = np.stack([-rest * density, -rest * density * z, -felt], axis=1)
+    score = (slopes * (hits - misses)[:, None]).sum(axis=2)
+    across = slopes.transpose(0, 2, 1)
+    expected = (slopes * (tables.presented / (p * q))[:, None]) @ across
+    observed = (slopes * (hits / p + misses / q)[:, None]) @ across
+    # Less the second derivatives of p.
+    push = (hits - misses) * density
+    one, first, second, third = ((push * z**power).sum(axis=1) for power in range(4))
+    rest = rest[:, 0]
+    bent = [
+        [-rest * first, rest * (one - second), one],
+        [rest * (one - second), rest * (2 * first - third), first],
+        [one, first, 0 * one],
+    ]
+    return score, observed - np.moveaxis(np.array(bent), 2, 0), expected

@@ -184,6 +184,18 @@ def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: flo
         assert tried.max() <= reached + 1e-6
 
 
+def test_a_likeliest_function_is_level_though_counts_lie_far_from_it() -> None:
+    # Here the observed information is more than twice the expected one.
+    u = 20 * np.log10([60.0, 95.0, 130.0, 165.0, 200.0])
+    table = counts_at(u, [15, 21, 27, 30, 29], 30, 0.5)
+    (best,) = fit_lapsing(
+        table, np.array([[40.0946408, np.log(2), 0.0169395307]]), least_gain=1e-13
+    )
+    for step in 1e-4 * np.diag([1.0, 1.0, 0.1]):
+        up, down = (log_likelihood(table, (best + sign * step)[None])[0] for sign in (1, -1))
+        assert abs(up - down) < 1e-8
+
+
 @given(tables_of_counts, st.floats(0, 10), st.floats(-1, 2), st.floats(0, 0.1), st.floats(0, 0.1))
 def test_guesses_and_lapses_change_places_in_a_mirrored_table(
     detected: list[int], mu: float, log_sigma: float, lapse: float, guess_rate: float
