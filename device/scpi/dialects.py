@@ -158,68 +158,7 @@ KEYSIGHT: Final = Dialect(
 33612A, 33622A). The load is set while no limit is on: a limit would forbid it. The attenuator's
 range is held, so that no relay switches with the level."""
 
-RIGOL: Final = Dialect(
-    name="rigol",
-    identity=r"Rigol Technologies,DG1\d\d\dZ,",
-    bits=14,
-    code_type="<u2",
-    zero_code=8192,
-    shortest_waveform=8,
-    longest_waveform=8192,
-    least_vpp=0.002,
-    most_vpp=20.0,
-    volts_digits=4,
-    named=False,
-    reset=("*RST", "*CLS", ":OUTP1 OFF", ":OUTP2 OFF"),
-    channel_load=(":OUTP{channel}:LOAD INF", ":SOUR{channel}:VOLT:UNIT VPP"),
-    store=":SOUR{channel}:DATA:DAC VOLATILE,",
-    channel_setup=(
-        ":SOUR{channel}:FUNC:ARB:MODE SRATE",
-        ":SOUR{channel}:FUNC:ARB:SRAT {rate}",
-        ":SOUR{channel}:VOLT:OFFS 0",
-        ":SOUR{channel}:VOLT {volts}",
-        ":SOUR{channel}:BURS:MODE TRIG",
-        ":SOUR{channel}:BURS:NCYC 1",
-        ":SOUR{channel}:BURS:TRIG:SOUR MAN",
-        ":SOUR{channel}:BURS:IDLE FPT",
-        ":SOUR{channel}:BURS:STAT ON",
-    ),
-    channel_readings=(
-        ReadBack(question=":OUTP{channel}:LOAD?", answer=INFINITE_OHM),
-        ReadBack(question=":SOUR{channel}:FUNC:ARB:MODE?", answer="SRATE"),
-        ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
-        ReadBack(question=":SOUR{channel}:VOLT:OFFS?", answer="0"),
-        ReadBack(question=":SOUR{channel}:BURS:MODE?", answer="TRIG"),
-        ReadBack(question=":SOUR{channel}:BURS:NCYC?", answer="1"),
-        ReadBack(question=":SOUR{channel}:BURS:TRIG:SOUR?", answer="MAN"),
-        ReadBack(question=":SOUR{channel}:BURS:STAT?", answer="ON"),
-    ),
-    select=(
-        ":SOUR{channel}:FUNC:ARB:MODE SRATE",
-        ":SOUR{channel}:FUNC:ARB:SRAT {rate}",
-        ":SOUR{channel}:VOLT {volts}",
-    ),
-    select_readings=(
-        ReadBack(question=":OUTP{channel}:LOAD?", answer=INFINITE_OHM),
-        ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),
-    ),
-    amplitude=":SOUR{channel}:VOLT?",
-    output_on=":OUTP{channel} ON",
-    output_off=":OUTP{channel} OFF",
-    abort=(),
-    trigger=(":SOUR1:BURS:TRIG", ":SOUR2:BURS:TRIG"),
-    complete="*OPC?",
-    error=":SYST:ERR?",
-    cannot=(
-        "hold a voltage limit of its own",
-        "begin both channels at once: each has a trigger command of its own",
-        "keep its attenuator's relays from switching with the level",
-    ),
-)
-"""Rigol DG1000Z, to show that the table takes another make; less sure than the entry above. The
-sample-rate mode comes before the rate, or the generator stretches the waveform silently."""
-
-DIALECTS: Final = (KEYSIGHT, RIGOL)
+DIALECTS: Final = (KEYSIGHT,)
 """Every dialect that is known."""
 
 

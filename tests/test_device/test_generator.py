@@ -20,7 +20,8 @@ from device.emulate.instrument import Reader
 from device.emulate.lines import PtyLine, TcpLine
 from device.emulate.mock import MockDevice
 from device.limits import Limits
-from device.scpi.dialects import DIALECTS, KEYSIGHT, RIGOL, dialect_of
+from device.scpi import dialects
+from device.scpi.dialects import KEYSIGHT, Dialect, ReadBack, dialect_of
 from device.scpi.generator import GeneratorDevice, generator_device, identify_generator
 from device.scpi.line import PATIENCE_S
 from tests.test_device.bursts import play, ready, refusal
@@ -159,13 +160,48 @@ def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Bench)
     assert not burst.right_v.any()
 
 
-def test_the_same_commands_in_the_other_dialects_fill_in_without_code() -> None:
-    settings = {"channel": 2, "name": "T1", "rate": "48000", "volts": "1.0"}
-    for dialect in DIALECTS:
-        for command in (*dialect.channel_load, *dialect.channel_setup, *dialect.select):
-            assert "{" not in command.format(high="1.0", low="-1.0", **settings)
-    assert dialect_of("Rigol Technologies,DG1032Z,DG1ZA0,03.01.12") is RIGOL
+ELSEWHERE = "Elsewhere Instruments,AWG2,1,0"
+
+OTHER = Dialect(
+    name="other",
+    identity="Elsewhere Instruments,",
+    bits=14,
+    code_type="<u2",
+    zero_code=8192,
+    shortest_waveform=8,
+    longest_waveform=8192,
+    least_vpp=0.002,
+    most_vpp=20.0,
+    volts_digits=4,
+    named=False,
+    reset=("*RST", "*CLS"),
+    channel_load=(":OUTP{channel}:LOAD INF",),
+    store=":SOUR{channel}:DATA:DAC VOLATILE,",
+    channel_setup=(":SOUR{channel}:FUNC:ARB:SRAT {rate}", ":SOUR{channel}:VOLT {volts}"),
+    channel_readings=(ReadBack(question=":OUTP{channel}:LOAD?", answer="9.9E+37"),),
+    select=(":SOUR{channel}:FUNC:ARB:SRAT {rate}", ":SOUR{channel}:VOLT {volts}"),
+    select_readings=(ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),),
+    amplitude=":SOUR{channel}:VOLT?",
+    output_on=":OUTP{channel} ON",
+    output_off=":OUTP{channel} OFF",
+    abort=(),
+    trigger=(":SOUR1:BURS:TRIG", ":SOUR2:BURS:TRIG"),
+    complete="*OPC?",
+    error=":SYST:ERR?",
+    cannot=("begin both channels at once",),
+)
+"""A make that is none: unsigned codes of 14 bits, no names, a trigger for each channel."""
+
+
+@pytest.fixture
+def other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dialects, "DIALECTS", (*dialects.DIALECTS, OTHER))
+
+
+def test_a_generator_is_known_by_its_name(other: None) -> None:
+    assert dialect_of(ELSEWHERE) is OTHER
     assert dialect_of(IDENTITY) is KEYSIGHT
+    assert dialect_of("Nobody,AWG2,1,0") is None
 
 
 class Parrot:
@@ -176,10 +212,13 @@ class Parrot:
         self._settings = {"*IDN": identity, "*OPC": "1", "SYST:ERR": '0,"No error"'}
         self._answers = b""
         self.headers: list[str] = []
+        self.codes: list[list[int]] = []
 
     def write(self, data: bytes) -> None:
         for unit in self._reader.feed(data):
             self.headers.append(unit.header)
+            if unit.data is not None:
+                self.codes.append(np.frombuffer(unit.data, "<u2").tolist())
             if unit.header.endswith("?"):
                 self._answers += f"{self._settings[unit.header[:-1]]}\n".encode()
             else:
@@ -193,8 +232,9 @@ class Parrot:
         """Stay as it is."""
 
 
-def test_a_make_that_keeps_one_waveform_is_given_both_before_each_trigger() -> None:
-    parrot, clock = Parrot("Rigol Technologies,DG1032Z,DG1ZA0,03.01.12"), VirtualClock()
+def test_another_make_is_a_row_of_the_table(other: None) -> None:
+    """It keeps one waveform a channel: both are uploaded before each trigger."""
+    parrot, clock = Parrot(ELSEWHERE), VirtualClock()
     device = generator_on(parrot, clock, gain=GAIN)
     ready(device, 60.0, burst=WAVE)
     for token in (1, 2):
@@ -202,8 +242,10 @@ def test_a_make_that_keeps_one_waveform_is_given_both_before_each_trigger() -> N
         clock.wait(0.1)
         assert play(device, token).outcome is Outcome.FIRED
         said = [header for header in parrot.headers if not header.endswith("?")]
-        assert said[0::4][:2] == ["SOUR1:DATA:DAC", "SOUR2:DATA:DAC"]
+        assert said[0::3][:2] == ["SOUR1:DATA:DAC", "SOUR2:DATA:DAC"]
         assert said[-2:] == ["SOUR1:BURS:TRIG", "SOUR2:BURS:TRIG"]
+    left, right = parrot.codes[-2:]
+    assert (max(left), min(left), set(right)) == (8192 + 8191, 8192 - 8191, {8192})
     assert any("at once" in sentence for sentence in device.cannot)
 
 
