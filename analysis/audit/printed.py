@@ -2,55 +2,45 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Final
 
-MAX_DECIMALS = 12
+MAX_DECIMALS: Final = 12
 HALF_UP, HALF_EVEN, TRUNCATED = "half up", "half even", "truncated"
 CONVENTIONS = (HALF_UP, HALF_EVEN, TRUNCATED)
 _PROPORTION = re.compile(rf"0|1|[01]?\.[0-9]{{1,{MAX_DECIMALS}}}", re.ASCII)
+_LEAST = Fraction(1, 10**50)
+"""Less than what lies between any two values that are compared: those of counts of a million people
+with a million stimuli, and of `MAX_DECIMALS`. So far does a range end before an open end."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Range:
-    """All numbers from one to another, each end included or not.
+    """All numbers from one to another.
 
-    >>> half = Range(low=Fraction(0), high=Fraction(1, 2), with_low=True, with_high=False)
-    >>> half.holds(Fraction(0)), half.holds(Fraction(1, 2))
-    (True, False)
+    >>> tenths = Range(Fraction(1, 4), Fraction(1, 2)).counts(10)
+    >>> list(tenths)
+    [3, 4, 5]
     """
 
     low: Fraction
     high: Fraction
-    with_low: bool = True
-    with_high: bool = True
 
     def holds(self, value: Fraction) -> bool:
         """Tell whether a number belongs to it."""
-        above = value > self.low or (self.with_low and value == self.low)
-        return above and (value < self.high or (self.with_high and value == self.high))
-
-    def meets(self, other: Range) -> bool:
-        """Tell whether a number belongs to both."""
-        return self.reaches(other) and other.reaches(self)
-
-    def reaches(self, other: Range) -> bool:
-        """Tell whether a number of this range is at most one of the other range."""
-        both = self.with_low and other.with_high
-        return self.low < other.high or (both and self.low == other.high)
+        return self.low <= value <= self.high
 
     def counts(self, trials: int) -> range:
-        """Return the k for which k / trials belongs to it, none below 0 or above `trials`.
+        """Return the k for which k / trials belongs to it."""
+        return range(math.ceil(self.low * trials), math.floor(self.high * trials) + 1)
 
-        >>> list(Range(low=Fraction(1, 4), high=Fraction(1, 2), with_high=False).counts(8))
-        [2, 3]
-        """
-        above, missing = divmod(-self.low.numerator * trials, self.low.denominator)
-        last, rest = divmod(self.high.numerator * trials, self.high.denominator)
-        first = -above + int(not self.with_low and not missing)
-        last -= int(not self.with_high and not rest)
-        return range(max(first, 0), min(last, trials) + 1)
+    def of_counts(self, trials: int) -> Range:
+        """Return its part from the first k / trials to the last."""
+        every = self.counts(trials)
+        return Range(Fraction(every.start, trials), Fraction(every.stop - 1, trials))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,50 +71,25 @@ class Printed:
             raise ValueError(message)
 
     @property
-    def value(self) -> Fraction:
-        """The number itself."""
-        return Fraction(self.text)
-
-    @property
     def decimals(self) -> int:
         """How many digits stand behind the point."""
         return len(self.text.partition(".")[2])
 
-    def stands_for(self, convention: str, decimals: int) -> Range:
-        """Return the proportions that are printed so.
+    def stands_for(self, convention: str, decimals: int | None = None) -> Range:
+        """Return the proportions that are printed so under one of `CONVENTIONS`.
 
-        Parameters
-        ----------
-        convention : str
-            One of `CONVENTIONS`: rounded with halves going up, or to the even digit, or cut off.
-        decimals : int
-            Digits kept; at least its own, more where zeros at the end were dropped.
+        `decimals` are its own, or more where zeros at the end were dropped.
 
-        Raises
-        ------
-        ValueError
-            For another convention and for fewer decimals than it has.
-
-        Examples
-        --------
         >>> cut = Printed(text="0.9").stands_for("truncated", 2)
         >>> cut.holds(Fraction("0.9099")), cut.holds(Fraction("0.91"))
         (True, False)
         """
-        if convention not in CONVENTIONS:
-            raise ValueError(f"convention must be one of {CONVENTIONS}, got {convention!r}")
-        if decimals < self.decimals:
-            raise ValueError(f"decimals must be at least {self.decimals}, got {decimals!r}")
-        step = Fraction(1, 10**decimals)
-        if convention == TRUNCATED:
-            low, high, ends = self.value, self.value + step, (True, False)
-        else:
-            low, high = self.value - step / 2, self.value + step / 2
-            even = self.value / step % 2 == 0
-            ends = (True, False) if convention == HALF_UP else (even, even)
-        return Range(
-            low=max(low, Fraction(0)),
-            high=min(high, Fraction(1)),
-            with_low=ends[0] or low < 0,
-            with_high=ends[1] or high > 1,
-        )
+        step = Fraction(1, 10 ** (self.decimals if decimals is None else decimals))
+        low = Fraction(self.text) - (0 if convention == TRUNCATED else step / 2)
+        high = low + step
+        odd = Fraction(self.text) / step % 2 == 1
+        if convention == HALF_EVEN and odd:
+            low += _LEAST
+        if convention != HALF_EVEN or odd:
+            high -= _LEAST
+        return Range(max(low, Fraction(0)), min(high, Fraction(1)))

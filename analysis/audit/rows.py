@@ -136,15 +136,6 @@ class Audit:
         return all(row.possible for row in self.rows)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Ranges:
-    """What a row's numbers may stand for under one convention."""
-
-    least: Range
-    largest: Range
-    attainable: Range | None
-
-
 def audit(rows: Sequence[PrintedRow]) -> Audit:
     """Tell which rows of a table are impossible, and why.
 
@@ -186,9 +177,7 @@ def audit(rows: Sequence[PrintedRow]) -> Audit:
     audited = tuple(
         RowAudit(
             row=row,
-            verdicts=tuple(
-                _verdict(row, reading, decimals, means.values()) for reading in READINGS
-            ),
+            verdicts=tuple(_verdict(row, one, decimals, means.values()) for one in READINGS),
             possible_as_shown=tuple(r for r in READINGS if not _reasons(row, r, None, row.mean)),
         )
         for row in rows
@@ -201,107 +190,85 @@ def audit(rows: Sequence[PrintedRow]) -> Audit:
     return Audit(decimals=decimals, rows=audited, exchange_fits=exchange)
 
 
+def _faults(row: PrintedRow, convention: str, decimals: int | None, mean: Printed) -> Iterator[str]:
+    """Yield what is impossible about a row with some mean."""
+    least, shown, largest = (
+        one.stands_for(convention, decimals) for one in (row.least, mean, row.largest)
+    )
+    low, high = row.least.text, row.largest.text
+    for name, text, one in (("least", low, least), ("largest", high, largest)):
+        if row.trials and not _feasible(one, row.trials):
+            yield f"no number of stimuli {_told(row.trials)} gives the {name} value {text}"
+    means = attainable(least, largest, row.participants)
+    if least.low > largest.high:
+        yield f"the least value {low} is above the largest {high}"
+    elif shown.high < least.low:
+        yield f"the mean {mean.text} is below the least value {low}"
+    elif shown.low > largest.high:
+        yield f"the mean {mean.text} is above the largest value {high}"
+    elif means is None:
+        yield f"one participant has one value, not {low} and {high}"
+    elif shown.high < means.low or shown.low > means.high:
+        yield (
+            f"the mean {mean.text} is impossible for {row.participants} participants with least "
+            f"{low} and largest {high}: from {float(means.low):.4g} to {float(means.high):.4g}"
+        )
+    elif row.participants and row.trials and row.trials[0] == row.trials[1]:
+        people, n = row.participants, row.trials[0]
+        if not counts_fit(least, largest, shown, participants=people, trials=n):
+            yield f"no counts of {people} participants with {n} stimuli each have that mean"
+
+
+@lru_cache(maxsize=1024)
+def _feasible(one: Range, trials: tuple[int, int]) -> tuple[int, ...]:
+    """Return the numbers of stimuli that give a value of a range."""
+    return tuple(n for n in range(trials[0], trials[1] + 1) if one.counts(n))
+
+
+def _told(trials: tuple[int, int]) -> str:
+    return str(trials[0]) if trials[0] == trials[1] else f"from {trials[0]} to {trials[1]}"
+
+
+def _reasons(row: PrintedRow, reading: str, decimals: int | None, mean: Printed) -> tuple[str, ...]:
+    """Return what is impossible about a row with some mean, under the best convention."""
+    return min((tuple(_faults(row, one, decimals, mean)) for one in READINGS[reading]), key=len)
+
+
 def _verdict(
     row: PrintedRow, reading: str, decimals: int, means: Iterable[Printed]
 ) -> ReadingVerdict:
-    found = [_ranges(row, convention, decimals) for convention in READINGS[reading]]
-    means_of = [ranges.attainable for ranges in found if ranges.attainable is not None]
+    least, largest = (
+        [value.stands_for(one, decimals) for one in READINGS[reading]]
+        for value in (row.least, row.largest)
+    )
+    found = [
+        some
+        for one, other in zip(least, largest, strict=True)
+        if (some := attainable(one, other, row.participants))
+    ]
+    numbers = [
+        tuple(sorted({n for one in every for n in _feasible(one, row.trials)}))
+        if row.trials
+        else None
+        for every in (least, largest)
+    ]
     return ReadingVerdict(
         reading=reading,
         reasons=_reasons(row, reading, decimals, row.mean),
-        mean_low=float(min(one.low for one in means_of)) if means_of else None,
-        mean_high=float(max(one.high for one in means_of)) if means_of else None,
-        least_trials=_feasible(row, [ranges.least for ranges in found]),
-        largest_trials=_feasible(row, [ranges.largest for ranges in found]),
+        mean_low=float(min(one.low for one in found)) if found else None,
+        mean_high=float(max(one.high for one in found)) if found else None,
+        least_trials=numbers[0],
+        largest_trials=numbers[1],
         fitting_means=tuple(
             sorted(mean.text for mean in means if not _reasons(row, reading, decimals, mean))
         ),
     )
 
 
-def _reasons(row: PrintedRow, reading: str, decimals: int | None, mean: Printed) -> tuple[str, ...]:
-    """Return what is impossible about a row with some mean, under the best convention."""
-    return min(
-        (tuple(_faults(row, convention, decimals, mean)) for convention in READINGS[reading]),
-        key=lambda reasons: len(reasons),  # noqa: PLW0108 - mypy needs the sized type
-    )
-
-
-def _feasible(row: PrintedRow, ranges: Sequence[Range]) -> tuple[int, ...] | None:
-    """Return the numbers of stimuli that give a value in one of the ranges."""
-    if row.trials is None:
-        return None
-    numbers = range(row.trials[0], row.trials[1] + 1)
-    return tuple(n for n in numbers if any(one.counts(n) for one in ranges))
-
-
-def _faults(row: PrintedRow, convention: str, decimals: int | None, mean: Printed) -> Iterator[str]:
-    """Yield what is impossible about a row with some mean."""
-    found = _ranges(row, convention, decimals)
-    stands_for = mean.stands_for(convention, _kept(mean, decimals))
-    least, largest = row.least.text, row.largest.text
-    values = {"least": (least, found.least), "largest": (largest, found.largest)}
-    for name, (text, one) in values.items():
-        if row.trials is not None and not _ever(one, row.trials):
-            yield f"no number of stimuli {_told(row)} gives the {name} value {text}"
-    if not found.least.reaches(found.largest):
-        yield f"the least value {least} is above the largest {largest}"
-    elif not found.least.reaches(stands_for):
-        yield f"the mean {mean.text} is below the least value {least}"
-    elif not stands_for.reaches(found.largest):
-        yield f"the mean {mean.text} is above the largest value {largest}"
-    elif found.attainable is None:
-        yield f"one participant has one value, not {least} and {largest}"
-    elif not stands_for.meets(found.attainable):
-        lowest, highest = float(found.attainable.low), float(found.attainable.high)
-        yield (
-            f"the mean {mean.text} is impossible for {row.participants} participants with least "
-            f"{least} and largest {largest}: from {lowest:.4g} to {highest:.4g}"
-        )
-    elif row.participants and row.trials and row.trials[0] == row.trials[1]:
-        people, n = row.participants, row.trials[0]
-        if not counts_fit(found.least, found.largest, stands_for, participants=people, trials=n):
-            yield f"no counts of {people} participants with {n} stimuli each have that mean"
-
-
-@lru_cache(maxsize=1024)
-def _ever(one: Range, trials: tuple[int, int]) -> bool:
-    return any(one.counts(n) for n in range(trials[0], trials[1] + 1))
-
-
-def _told(row: PrintedRow) -> str:
-    if row.trials is None or row.trials[0] == row.trials[1]:
-        return str(row.trials[0]) if row.trials else ""
-    return f"from {row.trials[0]} to {row.trials[1]}"
-
-
-def _kept(number: Printed, decimals: int | None) -> int:
-    return number.decimals if decimals is None else decimals
-
-
-def _ranges(row: PrintedRow, convention: str, decimals: int | None) -> _Ranges:
-    least = row.least.stands_for(convention, _kept(row.least, decimals))
-    largest = row.largest.stands_for(convention, _kept(row.largest, decimals))
-    mean = attainable(least, largest, row.participants) if least.reaches(largest) else None
-    return _Ranges(least=least, largest=largest, attainable=mean)
-
-
 def _exchange_fits(rows: Sequence[PrintedRow], verdicts: Sequence[ReadingVerdict]) -> bool:
-    """Tell whether each row can have a mean of its own, in any order (bipartite matching)."""
-    fits = [
-        [place for place, other in enumerate(rows) if other.mean.text in verdict.fitting_means]
-        for verdict in verdicts
-    ]
-    taken: dict[int, int] = {}
+    """Tell whether each row can have a mean of its own, in any order."""
+    from scipy.sparse import csr_matrix
+    from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    def seat(row: int, tried: set[int]) -> bool:
-        for place in fits[row]:
-            if place in tried:
-                continue
-            tried.add(place)
-            if place not in taken or seat(taken[place], tried):
-                taken[place] = row
-                return True
-        return False
-
-    return all(seat(row, set()) for row in range(len(rows)))
+    fits = [[other.mean.text in one.fitting_means for other in rows] for one in verdicts]
+    return bool((maximum_bipartite_matching(csr_matrix(fits)) >= 0).all())

@@ -21,8 +21,6 @@ from experiment.terms.exits import ANSWER_IS_NO, refusals
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import pandas as pd
-
     from analysis.audit.rows import Audit, ReadingVerdict, RowAudit
 
 
@@ -52,8 +50,6 @@ def read_table(path: Path) -> tuple[PrintedRow, ...]:
     >>> row.label, row.trials, row.participants
     ('60', (20, 40), None)
     """
-    import pandas as pd
-
     from analysis.reading.sources import read_regular, unreadable
     from analysis.reading.text import TextFormat, text_chunks
 
@@ -65,13 +61,15 @@ def read_table(path: Path) -> tuple[PrintedRow, ...]:
     except ValueError as error:
         raise ResultFileError(path, None, str(error)) from None
     header, chunks = text_chunks(io.BytesIO(raw), name, form=TextFormat(), empty_allowed=True)
-    read = list(chunks)
-    cells = [row for _, rows in read for row in rows]
-    text = pd.DataFrame(cells, columns=header, index=[line for lines, _ in read for line in lines])
-    label = _check_columns([str(column) for column in text.columns], name)
-    if text.empty:
+    rows = [
+        (line, dict(zip(header, cells, strict=True)))
+        for lines, some in chunks
+        for line, cells in zip(lines, some, strict=True)
+    ]
+    label = _check_columns(header, name)
+    if not rows:
         raise ResultFileError(path, 1, "a header and no rows below it")
-    return tuple(_row(cells, label, name) for _, cells in text.iterrows())
+    return tuple(_row(line, cells, label, name) for line, cells in rows)
 
 
 def _check_columns(columns: list[str], file: str) -> str:
@@ -91,8 +89,7 @@ def _check_columns(columns: list[str], file: str) -> str:
     return labels[0]
 
 
-def _row(cells: pd.Series[str], label: str, file: str) -> PrintedRow:
-    line = int(str(cells.name))
+def _row(line: int, cells: dict[str, str], label: str, file: str) -> PrintedRow:
     if not 1 <= len(cells[label]) <= _LONGEST_LABEL:
         message = f"column '{label}' must have 1 to {_LONGEST_LABEL} characters"
         raise ResultFileError(file, line, f"{message}, got {shown(cells[label])}")
