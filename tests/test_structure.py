@@ -42,6 +42,7 @@ LATER = {
     *("study/origins.py", "study/stated.py", "results/protocol.py", "results/answer.py"),
     *("study/simulated.py", "terms/curves.py", "results/compared.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
+    *("monitor", "sound/recorder.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(
         "session/markers.py",

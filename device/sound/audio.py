@@ -20,13 +20,14 @@ from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import Identity, LinkError
 from device.sound.player import Frames, Played, Player
-from device.sound.stream import CHANNELS, Callback, Stream, open_stream
+from device.sound.stream import CHANNELS, Callback, Stream, open_duplex, open_stream
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.clock import Clock
     from device.limits import Limits
+    from device.sound.recorder import Recorder
 
 BITS: Final = 16
 """Of the frames; a card with more gets zeros below them."""
@@ -60,6 +61,7 @@ class AudioLink(HostedCore):
         volts_full_scale: float,
         sample_rate_hz: float,
         name: str,
+        recorder: Recorder | None,
     ) -> None:
         output = OutputStage(
             sample_rate_hz=sample_rate_hz, bits=BITS, rail_v=volts_full_scale, slew_v_s=_SLEW_V_S
@@ -68,13 +70,18 @@ class AudioLink(HostedCore):
         self._connect = connect
         self._name = name
         self._stream: Stream | None = None
+        self._recorder = recorder
         self.player = Player(clock, sample_rate_hz)
+        self.played: int | None = None
 
     def hello(self) -> Identity:
         """Open the stream, silent."""
         self._attend()
         self._drop()
         self.player.mute(on=True)
+        self.player.frames = 0
+        if self._recorder is not None:
+            self._recorder.restart()
         self._stream = self._connect(self.player)
         self._known = self._core.state
         limits, output = self._core.limits, self._core.output
@@ -126,11 +133,13 @@ class AudioLink(HostedCore):
         asked_s = self._clock.now_s()
         stream = self._stream
         latency_s = 0.0 if stream is None else stream.latency
+        self.played = None
         burst = self.player.play(self._frames(), latency_s)
         until_s = asked_s + len(burst.frames) / self._core.output.sample_rate_hz + _PATIENCE_S
         while not burst.settled(self._clock.now_s()) and self._clock.now_s() < until_s:
             self._clock.wait(_POLL_S)
         self.player.forget()
+        self.played = burst.first if burst.taken else None
         fate = fate_of(burst)
         if fate is not Fate.FIRED:
             known = Record(token=record.token, fate=fate)
@@ -188,6 +197,7 @@ class AudioDevice(HostDriver):
         volts_full_scale: float,
         sample_rate_hz: float,
         name: str,
+        recorder: Recorder | None = None,
     ) -> None:
         require_positive("volts_full_scale", volts_full_scale)
         reachable_vpp = min(limits.ceiling_vpp, 2 * volts_full_scale)
@@ -199,7 +209,9 @@ class AudioDevice(HostDriver):
             volts_full_scale=volts_full_scale,
             sample_rate_hz=sample_rate_hz,
             name=name,
+            recorder=recorder,
         )
+        self.recorder = recorder
         super().__init__(self._audio, limits=reachable, clock=clock)
 
     @property
@@ -207,17 +219,29 @@ class AudioDevice(HostDriver):
         """What a sound card cannot promise."""
         return CANNOT
 
+    def played(self) -> int | None:
+        """Return the frame of the stream at which the last burst began; None if none did."""
+        return self._audio.played
+
 
 def audio_device(
-    port: str, *, limits: Limits, clock: Clock, volts_full_scale: float, sample_rate_hz: float
+    port: str,
+    *,
+    limits: Limits,
+    clock: Clock,
+    volts_full_scale: float,
+    sample_rate_hz: float,
+    recorder: Recorder | None = None,
 ) -> AudioDevice:
     """Return the driver of a sound card; nothing is opened yet.
 
     The port is the sound card's name, or a part of it that no other has, as `sounddevice` lists
-    them.
+    them. With a recorder its inputs are opened beside its outputs, as one stream.
     """
 
     def connect(callback: Callback) -> Stream:
+        if recorder is not None:
+            return open_duplex(callback, recorder, card=port, sample_rate_hz=sample_rate_hz)
         return open_stream(callback, card=port, sample_rate_hz=sample_rate_hz, latency="low")
 
     return AudioDevice(
@@ -227,4 +251,5 @@ def audio_device(
         volts_full_scale=volts_full_scale,
         sample_rate_hz=sample_rate_hz,
         name=port,
+        recorder=recorder,
     )

@@ -33,11 +33,13 @@ class Played:
 
     Host times of the first frame that the card took and of the last; the longest time to its output
     that PortAudio told, buffer included; how often it came for more after the last frame; clean
-    until it said that it had run out of frames, cut by a stop in between.
+    until it said that it had run out of frames, cut by a stop in between. `first` is the frame of
+    the stream at which it begins.
     """
 
     frames: Frames
     taken: int = 0
+    first: int = 0
     began_s: float = 0.0
     ended_s: float = 0.0
     told_s: float = 0.0
@@ -128,6 +130,7 @@ class Player(Counter):
         now_s = self._clock.now_s()
         if not burst.taken:
             burst.began_s = now_s
+            burst.first = self.frames - count
         told_s = timing.outputBufferDacTime - timing.currentTime + count / self._rate_hz
         burst.told_s = max(burst.told_s, told_s)
         piece = burst.frames[burst.taken : burst.taken + count]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, TypeVar
 
 from device.driver import Lack, LinkError
 from device.sound.player import Frames
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from device.sound.player import StreamStatus, Timing
+    from device.sound.recorder import Recorder
 
 
 CHANNELS: Final = 2
@@ -53,6 +54,52 @@ def open_stream(
     The card is a name, or a part of it that no other has, as `sounddevice` lists them; empty for
     the system's default. A `LinkError` says that PortAudio is missing, or cannot open or start it.
     """
+    return _started(
+        "OutputStream",
+        card,
+        samplerate=sample_rate_hz,
+        channels=CHANNELS,
+        latency=latency,
+        callback=callback,
+    )
+
+
+def open_duplex(
+    callback: Callback, recorder: Recorder, *, card: str, sample_rate_hz: float
+) -> Stream:
+    """Open outputs and inputs of one card as one stream, so on one clock; as `open_stream`."""
+
+    def both(heard: Frames, out: Frames, count: int, timing: Any, status: Any) -> None:
+        recorder.take(heard, timing, status)
+        callback(out, count, timing, status)
+
+    return _started(
+        "Stream",
+        card,
+        samplerate=sample_rate_hz,
+        channels=(max(recorder.channels), CHANNELS),
+        latency="low",
+        callback=both,
+    )
+
+
+def open_inputs(recorder: Recorder, *, card: str) -> Stream:
+    """Open a card's inputs, and begin to record; a `LinkError` as of `open_stream`."""
+
+    def heard(frames: Frames, _: int, timing: Any, status: Any) -> None:
+        recorder.take(frames, timing, status)
+
+    return _started(
+        "InputStream",
+        card,
+        samplerate=recorder.sample_rate_hz,
+        channels=max(recorder.channels),
+        latency="low",
+        callback=heard,
+    )
+
+
+def _started(kind: str, card: str, **settings: Any) -> Stream:
     try:
         import sounddevice
     except (ImportError, OSError) as error:
@@ -61,14 +108,8 @@ def open_stream(
             f"also the package libportaudio2; got {error}"
         ) from error
     try:
-        stream = sounddevice.OutputStream(
-            samplerate=sample_rate_hz,
-            channels=CHANNELS,
-            dtype="int16",
-            device=card or None,
-            latency=latency,
-            callback=callback,
-            dither_off=True,
+        stream = getattr(sounddevice, kind)(
+            dtype="int16", device=card or None, dither_off=True, **settings
         )
     except (sounddevice.PortAudioError, ValueError) as error:
         raise LinkError(f"cannot open the sound card {card or 'default'}: {error}") from error

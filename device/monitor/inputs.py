@@ -1,0 +1,218 @@
+"""The inputs of a sound card as a monitor: of the one that drives, or of one beside any driver."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Final
+
+from scipy import signal
+
+from device.checks import require_real
+from device.driver import LinkError
+from device.monitor.matching import Template
+from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, judge, void
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.clock import Clock
+    from device.driver import Delivery, FloatArray
+    from device.monitor.matching import Found
+    from device.sound.recorder import Recorder
+    from device.sound.stream import Stream
+
+QUIET_S: Final = 0.25
+"""So much before a burst tells the noise, where it is there."""
+LEAST_QUIET_S: Final = 0.02
+SEARCHED_S: Final = 0.1
+"""So long after its time a burst is waited for."""
+_PATIENCE_S: Final = 1.0
+_POLL_S: Final = 0.002
+_FULL: Final = 32768
+_LIMIT: Final = 32766 / _FULL
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """What a record's numbers stand for.
+
+    Attributes
+    ----------
+    per_unit : tuple of float
+        At the tap, in its unit, for the record's full scale, left and right; less than 0 where a
+        channel is inverted.
+    delay_s : tuple of float
+        From the onset that the driver tells to the one that is heard.
+
+    Raises
+    ------
+    ValueError
+        One is out of range.
+    """
+
+    per_unit: tuple[float, float]
+    delay_s: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for one in self.per_unit:
+            require_real("per_unit", abs(one), least=1e-12, most=1e12)
+        for one in self.delay_s:
+            require_real("delay_s", one, least=-1.0, most=1.0)
+
+
+class InputMonitor:
+    """A `Monitor` by two inputs of a sound card.
+
+    `connect` opens their stream; None where the driver does that, whose stream they are. `played`
+    tells at which frame the driver's last burst began, where its frames are the record's.
+    """
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        clock: Clock,
+        *,
+        tap: Tap,
+        calibration: Calibration,
+        tolerances: Tolerances,
+        source: str,
+        connect: Callable[[Recorder], Stream] | None = None,
+        played: Callable[[], int | None] | None = None,
+    ) -> None:
+        self.tap = tap
+        self.source = source
+        self._recorder = recorder
+        self._clock = clock
+        self._calibration = calibration
+        self._tolerances = tolerances
+        self._connect = connect
+        self._played = played
+        self._stream: Stream | None = None
+        self._first = self._gaps = self._over = 0
+        self._planned: Planned | None = None
+
+    def open(self) -> None:
+        """Open the inputs, also anew."""
+        if self._connect is None:
+            return
+        self.close()
+        self._recorder.restart()
+        self._over = 0
+        self._stream = self._connect(self._recorder)
+
+    def close(self) -> None:
+        """Close them."""
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+
+    def begin(self, token: int, planned: Planned) -> None:
+        """Note where the record stands."""
+        self._recorder.release()
+        self._first = self._recorder.frames
+        self._over = min(self._over, self._first)  # the driver may have opened the stream anew
+        self._gaps = self._recorder.gaps
+        self._recorder.hold(self._first - self._quiet())
+        self._planned = planned
+
+    def end(self, delivery: Delivery) -> Measured:
+        """Look at what was heard since."""
+        planned, told = self._planned, (delivery.host_before_s + delivery.host_after_s) / 2
+        if planned is None:
+            raise LinkError("nothing was begun that could be measured")
+        template = Template(_at_rate(planned, self._recorder.sample_rate_hz))
+        why = self._wait(delivery.host_after_s, template)
+        quiet, self._over = self._quiet(), self._recorder.frames
+        if why:
+            return Measured(token=delivery.token, tap=self.tap, source=self.source, unmeasured=why)
+        return self._measured(delivery.token, planned, self._found(template, quiet), told)
+
+    def _quiet(self) -> int:
+        recorder = self._recorder
+        since = max(recorder.first, self._over)
+        return min(self._first - since, round(QUIET_S * recorder.sample_rate_hz))
+
+    def _wait(self, onset_s: float, template: Template) -> str:
+        """Wait until all of the burst must have been heard; return why it was not."""
+        recorder = self._recorder
+        rate_hz = recorder.sample_rate_hz
+        needed_s = onset_s + SEARCHED_S + max(self._calibration.delay_s)
+        give_up_s = self._clock.now_s() + _PATIENCE_S + len(template.shape) / rate_hz
+        while recorder.time_of(recorder.frames - len(template.shape))[0] < needed_s:
+            if self._clock.now_s() > give_up_s:
+                return "nothing comes from the inputs"
+            self._clock.wait(_POLL_S)
+        if recorder.gaps != self._gaps:
+            return "the record has a gap"
+        if self._quiet() < LEAST_QUIET_S * rate_hz:
+            return f"the record before the burst is shorter than {LEAST_QUIET_S:g} s"
+        return ""
+
+    def _found(self, template: Template, quiet: int) -> tuple[Found, Found]:
+        record = self._recorder.part(self._first - quiet, self._recorder.frames) / _FULL
+        left, right = (
+            template.find(record[:, i] * per_unit, quiet=quiet, limit=abs(per_unit) * _LIMIT)
+            for i, per_unit in enumerate(self._calibration.per_unit)
+        )
+        return left, right
+
+    def _measured(
+        self, token: int, planned: Planned, found: tuple[Found, Found], told_s: float
+    ) -> Measured:
+        rate_hz = self._recorder.sample_rate_hz
+        frames = [self._first + one.onset for one in found]
+        times = [self._recorder.time_of(frame) for frame in frames]
+        began = None if self._played is None else self._played()
+        late_s = [
+            (at_s - told_s if began is None else (frame - began) / rate_hz) - delay_s
+            for frame, (at_s, _), delay_s in zip(
+                frames, times, self._calibration.delay_s, strict=True
+            )
+        ]
+        faults, noisy = judge(
+            planned,
+            found,
+            tap=self.tap,
+            tolerances=self._tolerances,
+            late_s=(late_s[0], late_s[1]),
+            sample_rate_hz=rate_hz,
+        )
+        flat = Fault.CLIPPED in faults
+        peaks = [max(one.top if flat else one.amplitude, 0.0) for one in found]
+        sounding = [
+            i for i in range(2) if found[i].amplitude >= self._tolerances.silence * planned.burst[i]
+        ]
+        main = min(sounding, key=lambda i: frames[i], default=None)
+        if noisy:
+            main = None
+        voided = void(faults, self.tap)
+        return Measured(
+            token=token,
+            tap=self.tap,
+            source=self.source,
+            peak_left=peaks[0],
+            peak_right=peaks[1],
+            onset_s=None if main is None else times[main][0],
+            onset_uncertainty_s=None
+            if main is None
+            else math.hypot(found[main].onset_uncertainty / rate_hz, times[main][1]),
+            late_s=None if main is None else late_s[main],
+            correlation_left=found[0].correlation if 0 in sounding else None,
+            correlation_right=found[1].correlation if 1 in sounding else None,
+            noise_left=found[0].noise_rms,
+            noise_right=found[1].noise_rms,
+            faults=voided,
+            noted=tuple(one for one in faults if one not in voided),
+            unmeasured=noisy,
+        )
+
+
+def _at_rate(planned: Planned, sample_rate_hz: float) -> FloatArray:
+    """Return the planned shape at the record's rate."""
+    if planned.sample_rate_hz == sample_rate_hz:
+        return planned.shape
+    ratio = Fraction(sample_rate_hz / planned.sample_rate_hz).limit_denominator(1000)
+    resampled: FloatArray = signal.resample_poly(planned.shape, ratio.numerator, ratio.denominator)
+    return resampled

@@ -1,0 +1,109 @@
+"""What the inputs of a sound card hear: the last seconds of them, frame by frame, and when."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from device.sound.player import Frames
+
+KEPT_S: Final = 4.0
+"""So long a record is; a part that is to be looked at is held, whatever comes after it."""
+_MARKS: Final = 64
+_LONGEST_DELAY_S: Final = 1.0
+"""A sound system that tells of a longer one tells nonsense."""
+
+
+class InputTiming(Protocol):
+    """What PortAudio tells a callback of time, in seconds of its own clock."""
+
+    currentTime: float  # noqa: N815 - PortAudio's name
+    inputBufferAdcTime: float  # noqa: N815 - PortAudio's name
+
+
+class InputStatus(Protocol):
+    """What PortAudio tells a callback of trouble."""
+
+    input_overflow: bool
+
+
+class Recorder:
+    """The callback of an input stream: two of its channels, in a ring.
+
+    It takes no lock and waits for nothing. Frames are counted from the opening of the stream;
+    `first` is the first that is there without a gap up to the last, `frames - 1`.
+
+    >>> from types import SimpleNamespace
+    >>> from device.clock import VirtualClock
+    >>> recorder = Recorder(VirtualClock(), 48e3)
+    >>> recorder.take(np.array([[1, 2], [3, 4]], dtype=np.int16),
+    ...               SimpleNamespace(currentTime=1.0, inputBufferAdcTime=0.9),
+    ...               SimpleNamespace(input_overflow=False))
+    >>> recorder.frames, recorder.part(0, 2).tolist()
+    (2, [[1, 2], [3, 4]])
+    """
+
+    def __init__(
+        self, clock: Clock, sample_rate_hz: float, *, channels: tuple[int, int] = (1, 2)
+    ) -> None:
+        self.sample_rate_hz = sample_rate_hz
+        self.channels = channels
+        self._clock = clock
+        self._columns = [channel - 1 for channel in channels]
+        self._size = round(KEPT_S * sample_rate_hz)
+        self._ring = np.zeros((self._size, 2), dtype=np.int16)
+        self.restart()
+
+    def restart(self) -> None:
+        """Count anew: a stream is opened."""
+        self.frames = self.first = 0
+        self.gaps = 0
+        self._held_from: int | None = None
+        self._marks: tuple[tuple[int, float], ...] = ()
+
+    def hold(self, first: int) -> None:
+        """Keep what comes from a frame on, and no more than fits in, until it is held anew."""
+        self._held_from = first
+
+    def release(self) -> None:
+        """Take what comes, over what was held."""
+        if self._held_from is not None and self.frames > self._held_from + self._size:
+            self.first = self.frames
+        self._held_from = None
+
+    def take(self, heard: Frames, timing: InputTiming, status: InputStatus) -> None:
+        """Keep one buffer, shape (n, channels of the stream)."""
+        count = len(heard)
+        delay_s = timing.currentTime - timing.inputBufferAdcTime
+        if not 0 < delay_s < _LONGEST_DELAY_S:
+            delay_s = count / self.sample_rate_hz
+        self._marks = (*self._marks[1 - _MARKS :], (self.frames, self._clock.now_s() - delay_s))
+        if status.input_overflow:
+            self.gaps += 1
+        held = self._held_from
+        room = count if held is None else max(0, min(count, held + self._size - self.frames))
+        if room:
+            places = np.arange(self.frames, self.frames + room) % self._size
+            self._ring[places] = heard[:room, self._columns]
+        self.frames += count
+        if held is None:
+            self.first = max(self.first, self.frames - self._size)
+
+    def part(self, first: int, last: int) -> Frames:
+        """Return frames from `first` up to `last`, which is not among them; what is there."""
+        least = self.first if self._held_from is None else self._held_from
+        most = self.frames if self._held_from is None else self._held_from + self._size
+        places = np.arange(max(first, least), min(last, most, self.frames)) % self._size
+        taken: Frames = self._ring[places]
+        return taken
+
+    def time_of(self, frame: float) -> tuple[float, float]:
+        """Return when a frame was heard on the host's clock, and how far buffers differ in that."""
+        told = [at_s + (frame - first) / self.sample_rate_hz for first, at_s in self._marks]
+        if not told:
+            return self._clock.now_s(), _LONGEST_DELAY_S
+        middle = float(np.median(told))
+        return middle, 3 * float(np.median(np.abs(np.array(told) - middle)))
