@@ -19,7 +19,7 @@ from analysis.answers.sensitivity import (
     side_preference,
     spatial_sensitivity,
 )
-from analysis.answers.serial import Block, SerialEffects, canonical, serial_effects
+from analysis.answers.serial import Block, Canonical, SerialEffects, canonical, serial_effects
 from analysis.definitions import TOTAL
 from experiment.terms.record import RESPONSES, SIDES
 
@@ -95,7 +95,7 @@ class _Coded:
         flat = np.ravel_multi_index((self.person, self.stimulus, self.answer), shape)
         return np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape).astype(np.int64)
 
-    def sequences(self) -> list[bytes]:
+    def sequences(self) -> list[Canonical]:
         """Return each participant's blocks as `canonical` writes them."""
         codes = (self.stimulus * len(RESPONSES) + self.answer).astype(np.int8)
         starts = np.flatnonzero(np.diff(self.block, prepend=-1)).tolist()

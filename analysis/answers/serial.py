@@ -24,8 +24,6 @@ _LEFT_OR_RIGHT, _FELT, _ANSWERED = 2, 3, 4
 _MIRROR = np.array([1, 0, 2, 3, 4, 5])
 _MIRRORED = (_MIRROR[:4, None] * ANSWERS + _MIRROR[None, :]).astype(np.int8).ravel()
 EFFECTS = ("correct", "felt", "side")
-_MOST_AT_ONCE = 255
-"""So many pairs can be counted in a byte."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +80,11 @@ class Rearranged:
     excess: NDArray[np.float64]
 
 
-def canonical(blocks: Iterable[Block]) -> bytes:
+Canonical = tuple[tuple[bytes, bytes], ...]
+"""Codes and links of a participant's blocks, in an order that neither names nor sides decide."""
+
+
+def canonical(blocks: Iterable[Block]) -> Canonical:
     """Write the blocks of a participant so that neither names nor left and right matter.
 
     >>> block = Block(codes=np.array([0, 7], np.int8), linked=np.array([False, True]))
@@ -93,40 +95,27 @@ def canonical(blocks: Iterable[Block]) -> bytes:
     every = list(blocks)
     plain = sorted((b.codes.tobytes(), b.linked.tobytes()) for b in every)
     mirrored = sorted((_MIRRORED[b.codes].tobytes(), b.linked.tobytes()) for b in every)
-    chosen = min(plain, mirrored)
-    sizes = np.array([len(codes) for codes, _ in chosen], dtype="<i8").tobytes()
-    count = np.array([len(chosen)], dtype="<i8").tobytes()
-    return b"".join((count, sizes, *(codes + linked for codes, linked in chosen)))
+    return tuple(min(plain, mirrored))
 
 
-def _blocks(data: bytes) -> list[Block]:
-    count = int(np.frombuffer(data, dtype="<i8", count=1)[0])
-    sizes = np.frombuffer(data, dtype="<i8", count=count, offset=8)
-    start, blocks = 8 * (1 + count), []
-    for size in sizes.tolist():
-        codes = np.frombuffer(data, dtype=np.int8, count=size, offset=start)
-        linked = np.frombuffer(data, dtype=np.bool_, count=size, offset=start + size)
-        blocks.append(Block(codes=codes, linked=linked))
-        start += 2 * size
-    return blocks
-
-
-def rearrange(data: bytes, seed: int, occurrence: int = 0) -> Rearranged:
+def rearrange(data: Canonical, seed: int, occurrence: int = 0) -> Rearranged:
     """Count pairs as observed and in random orders of each block's trials.
 
     A place keeps what it is linked to; the trials, stimulus and answer together, change places.
     Blocks of one length share a set of orders and take them in an order of their own.
 
-    `data` comes from `canonical`; seed and occurrence are those of `seeded_by`.
+    Seed and occurrence are those of `seeded_by`.
     """
-    rng = seeded_by(data, seed, occurrence)
-    blocks = _blocks(data)
+    sizes = np.array([len(data), *(len(codes) for codes, _ in data)], dtype="<i8").tobytes()
+    rng = seeded_by(sizes + b"".join(codes + linked for codes, linked in data), seed, occurrence)
+    blocks = [(np.frombuffer(a, np.int8), np.frombuffer(b, np.bool_)) for a, b in data]
     pairs = np.zeros((1 + DRAWS, len(EFFECTS), 4), dtype=np.int64)
-    for block in blocks:
-        counts = _pairs(block.codes[_orders(len(block.codes), seed)], block.linked)
+    for codes, linked in blocks:
+        counts = _pairs(codes[_orders(len(codes), seed)], linked)
         pairs[0] += counts[0]
         pairs[1:] += counts[1:][rng.permutation(DRAWS)]
-    return Rearranged(pairs=pairs, excess=_excess(pairs, _same_by_chance(blocks)))
+    answers = np.concatenate([codes % ANSWERS for codes, _ in blocks])
+    return Rearranged(pairs=pairs, excess=_excess(pairs, _same_by_chance(answers)))
 
 
 @lru_cache(maxsize=32)
@@ -138,9 +127,8 @@ def _orders(size: int, seed: int) -> NDArray[np.int64]:
     return orders
 
 
-def _same_by_chance(blocks: Iterable[Block]) -> float:
+def _same_by_chance(answers: NDArray[np.int8]) -> float:
     """Return how often two of a participant's left and right answers are the same."""
-    answers = np.concatenate([block.codes % ANSWERS for block in blocks])
     left, right = (int(np.count_nonzero(answers == side)) for side in range(_LEFT_OR_RIGHT))
     return (left**2 + right**2) / max(left + right, 1) ** 2
 
@@ -149,17 +137,14 @@ def _pairs(codes: NDArray[np.int8], linked: NDArray[np.bool_]) -> NDArray[np.int
     """Count, in each row of codes, the pairs of each effect."""
     pairs = codes[:, :-1].astype(np.int16) * np.int16(_MIRRORED.size) + codes[:, 1:]
     pairs = pairs[:, linked[1:]]
-    counts = np.zeros((len(codes), len(EFFECTS) * 4), dtype=np.int64)
-    for first in range(0, pairs.shape[1], _MOST_AT_ONCE):
-        part = pairs[:, first : first + _MOST_AT_ONCE]
-        packed = [table[part].sum(axis=1, keepdims=True) for table in _packed_counts()]
-        counts += np.concatenate(packed, axis=1).view(np.uint8)[:, : counts.shape[1]]
-    return counts.reshape(len(codes), len(EFFECTS), 4)
+    size = 16 if pairs.shape[1] < 2**16 else 32
+    counts = np.stack([words[pairs].sum(axis=1) for words in _packed_counts(size)], axis=1)
+    return counts.view(f"u{size // 8}").astype(np.int64).reshape(len(codes), len(EFFECTS), 4)
 
 
 @cache
-def _packed_counts() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-    """Return what each pair of codes counts for, a byte for each of `Rearranged.pairs`."""
+def _packed_counts(size: int) -> NDArray[np.uint64]:
+    """Return what each pair of codes counts for in `Rearranged.pairs`, so many bits a number."""
     each = np.arange(_MIRRORED.size)
     before, now = (one.ravel() for one in np.meshgrid(each, each, indexing="ij"))
     (_, answer_before), (stimulus, answer) = (np.divmod(one, ANSWERS) for one in (before, now))
@@ -172,12 +157,13 @@ def _packed_counts() -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
         (answer_before < _FELT, answer < _FELT, single & answered),
         (np.ones_like(sided), answer == answer_before, sided),
     )
-    marks = np.zeros((len(before), 16), dtype=np.uint8)
-    for place, (first, second, valid) in enumerate(effects):
-        fourfold = (first & second, first & ~second, ~first & second, ~first & ~second)
-        marks[:, 4 * place : 4 * place + 4] = np.stack(fourfold, axis=1) & valid[:, None]
-    words = marks.view(np.uint64)
-    return words[:, 0].copy(), words[:, 1].copy()
+    marks = [
+        both & valid
+        for first, second, valid in effects
+        for both in (first & second, first & ~second, ~first & second, ~first & ~second)
+    ]
+    packed = np.stack(marks, axis=1).astype(f"u{size // 8}").view(np.uint64)
+    return np.ascontiguousarray(packed.T)
 
 
 def _excess(pairs: NDArray[np.int64], same_by_chance: float) -> NDArray[np.float64]:
@@ -188,7 +174,7 @@ def _excess(pairs: NDArray[np.int64], same_by_chance: float) -> NDArray[np.float
 
 
 def serial_effects(
-    people: Sequence[bytes], seed: int, *, none_offered: bool
+    people: Sequence[Canonical], seed: int, *, none_offered: bool
 ) -> tuple[tuple[SerialEffects, ...], SerialEffects]:
     """Return the effects of each participant and of all together.
 
@@ -204,10 +190,10 @@ def serial_effects(
     >>> one.side.again.p, one.side.p < 0.01, one.felt.reason, one == together
     (0.0, True, '"none" was not offered', True)
     """
-    found: dict[bytes, SerialEffects] = {}
+    found: dict[Canonical, SerialEffects] = {}
     pairs = np.zeros((1 + DRAWS, len(EFFECTS), 4), dtype=np.int64)
     excess = np.zeros((1 + DRAWS, len(EFFECTS)))
-    seen: Counter[bytes] = Counter()
+    seen: Counter[Canonical] = Counter()
     for data in sorted(people):
         one = rearrange(data, seed, seen[data])
         if not seen[data]:
