@@ -102,6 +102,8 @@ class Refusal(IntEnum):
     BAD_UPLOAD = 29, "the waveform arrived incomplete or damaged"
     BAD_MESSAGE = 30, "the message is malformed"
     STALE = 31, "a later message was answered already"
+    AMPLIFIER_OFF = 32, "the amplifier is off: its safety switch is open"
+    MEMORY_FULL = 33, "the waveforms in all slots together are too long"
 
 
 class DeviceError(Exception):
@@ -172,6 +174,7 @@ class LimitExceeded(Rejected):
 _LIMIT_CODES = frozenset(
     {
         Refusal.WAVEFORM_TOO_LONG,
+        Refusal.MEMORY_FULL,
         Refusal.OUT_OF_RANGE,
         Refusal.EDGES_NOT_ZERO,
         Refusal.DC,
@@ -225,7 +228,7 @@ class Identity:
 
     Examples
     --------
-    >>> print(Identity(model="m", serial_number="1", boot_id=7, protocol_version="1.0",
+    >>> print(Identity(model="m", serial_number="1", boot_id=7, protocol_version="2.0",
     ...                sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
     ...                longest_waveform=4096, emulated=True))
     m 1 (emulated), ceiling 200 Vpp, 48000 Hz, 16 bit, 2 channels of up to 4096 samples

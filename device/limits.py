@@ -44,6 +44,10 @@ class Limits:
         Largest ratio of a burst's duration to the time from its onset to the next onset.
     longest_waveform : int
         In samples.
+    slots : int
+        Number of waveforms that are kept at once.
+    memory_samples : int
+        Samples of one channel that all slots together hold.
     dc_tolerance : float
         Largest |sum| / sum|.| of a waveform. A sine of whole cycles with 40 or more samples each
         stays below 0.001 at any sample rate; a unipolar click has 1.
@@ -69,6 +73,8 @@ class Limits:
     least_interval_s: float = 0.05
     max_duty: float = 0.5
     longest_waveform: int = 65536
+    slots: int = 8
+    memory_samples: int = 8 * 65536
     dc_tolerance: float = 0.01
     longest_time_to_live_s: float = 10.0
 
@@ -78,6 +84,8 @@ class Limits:
         require_real("least_interval_s", self.least_interval_s, least=0.0)
         require_real("max_duty", self.max_duty, least=_LEAST_RATIO, most=1.0)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
+        require_whole("slots", self.slots, least=1, most=256)
+        require_whole("memory_samples", self.memory_samples, least=1, most=2**32 - 1)
         require_positive("dc_tolerance", self.dc_tolerance, most=1.0)
         require_positive("longest_time_to_live_s", self.longest_time_to_live_s)
 
@@ -258,6 +266,26 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
     if duration_us * 1_000_000 > limits.max_duty_ppm * since_onset_us:
         detail = f"{duration_us / 1e3:g} ms in {since_onset_us / 1e3:g} ms"
         raise rejection(Refusal.DUTY, f"{detail}, at most {limits.max_duty:g}")
+
+
+def check_slot(slot: int, limits: Limits) -> None:
+    """Refuse a slot that there is not."""
+    if slot >= limits.slots:
+        raise rejection(Refusal.BAD_SLOT, f"0 to {limits.slots - 1}, got {slot}")
+
+
+def check_memory(held: int, n_samples: int, limits: Limits) -> None:
+    """Refuse a waveform for which those in all other slots, `held` samples, leave no room.
+
+    >>> check_memory(100, 28, Limits(ceiling_vpp=200.0, memory_samples=128))
+    >>> check_memory(100, 29, Limits(ceiling_vpp=200.0, memory_samples=128))
+    Traceback (most recent call last):
+    device.driver.LimitExceeded: the waveforms in all slots together are too long: 129 of 128 ...
+    """
+    total = held + n_samples
+    if total > limits.memory_samples:
+        detail = f"{total} of {limits.memory_samples} samples"
+        raise rejection(Refusal.MEMORY_FULL, detail)
 
 
 def check_time_to_live(time_to_live_us: int, limits: Limits) -> None:

@@ -186,7 +186,7 @@ def test_an_endpoint_of_any_bytes_emits_nothing_above_its_ceiling() -> None:
             model="fuzzed",
             serial_number="1",
             boot_id=core.boot_id,
-            protocol_version="1.0",
+            protocol_version="2.0",
             sample_rate_hz=facts["sample_rate_hz"],
             bits=facts["bits"],
             channels=2,

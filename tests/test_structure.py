@@ -43,6 +43,8 @@ LATER = {
     *("study/simulated.py", "terms/curves.py", "results/compared.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("monitor", "sound/recorder.py"),
+    *("core/reports.py", "emulate/amplifier.py", "wire/dialogue.py"),
+    *("wire/forms.py", "wire/silence.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(
         "session/markers.py",

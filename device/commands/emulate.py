@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+from math import inf
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from device.commands.options import emulator_options, require_together, usage
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from device.emulate.amplifier import Amplifier
     from device.emulate.faults import Faults
     from device.emulate.generator import GeneratorEmulator
     from device.emulate.lines import Line
@@ -36,6 +38,10 @@ def emulate(
     ceiling_vpp: float | None,
     sample_rate_hz: float | None,
     serial_number: str | None,
+    switch_open: bool,
+    over_current_at_s: float | None,
+    unsensed: bool,
+    adc: str | None,
     amplifier_gain: float | None,
 ) -> None:
     """Emulate a device until Ctrl-C or SIGTERM: a process of its own, with real bytes.
@@ -44,6 +50,7 @@ def emulate(
     (drop, corrupt), each frame (duplicate, delay) or each time that something arrives (stall,
     reset, disconnect); delay_s and stall_s in seconds; disconnect_at, a number of bytes.
     """
+    from device.emulate.amplifier import Adc, Amplifier
     from device.emulate.emulator import SERIAL_NUMBER
 
     if on_pty and tcp_port is not None:
@@ -63,6 +70,12 @@ def emulate(
                 ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
                 sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
                 serial_number=SERIAL_NUMBER if serial_number is None else serial_number,
+                amplifier=Amplifier(
+                    switch_open=switch_open,
+                    sensed=not unsensed,
+                    over_current_at_s=inf if over_current_at_s is None else over_current_at_s,
+                    adc=None if adc is None else Adc.parse(adc),
+                ),
             )
 
 
@@ -83,6 +96,7 @@ def _run_device(
     ceiling_vpp: float,
     sample_rate_hz: float,
     serial_number: str,
+    amplifier: Amplifier,
 ) -> None:
     from device.clock import MonotonicClock
     from device.core.output import OutputStage
@@ -94,6 +108,7 @@ def _run_device(
         output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
         baud=baud,
         serial_number=serial_number,
+        amplifier=amplifier,
     )
     line = _line(tcp_port)
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())

@@ -39,7 +39,7 @@ _OPTIONS = (
     click.option(
         "--baud",
         type=click.IntRange(300, 10_000_000),
-        help="Model a wire of this rate; below 28800 it is too slow for the protocol.",
+        help="Model a wire of this rate; below 57600 a host needs device.baud.",
     ),
     click.option(
         "--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default."
@@ -49,6 +49,20 @@ _OPTIONS = (
         "--serial-number",
         metavar="S",
         help="To be told from another emulator; by default each is the same device.",
+    ),
+    click.option("--switch-open", is_flag=True, help="Its amplifier's safety switch is open."),
+    click.option(
+        "--over-current-at",
+        "over_current_at_s",
+        type=click.FloatRange(min=0.0),
+        metavar="S",
+        help="Its amplifier reports over-current after so many seconds.",
+    ),
+    click.option("--unsensed", is_flag=True, help="It knows nothing of its amplifier."),
+    click.option(
+        "--adc",
+        metavar="WHAT",
+        help="It measures its bursts, such as tap=amplifier,gain=0.9,delay_us=40,loss=0.01.",
     ),
     click.option(
         "--amplifier-gain",
@@ -68,13 +82,16 @@ def emulator_options(command: _Command) -> _Command:
 
 def require_together(ctx: click.Context) -> None:
     """Refuse options of a device for a generator, and of a generator for a device."""
-    given = {option for option, value in ctx.params.items() if value is not None}
-    of_a_device = ("baud", "ceiling_vpp", "sample_rate_hz", "serial_number")
+    given = {option for option, value in ctx.params.items() if value not in (None, False)}
+    of_a_device = (
+        *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number"),
+        *("switch_open", "over_current_at_s", "unsensed", "adc"),
+    )
     foreign = of_a_device if "generator" in given else ("amplifier_gain",)
     for name in foreign:
         if name in given:
             verb = "exclude" if "generator" in given else "need"
-            option = "--" + name.replace("_", "-")
+            option = "--" + name.removesuffix("_s").replace("_", "-")
             raise click.UsageError(f"{option} and --generator {verb} each other.", ctx)
 
 

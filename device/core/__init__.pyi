@@ -4,6 +4,9 @@ from .host import HostDriver
 from .local import HostedCore, LocalCore
 from .messages import (
     Arm,
+    AskHealth,
+    AskLimits,
+    AskMeasured,
     Beat,
     CodeArray,
     Disarm,
@@ -15,30 +18,41 @@ from .messages import (
     Ping,
     Query,
     Stop,
-    check_slot,
     full_scale,
 )
 from .output import Emission, OutputStage
+from .reports import TAPS, UNIT_AT, UNITS, About, DeviceLimits, Entropy, Health, Measurement
 from .states import State
 from .tokens import Exchange, Fate, Record, Reply
 
 __all__ = [
+    "TAPS",
+    "UNITS",
+    "UNIT_AT",
+    "About",
     "Arm",
+    "AskHealth",
+    "AskLimits",
+    "AskMeasured",
     "Beat",
     "CodeArray",
     "Converter",
     "DeviceCore",
+    "DeviceLimits",
     "Disarm",
     "Emission",
     "Enable",
+    "Entropy",
     "Exchange",
     "Fate",
     "Fire",
+    "Health",
     "HostDriver",
     "HostedCore",
     "Levels",
     "LoadSlot",
     "LocalCore",
+    "Measurement",
     "Message",
     "OutputStage",
     "Ping",
@@ -47,7 +61,6 @@ __all__ = [
     "Reply",
     "State",
     "Stop",
-    "check_slot",
     "converter_device",
     "full_scale",
 ]

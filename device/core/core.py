@@ -14,6 +14,9 @@ import numpy as np
 from device.checks import require_whole
 from device.core.messages import (
     Arm,
+    AskHealth,
+    AskLimits,
+    AskMeasured,
     Beat,
     CodeArray,
     Disarm,
@@ -28,13 +31,16 @@ from device.core.messages import (
     full_scale,
 )
 from device.core.output import Emission, OutputStage
+from device.core.reports import OURS, About, DeviceLimits, Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Fate, Record, Reply, TokenHistory
 from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
 from device.limits import (
     Limits,
     check_codes,
+    check_memory,
     check_rest,
+    check_slot,
     check_stored,
     check_time_to_live,
     least_peaks,
@@ -53,6 +59,7 @@ HISTORY = 1024
 """Number of tokens a device remembers; exactly once reaches back as far: see `TokenHistory`."""
 
 _RENDERED_AT_MOST = 64
+_ENABLED = (State.LIVE, State.ARMED, State.FIRED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,6 +85,10 @@ class DeviceCore:
         Converter and amplifier.
     sink : callable
         Is given each `Emission` once, when it is over.
+    measure : callable
+        Returns what was measured of an `Emission` that is over, or None.
+    about : About
+        Its firmware and where its boot id comes from.
     history : int
         Number of tokens remembered.
 
@@ -108,6 +119,8 @@ class DeviceCore:
         limits: Limits,
         output: OutputStage,
         sink: Callable[[Emission], None],
+        measure: Callable[[Emission], Measurement | None] = lambda _: None,
+        about: About = OURS,
         history: int = HISTORY,
     ) -> None:
         require_whole("boot_id", boot_id, least=0, most=LARGEST_TOKEN)
@@ -115,6 +128,10 @@ class DeviceCore:
         self.limits = limits
         self.output = output
         self._sink = sink
+        self._measure = measure
+        self._about = about
+        self._sensed = Health()
+        self._measured: Measurement | None = None
         self._tokens = TokenHistory(history)
         self._slots: dict[int, _Slot] = {}
         self._levels = Levels(left_mvpp=0, right_mvpp=0)
@@ -135,6 +152,11 @@ class DeviceCore:
         return self._now_us
 
     @property
+    def health(self) -> Health:
+        """What is known of the amplifier; that it is enabled is this device's own doing."""
+        return replace(self._sensed, amplifier_enabled=self._state in _ENABLED)
+
+    @property
     def playing(self) -> Emission | None:
         """The burst that is under way, as of the last call."""
         return self._last if self._state is State.FIRED else None
@@ -146,6 +168,14 @@ class DeviceCore:
         while (due := self._next_event()) is not None and due[0] <= now_us:
             self._happen(*due)
         self._now_us = now_us
+
+    def sense(self, now_us: int, sensed: Health) -> None:
+        """Take what switch and amplifier report; over-current is a stop, kept until ENABLE."""
+        self.advance(now_us)
+        latched = sensed.over_current or self._sensed.over_current
+        self._sensed = replace(sensed, over_current=latched)
+        if sensed.over_current:
+            self._happen(now_us, Step.STOP)
 
     def take(self, now_us: int, message: Message[Reply]) -> Reply:
         """Do what a message asks and return its answer, or refuse it and change nothing.
@@ -162,7 +192,13 @@ class DeviceCore:
         answer: Reply = act(self, message)
         return answer
 
+    def held_beside(self, slot: int) -> int:
+        """Return the samples of one channel in all other slots."""
+        return sum(kept.codes.shape[1] for name, kept in self._slots.items() if name != slot)
+
     def _load(self, message: LoadSlot) -> None:
+        check_slot(message.slot, self.limits)
+        check_memory(self.held_beside(message.slot), message.left.size, self.limits)
         after = self._after(Step.LOAD)
         full = full_scale(self.output.bits)
         peaks = check_codes(message.left, message.right, full_scale=full, limits=self.limits)
@@ -182,9 +218,13 @@ class DeviceCore:
         """Switch the output on; the watchdog waits from here for its first beat."""
         self._state = self._after(Step.ENABLE)
         self._beat_us = self._now_us
+        if self._sensed.over_current:
+            self._sensed = replace(self._sensed, over_current=False)
 
     def _arm(self, message: Arm) -> None:
+        check_slot(message.slot, self.limits)
         after = self._after(Step.ARM)
+        self._require_amplifier()
         check_time_to_live(message.time_to_live_us, self.limits)
         if self._tokens.find(message.token) is not None:
             raise rejection(Refusal.TOKEN_SPENT)
@@ -208,6 +248,7 @@ class DeviceCore:
         after = self._after(Step.FIRE)
         if self._armed is None or token != self._armed.token:
             raise rejection(Refusal.WRONG_TOKEN)
+        self._require_amplifier()
         self._check_rest()
         record = self._emit(self._armed)
         self._tokens.keep(record)
@@ -230,6 +271,24 @@ class DeviceCore:
             return Record(token=token, fate=Fate.ARMED)
         return self._tokens.find(token) or self._tokens.absent(token)
 
+    def _require_amplifier(self) -> None:
+        if self._sensed.switch_closed is False:
+            raise rejection(Refusal.AMPLIFIER_OFF)
+
+    def _tell_limits(self, _: AskLimits) -> DeviceLimits:
+        return DeviceLimits.of(self.limits, self._about)
+
+    def _tell_health(self, _: AskHealth) -> Health:
+        return self.health
+
+    def _tell_measured(self, message: AskMeasured) -> Measurement:
+        token, playing = message.token, self.playing
+        if playing is not None and token == playing.token:
+            raise rejection(Refusal.BUSY)
+        if self._measured is not None and token == self._measured.token:
+            return self._measured
+        return Measurement(token=token)
+
     def _stop(self, _: Stop) -> None:
         self._happen(self._now_us, Step.STOP)
 
@@ -241,6 +300,9 @@ class DeviceCore:
 
     _ACTIONS: ClassVar[dict[type[Message[Any]], Callable[..., Any]]] = {
         Ping: _answer,
+        AskLimits: _tell_limits,
+        AskHealth: _tell_health,
+        AskMeasured: _tell_measured,
         LoadSlot: _load,
         Levels: _set_levels,
         Enable: _enable,
@@ -271,7 +333,9 @@ class DeviceCore:
 
     def _happen(self, at_us: int, step: Step) -> None:
         if self._last is not None and self._state is State.FIRED:
-            self._sink(self._last.cut(at_us) if step is Step.STOP else self._last)
+            cut = step is Step.STOP
+            self._sink(self._last.cut(at_us) if cut else self._last)
+            self._measured = None if cut else self._measure(self._last)
         self._resolve(Fate.EXPIRED if step is Step.EXPIRE else Fate.ABORTED)
         self._state = self._after(step)
 

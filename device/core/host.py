@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from device.core.messages import (
     Arm,
+    AskHealth,
+    AskLimits,
+    AskMeasured,
     Disarm,
     Enable,
     Fire,
@@ -49,6 +52,7 @@ from device.limits import (
 
 if TYPE_CHECKING:
     from device.clock import Clock
+    from device.core.reports import DeviceLimits, Health, Measurement
 
 
 class Link(Protocol):
@@ -220,6 +224,25 @@ class HostDriver:
         if told.record.fate is Fate.NEVER_ARMED and (self._seen_restart or self._restarted):
             told = replace(told, record=Record(token=told.record.token, fate=Fate.UNKNOWN))
         return delivery(told)
+
+    def limits(self) -> DeviceLimits:
+        """Return what the device is ready to do; a study is held against it before a session."""
+        self._require_open()
+        return self._link.exchange(AskLimits()).record
+
+    def health(self) -> Health:
+        """Return what the device knows of its amplifier, its safety switch, over-current."""
+        self._require_open()
+        return self._link.exchange(AskHealth()).record
+
+    def measured(self, token: int) -> Measurement | None:
+        """Return what the device measured of its last burst, if it was this token's, or None.
+
+        Refused with BUSY while it plays.
+        """
+        self._require_open()
+        found = self._link.exchange(AskMeasured(token=check_token(token))).record
+        return found if found.tap else None
 
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""

@@ -16,22 +16,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from device.checks import is_real, is_whole
+from device.core.reports import DeviceLimits, Health, Measurement
 from device.core.tokens import Record, Reply
 from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
 
 CodeArray: TypeAlias = NDArray[np.int32]
 
-SLOTS = 8
-"""Number of waveform slots, 0 to 7."""
-
+_LARGEST_SLOT = 255
 _LARGEST_LEVEL_MVPP = 2**32 - 1
 _GRID_TOLERANCE_MVPP = 1e-6
 
 
 def check_slot(slot: int) -> int:
-    """Return a slot's number, 0 to 7, as a plain integer, or refuse it with BAD_SLOT."""
-    if not is_whole(slot) or not 0 <= slot < SLOTS:
-        raise rejection(Refusal.BAD_SLOT, f"0 to {SLOTS - 1}, got {slot!r}")
+    """Return a slot's number, 0 to 255, as a plain integer, or refuse it with BAD_SLOT.
+
+    Devices have fewer, see `device.limits.check_slot`.
+    """
+    if not is_whole(slot) or not 0 <= slot <= _LARGEST_SLOT:
+        raise rejection(Refusal.BAD_SLOT, f"0 to {_LARGEST_SLOT}, got {slot!r}")
     return int(slot)
 
 
@@ -113,6 +115,16 @@ class Ping(Message[None]):
     """Ask for nothing but an answer."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskLimits(Message[DeviceLimits]):
+    """Ask what the device is ready to do."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskHealth(Message[Health]):
+    """Ask whether the amplifier can drive."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoadSlot(Message[None]):
     """Store the codes of both channels, shape (n,) each, in a slot."""
@@ -190,6 +202,11 @@ class Disarm(_OfToken[None]):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Query(_OfToken[Record]):
     """Ask what became of a token."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskMeasured(_OfToken[Measurement]):
+    """Ask what the device measured of a token's burst."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

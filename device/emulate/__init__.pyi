@@ -1,3 +1,4 @@
+from .amplifier import Adc, Amplifier
 from .emulator import SERIAL_NUMBER, Emulator, Nature, Truth
 from .faults import Faults, FaultScript
 from .generator import GeneratorEmulator
@@ -8,6 +9,8 @@ __all__ = [
     "DEVICE_LIMITS",
     "MODEL",
     "SERIAL_NUMBER",
+    "Adc",
+    "Amplifier",
     "Emulator",
     "FaultScript",
     "Faults",

@@ -9,18 +9,22 @@ from __future__ import annotations
 import base64
 import heapq
 import json
+import re
 import secrets
 import signal
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import chain
 from typing import IO, TYPE_CHECKING, Final
 
 import numpy as np
 
 from device.checks import require_real, require_whole
 from device.core.core import DeviceCore
+from device.core.reports import About, Health
 from device.core.states import State
 from device.driver import Identity
+from device.emulate.amplifier import Amplifier
 from device.emulate.faults import Faults, Mishap
 from device.wire.endpoint import Endpoint
 from device.wire.frames import MINOR, VERSION
@@ -93,11 +97,15 @@ class Truth:
         )
 
 
+ABOUT: Final = About(firmware="tactstrip emulator")
 TICK_S: Final = 0.002
 """How late the device notices what is due by itself, such as its watchdog."""
 
 SERIAL_NUMBER: Final = "1"
 """The same in every process: an emulator that is started again is the same device."""
+
+_FRAME: Final = re.compile(rb"\0*[^\0]+\0?|\0+")
+"""What faults may happen to, one by one: bytes up to the delimiter that ends a frame."""
 
 _IDLE_TICK_S: Final = 0.02
 _BITS_PER_BYTE: Final = 10
@@ -112,7 +120,8 @@ class Nature:
 
     The limits are the device's own. A baud rate models a wire of 10 bits a byte, None one that
     takes no time. Its clock runs `drift_ppm` parts per million faster than the machine's. The
-    serial number is 1 to 16 printable ASCII characters without a comma.
+    serial number is 1 to 16 printable ASCII characters without a comma. Behind it hangs an
+    amplifier.
 
     >>> from device.core.output import OutputStage
     >>> from device.limits import Limits
@@ -125,6 +134,7 @@ class Nature:
     baud: int | None = None
     drift_ppm: float = 0.0
     serial_number: str = SERIAL_NUMBER
+    amplifier: Amplifier = field(default_factory=Amplifier)
 
     def __post_init__(self) -> None:
         require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_LARGEST)
@@ -180,6 +190,8 @@ class Emulator:
         self._pieces = 0
         self._wire_free_s = [0.0, 0.0]
         self._connected = False
+        self._missed = np.random.default_rng(0)
+        self._sensed = Health()
         self._endpoint = self._power_up()
 
     def run(self) -> None:
@@ -200,6 +212,7 @@ class Emulator:
         data = self._line.read(timeout_s)
         self._endpoint.core.advance(self._now_us())
         self._note_state("watchdog")
+        self._sense()
         if data is None and self._connected:
             self._lose_host("line")
         self._connected = data is not None
@@ -222,6 +235,13 @@ class Emulator:
         self._lose_host("reset")
         self._endpoint = self._power_up()
 
+    def _sense(self) -> None:
+        sensed = self._nature.amplifier.sensed_at(self._now_us() / 1e6)
+        if sensed != self._sensed:
+            self._sensed = sensed
+            self._endpoint.core.sense(self._now_us(), sensed)
+            self._note_state("over-current")
+
     def _arrive(self, data: bytes) -> None:
         mishap = self._faults.arrived()
         if mishap is Mishap.STALL:
@@ -236,7 +256,7 @@ class Emulator:
 
     def _put(self, data: bytes, box: list[tuple[float, int, bytes]], *, wire: int) -> None:
         """Give bytes to one of the wires."""
-        for delay_s, piece in self._faults.passed(data):
+        for delay_s, piece in chain.from_iterable(map(self._faults.passed, _FRAME.findall(data))):
             begin_s = max(self._clock.now_s(), self._wire_free_s[wire])
             self._wire_free_s[wire] = begin_s + len(piece) * self._nature.byte_s
             self._pieces += 1
@@ -274,7 +294,12 @@ class Emulator:
         boot_id = secrets.randbits(63)
         limits, output = self._nature.limits, self._nature.output
         core = DeviceCore(
-            boot_id=boot_id, limits=limits, output=output, sink=self._truth.note_burst
+            boot_id=boot_id,
+            limits=limits,
+            output=output,
+            sink=self._truth.note_burst,
+            measure=lambda burst: self._nature.amplifier.seen(burst, self._missed),
+            about=ABOUT,
         )
         identity = Identity(
             model="emulator",
@@ -289,5 +314,7 @@ class Emulator:
             emulated=True,
         )
         core.advance(self._now_us())
+        self._sensed = self._nature.amplifier.sensed_at(self._now_us() / 1e6)
+        core.sense(self._now_us(), self._sensed)
         self._truth.note(self._now_us() / 1e6, "boot", boot_id=boot_id, began_s=self._began_s)
         return Endpoint(core, identity)

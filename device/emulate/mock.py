@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import secrets
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from device.checks import require_real
 from device.core.core import DeviceCore
@@ -11,14 +13,15 @@ from device.core.host import HostDriver
 from device.core.local import LocalCore
 from device.core.messages import Stop
 from device.core.output import Emission, OutputStage
+from device.core.reports import About, Health, Measurement
 from device.driver import Identity
 from device.limits import Limits
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from device.clock import Clock
+    from device.emulate.amplifier import Adc
 
+ABOUT: Final = About(firmware="tactstrip mock")
 MODEL = "tactstrip mock"
 """What it says it is."""
 
@@ -49,7 +52,9 @@ class MockDevice(HostDriver):
     drift_ppm, offset_s : float
         The device's clock shows host time x (1 + drift_ppm 1e-6) + offset_s, offset_s >= 0.
     rng : numpy.random.Generator or None
-        Source of boot ids; None takes the system's.
+        Source of boot ids and of what the `adc` misses; None takes the system's.
+    adc : Adc or None
+        What measures its bursts.
 
     Raises
     ------
@@ -86,6 +91,7 @@ class MockDevice(HostDriver):
         drift_ppm: float = 0.0,
         offset_s: float = 0.0,
         rng: np.random.Generator | None = None,
+        adc: Adc | None = None,
     ) -> None:
         require_real("drift_ppm", drift_ppm, least=-1e5, most=1e5)
         require_real("offset_s", offset_s, least=0.0)
@@ -96,6 +102,7 @@ class MockDevice(HostDriver):
             rate=1.0 + drift_ppm * 1e-6,
             offset_s=offset_s,
             rng=rng,
+            adc=adc,
         )
         super().__init__(self._bench, limits=limits, clock=clock)
 
@@ -103,6 +110,10 @@ class MockDevice(HostDriver):
     def emitted(self) -> tuple[Emission, ...]:
         """Every burst so far, over all power cycles; the last may still be under way."""
         return self._bench.emitted()
+
+    def sense(self, sensed: Health) -> None:
+        """Have switch and amplifier report something else from now on."""
+        self._bench.sense(sensed)
 
     def silence(self) -> None:
         """Stop the host's heartbeat, as the death of its process would; `open` starts it again."""
@@ -125,7 +136,11 @@ class _Bench(LocalCore):
         rate: float,
         offset_s: float,
         rng: np.random.Generator | None,
+        adc: Adc | None,
     ) -> None:
+        self._sensed = Health()
+        self._adc = adc
+        self._missing = np.random.default_rng(0) if rng is None else rng
         self._limits = limits
         self._output = output
         self._rate = rate
@@ -143,7 +158,7 @@ class _Bench(LocalCore):
             model=MODEL,
             serial_number="mock",
             boot_id=self._core.boot_id,
-            protocol_version="1.0",
+            protocol_version="2.0",
             sample_rate_hz=self._output.sample_rate_hz,
             bits=self._output.bits,
             channels=2,
@@ -161,6 +176,10 @@ class _Bench(LocalCore):
         playing = self._core.playing
         return (*self._over, *(() if playing is None else (playing,)))
 
+    def sense(self, sensed: Health) -> None:
+        self._sensed = sensed
+        self._core.sense(self._attend(), sensed)
+
     def silence(self) -> None:
         self._attend()
         self._heart_beats = False
@@ -171,9 +190,22 @@ class _Bench(LocalCore):
 
     def _power_up(self) -> DeviceCore:
         drawn = secrets.randbits(63) if self._rng is None else self._rng.integers(2**63)
-        return DeviceCore(
-            boot_id=int(drawn), limits=self._limits, output=self._output, sink=self._over.append
+        core = DeviceCore(
+            boot_id=int(drawn),
+            limits=self._limits,
+            output=self._output,
+            sink=self._over.append,
+            measure=self._measure,
+            about=ABOUT,
         )
+        core.sense(0, self._sensed)
+        return core
+
+    def _measure(self, burst: Emission) -> Measurement | None:
+        if self._adc is None:
+            return None
+        connected = self._sensed.switch_closed is not False
+        return self._adc.seen(burst, connected=connected, rng=self._missing)
 
     def _device_us(self, host_s: float) -> int:
         return round((host_s * self._rate + self._offset_s) * 1e6)

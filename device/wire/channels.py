@@ -6,11 +6,13 @@ import contextlib
 import os
 import select
 import socket
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
 
+from device.checks import require_real, require_whole
 from device.driver import Lack, LinkError
 
 if TYPE_CHECKING:
@@ -20,6 +22,53 @@ if TYPE_CHECKING:
 
 BEAT_EVERY_S: Final = 0.1
 """Interval of the heartbeat."""
+
+_LEAST_WAIT_S: Final = 0.025
+_MARGIN_S: Final = 0.005
+_LONGEST_EXCHANGE_BITS: Final = 10 * (104 + 2 * 19)
+"""HELLO, its answer, and the beats between them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineSettings:
+    """What a line is like, and how long is waited on it.
+
+    Parameters
+    ----------
+    baud : int
+        Rate of the port, or of the slowest piece of wire behind it; USB and sockets have none.
+    dtr : bool
+        Whether the line DTR is raised when a port is opened, which starts some boards anew.
+    opens_within_s : float
+        How long a device may take to give its first answer, once its port is open.
+    patience_s : float
+        How long any other question is asked again before it is given up.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range.
+
+    Examples
+    --------
+    >>> LineSettings().answer_within_s, round(LineSettings(baud=9600).answer_within_s, 3)
+    (0.025, 0.153)
+    """
+
+    baud: int = 115_200
+    dtr: bool = True
+    opens_within_s: float = 2.0
+    patience_s: float = 2.0
+
+    def __post_init__(self) -> None:
+        require_whole("baud", self.baud, least=1200, most=10_000_000)
+        require_real("opens_within_s", self.opens_within_s, least=0.01, most=60.0)
+        require_real("patience_s", self.patience_s, least=0.01, most=60.0)
+
+    @property
+    def answer_within_s(self) -> float:
+        """A question is sent again when its answer took longer than this."""
+        return max(_LEAST_WAIT_S, _LONGEST_EXCHANGE_BITS / self.baud + _MARGIN_S)
 
 
 class Channel(Protocol):
@@ -36,6 +85,9 @@ class Channel(Protocol):
 
     def close(self) -> None:
         """Close the line."""
+
+
+USUAL: Final = LineSettings()
 
 
 class Heart:
@@ -123,9 +175,6 @@ class SocketChannel:
         self._socket.close()
 
 
-BAUD: Final = 115_200
-"""Rate of a port that has one; USB and sockets ignore it."""
-
 _POLL_S: Final = 0.002
 _WRITE_WITHIN_S: Final = 0.5
 _AT_ONCE: Final = 4096
@@ -145,14 +194,16 @@ class SerialChannel:
     device.driver.LinkError: cannot open /no/such/port: ...
     """
 
-    def __init__(self, port: str, clock: Clock) -> None:
+    def __init__(self, port: str, clock: Clock, line: LineSettings = USUAL) -> None:
         import serial
 
         self._port = port
         self._clock = clock
         try:
             self._line = serial.serial_for_url(port, do_not_open=True)
-            self._line.baudrate = BAUD
+            self._line.baudrate = line.baud
+            if not line.dtr:
+                self._line.dtr = False
             self._line.timeout, self._line.write_timeout = _POLL_S, _WRITE_WITHIN_S
             self._line.exclusive = True
             self._line.open()
@@ -187,7 +238,7 @@ class SerialChannel:
         return LinkError(f"the line to {self._port} is gone: {error}")
 
 
-def open_channel(port: str, clock: Clock) -> Channel:
+def open_channel(port: str, clock: Clock, line: LineSettings = USUAL) -> Channel:
     """Return the channel to a port: of this machine, or ``socket://host:port``.
 
     >>> from device.clock import MonotonicClock
@@ -195,7 +246,7 @@ def open_channel(port: str, clock: Clock) -> Channel:
     Traceback (most recent call last):
     device.driver.LinkError: cannot open socket://127.0.0.1:1: ...
     """
-    return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock)
+    return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock, line)
 
 
 _RESOLVE_WITHIN_S: Final = 0.03

@@ -6,13 +6,15 @@ little endian and unsigned.
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 from device.core.messages import (
     Arm,
+    AskHealth,
+    AskLimits,
+    AskMeasured,
     Beat,
     Disarm,
     Enable,
@@ -23,14 +25,13 @@ from device.core.messages import (
     Query,
     Stop,
 )
+from device.core.reports import TAPS, UNITS, DeviceLimits, Entropy, Health, Measurement
 from device.core.states import State
 from device.core.tokens import Fate, Record
 from device.driver import Identity, Refusal, rejection
+from device.wire.forms import LONG_TEXT, REST, TEXT, TIME, U8, U16, U32, U64, Form, Layout
 from device.wire.frames import MINOR, VERSION
 from device.wire.upload import Begin, Commit, Data
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 ANSWER: Final = 0x80
 """What an answer's type has more than its question's."""
@@ -41,6 +42,8 @@ class Kind(IntEnum):
 
     HELLO = 0x01
     PING = 0x02
+    LIMITS = 0x03
+    HEALTH = 0x04
     BEGIN = 0x10
     DATA = 0x11
     COMMIT = 0x12
@@ -50,6 +53,7 @@ class Kind(IntEnum):
     DISARM = 0x23
     FIRE = 0x24
     QUERY = 0x25
+    MEASURED = 0x26
     STOP = 0x30
     BEAT = 0x31
 
@@ -69,82 +73,6 @@ FATES: Final = (
 
 REFUSALS: Final = (None, *Refusal)
 """Refusals by their number on the wire; 0 is none."""
-
-
-class Form(NamedTuple):
-    """How one field travels: its code in `struct`, and what the numbers 0, 1, ... stand for."""
-
-    code: str
-    meanings: Sequence[Any] | None = None
-
-
-U8: Final = Form("B")
-U32: Final = Form("I")
-U64: Final = Form("Q")
-TIME: Final = Form("Q", range(2**63))
-TEXT: Final = Form("16s")
-REST: Final = Form("")
-"""All bytes that are left; only as the last field."""
-
-_Value = TypeVar("_Value")
-
-
-class Layout(Generic[_Value]):
-    r"""How the fields of one kind of value follow each other in bytes.
-
-    >>> arm = Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)
-    >>> arm.pack(Arm(token=258, slot=7, time_to_live_us=1))
-    b'\x02\x01\x00\x00\x00\x00\x00\x00\x07\x01\x00\x00\x00'
-    >>> arm.read(arm.pack(Arm(token=258, slot=7, time_to_live_us=1))).slot
-    7
-    """
-
-    def __init__(self, of: Callable[..., _Value], **forms: Form) -> None:
-        self.of = of
-        self._forms = {name: form for name, form in forms.items() if form is not REST}
-        self._rest = next((name for name, form in forms.items() if form is REST), None)
-        self._numbers = struct.Struct("<" + "".join(form.code for form in forms.values()))
-
-    @property
-    def size(self) -> int:
-        """Number of bytes, without what fills the rest."""
-        return self._numbers.size
-
-    def pack(self, value: _Value) -> bytes:
-        """Return the bytes of a value."""
-        fields = [_number(form, getattr(value, name)) for name, form in self._forms.items()]
-        rest: bytes = getattr(value, self._rest) if self._rest else b""
-        return self._numbers.pack(*fields) + rest
-
-    def read(self, content: bytes) -> _Value:
-        """Return the value of some bytes.
-
-        Refused are with BAD_MESSAGE bytes of another length and numbers that stand for nothing,
-        and with its own code what the value itself refuses.
-        """
-        known, rest = content[: self.size], content[self.size :]
-        if len(known) < self.size or (rest and not self._rest):
-            raise rejection(
-                Refusal.BAD_MESSAGE, f"{self.size} bytes are expected, got {len(content)}"
-            )
-        numbers = zip(self._forms.items(), self._numbers.unpack(known), strict=True)
-        fields = {name: _meaning(name, form, number) for (name, form), number in numbers}
-        if self._rest:
-            fields[self._rest] = rest
-        return self.of(**fields)
-
-
-def _number(form: Form, value: Any) -> Any:
-    return value if form.meanings is None else form.meanings.index(value)
-
-
-def _meaning(name: str, form: Form, number: Any) -> Any:
-    if form.meanings is None:
-        return number
-    try:
-        return form.meanings[number]
-    except IndexError:
-        raise rejection(Refusal.BAD_MESSAGE, f"{name} {number}") from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,6 +189,32 @@ TOLD: Final = Layout(
     Told, token=U64, fate=Form("B", FATES), onset_us=TIME, left_mvpp=U32, right_mvpp=U32
 )
 
+LIMITS: Final = Layout(
+    DeviceLimits,
+    slots=U8,
+    memory_samples=U32,
+    least_interval_us=U32,
+    max_duty_ppm=U32,
+    dc_tolerance_ppm=U32,
+    longest_time_to_live_us=U32,
+    data_window=U8,
+    entropy=Form("B", tuple(Entropy)),
+    firmware=LONG_TEXT,
+)
+HEALTH: Final = Layout(Health.of_bits, known=U8, set_bits=U8)
+MEASURED: Final = Layout(
+    Measurement,
+    token=U64,
+    tap=Form("B", TAPS),
+    unit=Form("B", UNITS),
+    left=U32,
+    right=U32,
+    onset_offset_us=U32,
+    onset_uncertainty_us=U32,
+    correlation_left=U16,
+    correlation_right=U16,
+)
+
 # This table is the wire: host and device pack and read by its rows and by nothing else, so that a
 # new message is a row here, a value in core/messages.py, and a line in docs/protocol.md. A row may
 # be added in a minor version; none may change, since a device in the field cannot be asked which
@@ -268,8 +222,10 @@ TOLD: Final = Layout(
 TABLE: Final = {
     Kind.HELLO: MessageLayout(Layout(Hello, nonce=U64), GREETING),
     Kind.PING: MessageLayout(Layout(Ping)),
+    Kind.LIMITS: MessageLayout(Layout(AskLimits), LIMITS),
+    Kind.HEALTH: MessageLayout(Layout(AskHealth), HEALTH),
     Kind.BEGIN: MessageLayout(Layout(Begin, slot=U8, samples=U32)),
-    Kind.DATA: MessageLayout(Layout(Data, offset=U32, octets=REST)),
+    Kind.DATA: MessageLayout(Layout(Data, upload=U16, offset=U32, octets=REST)),
     Kind.COMMIT: MessageLayout(Layout(Commit, slot=U8, crc=U32)),
     Kind.LEVEL: MessageLayout(Layout(Levels, left_mvpp=U32, right_mvpp=U32)),
     Kind.OUTPUT: MessageLayout(Layout(Enable)),
@@ -277,6 +233,7 @@ TABLE: Final = {
     Kind.DISARM: MessageLayout(Layout(Disarm, token=U64)),
     Kind.FIRE: MessageLayout(Layout(Fire, token=U64), TOLD),
     Kind.QUERY: MessageLayout(Layout(Query, token=U64), TOLD),
+    Kind.MEASURED: MessageLayout(Layout(AskMeasured, token=U64), MEASURED),
     Kind.STOP: MessageLayout(Layout(Stop)),
     Kind.BEAT: MessageLayout(Layout(Beat)),
 }
@@ -339,6 +296,23 @@ def payload(message: Message[Any], boot_id: int) -> bytes:
     if kind is Kind.HELLO:
         return content
     return QUESTION.pack(QuestionPayload(boot_id=boot_id, content=content))
+
+
+def told(kind: int, reply: Any) -> bytes:
+    """Return the bytes of what a question of a type is answered with, after the head."""
+    layout = TABLE[Kind(kind)].answer
+    if layout is None:
+        return b""
+    return layout.pack(Told.of(reply) if isinstance(reply, Record) else reply)
+
+
+def understood(kind: int, body: bytes) -> Any:
+    """Return what an answer tells, or refuse with BAD_MESSAGE; None where it tells nothing."""
+    layout = TABLE[Kind(kind)].answer
+    if layout is None:
+        return None
+    said = layout.read(body)
+    return said.record if isinstance(said, Told) else said
 
 
 def read(kind: int, content: bytes) -> Message[Any]:

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
-from device.core.messages import Beat, Message, Ping, Stop
+from device.core.messages import Beat, Message, Stop
 from device.core.states import State
 from device.driver import Identity, Refusal, Rejected, rejection
 from device.wire import codec
-from device.wire.codec import AnswerPayload, Greeting, Kind, Told
+from device.wire.codec import AnswerPayload, Greeting, Kind
 from device.wire.frames import Decoder, Frame, IdentityLine, encode
 from device.wire.upload import Begin, Commit, Data, Uploads
 
@@ -39,9 +39,10 @@ class Endpoint:
     >>> from device.core.output import OutputStage
     >>> from device.core.core import DeviceCore
     >>> from device.driver import Identity
+    >>> from device.core.messages import Ping
     >>> core = DeviceCore(boot_id=5, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
     ...                   sink=print)
-    >>> identity = Identity(model="m", serial_number="1", boot_id=5, protocol_version="1.0",
+    >>> identity = Identity(model="m", serial_number="1", boot_id=5, protocol_version="2.0",
     ...                     sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
     ...                     longest_waveform=4096, emulated=True)
     >>> endpoint = Endpoint(core, identity)
@@ -50,7 +51,7 @@ class Endpoint:
     >>> codec.HEAD.read(answer.payload).state.value
     'idle'
     >>> endpoint.receive(20, b"*IDN?\n")
-    b'tactstrip,m,1,protocol 1.0\n'
+    b'tactstrip,m,1,protocol 2.0\n'
     """
 
     def __init__(self, core: DeviceCore, identity: Identity) -> None:
@@ -62,7 +63,9 @@ class Endpoint:
         self._newest: int | None = None
         self._last_question: Frame | None = None
         self._last_answer = b""
-        self._uploads = Uploads(bits=identity.bits, longest=identity.longest_waveform)
+        self._uploads = Uploads(
+            bits=identity.bits, limits=core.limits, held_beside=core.held_beside
+        )
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """Take whatever arrived at a device time and return the bytes to send back.
@@ -88,8 +91,9 @@ class Endpoint:
             return b""
         if frame.kind == Kind.STOP:
             return self._stop(now_us, frame)
-        if frame.kind == Kind.HELLO:
-            return _coded(frame, self._greet(now_us, frame))
+        if frame.kind in (Kind.HELLO, Kind.DATA):  # which obey no order
+            perform = self._greet if frame.kind == Kind.HELLO else self._perform
+            return _coded(frame, perform(now_us, frame))
         if frame == self._last_question:
             return self._last_answer
         if not self._is_newer(frame):
@@ -141,16 +145,22 @@ class Endpoint:
             question = codec.QUESTION.read(frame.payload)
             if question.boot_id != self.core.boot_id:
                 raise rejection(Refusal.WRONG_BOOT)
-            return self._done(now_us, codec.read(frame.kind, question.content))
+            return self._done(now_us, frame, codec.read(frame.kind, question.content))
         except Rejected as refused:
             return self._answer(refused.code)
 
-    def _done(self, now_us: int, message: Message[Any]) -> AnswerPayload:
-        if isinstance(message, Begin | Data | Commit):
-            waveform = self._uploads.take(message)
-            message = Ping() if waveform is None else waveform
-        record = self.core.take(now_us, message)
-        return self._answer(None, b"" if record is None else codec.TOLD.pack(Told.of(record)))
+    def _done(self, now_us: int, frame: Frame, message: Message[Any]) -> AnswerPayload:
+        reply = None
+        match message:
+            case Begin():
+                self._uploads.begin(message, frame.sequence)
+            case Data():
+                self._uploads.add(message)
+            case Commit():
+                self.core.take(now_us, self._uploads.finish(message))
+            case _:
+                reply = self.core.take(now_us, message)
+        return self._answer(None, codec.told(frame.kind, reply))
 
     def _answer(self, refusal: Refusal | None, body: bytes = b"") -> AnswerPayload:
         return AnswerPayload(

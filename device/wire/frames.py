@@ -21,7 +21,7 @@ from device.checks import require_whole
 if TYPE_CHECKING:
     from device.driver import Identity
 
-VERSION: Final = 1
+VERSION: Final = 2
 """Major version of the wire format; frames of any other are dropped."""
 
 MINOR: Final = 0
@@ -163,11 +163,11 @@ class IdentityLine:
 
     >>> from device.driver import Identity
     >>> line = IdentityLine(Identity(model="m", serial_number="1", boot_id=5,
-    ...                              protocol_version="1.0", sample_rate_hz=48e3, bits=16,
+    ...                              protocol_version="2.0", sample_rate_hz=48e3, bits=16,
     ...                              channels=2, ceiling_vpp=200.0, longest_waveform=4096,
     ...                              emulated=True))
     >>> line.feed(b"*ID"), line.feed(b"N?\r\n")
-    (b'', b'tactstrip,m,1,protocol 1.0\n')
+    (b'', b'tactstrip,m,1,protocol 2.0\n')
     >>> line.feed(b"\0\x20\x01\n*IDN?\n")
     b''
     """

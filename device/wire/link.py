@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import secrets
+import zlib
 from itertools import count
-from threading import Lock
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final
 
-from device.clock import Clock, ClockSync, MonotonicClock, Sample, resolution_s
+from device.clock import Clock, MonotonicClock, Sample, resolution_s
 from device.core.messages import (
-    Beat,
+    AskLimits,
     Disarm,
     Enable,
     Fire,
@@ -22,45 +22,46 @@ from device.core.messages import (
     LoadSlot,
     Message,
     Query,
-    Stop,
 )
 from device.core.states import State
 from device.core.tokens import Exchange, Fate, Record, Reply
 from device.driver import Identity, LinkError, Refusal, Rejected, rejection
 from device.wire import codec
-from device.wire.channels import Channel, Heart
+from device.wire.channels import USUAL, Channel, Heart, LineSettings
 from device.wire.codec import AnswerPayload, Hello, Kind
-from device.wire.frames import Decoder, Frame, encode
-from device.wire.upload import pieces
+from device.wire.dialogue import (
+    Dialogue,
+    RestartedError,
+    UnansweredError,
+    framed,
+    unanswered,
+    understood,
+)
+from device.wire.frames import encode
+from device.wire.silence import plain_answer, too_slow, why_silent
+from device.wire.upload import Begin, Commit, Window, data_of, octets_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-ANSWER_WITHIN_S: Final = 0.025
-"""A question is sent again when its answer took longer than this."""
+_AHEAD_S: Final = 0.1
+"""So much of the line's time may DATA take that are under way."""
 
-PATIENCE_S: Final = 2.0
-"""A question that was not answered for so long is given up."""
+_LONGEST_DATA_FRAME: Final = 57
+_TRIES: Final = (10, 20, 40, 40, 40, 40)
+"""How often a line that seems slow is tried, and how long in times that an answer may take."""
 
-_STOPS: Final = 3
-"""STOP is sent so often at once: a frame that is under way may spoil the first."""
-
-_BEATS: Final = 2
-"""BEAT is sent so often at once, for the same reason."""
-
+_PLAIN_S: Final = 1.0
 _FAREWELL_S: Final = 0.25
-_STALE_AT_MOST: Final = 8
-
-_Read = TypeVar("_Read")
 
 
-class FrameLink:
+class FrameLink(Dialogue):
     """A `host.Link` that speaks the wire format over a channel.
 
     `connect` opens the channel or raises `LinkError`. A question is sent again after
-    `answer_within_s` and given up after `patience_s`. On the machine's clock a thread keeps up the
-    heartbeat; on any other that is for the channel to do, by `beat`. Only `stop` may be called from
-    more than one thread.
+    `answer_within_s`, which follows from the line's rate, and given up after the line's
+    `patience_s`. On the machine's clock a thread keeps up the heartbeat; on any other
+    that is for the channel to do, by `beat`. Only `stop` may be called from more than one thread.
 
     >>> from device.clock import VirtualClock
     >>> def unplugged():
@@ -75,39 +76,23 @@ class FrameLink:
         connect: Callable[[], Channel],
         clock: Clock,
         *,
-        answer_within_s: float = ANSWER_WITHIN_S,
-        patience_s: float = PATIENCE_S,
+        line: LineSettings = USUAL,
+        answer_within_s: float | None = None,
     ) -> None:
+        super().__init__(
+            clock,
+            answer_within_s=answer_within_s or line.answer_within_s,
+            patience_s=line.patience_s,
+        )
         self._connect = connect
-        self._clock = clock
-        self._answer_within_s = answer_within_s
-        self._patience_s = patience_s
-        self._channel: Channel | None = None
-        self._decoder = Decoder()
-        self._state = State.CLOSED
-        self._boot_id = self._device_us = 0
-        self._numbers = count(secrets.randbits(16))
-        self._stops: set[int] = set()
-        self._last_stop = -1
+        self._line = line
+        self._data_numbers = count(secrets.randbits(16))
+        self._window = 1
         self._bits = 16
         self._ceiling_vpp = 0.0
         self._levels_vpp = 0.0, 0.0
-        self._retries = 0
-        self._writing = Lock()
         self._heart: Heart | None = None
         self._resolution_s = resolution_s(clock)
-        self.clock_sync = ClockSync()
-
-    @property
-    def state(self) -> State:
-        """The device's state with its last answer; SAFE after `stop`, CLOSED if not connected."""
-        stopped = self._stops and self._state is not State.CLOSED
-        return State.SAFE if stopped else self._state
-
-    @property
-    def boot_id(self) -> int:
-        """The power cycle that was last heard of."""
-        return self._boot_id
 
     def hello(self) -> Identity:
         """Connect and return who answered, or raise `LinkError`."""
@@ -115,6 +100,7 @@ class FrameLink:
         self._channel = self._connect()
         try:
             identity = self._greet()
+            self._window = self._fitting(self._done(AskLimits()).record.data_window)
         except LinkError:
             self._drop()
             raise
@@ -136,17 +122,14 @@ class FrameLink:
 
     def _sent(self, message: Message[Any]) -> Exchange[Any]:
         if isinstance(message, LoadSlot):
-            *begun, commit = pieces(message, self._bits)
-            for piece in begun:
-                self._done(piece)
-            return self._done(commit)
+            return self._upload(message)
         if isinstance(message, Fire):
             return self._fire(message)
         if isinstance(message, Query):
             before_s = self._clock.now_s()
             try:
                 return self._done(message)
-            except (_Unanswered, _Restarted):
+            except (UnansweredError, RestartedError):
                 return self._unknown(message.token, before_s)
         return self._done(message)
 
@@ -155,44 +138,17 @@ class FrameLink:
         boot_id, before_s = self._boot_id, self._clock.now_s()
         try:
             return self._done(message, boot_id, before_s)
-        except _Restarted:
+        except RestartedError:
             return self._unknown(message.token, before_s)
-        except _Unanswered:
+        except UnansweredError:
             retries = self._retries
         # The FIRE may still be on its way: only of a device that has answered the DISARM is what
         # it then says of the token its last word.
         try:
             self._done(Disarm(token=message.token), boot_id)
             return self._done(Query(token=message.token), boot_id, before_s, retries=retries)
-        except (_Unanswered, _Restarted, Rejected):
+        except (UnansweredError, RestartedError, Rejected):
             return self._unknown(message.token, before_s, retries=retries)
-
-    def stop(self) -> None:
-        """Send STOP: from any thread, in any state, without waiting for a lock.
-
-        Until the device has answered it the heart sends STOP again instead of beating, and no
-        question is sent before it.
-        """
-        number = next(self._numbers)
-        self._stops.add(number)
-        self._last_stop = number
-        channel = self._channel
-        if channel is not None:
-            with contextlib.suppress(LinkError):
-                channel.write(_STOPS * self._stop_frame(number))
-
-    def beat(self) -> None:
-        """Send BEAT, or STOP again while one is not confirmed; never waits for an answer."""
-        channel = self._channel
-        if channel is None:
-            return
-        stops = tuple(self._stops)
-        if stops:
-            beat = self._stop_frame(max(stops))
-        else:
-            beat = _BEATS * encode(_framed(Beat(), 0, self._boot_id))
-        with self._writing:
-            channel.write(beat)
 
     def hang_up(self) -> None:
         """Disconnect; a stop that is not confirmed yet is waited for, for a moment."""
@@ -211,21 +167,71 @@ class FrameLink:
         self._state = State.CLOSED
 
     def _greet(self) -> Identity:
-        self._decoder = Decoder()
-        self._device_us = 0
-        self.clock_sync = ClockSync()
+        self._begin_anew()
         hello = Hello(nonce=secrets.randbits(64))
-        answer = self._ask(hello, 0)
-        greeting = _understood(lambda: codec.GREETING.read(answer.body))
+        began_s = self._clock.now_s()
+        try:
+            answer = self._ask(hello, 0, self._line.opens_within_s)
+        except UnansweredError as silence:
+            raise LinkError(f"{silence}: {self._why_silent()}") from silence
+        if self._clock.now_s() - began_s > self._line.answer_within_s:
+            self._require_speed(answer.boot_id)
+        greeting = understood(lambda: codec.GREETING.read(answer.body))
         if greeting.nonce != hello.nonce:
             raise LinkError("the answer is to another HELLO")
-        return _understood(lambda: greeting.identity(answer.boot_id))
+        return understood(lambda: greeting.identity(answer.boot_id))
 
-    def _stop_frame(self, number: int) -> bytes:
-        return encode(self._stop_question(number))
+    def _why_silent(self) -> str:
+        line = self._line
+        answer = plain_answer(self._open, self._clock, min(_PLAIN_S, 2 * line.opens_within_s))
+        return why_silent(answer, opens_within_s=line.opens_within_s, baud=line.baud)
 
-    def _stop_question(self, number: int) -> Frame:
-        return _framed(Stop(), number, self._boot_id)
+    def _require_speed(self, boot_id: int) -> None:
+        """Refuse a line on which no answer comes in time, however often it is tried.
+
+        Each try is a question of its own, sent once: so that what is late can be told from what
+        was lost, and from the answers to what was sent again.
+        """
+        took_s, within_s = [], self._line.answer_within_s
+        for wait in _TRIES:
+            question = framed(AskLimits(), next(self._numbers), boot_id)
+            began_s = self._clock.now_s()
+            self._write(encode(question))
+            if self._listen(question, min(self._patience_s, wait * within_s)) is not None:
+                took_s.append(self._clock.now_s() - began_s)
+                if took_s[-1] <= within_s:
+                    return
+        if took_s:
+            raise LinkError(too_slow(min(took_s), within_s, self._line.baud))
+
+    def _fitting(self, window: int) -> int:
+        """Return how many DATA may be under way, lest a beat or a stop has to wait for them."""
+        return max(1, min(window, int(_AHEAD_S * self._line.baud / 10 / _LONGEST_DATA_FRAME)))
+
+    def _upload(self, message: LoadSlot) -> Exchange[Any]:
+        octets = octets_of(message, self._bits)
+        self._done(Begin(slot=message.slot, samples=int(message.left.size)))
+        upload, boot_id = self._asked & 0xFFFF, self._boot_id
+        numbered = ((next(self._data_numbers) & 0xFFFF, piece) for piece in data_of(octets, upload))
+        pieces = ((number, encode(framed(one, number, boot_id))) for number, one in numbered)
+        self._send_all(Window(pieces, size=self._window, late_s=self._answer_within_s))
+        return self._done(Commit(slot=message.slot, crc=zlib.crc32(octets)))
+
+    def _send_all(self, window: Window) -> None:
+        """Send DATA until each is answered."""
+        heard_s = self._clock.now_s()
+        while (due := window.due(self._clock.now_s())) or not window.is_over:
+            self._confirm_stops(self._patience_s)
+            if due:
+                self._write(b"".join(due))
+            late_s = window.late_at_s - self._clock.now_s()
+            for frame in self._heard(max(late_s, 0.0)):
+                is_data = frame.kind == Kind.DATA | codec.ANSWER
+                if is_data and window.answered(frame.sequence, self._clock.now_s()):
+                    heard_s = self._clock.now_s()
+                    self._require_done(Kind.DATA, self._learn(frame))
+            if self._clock.now_s() > heard_s + self._patience_s:
+                raise unanswered(Kind.DATA, self._patience_s)
 
     def _done(
         self,
@@ -239,9 +245,9 @@ class FrameLink:
         before_s = self._clock.now_s() if before_s is None else before_s
         answer = self._ask(message, self._boot_id if boot_id is None else boot_id)
         after_s, retries = self._clock.now_s(), retries + self._retries
-        self._require_done(message, answer)
+        self._require_done(codec.kind_of(message), answer, message)
         record = self._record(message, answer)
-        if record is not None:
+        if isinstance(record, Record):
             sample = Sample(before_s=before_s, after_s=after_s, device_s=answer.device_us / 1e6)
             before_s, after_s = self.clock_sync.narrowed(sample)
         return Exchange(
@@ -255,21 +261,22 @@ class FrameLink:
         )
 
     def _record(self, message: Message[Any], answer: AnswerPayload) -> Any:
-        """Return the record that a FIRE or QUERY is answered with, None for anything else."""
-        if not isinstance(message, Fire | Query):
-            return None
-        record = _understood(lambda: codec.TOLD.read(answer.body)).record
-        if record.token != message.token or (record.start_us or 0) > answer.device_us:
-            name = codec.kind_of(message).name
-            raise LinkError(f"the device's answer to {name} contradicts itself")
+        """Return what a question is answered with, None for most."""
+        kind = codec.kind_of(message)
+        record = understood(lambda: codec.understood(kind, answer.body))
+        token, start_us = getattr(message, "token", None), getattr(record, "start_us", None)
+        if getattr(record, "token", token) != token or (start_us or 0) > answer.device_us:
+            raise LinkError(f"the device's answer to {kind.name} contradicts itself")
         return record
 
-    def _require_done(self, message: Message[Any], answer: AnswerPayload) -> None:
+    def _require_done(
+        self, kind: Kind, answer: AnswerPayload, message: Message[Any] | None = None
+    ) -> None:
         if answer.refusal is None:
             return
         if answer.refusal is Refusal.WRONG_BOOT:
-            raise _Restarted("the device restarted and forgot everything: open it again")
-        detail = f"the device, on {codec.kind_of(message).name}"
+            raise RestartedError("the device restarted and forgot everything: open it again")
+        detail = f"the device, on {kind.name}"
         if answer.refusal is Refusal.CEILING:
             left_vpp, right_vpp = message.vpp if isinstance(message, Levels) else self._levels_vpp
             ceiling = f"its ceiling {self._ceiling_vpp:g} Vpp"
@@ -286,101 +293,3 @@ class FrameLink:
             resolution_s=self._resolution_s,
             retries=retries + self._retries,
         )
-
-    def _ask(self, message: Message[Any], boot_id: int) -> AnswerPayload:
-        """Send a question until its answer comes; also a refusal tells state and power cycle.
-
-        A stop from another thread may overtake a question, which the device does not do then. It
-        is asked anew, except to switch on what was just stopped.
-        """
-        retries = 0
-        for _ in range(_STALE_AT_MOST):
-            if not isinstance(message, Hello):
-                self._confirm_stops(self._patience_s)
-            question = _framed(message, next(self._numbers), boot_id)
-            answer = self._insist(question, self._patience_s)
-            self._retries = retries = retries + self._retries
-            if answer.refusal is not Refusal.STALE:
-                return answer
-            if isinstance(message, Enable):
-                raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
-        raise LinkError("the device takes every question for an old one: open it again")
-
-    def _confirm_stops(self, patience_s: float) -> None:
-        while stops := tuple(self._stops):
-            self._insist(self._stop_question(max(stops)), patience_s)
-
-    def _insist(self, question: Frame, patience_s: float) -> AnswerPayload:
-        channel = self._channel
-        if channel is None:
-            raise LinkError("the device is not connected")
-        began_s = self._clock.now_s()
-        self._retries = -1
-        while self._clock.now_s() < began_s + patience_s:
-            self._retries += 1
-            with self._writing:
-                channel.write(encode(question))
-            answer = self._listen(channel, question)
-            if answer is not None:
-                if question.kind != Kind.STOP:
-                    self._learn_clock(answer, began_s)
-                return answer
-        name = Kind(question.kind).name
-        raise _Unanswered(f"the device did not answer {name} for {patience_s:g} s")
-
-    def _learn_clock(self, answer: AnswerPayload, began_s: float) -> None:
-        after_s, device_s = self._clock.now_s(), answer.device_us / 1e6
-        self.clock_sync.hear(Sample(before_s=began_s, after_s=after_s, device_s=device_s))
-
-    def _listen(self, channel: Channel, question: Frame) -> AnswerPayload | None:
-        """Return the answer to a question, or None when it is late."""
-        wanted = question.answered(b"")
-        answer = None
-        late_s = self._clock.now_s() + self._answer_within_s
-        while answer is None and (left_s := late_s - self._clock.now_s()) > 0:
-            for frame in self._decoder.feed(channel.read(left_s)):
-                if (frame.kind, frame.sequence) == (wanted.kind, wanted.sequence):
-                    answer = self._learn(frame)
-                if frame.kind == Kind.STOP | codec.ANSWER:
-                    self._hear_stopped(frame)
-        return answer
-
-    def _hear_stopped(self, frame: Frame) -> None:
-        """Note that a stop was obeyed, and with it every one before."""
-        stops = tuple(self._stops)
-        obeyed = [number for number in stops if number & 0xFFFF == frame.sequence]
-        if obeyed:
-            self._learn(frame)
-            self._stops.difference_update(number for number in stops if number <= max(obeyed))
-
-    def _learn(self, frame: Frame) -> AnswerPayload:
-        """Read an answer; one that was overtaken tells nothing of the state."""
-        answer = _understood(lambda: codec.HEAD.read(frame.payload))
-        if answer.boot_id != self._boot_id or answer.device_us >= self._device_us:
-            self._state, self._boot_id = answer.state, answer.boot_id
-            self._device_us = answer.device_us
-        return answer
-
-
-class _Unanswered(LinkError):  # noqa: N818 - a link error by what it is, not by its name
-    """A question that was never answered."""
-
-
-class _Restarted(LinkError):  # noqa: N818 - the same
-    """A question that was meant for a power cycle that is over."""
-
-
-def _framed(message: Message[Any], number: int, boot_id: int) -> Frame:
-    return Frame(
-        kind=codec.kind_of(message),
-        sequence=number & 0xFFFF,
-        payload=codec.payload(message, boot_id),
-    )
-
-
-def _understood(read: Callable[[], _Read]) -> _Read:
-    """Read an answer; what cannot be read is no refusal, and tells nothing of what was done."""
-    try:
-        return read()
-    except Rejected as error:
-        raise LinkError(f"an answer that cannot be read, {error}") from error

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Final
 from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
 from device.driver import DeviceError, Identity
-from device.wire.channels import Channel, open_channel
-from device.wire.frames import MAKER, QUESTION
+from device.wire.channels import USUAL, LineSettings, open_channel
+from device.wire.frames import MAKER
 from device.wire.link import FrameLink
+from device.wire.silence import plain_answer
 
 if TYPE_CHECKING:
     from device.limits import Limits
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
 _IDENTIFY_WITHIN_S: Final = 0.3
 
 
-def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
+def serial_device(
+    port: str, *, limits: Limits, clock: Clock, line: LineSettings = USUAL
+) -> HostDriver:
     """Return the driver of the device on a port; nothing is opened yet.
 
     >>> from device.clock import MonotonicClock
@@ -29,7 +32,7 @@ def serial_device(port: str, *, limits: Limits, clock: Clock) -> HostDriver:
     Traceback (most recent call last):
     device.driver.LinkError: cannot open /no/such/port: ...
     """
-    link = FrameLink(lambda: open_channel(port, clock), clock)
+    link = FrameLink(lambda: open_channel(port, clock, line), clock, line=line)
     return HostDriver(link, limits=limits, clock=clock)
 
 
@@ -41,7 +44,7 @@ def identify(port: str) -> Identity | None:
     clock = MonotonicClock()
     try:
         with closing(open_channel(port, clock)) as channel:
-            if not _says_its_name(channel, clock):
+            if not plain_answer(channel, clock, _IDENTIFY_WITHIN_S).startswith(MAKER):
                 return None
             link = FrameLink(lambda: channel, clock)
             try:
@@ -50,11 +53,3 @@ def identify(port: str) -> Identity | None:
                 link.hang_up()
     except DeviceError:
         return None
-
-
-def _says_its_name(channel: Channel, clock: Clock) -> bool:
-    channel.write(b"\0" + QUESTION + b"\n")
-    until_s, said = clock.now_s() + _IDENTIFY_WITHIN_S, b""
-    while (left_s := until_s - clock.now_s()) > 0 and not said.endswith(b"\n"):
-        said += channel.read(left_s)
-    return MAKER.encode() in said

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from device.core.messages import LoadSlot, Message, check_slot
+from device.core.messages import LoadSlot, Message
 from device.driver import Refusal, rejection
+from device.limits import check_memory, check_slot
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator
+
+    from device.limits import Limits
 
 LONGEST_DATA: Final = 32
 """Bytes of a waveform in one DATA: longer frames seldom survive a bad line."""
@@ -30,14 +33,12 @@ class Begin(Message[None]):
     slot: int
     samples: int
 
-    def __post_init__(self) -> None:
-        check_slot(self.slot)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Data(Message[None]):
-    """Some octets of the waveform, and where they belong."""
+    """Some octets of the waveform, where they belong, and the number of the upload's BEGIN."""
 
+    upload: int
     offset: int
     octets: bytes
 
@@ -54,66 +55,71 @@ class Commit(Message[None]):
     crc: int
 
 
-Piece: TypeAlias = Begin | Data | Commit
+def octets_of(message: LoadSlot, bits: int) -> bytes:
+    """Return the bytes that carry a waveform to a device with converters of `bits` bits."""
+    codes = np.concatenate((message.left, message.right)).astype(_code_type(bits))
+    return codes.tobytes()
 
 
-def pieces(message: LoadSlot, bits: int) -> Iterator[Piece]:
-    """Return the messages that carry a waveform to a device with converters of `bits` bits."""
-    codes = np.concatenate((message.left, message.right)).astype(_code_type(bits)).tobytes()
-    yield Begin(slot=message.slot, samples=int(message.left.size))
-    for offset in range(0, len(codes), LONGEST_DATA):
-        yield Data(offset=offset, octets=codes[offset : offset + LONGEST_DATA])
-    yield Commit(slot=message.slot, crc=zlib.crc32(codes))
+def data_of(octets: bytes, upload: int) -> Iterator[Data]:
+    """Return a waveform's bytes in pieces, for the upload that a BEGIN of this number began."""
+    for offset in range(0, len(octets), LONGEST_DATA):
+        yield Data(upload=upload, offset=offset, octets=octets[offset : offset + LONGEST_DATA])
 
 
 @dataclass(slots=True)
 class _Pending:
+    upload: int
     slot: int
     data: bytearray
     missing: set[int]
 
 
 class Uploads:
-    """The device's end: pieces to a waveform, of at most `longest` samples of `bits` bits."""
+    """The device's end: pieces to a waveform of codes of `bits` bits, within the limits.
 
-    def __init__(self, *, bits: int, longest: int) -> None:
+    `held_beside` returns how many samples are held in all slots but one.
+    """
+
+    def __init__(
+        self, *, bits: int, limits: Limits, held_beside: Callable[[int], int] = lambda _: 0
+    ) -> None:
         self._type = _code_type(bits)
-        self._longest = longest
+        self._limits = limits
+        self._held_beside = held_beside
         self._pending: _Pending | None = None
 
     def forget(self) -> None:
         """Forget the upload that is under way."""
         self._pending = None
 
-    def take(self, piece: Piece) -> LoadSlot | None:
-        """Return the waveform that a piece completes, or None; refuse what does not fit."""
-        match piece:
-            case Begin():
-                self._begin(piece)
-            case Data():
-                self._add(piece)
-            case Commit():
-                return self._finish(piece)
-        return None
-
-    def _begin(self, begin: Begin) -> None:
+    def begin(self, begin: Begin, number: int) -> None:
+        """Begin an upload by the number of its BEGIN, or refuse and leave the one before."""
+        check_slot(begin.slot, self._limits)
         if begin.samples == 0:
             raise rejection(Refusal.WAVEFORM_EMPTY)
-        if begin.samples > self._longest:
+        if begin.samples > self._limits.longest_waveform:
             raise rejection(Refusal.WAVEFORM_TOO_LONG, f"{begin.samples} samples")
+        check_memory(self._held_beside(begin.slot), begin.samples, self._limits)
         size = 2 * begin.samples * self._type.itemsize
-        self._pending = _Pending(begin.slot, bytearray(size), set(range(0, size, LONGEST_DATA)))
+        missing = set(range(0, size, LONGEST_DATA))
+        self._pending = _Pending(number, begin.slot, bytearray(size), missing)
 
-    def _add(self, piece: Data) -> None:
+    def add(self, piece: Data) -> None:
+        """Take some bytes, any number of times and in any order, or refuse what has no place."""
         offset, pending = piece.offset, self._pending
-        if pending is None or offset % LONGEST_DATA or offset >= len(pending.data):
+        if pending is None or piece.upload != pending.upload:
+            raise rejection(Refusal.BAD_UPLOAD, "they are of another upload")
+        if offset % LONGEST_DATA or offset >= len(pending.data):
             raise rejection(Refusal.BAD_UPLOAD, f"no place for bytes at {offset}")
         if len(piece.octets) != min(LONGEST_DATA, len(pending.data) - offset):
             raise rejection(Refusal.BAD_UPLOAD, f"{len(piece.octets)} bytes at {offset}")
         pending.data[offset : offset + len(piece.octets)] = piece.octets
         pending.missing.discard(offset)
 
-    def _finish(self, commit: Commit) -> LoadSlot:
+    def finish(self, commit: Commit) -> LoadSlot:
+        """End the upload and return its waveform, or refuse what is not whole."""
+        check_slot(commit.slot, self._limits)
         pending, self._pending = self._pending, None
         if pending is None or pending.slot != commit.slot or pending.missing:
             raise rejection(Refusal.BAD_UPLOAD)
@@ -127,3 +133,66 @@ class Uploads:
 def _code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:
     """Return how one code travels: 16 bit signed, or 32 where the converter has more."""
     return np.dtype("<i2" if bits <= _SHORT_BITS else "<i4")
+
+
+# A line keeps the order, most of the time: an answer says that what was sent before it and is not
+# answered was lost. Only where nothing comes back at all a clock decides, and then for the oldest
+# piece alone, since its answer tells what became of the others.
+class Window:
+    """The pieces that are unanswered at a time, `size` at most, each by its number.
+
+    >>> window = Window({7: b"a", 8: b"b", 9: b"c"}.items(), size=2, late_s=0.025)
+    >>> window.due(0.0), window.answered(8, 0.01), window.due(0.01)
+    ([b'a', b'b'], True, [b'a', b'c'])
+    >>> window.due(0.02), window.due(0.04), window.answered(8, 0.04), window.is_over
+    ([], [b'a'], False, False)
+    """
+
+    def __init__(self, pieces: Iterable[tuple[int, bytes]], *, size: int, late_s: float) -> None:
+        self._pieces: Iterator[tuple[int, bytes]] = iter(pieces)
+        self._size = size
+        self._late_s = late_s
+        self._sent: dict[int, bytes] = {}
+        self._lost: list[int] = []
+        self._moved_s = 0.0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether all that was sent is answered."""
+        return not self._sent
+
+    @property
+    def late_at_s(self) -> float:
+        """When the oldest piece is due again, if nothing is answered until then."""
+        return self._moved_s + self._late_s
+
+    def due(self, now_s: float) -> list[bytes]:
+        """Return what is to be sent now, and take it as sent."""
+        if self._sent and not self._lost and now_s >= self.late_at_s:
+            self._lost = [next(iter(self._sent))]
+        again = {number: self._sent.pop(number) for number in self._lost}
+        self._lost = []
+        self._sent |= again  # a dict keeps its order: the oldest first
+        for number, piece in self._pieces_left(len(self._sent)):
+            self._sent[number] = again[number] = piece
+        if again:
+            self._moved_s = now_s
+        return list(again.values())
+
+    def _pieces_left(self, n_sent: int) -> Iterator[tuple[int, bytes]]:
+        for _ in range(self._size - n_sent):
+            piece = next(self._pieces, None)
+            if piece is None:
+                return
+            yield piece
+
+    def answered(self, number: int, now_s: float) -> bool:
+        """Note an answer; tell whether it was waited for."""
+        if number not in self._sent:
+            return False
+        before = list(self._sent)
+        before = before[: before.index(number)]
+        del self._sent[number]
+        self._lost = [one for one in dict.fromkeys([*self._lost, *before]) if one in self._sent]
+        self._moved_s = now_s
+        return True

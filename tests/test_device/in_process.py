@@ -311,7 +311,11 @@ def endpoint(
     """Return the device's end of a line, with a core of that identity behind it."""
     core = DeviceCore(
         boot_id=who.boot_id,
-        limits=Limits(ceiling_vpp=who.ceiling_vpp, least_interval_s=least_interval_s),
+        limits=Limits(
+            ceiling_vpp=who.ceiling_vpp,
+            least_interval_s=least_interval_s,
+            longest_waveform=who.longest_waveform,
+        ),
         output=OutputStage(sample_rate_hz=who.sample_rate_hz, bits=who.bits),
         sink=sink,
     )

@@ -11,6 +11,9 @@ from hypothesis import strategies as st
 from device.core.core import WATCHDOG_US, DeviceCore
 from device.core.messages import (
     Arm,
+    AskHealth,
+    AskLimits,
+    AskMeasured,
     Beat,
     CodeArray,
     Disarm,
@@ -24,6 +27,7 @@ from device.core.messages import (
     to_codes,
 )
 from device.core.output import Emission, OutputStage
+from device.core.reports import Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Fate, Record
 from device.driver import Refusal, Rejected
@@ -383,3 +387,86 @@ def test_a_token_refused_for_lack_of_rest_stays_armed_and_fires_after_it(since_u
         assert picture(bench) == before
         again_us = now_us + BURST_US + 10_000
     assert bench.core.take(again_us, Fire(token=3)).start_us == again_us
+
+
+def sensed(*, closed: bool | None = True, over: bool | None = False) -> Health:
+    return Health(switch_closed=closed, over_current=over)
+
+
+@pytest.mark.parametrize(("closed", "refuses"), [(True, False), (None, False), (False, True)])
+def test_only_a_switch_that_is_known_to_be_open_keeps_a_burst_back(
+    *, closed: bool | None, refuses: bool
+) -> None:
+    core, over = live()
+    core.sense(1, sensed(closed=closed))
+    if not refuses:
+        core.take(2, arm(1))
+        core.take(3, Fire(token=1))
+        return
+    assert refused(core, 2, arm(1)) is Refusal.AMPLIFIER_OFF
+    core.sense(3, sensed())
+    core.take(4, arm(1))
+    core.sense(5, sensed(closed=False))
+    assert refused(core, 6, Fire(token=1)) is Refusal.AMPLIFIER_OFF
+    core.sense(7, sensed())
+    core.take(8, Fire(token=1))
+    core.sense(9, sensed(closed=False))
+    assert core.take(10, Fire(token=1)).fate is Fate.FIRED
+    assert state_at(core, 10_000) is State.LIVE
+    assert [burst.cut_us for burst in over] == [None]
+
+
+@pytest.mark.parametrize("state", ["idle", "live", "armed", "fired", "safe"])
+def test_over_current_stops_whatever_is_done_and_is_kept_until_enable(state: str) -> None:
+    core, over = power_on() if state == "idle" else live()
+    if state in {"armed", "fired"}:
+        core.take(0, arm(1))
+    if state == "fired":
+        core.take(0, Fire(token=1))
+    if state == "safe":
+        core.take(0, Stop())
+    core.sense(500, sensed(over=True))
+    assert (core.state, core.health.over_current) == (State.SAFE, True)
+    assert [burst.cut_us for burst in over] == ([500] if state == "fired" else [])
+    core.sense(600, sensed())
+    told = core.take(700, AskHealth())
+    assert (told.over_current, told.amplifier_enabled) == (True, False)
+    core.take(800, Enable())
+    told = core.take(900, AskHealth())
+    assert (told.over_current, told.amplifier_enabled) == (False, True)
+
+
+def test_what_was_measured_is_told_of_the_last_burst_once_it_is_over() -> None:
+    def measure(burst: Emission) -> Measurement:
+        return Measurement(token=burst.token, tap="line", unit="mV", left=len(burst.left_v))
+
+    core = DeviceCore(
+        boot_id=1, limits=LIMITS, output=OutputStage(), sink=lambda _: None, measure=measure
+    )
+    for message in (load_message(), *TRIAL):
+        core.take(0, message)
+    assert refused(core, 1, AskMeasured(token=1)) is Refusal.BUSY
+    assert core.take(1, AskMeasured(token=2)).tap == ""
+    assert core.take(BURST_US, AskMeasured(token=1)).left == 97
+    core.take(100_000, arm(2))
+    assert core.take(100_000, AskMeasured(token=1)).left == 97
+    core.take(100_000, Fire(token=2))
+    core.take(100_100, Stop())
+    assert [core.take(200_000, AskMeasured(token=token)).tap for token in (1, 2)] == [""] * 2
+
+
+def test_all_slots_together_hold_so_many_samples_and_the_one_replaced_is_free() -> None:
+    limits = Limits(ceiling_vpp=200.0, slots=3, memory_samples=200)
+    core = DeviceCore(boot_id=1, limits=limits, output=OutputStage(), sink=lambda _: None)
+    core.take(0, load_message(0, 97))
+    core.take(0, load_message(2, 97))
+    assert refused(core, 0, load_message(1, 9)) is Refusal.MEMORY_FULL
+    assert refused(core, 0, load_message(3, 3)) is Refusal.BAD_SLOT
+    core.take(0, load_message(0, 103))
+    assert refused(core, 0, load_message(0, 104)) is Refusal.MEMORY_FULL
+
+
+def test_a_device_tells_the_limits_that_it_keeps() -> None:
+    told = power_on().core.take(0, AskLimits())
+    assert told.applied(Limits(ceiling_vpp=200.0)) == LIMITS
+    assert told.data_window == 8

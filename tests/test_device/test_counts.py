@@ -58,9 +58,9 @@ NO_NUMBERS: tuple[tuple[Callable[[Any], object], Refusal, list[Any]], ...] = (
     (to_millivolts, Refusal.BAD_LEVEL, [-0.001, math.nan, math.inf, 1e308, 4_294_968.0, True, "6"]),
     (check_millivolts, Refusal.BAD_LEVEL, [-1, 2**32, 1.0, True]),
     (check_token, Refusal.BAD_TOKEN, [0, -1, 2**64, 1.0, True, "1", None]),
-    (check_slot, Refusal.BAD_SLOT, [-1, 8, 0.0, False, "0"]),
+    (check_slot, Refusal.BAD_SLOT, [-1, 256, 0.0, False, "0"]),
     (to_microseconds, Refusal.BAD_TIME_TO_LIVE, [math.nan, math.inf, True, "1"]),
-    (lambda slot: LoadSlot(slot=slot, left=ZEROS, right=ZEROS), Refusal.BAD_SLOT, [9]),
+    (lambda slot: LoadSlot(slot=slot, left=ZEROS, right=ZEROS), Refusal.BAD_SLOT, [256]),
     (lambda right: Levels(left_mvpp=0, right_mvpp=right), Refusal.BAD_LEVEL, [-1]),
     (lambda token: Arm(token=token, slot=0, time_to_live_us=1), Refusal.BAD_TOKEN, [0]),
 )

@@ -1,0 +1,207 @@
+"""What a device tells of itself: its limits, its amplifier's health, and what it measured.
+
+Whole numbers throughout, as they travel; None stands for what a device does not know.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final, Self
+
+if TYPE_CHECKING:
+    from device.limits import Limits
+
+PPM: Final = 1_000_000
+"""Ratios travel in millionths."""
+
+
+class Entropy(StrEnum):
+    """Where a boot id comes from: two power cycles must never be taken for one."""
+
+    NONE = "a counter, not random"
+    SYSTEM = "the operating system"
+    HARDWARE = "a hardware generator"
+    GIVEN = "given when it was started"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceLimits:
+    """What a device is ready to do, beside what its identity says of ceiling and waveforms.
+
+    Attributes
+    ----------
+    slots : int
+        Number of waveform slots, counted from 0.
+    memory_samples : int
+        Samples of one channel that all slots together hold.
+    least_interval_us : int
+        Rest from the end of one burst to the onset of the next.
+    max_duty_ppm : int
+        Largest ratio of a burst's duration to the time from its onset to the next, in millionths.
+    dc_tolerance_ppm : int
+        Largest ratio of |sum| to sum|.| of a waveform, in millionths.
+    longest_time_to_live_us : int
+        Of an armed token.
+    data_window : int
+        DATA that may be unanswered at once.
+    entropy : Entropy
+        Where its boot id comes from.
+    firmware : str
+        Its name and version; 32 ASCII characters at most.
+    """
+
+    slots: int
+    memory_samples: int
+    least_interval_us: int
+    max_duty_ppm: int
+    dc_tolerance_ppm: int
+    longest_time_to_live_us: int
+    data_window: int = 1
+    entropy: Entropy = Entropy.SYSTEM
+    firmware: str = ""
+
+    @classmethod
+    def of(cls, limits: Limits, about: About) -> Self:
+        """Return what a device with these limits tells.
+
+        >>> from device.limits import Limits
+        >>> DeviceLimits.of(Limits(ceiling_vpp=200.0), About()).max_duty_ppm
+        500000
+        """
+        return cls(
+            slots=limits.slots,
+            memory_samples=limits.memory_samples,
+            least_interval_us=limits.least_interval_us,
+            max_duty_ppm=limits.max_duty_ppm,
+            dc_tolerance_ppm=limits.dc_tolerance_ppm,
+            longest_time_to_live_us=limits.longest_time_to_live_us,
+            data_window=about.data_window,
+            entropy=about.entropy,
+            firmware=about.firmware,
+        )
+
+    def applied(self, limits: Limits) -> Limits:
+        """Return limits as they are with those of this device in their place."""
+        return replace(
+            limits,
+            slots=self.slots,
+            memory_samples=self.memory_samples,
+            least_interval_s=self.least_interval_us / 1e6,
+            max_duty=self.max_duty_ppm / PPM,
+            dc_tolerance=self.dc_tolerance_ppm / PPM,
+            longest_time_to_live_s=self.longest_time_to_live_us / 1e6,
+        )
+
+    def __str__(self) -> str:
+        """Tell in one line what of it a lab may run into."""
+        return (
+            f"{self.firmware or 'no firmware named'}, {self.slots} slots of "
+            f"{self.memory_samples} samples together, rest {self.least_interval_us / 1e3:g} ms, "
+            f"duty {self.max_duty_ppm / 1e4:g} %, DC {self.dc_tolerance_ppm / 1e4:g} %, "
+            f"boot id from {self.entropy}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class About:
+    """What a device says of itself that no limit is."""
+
+    firmware: str = "tactstrip core"
+    entropy: Entropy = Entropy.SYSTEM
+    data_window: int = 8
+
+
+OURS: Final = About()
+"""What a core in Python says."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """Whether the amplifier can drive; None where a device does not know.
+
+    >>> print(Health(amplifier_enabled=True, switch_closed=False))
+    amplifier enabled, safety switch open, over-current not known
+    """
+
+    amplifier_enabled: bool | None = None
+    switch_closed: bool | None = None
+    over_current: bool | None = None
+
+    @classmethod
+    def of_bits(cls, *, known: int, set_bits: int) -> Self:
+        """Return the health that two bytes tell; bits that are not named here are passed over.
+
+        >>> Health.of_bits(known=6, set_bits=2).known
+        6
+        """
+        told = (bool(set_bits >> bit & 1) if known >> bit & 1 else None for bit in range(3))
+        enabled, closed, over = told
+        return cls(amplifier_enabled=enabled, switch_closed=closed, over_current=over)
+
+    @property
+    def known(self) -> int:
+        """Bits of what is known: 0 amplifier, 1 switch, 2 over-current."""
+        return sum((said is not None) << bit for bit, said in enumerate(self._all))
+
+    @property
+    def set_bits(self) -> int:
+        """Bits of what is so."""
+        return sum(bool(said) << bit for bit, said in enumerate(self._all))
+
+    @property
+    def _all(self) -> tuple[bool | None, ...]:
+        return self.amplifier_enabled, self.switch_closed, self.over_current
+
+    def __str__(self) -> str:
+        """Tell it in one line."""
+        words = (
+            ("amplifier", "disabled", "enabled"),
+            ("safety switch", "open", "closed"),
+            ("over-current", "none", "reported"),
+        )
+        return ", ".join(
+            f"{what} {'not known' if said is None else yes if said else no}"
+            for (what, no, yes), said in zip(words, self._all, strict=True)
+        )
+
+
+TAPS: Final = ("", "line", "amplifier", "current", "motion")
+"""Where a burst may be measured, by its number on the wire; what lies behind is never seen."""
+
+UNITS: Final = ("", "mV", "uA", "nm")
+"""In what, by its number on the wire."""
+
+UNIT_AT: Final = {"line": "mV", "amplifier": "mV", "current": "uA", "motion": "nm"}
+"""The unit of peaks at each tap."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measurement:
+    """What a device measured of the burst of a token; where it did, at a tap.
+
+    Attributes
+    ----------
+    token : int
+        That fired it.
+    tap : str
+        Where: a word of `TAPS`, empty where it was not measured.
+    unit : str
+        Of the peaks: mV, uA or nm.
+    left, right : int
+        Peak magnitudes.
+    onset_offset_us, onset_uncertainty_us : int
+        From the onset that the device reported to the one that it measured.
+    correlation_left, correlation_right : int
+        With what was to be played, in 1e-4; 0 for a channel that was to be silent.
+    """
+
+    token: int
+    tap: str = ""
+    unit: str = ""
+    left: int = 0
+    right: int = 0
+    onset_offset_us: int = 0
+    onset_uncertainty_us: int = 0
+    correlation_left: int = 0
+    correlation_right: int = 0

@@ -1,0 +1,153 @@
+"""What hangs behind an emulated device: an amplifier with its switch, and what measures there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from device.checks import require_real
+from device.core.reports import UNIT_AT, Health, Measurement
+
+if TYPE_CHECKING:
+    from device.core.output import Emission
+
+_PULSE_S: Final = 0.1
+_MILLIVOLTS: Final = 1000
+_WHOLE: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adc:
+    """An input that measures what comes out.
+
+    Parameters
+    ----------
+    tap : str
+        Where: line, amplifier, current or motion.
+    gain : float
+        Of the peaks: mV, uA or nm for each mV at the actuator.
+    delay_us : float
+        From the onset to what is measured of it.
+    loss : float
+        Probability that nothing of a burst is seen.
+
+    Raises
+    ------
+    ValueError
+        A field is out of range.
+
+    Examples
+    --------
+    >>> Adc.parse("tap=amplifier,gain=0.5").tap
+    'amplifier'
+    >>> Adc.parse("tap=ear")
+    Traceback (most recent call last):
+    ValueError: adc must be of tap, gain, delay_us, loss, each once as name=value, with tap one of
+    line, amplifier, current, motion; got 'tap=ear'
+    """
+
+    tap: str = "line"
+    gain: float = 1.0
+    delay_us: float = 0.0
+    loss: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_real("gain", self.gain, least=0.0, most=1000.0)
+        require_real("delay_us", self.delay_us, least=0.0, most=1e6)
+        require_real("loss", self.loss, least=0.0, most=1.0)
+
+    @classmethod
+    def parse(cls, text: str) -> Adc:
+        """Return the input that a text states."""
+        known = [field.name for field in fields(cls)]
+        values: dict[str, Any] = {}
+        for part in filter(None, (part.strip() for part in text.split(","))):
+            name, _, value = part.partition("=")
+            number = _tap(value) if name == "tap" else _number(value)
+            if name not in known or name in values or number is None:
+                raise ValueError(
+                    f"adc must be of {', '.join(known)}, each once as name=value, with tap one of "
+                    f"{', '.join(UNIT_AT)}; got {part!r}"
+                )
+            values[name] = number
+        return cls(**values)
+
+    def seen(self, burst: Emission, *, connected: bool, rng: np.random.Generator) -> Measurement:
+        """Return what is measured of a burst: nothing, behind a switch that is open."""
+        lost = rng.random() < self.loss or not (connected or self.tap == "line")
+        gain = 0.0 if lost else self.gain * _MILLIVOLTS
+        left, right = (
+            round(float(np.abs(volts).max(initial=0.0)) * gain)
+            for volts in (burst.left_v, burst.right_v)
+        )
+        return Measurement(
+            token=burst.token,
+            tap=self.tap,
+            unit=UNIT_AT[self.tap],
+            left=left,
+            right=right,
+            onset_offset_us=round(self.delay_us) if left or right else 0,
+            onset_uncertainty_us=math.ceil(1e6 / burst.sample_rate_hz),
+            correlation_left=_WHOLE if left else 0,
+            correlation_right=_WHOLE if right else 0,
+        )
+
+
+def _tap(text: str) -> str | None:
+    return text if text in UNIT_AT else None
+
+
+def _number(text: str) -> float | None:
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Amplifier:
+    """An amplifier with a safety switch.
+
+    Parameters
+    ----------
+    switch_open : bool
+        Whether its switch is open, so that nothing can be felt.
+    sensed : bool
+        Whether switch and over-current are wired to the device.
+    over_current_at_s : float
+        When it reports over-current, in seconds after the device was started; infinite for never.
+    adc : Adc or None
+        What measures its bursts.
+
+    Examples
+    --------
+    >>> amplifier = Amplifier(over_current_at_s=2.0)
+    >>> amplifier.sensed_at(1.0).over_current, amplifier.sensed_at(2.0).over_current
+    (False, True)
+    """
+
+    switch_open: bool = False
+    sensed: bool = True
+    over_current_at_s: float = math.inf
+    adc: Adc | None = None
+
+    def __post_init__(self) -> None:
+        if self.over_current_at_s != math.inf:
+            require_real("over_current_at_s", self.over_current_at_s, least=0.0)
+
+    def sensed_at(self, now_s: float) -> Health:
+        """Return what the device senses of it at a time."""
+        if not self.sensed:
+            return Health()
+        over = self.over_current_at_s <= now_s < self.over_current_at_s + _PULSE_S
+        return Health(switch_closed=not self.switch_open, over_current=over)
+
+    def seen(self, burst: Emission, rng: np.random.Generator) -> Measurement | None:
+        """Return what is measured of a burst, or None where nothing measures."""
+        if self.adc is None:
+            return None
+        return self.adc.seen(burst, connected=not self.switch_open, rng=rng)

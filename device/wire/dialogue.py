@@ -1,0 +1,225 @@
+"""Questions and answers over a line that may lose or damage any of them; stops and beats between.
+
+Every question is sent again until its answer comes; the device does each only once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from itertools import count
+from threading import Lock
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+from device.clock import Clock, ClockSync, Sample
+from device.core.messages import Beat, Enable, Message, Stop
+from device.core.states import State
+from device.driver import LinkError, Refusal, Rejected, rejection
+from device.wire import codec
+from device.wire.codec import AnswerPayload, Hello, Kind
+from device.wire.frames import Decoder, Frame, encode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.wire.channels import Channel
+
+_STOPS: Final = 3
+"""STOP is sent so often at once: a frame that is under way may spoil the first."""
+
+_BEATS: Final = 2
+"""BEAT is sent so often at once, for the same reason."""
+
+_STALE_AT_MOST: Final = 8
+
+_Read = TypeVar("_Read")
+
+
+class UnansweredError(LinkError):
+    """A question that was never answered."""
+
+
+def unanswered(kind: Kind, patience_s: float) -> UnansweredError:
+    """Return the error of a question that was asked for so long."""
+    return UnansweredError(f"the device did not answer {kind.name} for {patience_s:g} s")
+
+
+class RestartedError(LinkError):
+    """A question that was meant for a power cycle that is over."""
+
+
+def framed(message: Message[Any], number: int, boot_id: int) -> Frame:
+    """Return the frame of a message for one power cycle."""
+    return Frame(
+        kind=codec.kind_of(message),
+        sequence=number & 0xFFFF,
+        payload=codec.payload(message, boot_id),
+    )
+
+
+def understood(read: Callable[[], _Read]) -> _Read:
+    """Read an answer; what cannot be read is no refusal, and tells nothing of what was done."""
+    try:
+        return read()
+    except Rejected as error:
+        raise LinkError(f"an answer that cannot be read, {error}") from error
+
+
+class Dialogue:
+    """A host's questions to the device on a channel, once there is one.
+
+    Only `stop` may be called from more than one thread.
+    """
+
+    def __init__(self, clock: Clock, *, answer_within_s: float, patience_s: float) -> None:
+        self._clock = clock
+        self._answer_within_s = answer_within_s
+        self._patience_s = patience_s
+        self._channel: Channel | None = None
+        self._writing = Lock()
+        self._state = State.CLOSED
+        self._numbers = count(secrets.randbits(16))
+        self._asked = 0
+        self._retries = 0
+        self._stops: set[int] = set()
+        self._last_stop = -1
+        self._boot_id = 0
+        self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        """Forget what was half read, and the device's clock."""
+        self._decoder = Decoder()
+        self._device_us = 0
+        self.clock_sync = ClockSync()
+
+    @property
+    def state(self) -> State:
+        """The device's state with its last answer; SAFE after `stop`, CLOSED if not connected."""
+        stopped = self._stops and self._state is not State.CLOSED
+        return State.SAFE if stopped else self._state
+
+    @property
+    def boot_id(self) -> int:
+        """The power cycle that was last heard of."""
+        return self._boot_id
+
+    def stop(self) -> None:
+        """Send STOP: from any thread, in any state, without waiting for a lock.
+
+        Until the device has answered it the heart sends STOP again instead of beating, and no
+        question is sent before it.
+        """
+        number = next(self._numbers)
+        self._stops.add(number)
+        self._last_stop = number
+        channel = self._channel
+        if channel is not None:
+            with contextlib.suppress(LinkError):
+                channel.write(_STOPS * self._stop_frame(number))
+
+    def beat(self) -> None:
+        """Send BEAT, or STOP again while one is not confirmed; never waits for an answer."""
+        channel = self._channel
+        if channel is None:
+            return
+        stops = tuple(self._stops)
+        if stops:
+            beat = self._stop_frame(max(stops))
+        else:
+            beat = _BEATS * encode(framed(Beat(), 0, self._boot_id))
+        with self._writing:
+            channel.write(beat)
+
+    def _stop_frame(self, number: int) -> bytes:
+        return encode(self._stop_question(number))
+
+    def _stop_question(self, number: int) -> Frame:
+        return framed(Stop(), number, self._boot_id)
+
+    def _ask(
+        self, message: Message[Any], boot_id: int, patience_s: float | None = None
+    ) -> AnswerPayload:
+        """Send a question until its answer comes; also a refusal tells state and power cycle.
+
+        A stop from another thread may overtake a question, which the device does not do then. It
+        is asked anew, except to switch on what was just stopped.
+        """
+        retries = 0
+        for _ in range(_STALE_AT_MOST):
+            if not isinstance(message, Hello):
+                self._confirm_stops(self._patience_s)
+            self._asked = next(self._numbers)
+            question = framed(message, self._asked, boot_id)
+            answer = self._insist(question, patience_s or self._patience_s)
+            self._retries = retries = retries + self._retries
+            if answer.refusal is not Refusal.STALE:
+                return answer
+            if isinstance(message, Enable):
+                raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
+        raise LinkError("the device takes every question for an old one: open it again")
+
+    def _confirm_stops(self, patience_s: float) -> None:
+        while stops := tuple(self._stops):
+            self._insist(self._stop_question(max(stops)), patience_s)
+
+    def _insist(self, question: Frame, patience_s: float) -> AnswerPayload:
+        began_s = self._clock.now_s()
+        self._retries = -1
+        while self._clock.now_s() < began_s + patience_s:
+            self._retries += 1
+            self._write(encode(question))
+            answer = self._listen(question, self._answer_within_s)
+            if answer is not None:
+                if question.kind != Kind.STOP:
+                    self._learn_clock(answer, began_s)
+                return answer
+        raise unanswered(Kind(question.kind), patience_s)
+
+    @property
+    def _open(self) -> Channel:
+        if self._channel is None:
+            raise LinkError("the device is not connected")
+        return self._channel
+
+    def _write(self, data: bytes) -> None:
+        with self._writing:
+            self._open.write(data)
+
+    def _learn_clock(self, answer: AnswerPayload, began_s: float) -> None:
+        after_s, device_s = self._clock.now_s(), answer.device_us / 1e6
+        self.clock_sync.hear(Sample(before_s=began_s, after_s=after_s, device_s=device_s))
+
+    def _listen(self, question: Frame, within_s: float) -> AnswerPayload | None:
+        """Return the answer to a question, or None when it is late."""
+        wanted = question.answered(b"")
+        answer = None
+        late_s = self._clock.now_s() + within_s
+        while answer is None and (left_s := late_s - self._clock.now_s()) > 0:
+            for frame in self._heard(left_s):
+                if (frame.kind, frame.sequence) == (wanted.kind, wanted.sequence):
+                    answer = self._learn(frame)
+        return answer
+
+    def _heard(self, within_s: float) -> list[Frame]:
+        """Return the frames that arrive next; what stops they answer is noted."""
+        frames = self._decoder.feed(self._open.read(within_s))
+        for frame in frames:
+            if frame.kind == Kind.STOP | codec.ANSWER:
+                self._hear_stopped(frame)
+        return frames
+
+    def _hear_stopped(self, frame: Frame) -> None:
+        """Note that a stop was obeyed, and with it every one before."""
+        stops = tuple(self._stops)
+        obeyed = [number for number in stops if number & 0xFFFF == frame.sequence]
+        if obeyed:
+            self._learn(frame)
+            self._stops.difference_update(number for number in stops if number <= max(obeyed))
+
+    def _learn(self, frame: Frame) -> AnswerPayload:
+        """Read an answer; one that was overtaken tells nothing of the state."""
+        answer = understood(lambda: codec.HEAD.read(frame.payload))
+        if answer.boot_id != self._boot_id or answer.device_us >= self._device_us:
+            self._state, self._boot_id = answer.state, answer.boot_id
+            self._device_us = answer.device_us
+        return answer

@@ -1,0 +1,56 @@
+"""Uploads with many pieces under way: what a bad line does to them, and what it cannot do."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from device.core.messages import LoadSlot
+from device.wire.upload import Window, data_of, octets_of
+
+LATE_S = 0.025
+
+
+@settings(max_examples=100)
+@given(
+    n_pieces=st.integers(0, 40),
+    size=st.integers(1, 9),
+    seed=st.integers(0, 2**32 - 1),
+    loss=st.sampled_from([0.0, 0.1, 0.5]),
+)
+def test_every_piece_gets_through_and_no_more_are_under_way_than_may_be(
+    n_pieces: int, size: int, seed: int, loss: float
+) -> None:
+    rng, now_s, arrived = np.random.default_rng(seed), 0.0, set()
+    window = Window(((n, bytes([n])) for n in range(n_pieces)), size=size, late_s=LATE_S)
+    while (due := window.due(now_s)) or not window.is_over:
+        assert len(due) <= size
+        now_s += 0.001 if due else LATE_S
+        for (number,) in due:
+            if rng.random() >= loss:
+                arrived.add(number)
+                if rng.random() >= loss:
+                    window.answered(number, now_s)
+        assert now_s < 100.0
+    assert arrived == set(range(n_pieces))
+
+
+def test_pieces_are_sent_again_only_where_one_was_lost() -> None:
+    window = Window(((n, bytes([n])) for n in range(100)), size=8, late_s=LATE_S)
+    sent = window.due(0.0)
+    for number in range(100):
+        assert window.answered(number, 0.001 * number)
+        assert not window.answered(number, 0.001 * number)
+        sent += window.due(0.001 * number)
+    assert sent == [bytes([n]) for n in range(100)]
+    assert window.is_over
+
+
+@pytest.mark.parametrize("bits", [16, 24])
+def test_the_pieces_of_a_waveform_are_all_of_it_in_order(bits: int) -> None:
+    codes = np.arange(-50, 50, dtype=np.int32)
+    octets = octets_of(LoadSlot(slot=0, left=codes, right=-codes), bits)
+    pieces = list(data_of(octets, upload=7))
+    assert b"".join(piece.octets for piece in pieces) == octets
+    assert [piece.offset for piece in pieces] == list(range(0, len(octets), 32))
+    assert {piece.upload for piece in pieces} == {7}
