@@ -13,7 +13,13 @@ from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
 from experiment.archive.files import HEADS, LinkError
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import JOURNAL, examine, refuse_links, removed_journal
+from experiment.integrity.sessions import (
+    JOURNAL,
+    examine,
+    refuse_links,
+    removed_journal,
+    unaltered,
+)
 from experiment.terms.record import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
@@ -89,7 +95,7 @@ class SessionRecord:
     compared : bool
         Whether there is a journal, so that the table was compared with it.
     ended : int
-        How many trials it tells of.
+        How many trials it tells of, where they may be others than those of the table.
     altered : tuple of Difference
         Where the session is not as it was recorded. Empty unless that is accepted, but for a
         journal that was removed: a table without one is taken, and marked.
@@ -147,7 +153,7 @@ def _refuse_links(table: Path) -> None:
 
 def _examined(table: Path) -> Examined:
     try:
-        return examine(table.parent, table.name)
+        return unaltered(table.parent, table.name) or examine(table.parent, table.name)
     except (RecordSchemaError, LinkError) as error:
         line = None if isinstance(error, LinkError) else error.line
         raise ResultFileError(error.path, line, error.message) from None

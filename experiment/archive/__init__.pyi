@@ -12,6 +12,7 @@ from .journal import (
     JournalLineError,
     JournalWriteError,
     RecordSchemaError,
+    read_ends,
     read_journal,
 )
 from .manifest import LEVELS_SUFFIX, Manifest, Search, search
@@ -51,6 +52,7 @@ __all__ = [
     "make_folder",
     "manifest",
     "participant_facts",
+    "read_ends",
     "read_journal",
     "refuse_link",
     "remove",

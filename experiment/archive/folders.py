@@ -325,6 +325,16 @@ class SessionFolder:
             )
         return history
 
+    def table_sha256(self, plan: Plan) -> str:
+        """Return the checksum of the trials.csv that is built of the journal as it stands.
+
+        Raises as `read_history`.
+        """
+        return hashlib.sha256(self._table(plan).encode()).hexdigest()
+
+    def _table(self, plan: Plan) -> str:
+        return trials_csv(self.read_history(plan).rows)
+
     def write_trials(self) -> Path:
         """Build trials.csv anew from plan and journal, and return its path.
 
@@ -333,9 +343,9 @@ class SessionFolder:
         JournalWriteError
             If it cannot be written; the journal holds all of it.
         """
-        history = self.read_history(self.read_plan())
+        table = self._table(self.read_plan())
         try:
-            write_atomically(self.trials_path, trials_csv(history.rows), disk=self.disk)
+            write_atomically(self.trials_path, table, disk=self.disk)
         except OSError as error:
             raise JournalWriteError(
                 f"{self.trials_path}: cannot be written ({error.strerror})"

@@ -38,6 +38,7 @@ SCHEMA = 2
 ROOT = "0" * 64
 """What the first line has for the hash of the line before."""
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
+_BODY = len('{"crc":"01234567",')
 _BRACE = zlib.crc32(b"{")
 """The checksum is of this and of what follows its own member."""
 _decode = json.JSONDecoder().raw_decode
@@ -107,6 +108,35 @@ def read_journal(path: Path) -> JournalFile:
         for number, (line, previous) in enumerate(zip(lines, (ROOT, *sha256), strict=False), 1)
     )
     return JournalFile(entries, sha256, sum(len(line) + 1 for line in lines), torn)
+
+
+@dataclass(frozen=True, slots=True)
+class JournalEnds:
+    """First and last entry of a journal in which every line has the hash of the line before."""
+
+    first: Entry
+    last: Entry
+    head_sha256: str
+
+
+def read_ends(path: Path) -> JournalEnds | None:
+    """Follow the hashes of a journal from line to line; only its ends are decoded.
+
+    None where a line is missing, cut short, or has another hash than that of the line before:
+    `read_journal` says what is wrong.
+    """
+    *lines, torn = path.read_bytes().split(b"\n")
+    previous = ROOT
+    for number, line in enumerate(lines, 1):
+        if not line.startswith(
+            b'"schema":%d,"seq":%d,"prev":"%b",' % (SCHEMA, number, previous.encode()), _BODY
+        ):
+            return None
+        before, previous = previous, hashlib.sha256(line).hexdigest()
+    if torn or not lines:
+        return None
+    first, last = _parse(path, 1, lines[0], ROOT), _parse(path, len(lines), lines[-1], before)
+    return JournalEnds(first, last, previous)
 
 
 def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:

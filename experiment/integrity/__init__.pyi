@@ -8,6 +8,7 @@ from .sessions import (
     refuse_altered,
     refuse_links,
     removed_journal,
+    unaltered,
 )
 
 __all__ = [
@@ -26,4 +27,5 @@ __all__ = [
     "refuse_given_link",
     "refuse_links",
     "removed_journal",
+    "unaltered",
 ]

@@ -93,6 +93,19 @@ def _head(path: Path, number: int, line: str) -> SessionHead:
     )
 
 
+def in_place(folder: Path) -> bool:
+    """Whether it lies where sessions lie; a copy elsewhere has no head beside it."""
+    return folder.resolve().name.startswith("ses-")
+
+
+def kept_head(folder: Path) -> SessionHead | None:
+    """Return the head that was kept of a session, if any was; raises as `read_heads`."""
+    if not in_place(folder):
+        return None
+    session = folder.resolve().name.removeprefix("ses-")
+    return next((head for head in read_heads(person_of(folder)) if head.session == session), None)
+
+
 def enter_head(person: Path, head: SessionHead, *, disk: Disk = DISK) -> None:
     """Keep the head of a session; that of an earlier sitting is replaced, others stay as they are.
 

@@ -16,9 +16,10 @@ from experiment.archive.journal import (
     JournalError,
     JournalLineError,
     RecordSchemaError,
+    read_ends,
     read_journal,
 )
-from experiment.integrity.heads import HeadError, person_of, read_heads
+from experiment.integrity.heads import HeadError, in_place, kept_head, person_of
 from experiment.integrity.table import table_differences
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
@@ -116,6 +117,17 @@ def examine(folder: Path, table: str = TABLE) -> Examined:
     return _Examiner(folder, table).examined()
 
 
+def unaltered(folder: Path, table: str = TABLE) -> Examined | None:
+    """Find by checksums alone that a session is as it was recorded; None where `examine` has to.
+
+    The head that was kept seals the journal, the journal's first line plan and header, its last one
+    the table. The trials in the journal are not read, so that there is no history. Raises as
+    `examine`.
+    """
+    refuse_links(folder, table)
+    return _Examiner(folder, table).unaltered()
+
+
 def refuse_links(folder: Path, table: str = TABLE) -> None:
     """Refuse a session of which a file, the folder or the person's is a symbolic link.
 
@@ -150,6 +162,24 @@ class _Examiner:
         path = (person_of(self._folder) if name == HEADS else self._folder) / name
         self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
 
+    def unaltered(self) -> Examined | None:
+        raw, kept = self._bytes[self._table_name], self._head()
+        if raw is None or kept is None or not (self._folder / JOURNAL).is_file():
+            return None
+        try:
+            ends = read_ends(self._folder / JOURNAL)
+        except JournalError:
+            return None
+        if ends is None or ends.head_sha256 != kept.head_sha256:
+            return None
+        if ends.last.facts.get("trials_sha256") != hashlib.sha256(raw).hexdigest():
+            return None
+        plan = self._plan()
+        self._seals(plan, ends.first.facts)
+        if plan is None or self._found:
+            return None
+        return self._of(plan, ended=True, begun=True, head_sha256=kept.head_sha256)
+
     def examined(self) -> Examined:
         journal = self._journal()
         plan = self._plan()
@@ -169,12 +199,24 @@ class _Examiner:
             self._table(history, journal, registered, kept)
         elif begun and self._bytes[self._table_name] is None:
             self._note(self._table_name, None, f"is missing, too, and cannot be built {_WITHOUT}")
+        head_sha256 = journal.sha256[-1] if journal and journal.entries else None
+        return self._of(plan, history, begun=begun, ended=ended, head_sha256=head_sha256)
+
+    def _of(
+        self,
+        plan: Plan | None,
+        history: History | None = None,
+        *,
+        begun: bool,
+        ended: bool,
+        head_sha256: str | None,
+    ) -> Examined:
         raw = self._bytes[PLAN]
         return Examined(
             plan=plan,
             plan_file_sha256="" if raw is None else hashlib.sha256(raw).hexdigest(),
             history=history,
-            head_sha256=journal.sha256[-1] if journal and journal.entries else None,
+            head_sha256=head_sha256,
             compared=(self._folder / JOURNAL).is_file(),
             begun=begun,
             ended=ended,
@@ -259,7 +301,7 @@ class _Examiner:
 
     def _head(self) -> SessionHead | None:
         try:
-            return _kept_head(self._folder)
+            return kept_head(self._folder)
         except HeadError as error:
             self._note(HEADS, error.line, error.message)
             return None
@@ -273,7 +315,7 @@ class _Examiner:
             # somebody asks for, may take a journal's word for its own end.
             if (
                 closed
-                and _in_place(self._folder)
+                and in_place(self._folder)
                 and not any(one.path.name == HEADS for one in self._found)
             ):
                 self._note(HEADS, None, _NO_HEAD, "resume")
@@ -322,18 +364,6 @@ def _other(found: object, must: object) -> str:
     return f"sha256 {str(found)[:12]}..., line 1 of {JOURNAL} has {str(must)[:12]}..."
 
 
-def _in_place(folder: Path) -> bool:
-    """Whether it lies where sessions lie; a copy elsewhere has no head beside it."""
-    return folder.resolve().name.startswith("ses-")
-
-
-def _kept_head(folder: Path) -> SessionHead | None:
-    if not _in_place(folder):
-        return None
-    session = folder.resolve().name.removeprefix("ses-")
-    return next((head for head in read_heads(person_of(folder)) if head.session == session), None)
-
-
 def _removed(folder: Path, kept: SessionHead) -> Difference:
     return Difference(path=folder / JOURNAL, line=None, message=_missing(kept))
 
@@ -345,7 +375,7 @@ def _missing(kept: SessionHead) -> str:
 def removed_journal(folder: Path) -> tuple[Difference, ...]:
     """Tell of a journal that is missing though a head of it was kept; no other file is read."""
     try:
-        kept = None if (folder / JOURNAL).is_file() else _kept_head(folder)
+        kept = None if (folder / JOURNAL).is_file() else kept_head(folder)
     except ArchiveError:  # `examine` tells
         return ()
     return () if kept is None else (_removed(folder, kept),)

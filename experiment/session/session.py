@@ -42,7 +42,8 @@ class Session:
     """A session in progress: the device is opened, the noise started, the journal open.
 
     `resumed`: after an interruption a person who had answered with the fingers on gets the warm-up
-    trials. `origin_s` is the clock's reading at the session's beginning.
+    trials. `origin_s` is the clock's reading at the session's beginning. `table_sha256` tells the
+    checksum of the trials.csv that is built of the journal so far.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class Session:
         history: History,
         journal: Journal,
         *,
+        table_sha256: Callable[[], str],
         resumed: bool,
         origin_s: float,
     ) -> None:
@@ -63,6 +65,7 @@ class Session:
         self._clock = setting.clock
         self._origin_s = origin_s
         self._journal = journal
+        self._table_sha256 = table_sha256
         self._requests = setting.requests
         self._monitor = setting.monitor
         self._stop = setting.stop
@@ -302,7 +305,9 @@ class Session:
 
     def _close(self, effect: events.CloseSession) -> None:
         self._note()
-        self._journal.append("session_close", {"finished": effect.finished}, sync=True)
+        # With it the last line seals the table, too: who reads both need not build it anew.
+        told = {"finished": effect.finished, "trials_sha256": self._table_sha256()}
+        self._journal.append("session_close", told, sync=True)
 
     def _farewell(self, effect: events.Farewell) -> None:
         self._noise.stop()

@@ -21,7 +21,7 @@ from analysis.results.tables import analyse
 from experiment.archive.files import ArchiveError
 from experiment.archive.journal import ROOT, read_journal
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
-from experiment.integrity.sessions import examine
+from experiment.integrity.sessions import examine, unaltered
 from experiment.session.conduct import resume
 from experiment.trial.plan import Plan, Trial, plan_from_json, seal
 from tests.test_experiment.lab import Crash, Lab
@@ -327,6 +327,42 @@ def test_an_edit_is_found_and_named(results: Path, run: Run, name: str) -> None:
     assert "\n" not in told
 
 
+def test_a_record_whose_checksums_fit_is_read_without_its_trials_in_the_journal(
+    results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for session in sorted(results.glob("sub-*/ses-*")):
+        found, examined = unaltered(session), examine(session)
+        assert found
+        assert found == replace(examined, history=None)
+    whole = read_inputs([results])
+    monkeypatch.setattr("experiment.integrity.sessions.replay", None)
+    assert read_inputs([results]).trials.equals(whole.trials)
+
+
+def whole_rewritten(results: Path, edit: Edit) -> None:
+    """Edit the journal and write the head that it has then into sessions.tsv."""
+    edit(results)
+    head = read_journal(results / SESSION / "journal.jsonl").head_sha256
+    heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
+
+
+def test_without_the_table_s_checksum_the_journal_is_compared(results: Path) -> None:
+    def change(lines: list[bytes]) -> list[bytes]:
+        return [*lines[:-1], re.sub(b',"trials_sha256":"[0-9a-f]+"', b"", lines[-1])]
+
+    whole_rewritten(results, journal(change, again=True))
+    assert unaltered(results / SESSION) is None
+    assert not read_inputs([results]).altered
+
+
+def test_verify_builds_the_table_whatever_the_checksums_say(results: Path, run: Run) -> None:
+    change = replaced("response", b'"left"', b'"right"')
+    whole_rewritten(results, journal(change, again=True))
+    assert unaltered(results / SESSION)
+    done = run("verify", results)
+    assert (done.exit_code, "trials.csv:" in done.output) == (1, True), done.output
+
+
 @pytest.mark.parametrize("name", EDITS)
 @pytest.mark.slow
 def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(results: Path, name: str) -> None:
@@ -604,6 +640,7 @@ def never_suspected(study: Study, root: Path, patch: pytest.MonkeyPatch, people:
         lab = Lab(study, root, patch, participant=f"{number:03d}", seed=number)
         honest(lab, rng)
         assert examine(lab.folder.path).differences == ()
+        assert unaltered(lab.folder.path)
     loaded = read_inputs([root])
     assert (loaded.altered, loaded.not_compared) == ({}, ())
 
