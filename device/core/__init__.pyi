@@ -19,6 +19,7 @@ from .messages import (
     Query,
     Stop,
     full_scale,
+    to_millivolts,
 )
 from .output import Emission, OutputStage
 from .reports import TAPS, UNIT_AT, UNITS, About, DeviceLimits, Entropy, Health, Measurement
@@ -63,4 +64,5 @@ __all__ = [
     "Stop",
     "converter_device",
     "full_scale",
+    "to_millivolts",
 ]

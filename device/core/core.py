@@ -172,8 +172,8 @@ class DeviceCore:
     def sense(self, now_us: int, sensed: Health) -> None:
         """Take what switch and amplifier report; over-current is a stop, kept until ENABLE."""
         self.advance(now_us)
-        latched = sensed.over_current or self._sensed.over_current
-        self._sensed = replace(sensed, over_current=latched)
+        kept = self._sensed.over_current is True
+        self._sensed = replace(sensed, over_current=True) if kept else sensed
         if sensed.over_current:
             self._happen(now_us, Step.STOP)
 

@@ -24,6 +24,7 @@ from device.core.messages import (
     Ping,
     Query,
     Stop,
+    to_millivolts,
 )
 from device.core.reports import TAPS, UNITS, DeviceLimits, Entropy, Health, Measurement
 from device.core.states import State
@@ -133,7 +134,7 @@ class Greeting:
             bits=identity.bits,
             channels=identity.channels,
             sample_rate_mhz=round(identity.sample_rate_hz * 1000),
-            ceiling_mvpp=round(identity.ceiling_vpp * 1000),
+            ceiling_mvpp=to_millivolts(identity.ceiling_vpp),
             longest_waveform=identity.longest_waveform,
             model=identity.model.encode()[:16],
             serial_number=identity.serial_number.encode()[:16],

@@ -1,16 +1,18 @@
 """One contract for every device: whatever passes these tests can stand behind a session.
 
-Each test runs on every implementation that `IMPLEMENTATIONS` lists, with ``--device-url`` on real
-hardware, and with ``--driver NAME --port P`` on an installed driver of a lab's own. Of the last two
-nobody can read the bursts: there the device's own answers stand for them. The
-device's ceiling and the study's are 200 Vpp, the least interval is 10 ms, the largest duty a half.
-Where time is real, no test waits for more than a few seconds, and what has to happen in time has
-seconds to happen.
+Each test runs on every implementation that `IMPLEMENTATIONS` lists, with ``--device-command`` on
+what a command starts, such as firmware, with ``--device-url`` on real hardware, and with ``--driver
+NAME --port P`` on an installed driver of a lab's own. Of the last two nobody can read the bursts:
+there the device's own answers stand for them. The device's ceiling and the study's are 200 Vpp, the
+least interval is 10 ms, the largest duty a half. Where time is real, no test waits for more than a
+few seconds, and what has to happen in time has seconds to happen.
 """
 
 import base64
 import json
 import math
+import shlex
+import subprocess
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -101,7 +103,7 @@ class Rig:
             return ()
         emissions = self.emitted()
         assert [emission.token for emission in emissions] == list(tokens)
-        return emissions
+        return emissions if all(emission.left_v.size for emission in emissions) else ()
 
 
 class BareCore(LocalCore):
@@ -162,7 +164,8 @@ def core_rig(_: pytest.FixtureRequest) -> Rig:
 
 def mock_rig(_: pytest.FixtureRequest) -> Rig:
     clock = VirtualClock(start_s=3.0)
-    mock = MockDevice(clock, limits=LIMITS, device_limits=LIMITS, drift_ppm=40.0, offset_s=17.0)
+    little = replace(LIMITS, memory_samples=100_000)
+    mock = MockDevice(clock, limits=LIMITS, device_limits=little, drift_ppm=40.0, offset_s=17.0)
     return Rig(device=mock, clock=clock, silence=mock.silence, emitted=lambda: mock.emitted)
 
 
@@ -201,7 +204,9 @@ def read_truth(truth: Path) -> tuple[Emission, ...]:
 
 
 def emission_of(event: dict[str, Any]) -> Emission:
-    left_v, right_v = np.frombuffer(base64.b64decode(event["volts"]), dtype="<f8").reshape(2, -1)
+    """Return a burst of a truth file, of no samples where it does not tell them."""
+    samples = base64.b64decode(event.get("volts", ""))
+    left_v, right_v = np.frombuffer(samples, dtype="<f8").reshape(2, -1)
     return Emission(
         token=event["token"],
         start_us=round(event["t_s"] * 1e6),
@@ -219,14 +224,40 @@ def emulator_rig(kind: str) -> Callable[[pytest.FixtureRequest], Rig]:
         port, truth, _ = emulate(
             kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, least_interval_s=0.01
         )
-        link = link_to(port)
+        return process_rig(port, truth)
 
-        def emitted() -> tuple[Emission, ...]:
-            if link.state is not State.CLOSED:
-                link.exchange(Ping())
-            return read_truth(truth)
+    return make
 
-        return real_rig(HostDriver(link, limits=LIMITS, clock=MonotonicClock()), link, emitted)
+
+def process_rig(port: str, truth: Path) -> Rig:
+    """Return a rig around a device that writes down what it emits."""
+    link = link_to(port)
+
+    def emitted() -> tuple[Emission, ...]:
+        if link.state is not State.CLOSED:
+            link.exchange(Ping())
+        return read_truth(truth)
+
+    return real_rig(HostDriver(link, limits=LIMITS, clock=MonotonicClock()), link, emitted)
+
+
+def command_rig(command: str) -> Callable[[pytest.FixtureRequest], Rig]:
+    """Return what starts a command, which ends with the test, and a rig around its device."""
+
+    def make(request: pytest.FixtureRequest) -> Rig:
+        truth: Path = request.getfixturevalue("tmp_path") / "truth.jsonl"
+        words = shlex.split(command.format(port=0, truth=truth, rate=round(EMULATED_RATE_HZ)))
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+        def end() -> None:
+            process.kill()
+            process.communicate()
+
+        request.addfinalizer(end)
+        assert process.stdout is not None
+        port = process.stdout.readline().strip()
+        assert port, f"the first line of {words[0]} must be its port or URL"
+        return process_rig(port, truth)
 
     return make
 
@@ -360,6 +391,13 @@ IMPLEMENTATIONS = {
 OTHERS = {"--device-url": hardware_rig, "--driver": own_rig}
 """What runs where the command line has it."""
 
+
+def commanded(config: pytest.Config) -> dict[str, Callable[[pytest.FixtureRequest], Rig]]:
+    """Return the implementations that the command line starts, by name."""
+    given = (one.partition("=") for one in config.getoption("--device-command"))
+    return {name: command_rig(command) for name, _, command in given}
+
+
 LANES = {"pty": pytest.mark.process, "tcp": pytest.mark.process}
 SLOW = {("audio", "test_the_same_token_again_gives_the_same_record_and_no_other_burst")}
 """Each sample of an hour is played."""
@@ -376,7 +414,7 @@ HOSTED = {
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run every test of this file on every implementation."""
     if "implementation" in metafunc.fixturenames:
-        names = list(IMPLEMENTATIONS)
+        names = [*IMPLEMENTATIONS, *commanded(metafunc.config)]
         names += [option for option in OTHERS if metafunc.config.getoption(option)]
         test = metafunc.function.__name__
         slow = {name: pytest.mark.slow for name in names if (name, test) in SLOW}
@@ -388,7 +426,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 @pytest.fixture
 def rig(implementation: str, request: pytest.FixtureRequest) -> Iterator[Rig]:
-    made = (IMPLEMENTATIONS | OTHERS)[implementation](request)
+    every = IMPLEMENTATIONS | OTHERS | commanded(request.config)
+    made = every[implementation](request)
     if isinstance(made.device, GeneratorDevice | AudioDevice | ConverterDevice):
         playing = WAITS if "playing" in request.node.name else None
         if reason := HOSTED.get(request.function.__name__, playing):
@@ -703,3 +742,53 @@ def test_a_stop_from_other_threads_is_never_lost(live: Rig) -> None:
             thread.join()
         live.device.enable()
         live.clock.wait(0.1)
+
+
+def test_a_device_says_what_it_is_ready_to_do_and_keeps_to_it(rig: Rig) -> None:
+    if not isinstance(rig.device, HostDriver):
+        pytest.skip("a driver of a lab's own, or a bare core, tells its limits to nobody")
+    told = rig.device.limits()
+    assert (told.slots >= 4, told.memory_samples >= 4 * BURST.size) == (True, True)
+    assert 1 <= told.max_duty_ppm <= 500_000
+    assert 1 <= told.dc_tolerance_ppm <= 10_000
+    if told.slots <= 255:
+        assert refusal(lambda: rig.device.load(told.slots, BURST, SILENCE)) is Refusal.BAD_SLOT
+    assert told == rig.device.limits()
+
+
+def test_the_amplifier_is_on_with_the_output_and_nothing_is_made_up_of_it(live: Rig) -> None:
+    if not isinstance(live.device, HostDriver):
+        pytest.skip("a driver of a lab's own, or a bare core, is asked for no health")
+    on = live.device.health()
+    live.device.stop()
+    off = live.device.health()
+    assert (on.amplifier_enabled, off.amplifier_enabled) in {(True, False), (None, None)}
+    assert on.switch_closed in {True, None}
+    assert on.over_current in {False, None}
+
+
+def test_of_a_burst_that_never_was_nothing_was_measured(live: Rig) -> None:
+    if not isinstance(live.device, HostDriver):
+        pytest.skip("a driver of a lab's own, or a bare core, measures nothing")
+    play(live, 1)
+    live.clock.wait(0.1)
+    assert live.device.measured(999) is None
+    found = live.device.measured(1)
+    assert found is None or found.tap in {"line", "amplifier", "current", "motion"}
+
+
+def test_a_waveform_that_leaves_no_room_is_refused_before_it_travels(rig: Rig) -> None:
+    if not isinstance(rig.device, HostDriver):
+        pytest.skip("a driver of a lab's own, or a bare core, tells its limits to nobody")
+    told = rig.device.limits()
+    n_most = min(told.memory_samples, rig.longest)
+    if told.memory_samples >= told.slots * rig.longest:
+        pytest.skip("all its slots hold the longest waveform")
+    silence = np.zeros(n_most)
+    codes = []
+    for slot in range(told.slots):
+        try:
+            rig.device.load(slot, silence, silence)
+        except LimitExceeded as error:
+            codes.append(error.code)
+    assert set(codes) == {Refusal.MEMORY_FULL}

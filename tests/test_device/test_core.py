@@ -1,6 +1,7 @@
 """The device's own logic: what happens when, what is remembered, what can never happen."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -432,8 +433,17 @@ def test_over_current_stops_whatever_is_done_and_is_kept_until_enable(state: str
     told = core.take(700, AskHealth())
     assert (told.over_current, told.amplifier_enabled) == (True, False)
     core.take(800, Enable())
+    core.sense(850, sensed())
     told = core.take(900, AskHealth())
     assert (told.over_current, told.amplifier_enabled) == (False, True)
+
+
+def test_health_is_as_it_was_told_last() -> None:
+    core = power_on().core
+    assert core.health == Health(amplifier_enabled=False)
+    for report in (sensed(), sensed(closed=None), sensed(over=None), sensed(closed=False)):
+        core.sense(0, report)
+        assert core.health == replace(report, amplifier_enabled=False)
 
 
 def test_what_was_measured_is_told_of_the_last_burst_once_it_is_over() -> None:
