@@ -152,7 +152,6 @@ MAKER: Final = "tactstrip"
 """With this the answer begins."""
 
 _TEXT: Final = string.printable.encode("ascii")
-_KEPT: Final = len(QUESTION) + 2
 
 
 class IdentityLine:
@@ -192,5 +191,6 @@ class IdentityLine:
         if not self._is_text:
             return 0
         *lines, rest = (self._line + part).split(b"\n")
-        self._line = rest[:_KEPT]
+        tail = rest[len(QUESTION) :]  # of which it matters whether there is more than space
+        self._line = rest[: len(QUESTION)] + (tail.strip() or tail)[:1]
         return sum(line.rstrip() == QUESTION for line in lines)

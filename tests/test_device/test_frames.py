@@ -205,6 +205,13 @@ def test_a_terminal_is_told_who_is_there(before: bytes, ending: bytes) -> None:
     assert said == expected.encode()
 
 
+@pytest.mark.parametrize("cut", range(11))
+def test_a_question_with_more_on_its_line_is_none_however_it_comes(cut: int) -> None:
+    device, typed = golden_device(), b"*IDN?\r X\n"
+    assert device.receive(1, typed[:cut]) + device.receive(2, typed[cut:]) == b""
+    assert device.receive(3, b"*IDN? \t\r\n").startswith(b"tactstrip,")
+
+
 @pytest.mark.slow
 @settings(max_examples=300)
 @given(
