@@ -14,6 +14,7 @@ from device.core.output import OutputStage
 from device.driver import BurstDevice, Delivery, DeviceError, Identity, LinkError
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
 from device.installed import DRIVERS, Installed, lookup, require_whole
+from device.wire.channels import USUAL, LineSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -55,6 +56,8 @@ class DriverSettings:
         calibration.
     channels : tuple of int
         Outputs of left and right, counted from 1, where the driver lets them be chosen.
+    line : LineSettings
+        Rate and patience of a serial line.
     """
 
     limits: Limits
@@ -63,6 +66,7 @@ class DriverSettings:
     amplifier_gain: float | None = None
     volts_full_scale: float | None = None
     channels: tuple[int, int] = FIRST_TWO
+    line: LineSettings = USUAL
 
 
 def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevice:
@@ -114,7 +118,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     if name == "serial":
         from device.wire.serial import serial_device
 
-        return serial_device(port, limits=limits, clock=clock)
+        return serial_device(port, limits=limits, clock=clock, line=settings.line)
     if name == "generator":
         from device.scpi.generator import generator_device
 
@@ -124,6 +128,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
             clock=clock,
             amplifier_gain=_given(settings.amplifier_gain, "amplifier_gain", name),
             sample_rate_hz=rate_hz,
+            line=settings.line,
         )
     from device.sound.audio import audio_device
 
@@ -232,7 +237,7 @@ def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice
     )
 
 
-def is_emulated(name: str, port: str | None) -> bool:
+def is_emulated(name: str, port: str | None, line: LineSettings = USUAL) -> bool:
     """Ask what answers on a port whether it is an emulator; nothing is set or switched on.
 
     A `LinkError` says that nothing answers which this driver can drive. A sound card is never
@@ -242,26 +247,28 @@ def is_emulated(name: str, port: str | None) -> bool:
     if name not in {"serial", "generator"}:
         return name == MOCK
     port = _given(port, "port", name)
-    return _is_emulated_generator(port) if name == "generator" else _is_emulated_device(port)
+    if name == "generator":
+        return _is_emulated_generator(port, line)
+    return _is_emulated_device(port, line)
 
 
-def _is_emulated_device(port: str) -> bool:
+def _is_emulated_device(port: str, line: LineSettings) -> bool:
     from device.wire.channels import open_channel
     from device.wire.link import FrameLink
 
     clock = MonotonicClock()
-    link = FrameLink(lambda: open_channel(port, clock), clock)
+    link = FrameLink(lambda: open_channel(port, clock, line), clock, line=line)
     try:
         return link.hello().emulated
     finally:
         link.hang_up()
 
 
-def _is_emulated_generator(port: str) -> bool:
+def _is_emulated_generator(port: str, line: LineSettings) -> bool:
     from device.scpi.dialects import EMULATED
     from device.scpi.generator import identify_generator
 
-    words = identify_generator(port)
+    words = identify_generator(port, line)
     if words is None:
         raise LinkError(f"no generator that is known here answers on {port}")
     return EMULATED in words.split(",")

@@ -44,7 +44,7 @@ LATER = {
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("monitor", "sound/recorder.py"),
     *("core/reports.py", "emulate/amplifier.py", "wire/dialogue.py"),
-    *("wire/forms.py", "wire/silence.py"),
+    "wire/forms.py",
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(
         "session/markers.py",

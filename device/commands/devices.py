@@ -36,9 +36,14 @@ def _who(port: str) -> str:
     from device.wire.channels import open_channel
     from device.wire.serial import identify
 
-    identity = identify(port)
-    if identity is not None:
-        return f"{identity}: --driver serial"
+    try:
+        found = identify(port)
+    except LinkError as error:
+        return str(error)
+    if found is not None:
+        identity, *reports = found
+        told = "".join(f"\n    {report}" for report in reports)
+        return f"{identity}: --driver serial{told}"
     words = identify_generator(port)
     if words is not None:
         return f"{words}: --driver generator, which sets ceiling and sample rate by the study"

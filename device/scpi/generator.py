@@ -11,7 +11,7 @@ from device.driver import LinkError
 from device.scpi.dialects import dialect_of
 from device.scpi.line import ScpiLine
 from device.scpi.link import GeneratorLink
-from device.wire.channels import Channel, open_channel
+from device.wire.channels import USUAL, Channel, LineSettings, open_channel
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -53,7 +53,13 @@ class GeneratorDevice(HostDriver):
 
 
 def generator_device(
-    port: str, *, limits: Limits, clock: Clock, amplifier_gain: float, sample_rate_hz: float
+    port: str,
+    *,
+    limits: Limits,
+    clock: Clock,
+    amplifier_gain: float,
+    sample_rate_hz: float,
+    line: LineSettings = USUAL,
 ) -> GeneratorDevice:
     """Return the driver of the generator on a port; nothing is opened yet.
 
@@ -65,7 +71,7 @@ def generator_device(
     device.driver.LinkError: cannot open /no/such/port: ...
     """
     return GeneratorDevice(
-        lambda: open_channel(port, clock),
+        lambda: open_channel(port, clock, line),
         limits=limits,
         clock=clock,
         amplifier_gain=amplifier_gain,
@@ -73,14 +79,14 @@ def generator_device(
     )
 
 
-def identify_generator(port: str) -> str | None:
+def identify_generator(port: str, line: LineSettings = USUAL) -> str | None:
     """Return what a generator on a port answers to ``*IDN?``, or None where none known does.
 
     Nothing is set.
     """
     clock = MonotonicClock()
     try:
-        with closing(open_channel(port, clock)) as channel:
+        with closing(open_channel(port, clock, line)) as channel:
             words = ScpiLine(channel, clock, patience_s=_GLANCE_S).identify()
     except LinkError:
         return None

@@ -1,4 +1,4 @@
-from .channels import Channel, open_channel, port_lack
+from .channels import USUAL, Channel, LineSettings, open_channel, port_lack
 from .endpoint import Endpoint
 from .frames import MINOR, VERSION
 from .link import FrameLink
@@ -6,10 +6,12 @@ from .serial import identify, serial_device
 
 __all__ = [
     "MINOR",
+    "USUAL",
     "VERSION",
     "Channel",
     "Endpoint",
     "FrameLink",
+    "LineSettings",
     "identify",
     "open_channel",
     "port_lack",

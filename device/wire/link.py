@@ -34,11 +34,13 @@ from device.wire.dialogue import (
     RestartedError,
     UnansweredError,
     framed,
+    plain_answer,
+    too_slow,
     unanswered,
     understood,
+    why_silent,
 )
 from device.wire.frames import encode
-from device.wire.silence import plain_answer, too_slow, why_silent
 from device.wire.upload import Begin, Commit, Window, data_of, octets_of
 
 if TYPE_CHECKING:

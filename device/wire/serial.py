@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Final
 
 from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
-from device.driver import DeviceError, Identity
-from device.wire.channels import USUAL, LineSettings, open_channel
+from device.core.messages import AskHealth, AskLimits
+from device.driver import Identity, LinkError
+from device.wire.channels import USUAL, Channel, LineSettings, open_channel
+from device.wire.dialogue import plain_answer
 from device.wire.frames import MAKER
 from device.wire.link import FrameLink
-from device.wire.silence import plain_answer
 
 if TYPE_CHECKING:
+    from device.core.reports import DeviceLimits, Health
     from device.limits import Limits
 
 _IDENTIFY_WITHIN_S: Final = 0.3
@@ -36,20 +38,32 @@ def serial_device(
     return HostDriver(link, limits=limits, clock=clock)
 
 
-def identify(port: str) -> Identity | None:
-    """Return who answers on a port, or None where no device of this kind does.
+def identify(port: str) -> tuple[Identity, DeviceLimits, Health] | None:
+    """Return who answers on a port and what it tells, or None where no device of this kind does.
+
+    A `LinkError` says of one of this kind why it cannot be driven.
 
     Asks in plain text first: an instrument of another kind is not sent frames that it cannot read.
     """
     clock = MonotonicClock()
     try:
-        with closing(open_channel(port, clock)) as channel:
-            if not plain_answer(channel, clock, _IDENTIFY_WITHIN_S).startswith(MAKER):
-                return None
-            link = FrameLink(lambda: channel, clock)
-            try:
-                return link.hello()
-            finally:
-                link.hang_up()
-    except DeviceError:
+        channel = open_channel(port, clock)
+    except LinkError:
         return None
+    with closing(channel):
+        if not _says_its_name(channel, clock):
+            return None
+        link = FrameLink(lambda: channel, clock)
+        try:
+            identity = link.hello()
+            limits, health = link.exchange(AskLimits()), link.exchange(AskHealth())
+            return identity, limits.record, health.record
+        finally:
+            link.hang_up()
+
+
+def _says_its_name(channel: Channel, clock: Clock) -> bool:
+    try:
+        return plain_answer(channel, clock, _IDENTIFY_WITHIN_S).startswith(MAKER)
+    except LinkError:
+        return False

@@ -7,11 +7,13 @@ from .rig import (
     chosen_settings,
     confirmed_now,
     device_kind,
+    line_settings,
     mock_device,
     require_confirmed,
     require_device,
 )
 from .slots import (
+    LONGEST_ARMED_S,
     SLOTS,
     SuitabilityError,
     host_limits,
@@ -20,9 +22,12 @@ from .slots import (
     playing_s,
     require_playable,
     require_suitable,
+    told_health,
+    told_limits,
 )
 
 __all__ = [
+    "LONGEST_ARMED_S",
     "QUESTION",
     "SLOTS",
     "Confirmation",
@@ -38,6 +43,7 @@ __all__ = [
     "confirmed_now",
     "device_kind",
     "host_limits",
+    "line_settings",
     "load_condition",
     "mock_device",
     "noise_player",
@@ -47,4 +53,6 @@ __all__ = [
     "require_device",
     "require_playable",
     "require_suitable",
+    "told_health",
+    "told_limits",
 ]

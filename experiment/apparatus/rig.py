@@ -22,6 +22,7 @@ from device.drivers import (
     make_mock,
     own_driver,
 )
+from device.wire.channels import LineSettings
 from experiment.apparatus.slots import host_limits
 from experiment.study.study import StudyError
 
@@ -65,7 +66,7 @@ class Rig:
         LinkError
             If nothing answers that this driver can drive.
         """
-        return is_emulated(self.settings.driver, self.settings.port)
+        return is_emulated(self.settings.driver, self.settings.port, line_settings(self.settings))
 
 
 def assemble(study: Study, *, driver: str | None, port: str | None, simulated: bool) -> Rig:
@@ -106,12 +107,23 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
         amplifier_gain=settings.amplifier_gain,
         volts_full_scale=settings.volts_full_scale,
         channels=settings.channels,
+        line=line_settings(settings),
     )
     try:
         device = make_device(settings.driver, made_from, clock)
     except ValueError as error:
         raise StudyError(f"device: {error}") from error
     return Rig(device=device, clock=clock, settings=settings)
+
+
+def line_settings(settings: DeviceSettings) -> LineSettings:
+    """Return what a study says of the line to its device."""
+    return LineSettings(
+        baud=settings.baud,
+        dtr=settings.dtr,
+        opens_within_s=settings.opens_within_s,
+        patience_s=settings.patience_s,
+    )
 
 
 def chosen_settings(

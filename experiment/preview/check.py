@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from device.clock import VirtualClock
 from device.drivers import MOCK
 from experiment.apparatus.rig import mock_device
-from experiment.apparatus.slots import require_playable, require_suitable
+from experiment.apparatus.slots import require_playable, require_suitable, told_limits
 from experiment.study.sections.design import ASSUMED_ANSWER_S
 from experiment.study.study import UnusableStudyError
 from experiment.terms.exits import ANSWER_IS_NO, CommandError
@@ -271,7 +271,8 @@ def require_mock_suitable(study: Study, driver: str | None = None) -> None:
     if (driver or study.device.driver) != MOCK:
         return
     try:
-        require_suitable(study, mock_device(study, VirtualClock()).open())
+        device = mock_device(study, VirtualClock())
+        require_suitable(study, device.open(), told_limits(device))
     except ValueError as error:
         raise UnusableStudyError(study.name, str(error)) from error
 

@@ -13,12 +13,21 @@ from typing import TYPE_CHECKING, Final
 from device.driver import Lack, Outcome
 from device.drivers import MOCK
 from experiment.apparatus.rig import require_confirmed
-from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s, require_suitable
+from experiment.apparatus.slots import (
+    LONGEST_ARMED_S,
+    SLOTS,
+    load_condition,
+    onset_interval_s,
+    require_suitable,
+    told_health,
+    told_limits,
+)
 from experiment.preview.findings import Findings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
+    from device.core.reports import DeviceLimits, Health
     from device.driver import BurstDevice, Delivery, Identity
     from experiment.apparatus.rig import Confirmation, Rig
     from experiment.study.sections.equipment import DeviceSettings, Masking
@@ -30,7 +39,6 @@ FRACTION: Final = 0.1
 
 _TOLERANCE: Final = 0.01
 _STEP_VPP: Final = 0.002
-_TIME_TO_LIVE_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,12 +107,18 @@ class DeviceCheck:
         The study's levels; the device armed each of them on both channels.
     channels : tuple of ChannelCheck
         Left, right.
+    limits : DeviceLimits or None
+        What the device is ready to do, if it tells that.
+    health : Health or None
+        What it knows of its amplifier, with its output on.
     """
 
     identity: Identity
     cannot: tuple[str, ...]
     levels_vpp: tuple[float, ...]
     channels: tuple[ChannelCheck, ...]
+    limits: DeviceLimits | None = None
+    health: Health | None = None
 
 
 def check_device(
@@ -151,17 +165,23 @@ def check_device(
     identity = device.open()
     try:
         require_confirmed(identity, confirmation)
-        require_suitable(study, identity)
+        told = told_limits(device)
+        require_suitable(study, identity, told)
         load_condition(device, study.conditions[0], study.device)
         device.enable()
         levels_vpp = _levels_vpp(study)
         for level_vpp, token in zip(levels_vpp, _tokens(), strict=False):
             device.set_levels(level_vpp, level_vpp)
-            device.arm(token, SLOTS["both"], time_to_live_s=_TIME_TO_LIVE_S)
+            device.arm(token, SLOTS["both"], time_to_live_s=LONGEST_ARMED_S)
             device.disarm(token)
         channels = tuple(_check_channel(study, rig, side, ask) for side in ("left", "right"))
         return DeviceCheck(
-            identity=identity, cannot=device.cannot, levels_vpp=levels_vpp, channels=channels
+            identity=identity,
+            cannot=device.cannot,
+            levels_vpp=levels_vpp,
+            channels=channels,
+            limits=told,
+            health=told_health(device),
         )
     finally:
         device.close()
@@ -190,7 +210,7 @@ def _check_channel(
 def _burst(device: BurstDevice, side: str, level_vpp: float) -> Delivery:
     token = next(_tokens())
     device.set_levels(level_vpp, level_vpp)
-    device.arm(token, SLOTS[side], time_to_live_s=_TIME_TO_LIVE_S)
+    device.arm(token, SLOTS[side], time_to_live_s=LONGEST_ARMED_S)
     return device.fire(token)
 
 
@@ -207,6 +227,10 @@ def device_findings(check: DeviceCheck) -> Findings:
     levels = " ".join(f"{level_vpp:g}" for level_vpp in check.levels_vpp)
     found = Findings()
     found.tell("answers", str(check.identity), identity=asdict(check.identity))
+    if check.limits is not None:
+        found.tell("", str(check.limits), limits=asdict(check.limits))
+    if check.health is not None:
+        found.tell("", str(check.health), health=asdict(check.health))
     found.note(cannot=list(check.cannot))
     for promise in check.cannot:
         found.tell("", f"cannot {promise}")

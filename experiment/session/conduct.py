@@ -11,7 +11,7 @@ from device.clock import elapsed_s, machine_time
 from device.driver import Outcome
 from device.installed import require_whole
 from experiment.apparatus.rig import device_kind, require_confirmed, require_device
-from experiment.apparatus.slots import require_suitable
+from experiment.apparatus.slots import require_suitable, told_limits
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.journal import JournalWriteError
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
@@ -238,7 +238,7 @@ def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
             practice=setting.practice,
         )
         require_confirmed(identity, setting.confirmation)
-        require_suitable(study, identity)
+        require_suitable(study, identity, told_limits(device))
         for promise in device.cannot:
             setting.tell(f"Note: this device cannot {promise}.")
         yield identity

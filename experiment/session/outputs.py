@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING
 
 from device.driver import DeviceError, Outcome, RefusedError
 from experiment.apparatus.noise import NoiseError
-from experiment.apparatus.slots import SLOTS, load_condition, onset_interval_s, playing_s
+from experiment.apparatus.slots import (
+    LONGEST_ARMED_S,
+    SLOTS,
+    load_condition,
+    onset_interval_s,
+    playing_s,
+)
 from experiment.session.setting import fault_facts, trial_name
 from experiment.trial.events import Event
 
@@ -23,7 +29,7 @@ if TYPE_CHECKING:
     from experiment.trial.plan import Trial
 
 
-ARM_TO_FIRE_S = 1.0
+ARM_TO_FIRE_S = LONGEST_ARMED_S
 """How long the device may hold a stimulus ready; later it cannot be fired any more."""
 
 _EVENT_OF: Mapping[Outcome, Event] = {

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import boot
 from device.driver import Outcome
-from experiment.apparatus.rig import device_kind
-from experiment.apparatus.slots import host_limits
+from experiment.apparatus.rig import device_kind, line_settings
+from experiment.apparatus.slots import host_limits, told_health, told_limits
 from experiment.archive.history import BROKEN
 from experiment.operator.requests import Requests
 from experiment.preview.check import check_study
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from device.clock import Clock
+    from device.core.reports import DeviceLimits, Health
     from device.driver import BurstDevice, Delivery, DeviceError, Identity
     from experiment.apparatus.noise import NoiseFacts, NoisePlayer
     from experiment.apparatus.rig import Confirmation
@@ -158,6 +159,9 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         **opening(plan, identity, setting),
         **setting.sitting.header(study, plan),
         "device_identity": asdict(identity),
+        "device_limits": _facts(told_limits(setting.device)),
+        "device_health": _facts(told_health(setting.device)),
+        "device_line": asdict(line_settings(study.device)),
         "device_cannot": list(setting.device.cannot),
         "markers": _or_not(setting.markers.words),
         "hardware_confirmed": _confirmed(setting, identity),
@@ -257,6 +261,10 @@ def noise_facts(facts: NoiseFacts) -> dict[str, Any]:
         "noise_loop_s": _or_not(facts.loop_s),
         "noise_sound_card": _or_not(facts.sound_card),
     }
+
+
+def _facts(told: DeviceLimits | Health | None) -> dict[str, Any] | str:
+    return NOT_AVAILABLE if told is None else asdict(told)
 
 
 def _or_not(value: float | str | None) -> float | str:

@@ -60,7 +60,7 @@ def test_an_emulator_is_what_its_options_say_and_started_again_the_same(start: S
         "--baud=1000000",
     )
     seen = [identify(start(*options)[1]) for options in ((), (), changed)]
-    first, again, other = (identity for identity in seen if identity is not None)
+    first, again, other = (found[0] for found in seen if found is not None)
     assert first.serial_number == again.serial_number
     assert first.boot_id != again.boot_id
     assert other.emulated
@@ -84,13 +84,20 @@ def test_a_truth_file_is_added_to(tmp_path: Path, start: Start) -> None:
 
 @pytest.mark.process
 def test_devices_tells_who_answers_and_that_it_writes(start: Start) -> None:
-    _, ours = start("--tcp", "0")
+    _, ours = start("--tcp", "0", "--switch-open")
     _, generator = start("--tcp", "0", "--generator", "keysight")
     nobody = "socket://127.0.0.1:1"
     result = CliRunner().invoke(main, ["devices", ours, generator, nobody])
     assert result.exit_code == 0, result.output
     assert "Each port is written to" in result.stdout.splitlines()[0]
-    told = dict(line.split("  ", 1) for line in result.stdout.splitlines()[1:] if "  " in line)
+    lines = [line for line in result.stdout.splitlines()[1:] if "  " in line]
+    told = dict(line.split("  ", 1) for line in lines if not line.startswith(" "))
+    reports = [line.strip() for line in lines if line.startswith(" ")]
+    assert reports[0].startswith(
+        "tactstrip emulator, 8 slots of 524288 samples together, rest 5 ms"
+    )
+    assert reports[0].endswith("boot id from the operating system")
+    assert reports[1] == "amplifier disabled, safety switch open, over-current none"
     assert "(emulated), ceiling 200 Vpp, 48000 Hz" in told[ours]
     assert told[ours].endswith("--driver serial")
     assert told[generator].startswith("Keysight Technologies,33512B")
@@ -118,6 +125,10 @@ def test_devices_tells_who_answers_and_that_it_writes(start: Start) -> None:
         (["--baud", "10"], "--baud"),
         (["--truth", "/no/such/folder/truth.jsonl"], "/no/such/folder/truth.jsonl: No such file"),
         (["--tcp", "65536"], "--tcp"),
+        (["--adc", "tap=ear"], "adc must be of"),
+        (["--adc", "gain=-1"], "gain must be"),
+        (["--switch-open", "--generator", "keysight"], "--switch-open and --generator exclude"),
+        (["--over-current-at", "2", "--generator", "keysight"], "--over-current-at and"),
     ],
 )
 def test_what_cannot_be_emulated_is_one_line_and_exit_2(options: list[str], told: str) -> None:

@@ -348,9 +348,11 @@ def test_a_device_says_who_it_is_in_plain_text_and_in_frames(emulate: Emulate, k
         said += terminal.read(0.1)
     terminal.close()
     assert said.decode().split(",")[::2][:2] == [MAKER, SERIAL_NUMBER]
-    identity = identify(port)
-    assert identity is not None
+    found = identify(port)
+    assert found is not None
+    identity, limits, health = found
     assert (identity.model, identity.emulated) == ("emulator", True)
+    assert (limits.firmware, health.switch_closed) == ("tactstrip emulator", True)
 
 
 def test_waiting_costs_an_emulator_little(emulate: Emulate) -> None:

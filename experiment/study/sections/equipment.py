@@ -54,6 +54,16 @@ class DeviceSettings:
     channels: tuple[_Output, _Output] = Field(
         default=(1, 2), strict=False, description="outputs of left and right, of a driver of yours"
     )
+    baud: int = Field(default=115_200, ge=1200, le=10_000_000, description="of a serial line")
+    dtr: bool = Field(
+        default=True, description="false: the line DTR stays low, which starts some boards anew"
+    )
+    opens_within_s: float = Field(
+        default=2.0, ge=0.01, le=60, description="until a device's first answer, once it is opened"
+    )
+    patience_s: float = Field(
+        default=2.0, ge=0.01, le=60, description="until any other question is given up"
+    )
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.driver):
