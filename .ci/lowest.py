@@ -9,6 +9,6 @@ from pathlib import Path
 PROJECT = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 
-for requirement in (*PROJECT["dependencies"], *EXTRAS["bench"], *EXTRAS["test"]):
+for requirement in (*PROJECT["dependencies"], *EXTRAS["bench"], *EXTRAS["visa"], *EXTRAS["test"]):
     if bound := re.match(r"([\w-]+)>=([\d.]+)", requirement):
         print("{}=={}".format(*bound.groups()))

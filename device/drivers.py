@@ -46,7 +46,8 @@ class DriverSettings:
     limits : Limits
         Of the study: what the host refuses to send.
     port : str or None
-        Of the serial line, a URL such as ``socket://host:5025``, or the name of the sound card.
+        Of the serial line, a URL such as ``socket://host:5025``, a VISA resource such as
+        ``visa:TCPIP::host::INSTR``, or the name of the sound card.
     sample_rate_hz : float
         At which waveforms are played, where the host sets it; a serial device has its own.
     amplifier_gain : float or None

@@ -29,6 +29,7 @@ LATER = {
     *("fingers/pressed.py", "fingers/dampers.py", "fingers/unpressed.py", "sections/finger.py"),
     *("motion", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
+    "scpi/visa.py",
     *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign", "commands/columns.py"),
     *(
         "answers/dprime.py",
@@ -111,6 +112,7 @@ ONLY = {
     "pydantic": {"experiment.study"},
     "serial": {"device.wire", "device.commands.devices"},
     "sounddevice": {"device.sound"},
+    "pyvisa": {"device.scpi.visa"},
     "psychopy": {"experiment.participant"},
     "pylsl": {"experiment.session.markers"},
     "click": {

@@ -11,7 +11,8 @@ def devices(*, ports: tuple[str, ...]) -> None:
     """List what answers on this machine's serial ports and on every PORT.
 
     This writes to every one of them: a question that instruments know, *IDN?, and a greeting to a
-    device that answers it as one of ours. A PORT may be a URL such as socket://host:5025.
+    device that answers it as one of ours. A PORT may be a URL such as socket://host:5025, or a VISA
+    resource such as visa:TCPIP::host::INSTR.
     """
     from serial.tools.list_ports import comports
 
@@ -30,10 +31,8 @@ def devices(*, ports: tuple[str, ...]) -> None:
 
 def _who(port: str) -> str:
     """Tell in one line what answers on a port."""
-    from device.clock import MonotonicClock
     from device.driver import LinkError
     from device.scpi.generator import identify_generator
-    from device.wire.channels import open_channel
     from device.wire.serial import identify
 
     try:
@@ -44,11 +43,10 @@ def _who(port: str) -> str:
         identity, *reports = found
         told = "".join(f"\n    {report}" for report in reports)
         return f"{identity}: --driver serial{told}"
-    words = identify_generator(port)
-    if words is not None:
-        return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
     try:
-        open_channel(port, MonotonicClock()).close()
+        words = identify_generator(port)
     except LinkError as error:
         return str(error)
+    if words is not None:
+        return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
     return "nothing that tactstrip can drive answers"

@@ -11,7 +11,8 @@ from device.driver import LinkError
 from device.scpi.dialects import dialect_of
 from device.scpi.line import ScpiLine
 from device.scpi.link import GeneratorLink
-from device.wire.channels import USUAL, Channel, LineSettings, open_channel
+from device.scpi.visa import open_instrument
+from device.wire.channels import USUAL, Channel, LineSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,7 +72,7 @@ def generator_device(
     device.driver.LinkError: cannot open /no/such/port: ...
     """
     return GeneratorDevice(
-        lambda: open_channel(port, clock, line),
+        lambda: open_instrument(port, clock, line),
         limits=limits,
         clock=clock,
         amplifier_gain=amplifier_gain,
@@ -82,12 +83,12 @@ def generator_device(
 def identify_generator(port: str, line: LineSettings = USUAL) -> str | None:
     """Return what a generator on a port answers to ``*IDN?``, or None where none known does.
 
-    Nothing is set.
+    Nothing is set. A `LinkError` says that the port cannot be opened.
     """
     clock = MonotonicClock()
-    try:
-        with closing(open_channel(port, clock, line)) as channel:
+    with closing(open_instrument(port, clock, line)) as channel:
+        try:
             words = ScpiLine(channel, clock, patience_s=_GLANCE_S).identify()
-    except LinkError:
-        return None
+        except LinkError:
+            return None
     return words if dialect_of(words) is not None else None

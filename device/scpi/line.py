@@ -22,6 +22,7 @@ PATIENCE_S: Final = 5.0
 _TOLERANCE: Final = 1e-3
 _MOST_ERRORS: Final = 32
 _IDENTITY: Final = "*IDN?"
+_QUERY_ERROR: Final = "-4"
 
 
 def block(data: bytes) -> bytes:
@@ -68,7 +69,7 @@ class ScpiLine:
         self._patience_s = patience_s
         self._heard = self._unsent = b""
         self._identity = ""
-        self._out_of_step = False
+        self._out_of_step = self._overtook = False
 
     def identify(self) -> str:
         """Return the instrument's answer to ``*IDN?``, whatever was on the line before."""
@@ -103,18 +104,24 @@ class ScpiLine:
         return self._listen(question, self._patience_s + within_s)
 
     def check_errors(self, question: str) -> None:
-        """Ask for errors until the instrument says 0."""
+        """Ask for errors until the instrument says 0.
+
+        That an answer was overtaken by a question is no error where it was given up before.
+        """
         errors: list[str] = []
         for _ in range(_MOST_ERRORS):
             answer = self.ask(question)
             if matches("0", answer.split(",")[0]):
                 break
-            errors.append(answer)
+            if not (self._overtook and answer.startswith(_QUERY_ERROR)):
+                errors.append(answer)
+        self._overtook = False
         if errors:
             raise SettingError(f"the generator reports {'; '.join(errors)}")
 
     def _fall_into_step(self) -> None:
         """Drop answers that came too late, up to the instrument's name."""
+        self._overtook = True
         self._channel.write(f"{_IDENTITY}\n".encode())
         while self._listen(_IDENTITY, self._patience_s) != self._identity:
             self._out_of_step = True

@@ -271,12 +271,15 @@ def machine_lacks(settings: DeviceSettings, masking: Masking) -> list[tuple[str,
     list of (str, Lack)
         What for, and what; empty where nothing is known to be lacking.
     """
+    from device.scpi.visa import instrument_lack
     from device.sound.stream import sound_lack
     from device.wire.channels import port_lack
 
     found: list[tuple[str, Lack | None]] = []
     if settings.driver == "audio":
         found.append(("device", sound_lack()))
+    elif settings.driver == "generator" and settings.port is not None:
+        found.append(("device", instrument_lack(settings.port)))
     elif settings.driver != MOCK and settings.port is not None:
         found.append(("device", port_lack(settings.port)))
     if masking.noise != "none":

@@ -26,15 +26,19 @@ from device.scpi.generator import GeneratorDevice, generator_device, identify_ge
 from device.scpi.line import PATIENCE_S
 from tests.test_device.bursts import play, ready, refusal
 from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
+from tests.test_device.transcripts import (
+    BLOCK,
+    CODES,
+    GAIN,
+    SILENCE,
+    WAVE,
+    lines,
+    loading,
+    opening,
+    trial,
+)
 
-GAIN = 27.5
 NO_ERROR = b'+0,"No error"\n'
-
-CODES = [0, 10, 2570, 32767, -2570, -32767, -10, 0]
-"""Their bytes hold 0x0A alone, doubled, and at either place."""
-
-WAVE = np.clip((np.array(CODES) + 0.25 * np.sign(CODES)) / 32767, -1.0, 1.0)
-SILENCE = np.zeros_like(WAVE)
 
 
 class Recorder(LocalChannel):
@@ -96,65 +100,20 @@ def live() -> Bench:
     return Bench().live()
 
 
-def lines(*texts: str) -> bytes:
-    return "".join(f"{text}\n" for text in texts).encode()
-
-
-BLOCK = b"#216" + np.array(CODES, dtype="<i2").tobytes()
-ZEROS = b"#216" + bytes(16)
-
-
-CLEARED = """
-SOUR{0}:VOLT:LIM:STAT OFF;OUTP{0}:LOAD INF;SOUR{0}:VOLT:UNIT VPP;SOUR{0}:DATA:VOL:CLE;
-"""
-SET_UP = """
-SOUR{0}:FUNC:ARB T{0};SOUR{0}:FUNC:ARB:SRAT 48000;SOUR{0}:FUNC:ARB:FILT OFF;SOUR{0}:FUNC ARB;
-SOUR{0}:VOLT:OFFS 0;SOUR{0}:VOLT 7.2727272;SOUR{0}:VOLT:RANG:AUTO OFF;
-SOUR{0}:VOLT:LIM:HIGH 3.6363637;SOUR{0}:VOLT:LIM:LOW -3.6363637;SOUR{0}:VOLT:LIM:STAT ON;
-SOUR{0}:BURS:MODE TRIG;SOUR{0}:BURS:NCYC 1;SOUR{0}:BURS:PHAS 0;
-TRIG{0}:SOUR BUS;SOUR{0}:BURS:STAT ON;SYST:ERR?;
-"""
-READ_BACK = """
-OUTP{0}:LOAD?;SOUR{0}:VOLT:LIM:HIGH?;SOUR{0}:VOLT:LIM:LOW?;SOUR{0}:VOLT:LIM:STAT?;
-SOUR{0}:VOLT:OFFS?;SOUR{0}:FUNC?;SOUR{0}:FUNC:ARB:FILT?;SOUR{0}:FUNC:ARB:SRAT?;
-SOUR{0}:BURS:MODE?;SOUR{0}:BURS:NCYC?;SOUR{0}:BURS:STAT?;TRIG{0}:SOUR?;
-"""
-SELECT = "SOUR{0}:FUNC:ARB {1};SOUR{0}:FUNC:ARB:SRAT 48000;SOUR{0}:VOLT 2.1818181;"
-SELECTED = "OUTP{0}:LOAD?;SOUR{0}:FUNC:ARB?;SOUR{0}:FUNC:ARB:SRAT?;SOUR{0}:VOLT?;"
-"""What a channel is told, and asked; a semicolon here ends a line there."""
-
-
-def filled(commands: str, *values: object) -> bytes:
-    return commands.replace("\n", "").replace(";", "\n").format(*values).encode()
-
-
-def upload(channel: int, name: str, block: bytes) -> bytes:
-    return f"SOUR{channel}:DATA:ARB:DAC {name},".encode() + block + b"\n"
-
-
 def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(bench: Bench) -> None:
     bench.device.open()
     assert BLOCK.count(b"\n") == 3
-    assert bench.channel.taken() == b"".join(
-        (
-            filled(";*IDN?;*RST;*CLS;OUTP1 OFF;OUTP2 OFF;FORM:BORD SWAP;SYST:ERR?;"),
-            *(filled(CLEARED, 1), upload(1, "T1", ZEROS), filled(SET_UP, 1)),
-            *(filled(CLEARED, 2), upload(2, "T2", ZEROS), filled(SET_UP, 2)),
-            *(filled(READ_BACK, 1), filled(READ_BACK, 2)),
-        )
-    )
+    assert bench.channel.taken() == opening()
     bench.device.load(0, WAVE, SILENCE)
-    assert bench.channel.taken() == upload(1, "T3", BLOCK) + lines("SYST:ERR?")
+    assert bench.channel.taken() == loading(1, "T3")
     bench.device.load(2, WAVE, WAVE)
-    assert bench.channel.taken() == upload(2, "T4", BLOCK) + lines("SYST:ERR?")
+    assert bench.channel.taken() == loading(2, "T4")
 
 
 def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Bench) -> None:
     for token, (slot, left, right) in enumerate([(0, "T3", "T2"), (1, "T1", "T4")]):
         live.play(1 + token, slot)
-        said = filled(SELECT, 1, left) + filled(SELECT, 2, right)
-        asked = filled(SELECTED, 1) + filled(SELECTED, 2)
-        assert live.channel.taken() == said + asked + filled("SYST:ERR?;*TRG;*OPC?;SYST:ERR?;")
+        assert live.channel.taken() == trial(left, right)
     burst, _ = live.out
     assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
     assert not burst.right_v.any()

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections import Counter
@@ -20,6 +21,7 @@ from device.emulate.generator import GeneratorEmulator
 from device.emulate.lines import TcpLine
 from experiment.apparatus.rig import assemble
 from experiment.study.study import StudyError
+from tests.test_device.buses import BUSES, Instrument
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -173,6 +175,12 @@ def finish(sessions: Sessions, *options: str, session: str = "01") -> int:
     pytest.fail("it never came to its end")
 
 
+def as_visa(url: str) -> str:
+    """Return the name of a socket as a VISA resource."""
+    host, port = url.removeprefix("socket://").split(":")
+    return f"visa:TCPIP::{host}::{port}::SOCKET"
+
+
 ANSWERS = ("trial", "kind", "side", "level_vpp", "response", "rt_s", "correct", "foreperiod_s")
 
 
@@ -193,11 +201,17 @@ def test_a_whole_session_gives_the_same_answers_over_every_link(
     assert mock.run("--responder", "simulated", "--seed", "7").exit_code == 0
     expected = answers_of(mock)
     assert len(expected) == 155
-    links = (("serial", LINES["pty"]), ("serial", LINES["tcp"]), ("generator", GENERATOR))
+    links = {
+        "pty": ("serial", LINES["pty"]),
+        "tcp": ("serial", LINES["tcp"]),
+        "scpi": ("generator", GENERATOR),
+        "visa": ("generator", GENERATOR),
+    }
     hosts = []
-    for number, (driver, line) in enumerate(links):
-        sessions, truth = Sessions(tmp_path / f"{number}", PAPER), tmp_path / f"{number}.jsonl"
-        options = over(driver, start(*line, truth=truth)[1])
+    for name, (driver, line) in links.items():
+        sessions, truth = Sessions(tmp_path / name, PAPER), tmp_path / f"{name}.jsonl"
+        _, port = start(*line, truth=truth)
+        options = over(driver, as_visa(port) if name == "visa" else port)
         host = subprocess.Popen([*COMMAND, *sessions.words(*options, "--seed", "7")])
         hosts.append((sessions, truth, options, host))
     for sessions, truth, options, host in hosts:
@@ -270,6 +284,37 @@ def test_a_generator_on_a_line_that_breaks_costs_nothing(
     _, port = start(*GENERATOR, *faults, truth=truth)
     assert finish(short, *over("generator", port)) > 0
     assert require_true_by_time(short, truth)["ok"] == 11
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("kind", BUSES)
+def test_a_session_over_visa_says_what_came_out(
+    kind: str, short: Sessions, truth: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    instrument = Instrument(BUSES[kind](monkeypatch), gain=27.5)
+    try:
+        result = short.run(*over("generator", instrument.name))
+    finally:
+        instrument.close()
+    assert result.exit_code == 0, result.output
+    truth.write_text(instrument.truth.getvalue(), encoding="utf-8")
+    assert require_true_by_time(short, truth) == {"ok": 11}
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_visa_without_its_extra_is_one_line(
+    command: str, short: Sessions, check: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyvisa", None)
+    words = ("--driver", "generator", "--port", "visa:TCPIP::lab::INSTR")
+    if command == "run":
+        result = short.run("--responder", "simulated", *words)
+    else:
+        result = check("--device", *words)
+    assert result.exit_code == 3
+    assert len(result.stderr.splitlines()) == 1
+    assert result.stderr.endswith('VISA needs pyvisa: pip install "tactstrip[visa]"\n')
+    assert not short.folder().path.exists()
 
 
 @pytest.mark.process

@@ -38,7 +38,9 @@ class DeviceSettings:
     least_interval_s: float = Field(
         default=0.05, ge=0.001, le=60, description="rest from a burst's end to the next onset"
     )
-    port: str | None = Field(default=None, description="where a device is: port, URL or sound card")
+    port: str | None = Field(
+        default=None, description="where a device is: port, URL, visa:resource or sound card"
+    )
     amplifier_gain: float | None = Field(
         default=None,
         ge=0.01,
