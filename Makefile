@@ -18,8 +18,8 @@ check:  ## format, lint, types, import directions, all tests but the long ones
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens .ci
 	.venv/bin/lint-imports
-	$(PYTHON) -m pytest -q -n 2 -m "not process and not long"
-	$(PYTHON) -m pytest -q -m "process and not long"
+	$(PYTHON) -m pytest -q -n 2 -m "not process and not firmware and not long"
+	$(PYTHON) -m pytest -q -m "process and not firmware and not long"
 
 long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 for a seeded tenth
 	$(PYTHON) -m pytest -m long

@@ -36,9 +36,9 @@ settings.register_profile("explore", deadline=None)
 settings.load_profile("repeatable")
 """The same examples in every run; ``--hypothesis-profile=explore`` looks for new ones."""
 
-FAST = "not slow and not process and not gallery and not long"
+FAST = "not slow and not process and not gallery and not firmware and not long"
 """The fast lane as pyproject.toml gives it to ``-m``; another ``-m`` on the command line wins."""
-LANES = ("slow", "process", "gallery", "long")
+LANES = ("slow", "process", "gallery", "firmware", "long")
 MOST_S = 0.5
 """Processor time of a test of the fast lane: it is run by everybody, all the time."""
 PROCESSES = {"emulator_server", "kill_at", "null_sink"}

@@ -29,6 +29,7 @@ from experiment.integrity.sessions import FILES, examine
 from experiment.session.simulate import simulate_study
 from experiment.study.study import StudyError
 from tactstrip import main
+from tests.test_device.differential import STEPS, compare, small_server
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -204,3 +205,11 @@ def test_an_endpoint_of_any_bytes_emits_nothing_above_its_ceiling() -> None:
         for burst in emitted:
             for volts in (burst.left_v, burst.right_v):
                 assert np.abs(volts).max(initial=0.0) <= facts["ceiling_vpp"] / 2, number
+
+
+@pytest.mark.firmware
+def test_five_million_inputs_tell_firmware_and_core_not_apart(tmp_path: Path) -> None:
+    with small_server(tmp_path) as server:
+        for number in range(rounds(20_000)):
+            compare(server, 10_000 + number)
+    print(f"{rounds(20_000) * STEPS} inputs")

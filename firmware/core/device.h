@@ -1,0 +1,152 @@
+/* The device's own logic, without I/O and without a clock: states, tokens, watchdog, ceilings.
+ *
+ * Every call is given the device's time in microseconds, never less than the time before. What was
+ * due by then happens first. A step that is refused has changed nothing else.
+ */
+#ifndef DEVICE_H
+#define DEVICE_H
+
+#include "limits.h"
+#include "tokens.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* By their numbers on the wire. */
+enum state {
+    STATE_IDLE = 0,
+    STATE_LOADED = 1,
+    STATE_LIVE = 2,
+    STATE_ARMED = 3,
+    STATE_FIRED = 4,
+    STATE_SAFE = 5,
+};
+
+enum refusal {
+    DONE = 0,
+    BAD_SLOT = 1,
+    EMPTY_SLOT = 2,
+    WAVEFORM_EMPTY = 3,
+    WAVEFORM_TOO_LONG = 4,
+    OUT_OF_RANGE = 7,
+    EDGES_NOT_ZERO = 8,
+    DC = 9,
+    CEILING = 10,
+    BAD_TOKEN = 12,
+    TOKEN_SPENT = 13,
+    WRONG_TOKEN = 14,
+    NOT_ARMED = 15,
+    EXPIRED = 16,
+    ABORTED = 17,
+    ALREADY_ARMED = 18,
+    BUSY = 19,
+    LEAST_INTERVAL = 20,
+    DUTY = 21,
+    BAD_TIME_TO_LIVE = 22,
+    SAFE_STATE = 23,
+    NOT_ENABLED = 24,
+    NOTHING_LOADED = 25,
+    WRONG_BOOT = 28,
+    BAD_UPLOAD = 29,
+    BAD_MESSAGE = 30,
+    STALE = 31,
+    AMPLIFIER_OFF = 32,
+    MEMORY_FULL = 33,
+};
+
+/* Bits of what is known of the amplifier. */
+enum health { AMPLIFIER_ENABLED = 1, SWITCH_CLOSED = 2, OVER_CURRENT = 4 };
+
+enum tap { TAP_NONE = 0, TAP_LINE = 1, TAP_AMPLIFIER = 2, TAP_CURRENT = 3, TAP_MOTION = 4 };
+enum unit { UNIT_NONE = 0, UNIT_MILLIVOLT = 1, UNIT_MICROAMPERE = 2, UNIT_NANOMETRE = 3 };
+
+/* What a monitor saw of one burst; peaks are magnitudes, correlations in 1e-4. */
+struct measured {
+    uint8_t tap;
+    uint8_t unit;
+    uint32_t left;
+    uint32_t right;
+    uint32_t onset_us;
+    uint32_t uncertainty_us;
+    uint16_t correlation_left;
+    uint16_t correlation_right;
+};
+
+/* The codes of both channels in the device's memory, left then right; no samples: empty. */
+struct slot {
+    uint32_t begin;
+    uint32_t samples;
+    uint32_t peaks[CHANNELS];
+};
+
+/* One burst: what the converter has to play from `start_us` on, and until when if it was cut. */
+struct burst {
+    uint64_t token;
+    uint64_t start_us;
+    uint64_t duration_us;
+    uint64_t cut_us;
+    uint32_t levels_mvpp[CHANNELS]; /* 0 for a silent channel */
+    uint32_t slot;
+    bool is_over;
+    bool is_cut;
+};
+
+struct device {
+    uint64_t boot_id;
+    uint32_t sample_rate_mhz;
+    enum state state;
+    uint64_t now_us;
+    uint64_t beat_us;
+    uint64_t armed; /* token, 0: none */
+    uint64_t armed_until_us;
+    uint32_t armed_slot;
+    uint32_t levels_mvpp[CHANNELS];
+    struct burst last; /* token 0: none yet */
+    uint64_t measured_token;
+    struct measured measured;
+    uint8_t known; /* bits of `health` */
+    uint8_t set;
+    struct tokens tokens;
+    struct slot slots[SLOTS];
+    int16_t memory[CHANNELS * MEMORY_SAMPLES];
+};
+
+/* Switch on: everything forgotten. The device must be zeroed memory. */
+void device_init(struct device *device, uint64_t boot_id, uint32_t sample_rate_mhz);
+
+/* Let happen what was due: end of a burst, end of a time to live, watchdog. */
+void device_advance(struct device *device, uint64_t now_us);
+
+/* Take what switch and amplifier report, whenever that changes; over-current stops. */
+void device_sense(struct device *device, uint64_t now_us, uint8_t known, uint8_t set);
+
+/* Keep what was measured of the burst that has ended. */
+void device_measure(struct device *device, const struct measured *measured);
+
+/* The steps; each takes place at the time of the last `device_advance`. */
+enum refusal device_check_room(const struct device *device, uint32_t slot, uint32_t samples);
+enum refusal device_load(struct device *device, uint32_t slot, uint32_t samples,
+                         const uint8_t *codes);
+enum refusal device_set_levels(struct device *device, uint32_t left_mvpp, uint32_t right_mvpp);
+enum refusal device_enable(struct device *device);
+enum refusal device_arm(struct device *device, uint64_t token, uint32_t slot,
+                        uint32_t time_to_live_us);
+enum refusal device_fire(struct device *device, uint64_t token, struct record *record);
+void device_disarm(struct device *device, uint64_t token);
+struct record device_query(const struct device *device, uint64_t token);
+enum refusal device_measured(const struct device *device, uint64_t token,
+                             struct measured *measured);
+void device_stop(struct device *device);
+void device_hear(struct device *device);
+
+/* Whether outputs and amplifier are on. */
+bool device_is_on(const struct device *device);
+
+/* The burst that is under way, or NULL. */
+const struct burst *device_playing(const struct device *device);
+
+/* The code for the converter: a sample of a burst at its level, rounded toward zero. */
+int32_t device_step(const struct device *device, const struct burst *burst, uint32_t channel,
+                    uint32_t sample);
+
+#endif

@@ -1,0 +1,69 @@
+/* The device's end of the wire: bytes in, bytes out, around the device's logic; without I/O.
+ *
+ * What a HAL does, and nothing else, over and over:
+ *
+ *     device_advance(device, now)      and device_sense where switch or amplifier report a change
+ *     device_measure(device, ...)      where a burst has ended that a monitor saw
+ *     endpoint_receive(..., byte, answer) for a byte that arrived, at the same now
+ *     drive the converter by device_playing, the amplifier's enable by device_is_on
+ *     send the answer
+ *
+ * in this order, so that no answer tells of a burst that has not begun.
+ */
+#ifndef ENDPOINT_H
+#define ENDPOINT_H
+
+#include "device.h"
+#include "frames.h"
+#include "upload.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define GREETINGS 16U
+#define NAME_SIZE 16U
+#define FIRMWARE_SIZE 32U
+#define LONGEST_ANSWER LONGEST_FRAME
+
+enum entropy { ENTROPY_NONE = 0, ENTROPY_SYSTEM = 1, ENTROPY_HARDWARE = 2, ENTROPY_GIVEN = 3 };
+
+/* What a device says of itself; texts are filled up with zeros. */
+struct about {
+    char model[NAME_SIZE];
+    char serial_number[NAME_SIZE];
+    char firmware[FIRMWARE_SIZE];
+    uint64_t boot_id;
+    uint32_t sample_rate_mhz;
+    enum entropy entropy;
+    bool emulated;
+};
+
+struct endpoint {
+    struct about about;
+    struct decoder decoder;
+    struct identity_line text;
+    uint64_t greetings[GREETINGS]; /* nonces */
+    size_t n_greetings;
+    size_t next_greeting;
+    bool has_newest;
+    uint16_t newest;
+    bool has_last;
+    struct frame last_question;
+    size_t last_size;
+    uint8_t last_answer[LONGEST_ANSWER];
+    struct upload upload;
+    struct device device;
+};
+
+/* Switch on. The endpoint must be zeroed memory. */
+void endpoint_init(struct endpoint *endpoint, const struct about *about);
+
+/* Take a byte at a device time; return how many bytes are to be sent back. */
+size_t endpoint_receive(struct endpoint *endpoint, uint64_t now_us, uint8_t byte,
+                        uint8_t answer[LONGEST_ANSWER]);
+
+/* Notice that the line is gone: the outputs go to zero. */
+void endpoint_hang_up(struct endpoint *endpoint, uint64_t now_us);
+
+#endif

@@ -1,0 +1,175 @@
+#include "frames.h"
+
+#include <string.h>
+
+#define CRC_SIZE 4U
+
+uint8_t read_u8(const uint8_t *at) { return at[0]; }
+
+uint16_t read_u16(const uint8_t *at) { return (uint16_t)(at[0] | ((uint32_t)at[1] << 8)); }
+
+uint32_t read_u32(const uint8_t *at) {
+    return (uint32_t)read_u16(at) | ((uint32_t)read_u16(at + 2) << 16);
+}
+
+uint64_t read_u64(const uint8_t *at) {
+    return (uint64_t)read_u32(at) | ((uint64_t)read_u32(at + 4) << 32);
+}
+
+uint8_t *write_u8(uint8_t *at, uint32_t value) {
+    at[0] = (uint8_t)(value & 0xFFU);
+    return at + 1;
+}
+
+uint8_t *write_u16(uint8_t *at, uint32_t value) {
+    return write_u8(write_u8(at, value), value >> 8);
+}
+
+uint8_t *write_u32(uint8_t *at, uint32_t value) {
+    return write_u16(write_u16(at, value), value >> 16);
+}
+
+uint8_t *write_u64(uint8_t *at, uint64_t value) {
+    return write_u32(write_u32(at, (uint32_t)(value & 0xFFFFFFFFU)), (uint32_t)(value >> 32));
+}
+
+/* The CRC of zlib and Ethernet. Half a byte at a time: 64 bytes of table are enough for waveforms
+ * of some thousand samples. */
+uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
+    static const uint32_t table[16] = {
+        0x00000000U, 0x1DB71064U, 0x3B6E20C8U, 0x26D930ACU, 0x76DC4190U, 0x6B6B51F4U,
+        0x4DB26158U, 0x5005713CU, 0xEDB88320U, 0xF00F9344U, 0xD6D6A3E8U, 0xCB61B38CU,
+        0x9B64C2B0U, 0x86D3D2D4U, 0xA00AE278U, 0xBDBDF21CU,
+    };
+    crc ^= 0xFFFFFFFFU;
+    for (size_t i = 0; i < size; i++) {
+        crc ^= bytes[i];
+        crc = (crc >> 4) ^ table[crc & 0xFU];
+        crc = (crc >> 4) ^ table[crc & 0xFU];
+    }
+    return crc ^ 0xFFFFFFFFU;
+}
+
+bool frames_equal(const struct frame *one, const struct frame *other) {
+    return one->kind == other->kind && one->sequence == other->sequence &&
+           one->size == other->size && memcmp(one->payload, other->payload, one->size) == 0;
+}
+
+size_t frame_encode(const struct frame *frame, uint8_t coded[LONGEST_FRAME]) {
+    uint8_t body[LONGEST_BODY];
+    uint8_t *end = write_u16(write_u8(write_u8(body, VERSION), frame->kind), frame->sequence);
+    memcpy(end, frame->payload, frame->size);
+    end += frame->size;
+    end = write_u32(end, crc32(0, body, (size_t)(end - body)));
+    const size_t size = (size_t)(end - body);
+
+    size_t code_at = 1; /* where the distance to the next zero goes */
+    size_t put = 2;
+    coded[0] = 0;
+    for (size_t i = 0; i < size; i++) {
+        if (body[i] == 0U) {
+            coded[code_at] = (uint8_t)(put - code_at);
+            code_at = put;
+        } else {
+            coded[put] = body[i];
+        }
+        put++;
+    }
+    coded[code_at] = (uint8_t)(put - code_at);
+    coded[put] = 0;
+    return put + 1U;
+}
+
+void decoder_reset(struct decoder *decoder) {
+    decoder->size = 0;
+    decoder->too_long = false;
+}
+
+/* Undo COBS; return the number of bytes, or 0 where a distance points beyond the end. */
+static size_t uncobs(const uint8_t *coded, size_t size, uint8_t body[LONGEST_CODED]) {
+    size_t put = 0;
+    size_t at = 0;
+    while (at < size) {
+        const size_t next = at + coded[at];
+        if (next > size) {
+            return 0;
+        }
+        for (at++; at < next; at++) {
+            body[put] = coded[at];
+            put++;
+        }
+        if (next < size) {
+            body[put] = 0;
+            put++;
+        }
+    }
+    return put;
+}
+
+static bool frame_read(const uint8_t *coded, size_t coded_size, struct frame *frame) {
+    uint8_t body[LONGEST_CODED];
+    const size_t size = uncobs(coded, coded_size, body);
+    if (size < SHORTEST_BODY || size > LONGEST_BODY) {
+        return false;
+    }
+    const size_t content = size - CRC_SIZE;
+    if (read_u32(body + content) != crc32(0, body, content) || body[0] != VERSION) {
+        return false;
+    }
+    frame->kind = read_u8(body + 1);
+    frame->sequence = read_u16(body + 2);
+    frame->size = content - 4U;
+    memcpy(frame->payload, body + 4, frame->size);
+    return true;
+}
+
+bool decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame) {
+    if (byte != 0U) {
+        if (decoder->size < LONGEST_CODED) {
+            decoder->piece[decoder->size] = byte;
+            decoder->size++;
+        } else {
+            decoder->too_long = true;
+        }
+        return false;
+    }
+    const bool whole = !decoder->too_long && decoder->size > 0U;
+    const bool is_frame = whole && frame_read(decoder->piece, decoder->size, frame);
+    decoder_reset(decoder);
+    return is_frame;
+}
+
+#define QUESTION_SIZE 5U
+#define OTHER (QUESTION_SIZE + 1U)
+
+static bool is_space(uint8_t byte) { return byte == 0x20U || (byte >= 0x09U && byte <= 0x0DU); }
+
+void identity_line_reset(struct identity_line *line) {
+    line->is_text = true;
+    line->matched = 0;
+}
+
+/* A frame has its version, which is not text, as the second byte after a delimiter: what is only
+ * text is no part of one. */
+bool identity_line_feed(struct identity_line *line, uint8_t byte) {
+    static const uint8_t question[QUESTION_SIZE] = {'*', 'I', 'D', 'N', '?'};
+    if (byte == 0U) {
+        identity_line_reset(line);
+        return false;
+    }
+    line->is_text = line->is_text && (is_space(byte) || (byte > 0x20U && byte < 0x7FU));
+    if (!line->is_text) {
+        return false;
+    }
+    if (byte == 0x0AU) {
+        const bool asked = line->matched == QUESTION_SIZE;
+        line->matched = 0;
+        return asked;
+    }
+    if (line->matched < QUESTION_SIZE) {
+        line->matched = byte == question[line->matched] ? line->matched + 1U : OTHER;
+    } else if (!is_space(byte)) {
+        line->matched = OTHER;
+    }
+    return false;
+}

@@ -1,0 +1,143 @@
+/* The device on QEMU's mps2-an385 (ARM AN385: a Cortex-M3 in an FPGA), without an actuator:
+ * protocol on UART0, truth on UART1. run.py starts it.
+ *
+ * Registers: ARM DAI 0385, "Application Note AN385"; for the UART "Cortex-M System Design Kit" (ARM
+ * DDI 0479), both as QEMU has them (hw/arm/mps2.c, hw/misc/mps2-fpgaio.c, hw/char/). */
+#include "../../emulate/emulated.h"
+
+#include <string.h>
+
+#define REGISTER(address) (*(volatile uint32_t *)(address))
+#define UART0 0x40004000U
+#define UART1 0x40005000U
+#define UART_DATA 0x00U
+#define UART_STATE 0x04U
+#define UART_CTRL 0x08U
+#define UART_INTCLEAR 0x0CU
+#define UART_BAUDDIV 0x10U
+#define UART_TX_FULL 1U
+#define UART_RX_FULL 2U
+#define UART_TX_ENABLE 1U
+#define UART_RX_ENABLE 2U
+#define UART_RX_INTERRUPT 8U
+#define COUNTER REGISTER(0x40028018U)  /* FPGAIO: counts up, */
+#define PRESCALE REGISTER(0x4002801CU) /* once in so many cycles, and one, of 25 MHz */
+#define NVIC_ENABLE REGISTER(0xE000E100U)
+#define UART0_RX_IRQ 0U
+#define SYSTICK_CTRL REGISTER(0xE000E010U)
+#define SYSTICK_RELOAD REGISTER(0xE000E014U)
+#define CLOCK_HZ 25000000U
+#define TICK_HZ 1000U
+#define RING 4096U         /* of bytes received: far more than a window of DATA */
+#define PATIENCE_US 20000U /* for a host that does not read */
+
+/* Written by QEMU's loader before the first instruction; zeros where it was told nothing. */
+struct given {
+    uint64_t boot_id;
+    uint32_t sample_rate_mhz;
+};
+static volatile struct given given __attribute__((section(".given")));
+
+/* A reset keeps the memory and loads the same boot id again: this number tells them apart. */
+static volatile uint32_t resets __attribute__((section(".kept")));
+
+static struct emulated emulated;
+static volatile uint8_t ring[RING];
+static volatile uint32_t received;
+static uint32_t taken;
+
+static uint64_t clock_us(void) {
+    static uint64_t now_us;
+    now_us += (uint32_t)(COUNTER - (uint32_t)now_us);
+    return now_us;
+}
+
+void systick_handler(void) {} /* wakes the loop, which does what is due */
+
+void uart0_rx_handler(void) {
+    REGISTER(UART0 + UART_INTCLEAR) = 2U;
+    while ((REGISTER(UART0 + UART_STATE) & UART_RX_FULL) != 0U) {
+        ring[received % RING] = (uint8_t)REGISTER(UART0 + UART_DATA);
+        received++;
+    }
+}
+
+/* Send, unless the line stands still: what a host does not read is lost, as on a wire. */
+static void send(uint32_t uart, const uint8_t *bytes, size_t size) {
+    const uint32_t began = COUNTER;
+    for (size_t i = 0; i < size; i++) {
+        while ((REGISTER(uart + UART_STATE) & UART_TX_FULL) != 0U) {
+            if (COUNTER - began > PATIENCE_US) {
+                return;
+            }
+        }
+        REGISTER(uart + UART_DATA) = bytes[i];
+    }
+}
+
+void truth_put(const char *text, size_t size) {
+    for (size_t i = 0; i < size; i++) {
+        while ((REGISTER(UART1 + UART_STATE) & UART_TX_FULL) != 0U) {
+        }
+        REGISTER(UART1 + UART_DATA) = (uint8_t)text[i];
+    }
+}
+
+static void start_clocks(void) {
+    PRESCALE = CLOCK_HZ / 1000000U - 1U;
+    COUNTER = 0U;
+    SYSTICK_RELOAD = CLOCK_HZ / TICK_HZ - 1U;
+    SYSTICK_CTRL = 7U; /* counts cycles, interrupts, on */
+}
+
+static void start_uarts(void) {
+    REGISTER(UART0 + UART_BAUDDIV) = 16U;
+    REGISTER(UART1 + UART_BAUDDIV) = 16U;
+    REGISTER(UART0 + UART_CTRL) = UART_TX_ENABLE | UART_RX_ENABLE | UART_RX_INTERRUPT;
+    REGISTER(UART1 + UART_CTRL) = UART_TX_ENABLE;
+    NVIC_ENABLE = 1U << UART0_RX_IRQ;
+}
+
+static uint64_t boot_id(void) {
+    resets++;
+    return (given.boot_id ^ (resets * 0x9E3779B97F4A7C15U)) >> 1;
+}
+
+/* A loop that never sleeps would starve the thread in which QEMU moves the bytes. An interrupt that
+ * comes between the look and the sleep still wakes it: that is what the mask is for. */
+static void sleep_until_something_came(void) {
+    __asm__ volatile("cpsid i" ::: "memory");
+    if (received == taken) {
+        __asm__ volatile("wfi");
+    }
+    __asm__ volatile("cpsie i" ::: "memory");
+}
+
+int main(void) {
+    struct about about = {.model = "mps2-an385",
+                          .serial_number = "1",
+                          .firmware = "tactstrip firmware 2.0 qemu",
+                          .sample_rate_mhz = given.sample_rate_mhz,
+                          .entropy = given.boot_id != 0U ? ENTROPY_GIVEN : ENTROPY_NONE,
+                          .emulated = true};
+    if (about.sample_rate_mhz == 0U) {
+        about.sample_rate_mhz = 48000000U;
+    }
+    about.boot_id = boot_id();
+    start_clocks();
+    start_uarts();
+    emulated_init(&emulated, &about, 0);
+    for (;;) {
+        sleep_until_something_came();
+        emulated_advance(&emulated, clock_us());
+        while (received != taken) {
+            uint8_t answer[LONGEST_ANSWER];
+            const uint64_t now_us = clock_us();
+            emulated_advance(&emulated, now_us);
+            const size_t size =
+                emulated_receive(&emulated, now_us, ring[taken % RING], answer);
+            taken++;
+            send(UART0, answer, size);
+        }
+    }
+}

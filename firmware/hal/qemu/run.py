@@ -1,0 +1,47 @@
+"""Start the device under QEMU, as `tactstrip emulate --tcp PORT --truth FILE` starts an emulator.
+
+The first line says the port under which it is reached. What follows ``--`` goes to QEMU.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import secrets
+import socket
+from pathlib import Path
+
+IMAGE = Path(__file__).parents[2] / "build" / "tactstrip-qemu.elf"
+BOOT_ID, SAMPLE_RATE = 0x20000000, 0x20000008
+"""Where the image looks for them: `struct given` in main.c."""
+
+
+def main() -> None:
+    """Become QEMU."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tcp", metavar="PORT", type=int, default=0)
+    parser.add_argument("--truth", metavar="FILE", default=os.devnull)
+    parser.add_argument("--rate", metavar="HZ", type=int, default=48_000)
+    parser.add_argument("--image", metavar="FILE", default=str(IMAGE))
+    parser.add_argument("qemu", nargs="*", metavar="-- OPTION")
+    given = parser.parse_args()
+    server = socket.create_server(("127.0.0.1", given.tcp))
+    os.set_inheritable(server.fileno(), True)  # noqa: FBT003 - it takes no keyword
+    print(f"socket://127.0.0.1:{server.getsockname()[1]}", flush=True)
+    line = f"socket,id=line,fd={server.fileno()},server=on,wait=off,nodelay=on"
+    words = {
+        BOOT_ID: secrets.randbits(32),
+        BOOT_ID + 4: secrets.randbits(32),
+        SAMPLE_RATE: 1000 * given.rate,
+    }
+    command = ["qemu-system-arm", "-machine", "mps2-an385", "-display", "none", "-monitor", "none"]
+    command += ["-kernel", given.image]
+    for address, word in words.items():
+        command += ["-device", f"loader,addr={address:#x},data={word},data-len=4"]
+    command += ["-chardev", line, "-serial", "chardev:line"]
+    command += ["-chardev", f"file,id=truth,path={given.truth},append=on", "-serial"]
+    os.execvp(command[0], [*command, "chardev:truth", *given.qemu])  # noqa: S606 - as meant
+
+
+if __name__ == "__main__":
+    main()
