@@ -14,8 +14,9 @@ from scipy.special import expit, ndtr
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.axis import VOLTS
 from analysis.definitions import METHODS
+from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
-from analysis.thresholds.grid import STANDARD, Nodes, Ruler, surfaces
+from analysis.thresholds.grid import STANDARD, Nodes, surfaces
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior
 from analysis.thresholds.table import printed

@@ -13,8 +13,9 @@ from analysis.groups.difference import paired_difference
 from analysis.groups.group import LEVEL
 from analysis.groups.hierarchy import hierarchy
 from analysis.groups.population import population_thresholds
+from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import fit_many, status_of
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import Guessing, GuessRate, PersonCounts
 from benchmarks.calibration import CENTRED, PAPER, share
 

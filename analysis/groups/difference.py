@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 
 from analysis.groups.hierarchy import OMEGA, OMEGA_SPREAD, SPREAD, matters, normal_weights
-from analysis.thresholds.density import quantiles, trapezoid
-from analysis.thresholds.grid import sigma_prior
+from analysis.thresholds.density import quantiles, sigma_prior, trapezoid
 from analysis.thresholds.mle import LOG_SIGMA, REACH
 
 if TYPE_CHECKING:
@@ -24,7 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.groups.hierarchy import Hierarchy
-    from analysis.thresholds.grid import Ruler, Surface
+    from analysis.thresholds.density import Ruler
+    from analysis.thresholds.grid import Surface
 
     Floats = NDArray[np.float64]
 

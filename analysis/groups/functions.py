@@ -17,8 +17,7 @@ from scipy.special import ndtr, xlogy
 
 from analysis.groups.group import PeopleTables
 from analysis.groups.hierarchy import hierarchy
-from analysis.thresholds.density import legendre, trapezoid
-from analysis.thresholds.grid import Ruler, sigma_prior
+from analysis.thresholds.density import Ruler, legendre, sigma_prior, trapezoid
 from analysis.thresholds.mle import LOG_SIGMA, MOST_LAPSES, REACH
 from analysis.thresholds.people import MOST_GUESSES
 

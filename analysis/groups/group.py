@@ -11,6 +11,7 @@ import numpy as np
 from analysis.answers.intervals import checked_counts
 from analysis.groups.difference import paired_difference, unpaired_difference
 from analysis.groups.hierarchy import hierarchy
+from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
     BOUNDED,
     PsychometricFit,
@@ -19,7 +20,7 @@ from analysis.thresholds.fit import (
     in_volts,
     status_of,
 )
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import within_levels
 

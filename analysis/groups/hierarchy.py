@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.density import kind_prior, quantiles, trapezoid
-from analysis.thresholds.grid import sigma_prior
+from analysis.thresholds.density import kind_prior, quantiles, sigma_prior, trapezoid
 from analysis.thresholds.mle import SIGMA_FACTOR, SIGMA_MEDIAN
 
 if TYPE_CHECKING:
@@ -23,7 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from analysis.thresholds.grid import Ruler, Surface
+    from analysis.thresholds.density import Ruler
+    from analysis.thresholds.grid import Surface
 
     Floats = NDArray[np.float64]
 

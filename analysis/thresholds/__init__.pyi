@@ -1,4 +1,4 @@
-from .density import kind_prior, legendre, quantiles, trapezoid
+from .density import Ruler, kind_prior, legendre, quantiles, sigma_prior, trapezoid
 from .fit import (
     BOUNDED,
     WITH_THRESHOLD,
@@ -11,7 +11,7 @@ from .fit import (
     probit_mle,
     status_of,
 )
-from .grid import Ruler, Surface, sigma_prior, surfaces
+from .grid import Surface, surfaces
 from .levels import ExpectedError, LevelsError, Placement, place_levels
 from .mle import LOG_SIGMA, MOST_LAPSES, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
 from .people import FORCED_CHOICE, MOST_GUESSES, Guessing, GuessRate, PersonCounts, people_in

@@ -1,17 +1,21 @@
-"""Nodes, weights, and the points of a density that is known at nodes."""
+"""Priors, nodes, weights, and the points of a density that is known at nodes."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.special import roots_legendre
 
-from analysis.thresholds.mle import MOST_LAPSES
+from analysis.thresholds.mle import MOST_LAPSES, SIGMA_FACTOR, SIGMA_MEDIAN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from analysis.axis import XScale
 
     Floats = NDArray[np.float64]
 
@@ -22,6 +26,37 @@ _RESOLVED: Final = 2.2
 """Standard deviations between nodes; sums over a normal density are then 3 % off."""
 _AT_END: Final = 1e-3
 """Of the probability; with more on a last node, some lies beyond."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ruler:
+    """The levels of a table, and what a step of the prior is on their axis.
+
+    >>> Ruler.of(np.array([1.0, 2.0]), "log10").step, Ruler.of(np.array([3.0, 11.0]), "linear").step
+    (0.05, 1.0)
+    """
+
+    low: float  # lowest and highest level, in steps
+    high: float
+    step: float  # of the prior, on the axis
+    tail: float  # steps over which the prior of mu falls to 1/e outside the levels
+
+    @classmethod
+    def of(cls, x: Floats, x_scale: XScale) -> Ruler:
+        """Measure levels on the axis; a linear one must have some range."""
+        step, tail = (1 / 20, 3.0) if x_scale == "log10" else (float(np.ptp(x)) / 8, 2.0)
+        return cls(low=float(x.min()) / step, high=float(x.max()) / step, step=step, tail=tail)
+
+    def mu_prior(self, mu: Floats) -> Floats:
+        """Return the prior density of mu, 1 between the levels."""
+        outside = np.maximum(np.maximum(self.low - mu, mu - self.high), 0.0)
+        return np.asarray(np.exp(-outside / self.tail))
+
+
+def sigma_prior(log_sigma: Floats) -> Floats:
+    """Return the prior density of log sigma, 1 at its median."""
+    z = (log_sigma - math.log(SIGMA_MEDIAN)) / math.log(SIGMA_FACTOR)
+    return np.asarray(np.exp(-0.5 * z * z))
 
 
 def trapezoid(x: Floats) -> Floats:
@@ -35,6 +70,11 @@ def trapezoid(x: Floats) -> Floats:
     weights[:-1] += half
     weights[1:] += half
     return weights
+
+
+def in_sigma(log_sigma: Floats) -> Floats:
+    """Return the weights by which a likelihood is integrated over the prior of log sigma."""
+    return trapezoid(log_sigma) * sigma_prior(log_sigma)
 
 
 @cache

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.axis import LARGEST, XScale
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.density import Ruler
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.mle import Tables, at_upper_lapse, fit_lapsing, probabilities
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior, within_levels

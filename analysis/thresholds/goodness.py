@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.thresholds.grid import Ruler
+from analysis.thresholds.density import Ruler
 from analysis.thresholds.mle import Tables, fit_lapsing, probabilities
 from analysis.thresholds.probit import deviance
 

@@ -8,7 +8,6 @@ sigma log-normal; lambda Beta(1, 10) on [0, 0.1]; gamma a number, or Beta.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Final
@@ -16,13 +15,20 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.density import kinds, lapses, legendre, quantiles, trapezoid, unresolved
+from analysis.thresholds.density import (
+    Ruler,
+    in_sigma,
+    kinds,
+    lapses,
+    legendre,
+    quantiles,
+    trapezoid,
+    unresolved,
+)
 from analysis.thresholds.mle import (
     LOG_SIGMA,
     MOST_LAPSES,
     REACH,
-    SIGMA_FACTOR,
-    SIGMA_MEDIAN,
     Tables,
     fit_lapsing,
 )
@@ -32,7 +38,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from analysis.axis import XScale
     from analysis.thresholds.people import GuessRate
 
     Floats = NDArray[np.float64]
@@ -44,6 +49,10 @@ _MATTERS: Final = 15.0
 _CHUNK_CELLS: Final = 400_000
 _LEVELS: Final = 5  # that a table counts as having, where each has one stimulus
 _ZOOMS: Final = 40
+_AT_ONCE: Final = 400.0
+"""Of more stimuli no node need lie near what is likely: at first only a part of their likelihood
+counts, `_COOLING` times as much at each turn."""
+_COOLING: Final = 16.0
 _SETTLED: Final = 0.7
 _ROOM: Final = 0.1
 _CLOSE: Final = 0.1
@@ -69,37 +78,6 @@ STANDARD: Final = Nodes()
 """Limits within 0.03 dB; docs/benchmarks.md has error against time."""
 _ZOOMED: Final = Nodes(outside=0)
 _FINEST: Final = Nodes(between=121, outside=0, log_sigma=49, lapse=12)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ruler:
-    """The levels of a table, and what a step of the prior is on their axis.
-
-    >>> Ruler.of(np.array([1.0, 2.0]), "log10").step, Ruler.of(np.array([3.0, 11.0]), "linear").step
-    (0.05, 1.0)
-    """
-
-    low: float  # lowest and highest level, in steps
-    high: float
-    step: float  # of the prior, on the axis
-    tail: float  # steps over which the prior of mu falls to 1/e outside the levels
-
-    @classmethod
-    def of(cls, x: Floats, x_scale: XScale) -> Ruler:
-        """Measure levels on the axis; a linear one must have some range."""
-        step, tail = (1 / 20, 3.0) if x_scale == "log10" else (float(np.ptp(x)) / 8, 2.0)
-        return cls(low=float(x.min()) / step, high=float(x.max()) / step, step=step, tail=tail)
-
-    def mu_prior(self, mu: Floats) -> Floats:
-        """Return the prior density of mu, 1 between the levels."""
-        outside = np.maximum(np.maximum(self.low - mu, mu - self.high), 0.0)
-        return np.asarray(np.exp(-outside / self.tail))
-
-
-def sigma_prior(log_sigma: Floats) -> Floats:
-    """Return the prior density of log sigma, 1 at its median."""
-    z = (log_sigma - math.log(SIGMA_MEDIAN)) / math.log(SIGMA_FACTOR)
-    return np.asarray(np.exp(-0.5 * z * z))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -134,7 +112,7 @@ class Surface:
 
     def over_mu(self) -> Floats:
         """Return the likelihood of mu, sigma integrated out with its prior."""
-        return np.asarray(self.values @ _in_sigma(self.log_sigma))
+        return np.asarray(self.values @ in_sigma(self.log_sigma))
 
 
 def surfaces(
@@ -227,27 +205,32 @@ def _zoomed(batch: _Batch, i: int) -> Surface:
     )[0]
     one = replace(batch, log=batch.log[i : i + 1], guess_weight=batch.guess_weight[i : i + 1])
     ends: tuple[Floats, ...] = ()
+    heat = max(float(n.sum()) / _AT_ONCE, 1.0)
     for _ in range(_ZOOMS):
-        box = _around(_box(one), likeliest, one.axes)
-        settled = bool(ends) and not any(
-            np.ptp(new) < _SETTLED * np.ptp(old) for new, old in zip(box, ends, strict=True)
+        box = _around(_box(one, _MATTERS * heat), likeliest, one.axes)
+        settled = (
+            bool(ends)
+            and heat == 1
+            and not any(
+                np.ptp(new) < _SETTLED * np.ptp(old) for new, old in zip(box, ends, strict=True)
+            )
         )
-        ends = box
+        ends, heat = box, max(heat / _COOLING, 1.0)
         axes = _within(box, guess, _FINEST if settled else _ZOOMED)
         one = _Batch.of(asked, (k, n), (axes, _logarithms(np.array(asked.u), axes)))
         (surface,), doubtful = one.surfaces()
-        if settled or not doubtful[0]:
+        if settled or (heat == 1 and not doubtful[0]):
             break
     return surface
 
 
-def _box(one: _Batch) -> tuple[Floats, Floats, Floats, Floats]:
+def _box(one: _Batch, matters: float) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the ends of what matters to a table in mu, log sigma, lambda and gamma."""
     every = (one.axes.guess, one.axes.lapse, one.axes.mu, one.axes.log_sigma)
     # Beta's own density counts: a guess rate may be told by the blanks more than by the table.
     weight = np.maximum(one.guess_weight[0] / one.guess_weight.max(), _TINY)
     cells = one.log.reshape([len(axis) for axis in every]) + np.log(weight)[:, None, None, None]
-    near = cells > cells.max() - _MATTERS
+    near = cells > cells.max() - matters
     limits = ((0.0, 1.0), (0.0, MOST_LAPSES), *((axis[0], axis[-1]) for axis in every[2:]))
     ends = []
     for i, (axis, limit) in enumerate(zip(every, limits, strict=True)):
@@ -359,7 +342,7 @@ class _Batch:
         by_kind = (weight @ cells).reshape(shape)
         values = by_kind.sum(axis=1)
         mu = trapezoid(axes.mu) * self.asked.ruler.mu_prior(axes.mu)
-        sigma = _in_sigma(axes.log_sigma)
+        sigma = in_sigma(axes.log_sigma)
         shares = weight.sum(axis=1) * (cells @ np.outer(mu, sigma).ravel())
         shares /= shares.sum(axis=1, keepdims=True)
         shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
@@ -380,7 +363,7 @@ class _Batch:
         axes = self.axes
         full, half = (
             quantiles(
-                (values[:, ::every, ::every] @ _in_sigma(axes.log_sigma[::every]))
+                (values[:, ::every, ::every] @ in_sigma(axes.log_sigma[::every]))
                 * self.asked.ruler.mu_prior(axes.mu[::every]),
                 axes.mu[::every],
             )
@@ -394,7 +377,3 @@ class _Batch:
         apart = np.abs(np.clip(full, low, high) - np.clip(half, low, high)).max(axis=1)
         missed = values[:, ::2, ::2].max(axis=(1, 2)) < _SEEN
         return np.asarray((apart > _CLOSE) | missed | alone)
-
-
-def _in_sigma(log_sigma: Floats) -> Floats:
-    return trapezoid(log_sigma) * sigma_prior(log_sigma)

@@ -1,6 +1,6 @@
 """The likeliest psychometric function with guesses and lapses, of many tables at once.
 
-Levels are in steps of the prior (`analysis.thresholds.grid.Ruler`). Parameters are mu, log sigma
+Levels are in steps of the prior (`analysis.thresholds.density.Ruler`). Parameters are mu, log sigma
 and lambda, bounded where the prior's grid ends; tables are arrays (fits, levels), unused places
 have ``presented`` 0.
 """

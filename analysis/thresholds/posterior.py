@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.thresholds.density import quantiles, trapezoid
-from analysis.thresholds.grid import Ruler, Surface, sigma_prior
+from analysis.thresholds.density import Ruler, quantiles, sigma_prior, trapezoid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
+
+    from analysis.thresholds.grid import Surface
 
     Floats = NDArray[np.float64]
 

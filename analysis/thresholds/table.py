@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import VOLTS, between, bounded, with_limits
+from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
     BOUNDED,
     WITH_THRESHOLD,
@@ -17,7 +18,7 @@ from analysis.thresholds.fit import (
     fit_many,
 )
 from analysis.thresholds.goodness import deviance_p
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import FORCED_CHOICE, GuessRate, people_of
 from analysis.thresholds.posterior import posterior, within_levels
 

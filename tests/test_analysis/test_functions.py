@@ -12,7 +12,7 @@ from scipy.special import ndtr, xlogy
 from analysis.axis import VOLTS
 from analysis.groups.functions import Line, group_function, person_function
 from analysis.groups.tables import group_table
-from analysis.thresholds.grid import Ruler, sigma_prior
+from analysis.thresholds.density import Ruler, sigma_prior
 from analysis.thresholds.people import Guessing, GuessRate, PersonCounts, people_of_counts
 
 LEVELS = [60.0, 80.0, 110.0, 150.0, 200.0]

@@ -12,7 +12,8 @@ from scipy.special import ndtr, xlogy
 from scipy.stats import beta
 
 from analysis import GuessRate
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.density import Ruler
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.mle import (
     LOG_SIGMA,
     MOST_LAPSES,
@@ -154,6 +155,17 @@ def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
     assert 1e-5 < np.ptp(found.mu[0]) < 1e-3
     best = fit_lapsing(table, found.best)
     assert best[0] == pytest.approx([4, np.log(2), 0.02], abs=1e-6)
+
+
+@pytest.mark.slow
+def test_a_step_between_levels_of_very_many_stimuli_keeps_its_room() -> None:
+    # Reference: two million quasi-random functions, weighted by prior and likelihood. The grid that
+    # comes first knows lapses to 0.015, these stimuli to 0.0007.
+    x = np.log10([40.0, 49.0, 73.0, 95.0])
+    ruler, u = Ruler.of(x, "log10"), 20 * x
+    counts = np.array([[172.0, 183.0, 19544.0, 19591.0]]), np.full((1, 4), 20000.0)
+    found = surfaces(u[None], *counts, rulers=[ruler], guesses=[GuessRate(mean=0.0085)])
+    assert posterior(found, [ruler]).mu[0] == pytest.approx([34.668, 35.686, 36.574], abs=0.02)
 
 
 def test_an_analysis_of_public_data_lies_near_psignifits() -> None:

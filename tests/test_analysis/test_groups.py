@@ -16,8 +16,8 @@ from analysis.axis import VOLTS, Axis
 from analysis.groups.difference import paired_difference
 from analysis.groups.hierarchy import hierarchy, normal_weights
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS, difference_table, group_table
-from analysis.thresholds.density import kind_prior
-from analysis.thresholds.grid import Ruler, Surface, surfaces
+from analysis.thresholds.density import Ruler, kind_prior
+from analysis.thresholds.grid import Surface, surfaces
 from analysis.thresholds.people import GuessRate, people_of
 from tests.test_analysis.shared import PAPER, felt
 

@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.thresholds import levels as placing
-from analysis.thresholds.grid import Ruler, surfaces
+from analysis.thresholds.density import Ruler
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.levels import (
     FELT,
     Function,
