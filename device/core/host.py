@@ -38,6 +38,7 @@ from device.driver import (
     Identity,
     LinkError,
     Refusal,
+    RefusedError,
     StateError,
     rejection,
 )
@@ -175,6 +176,16 @@ class HostDriver:
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         """Allow `fire(token)` to play a slot for the next `time_to_live_s` seconds."""
+        try:
+            self._arm(token, slot, time_to_live_s)
+        except RefusedError as refused:
+            if refused.code is Refusal.SAFE_STATE and self.health().over_current:
+                raise type(refused)(
+                    refused.code, "the amplifier reported over-current"
+                ) from refused
+            raise
+
+    def _arm(self, token: int, slot: int, time_to_live_s: float) -> None:
         self._require(Step.ARM)
         message = Arm(
             token=check_token(token),

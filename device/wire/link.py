@@ -54,6 +54,7 @@ _TRIES: Final = (10, 20, 40, 40, 40, 40)
 """How often a line that seems slow is tried, and how long in times that an answer may take."""
 
 _PLAIN_S: Final = 1.0
+_PLAIN_TRIES: Final = 4
 _FAREWELL_S: Final = 0.25
 
 
@@ -185,7 +186,9 @@ class FrameLink(Dialogue):
 
     def _why_silent(self) -> str:
         line = self._line
-        answer = plain_answer(self._open, self._clock, min(_PLAIN_S, 2 * line.opens_within_s))
+        each_s, answer = min(_PLAIN_S, 2 * line.opens_within_s) / _PLAIN_TRIES, ""
+        for _ in range(_PLAIN_TRIES):
+            answer = answer or plain_answer(self._open, self._clock, each_s)
         return why_silent(answer, opens_within_s=line.opens_within_s, baud=line.baud)
 
     def _require_speed(self, boot_id: int) -> None:
