@@ -9,6 +9,7 @@ import contextlib
 import io
 import math
 import os
+import socket
 from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Final
@@ -53,9 +54,10 @@ class VisaChannel:
         self._clock = clock
         self._timed_out = pyvisa.constants.StatusCode.error_timeout
         self._failed = pyvisa.errors.VisaIOError
-        name = port.removeprefix(SCHEME)
+        name = port[len(SCHEME) :]
         # pyvisa-py prints what some instruments prefer; a command's output is not its place
         with contextlib.redirect_stdout(io.StringIO()), _as_link_error(f"cannot open {port}"):
+            _require_host(name)
             manager = pyvisa.ResourceManager(os.environ.get(_LIBRARY, _PURE_PYTHON))
             line = manager.open_resource(name, open_timeout=_OPEN_WITHIN_MS)
             if not isinstance(line, pyvisa.resources.MessageBasedResource):
@@ -105,6 +107,13 @@ class VisaChannel:
                 return b""
 
 
+def _require_host(name: str) -> None:
+    """Refuse a host that has no address: pyvisa-py fails later, and does not say of what."""
+    bus, _, rest = name.partition("::")
+    if bus.upper().startswith("TCPIP"):
+        socket.getaddrinfo(rest.split("::")[0].split(",")[0], None)
+
+
 @contextlib.contextmanager
 def _as_link_error(what: str) -> Iterator[None]:
     """Say in one line what failed: beneath pyvisa anything may be raised."""
@@ -123,7 +132,7 @@ def open_instrument(port: str, clock: Clock, line: LineSettings = USUAL) -> Chan
     device.driver.LinkError: cannot open TCPIP::192.168.1.5::INSTR: a VISA resource is written
     visa:TCPIP::192.168.1.5::INSTR
     """
-    if port.startswith(SCHEME):
+    if _names_a_resource(port):
         return VisaChannel(port, clock)
     if "::" in port and "://" not in port:
         raise LinkError(f"cannot open {port}: a VISA resource is written {SCHEME}{port}")
@@ -132,10 +141,14 @@ def open_instrument(port: str, clock: Clock, line: LineSettings = USUAL) -> Chan
 
 def instrument_lack(port: str) -> Lack | None:
     """Tell what this machine lacks to open an instrument's port; it is not opened."""
-    if not port.startswith(SCHEME):
+    if not _names_a_resource(port):
         return port_lack(port)
     needs = {"pyvisa": "pyvisa", "pyvisa_py": "pyvisa-py"}
-    if port.removeprefix(SCHEME).upper().startswith("USB"):
+    if port[len(SCHEME) :].upper().startswith("USB"):
         needs |= {"usb": "pyusb"}
     missing = [name for module, name in needs.items() if find_spec(module) is None]
     return Lack(what=missing[0], remedy=_REMEDY) if missing else None
+
+
+def _names_a_resource(port: str) -> bool:
+    return port.lower().startswith(SCHEME)

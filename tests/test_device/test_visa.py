@@ -169,7 +169,8 @@ def test_a_stop_from_another_thread_waits_for_no_answer(
     [
         ("visa:nothing", "VI_ERROR_INV_RSRC_NAME"),
         ("visa:TCPIP::127.0.0.1,1::INSTR", "refused"),
-        ("visa:USB0::0x0957::0x2C07::NONE::INSTR", "No device found"),
+        ("visa:TCPIP::a..b::INSTR", "label empty"),
+        ("VISA:usb0::0x0957::0x2C07::NONE::INSTR", "No device found"),
         ("USB0::0x0957::0x2C07::MY1::INSTR", "written visa:USB0::0x0957::0x2C07::MY1::INSTR"),
     ],
 )
@@ -199,4 +200,4 @@ def test_what_is_missing_is_said_with_its_remedy(
 def test_another_library_is_taken_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYVISA_LIBRARY", "@another")
     with pytest.raises(LinkError, match="pyvisa_another"):
-        open_instrument("visa:TCPIP::h::INSTR", MonotonicClock())
+        open_instrument("visa:TCPIP::127.0.0.1::INSTR", MonotonicClock())
