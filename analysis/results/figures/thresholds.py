@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +21,8 @@ from analysis.results.figures.drawing import (
 )
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from analysis.axis import Axis
     from analysis.results.tables import Analysis
 
+    _Span: TypeAlias = tuple[float, float, float]  # its place, then its limits
 
 _BELOW: Final = ("threshold_below_levels", "median_below_levels")
 _ABOVE: Final = ("threshold_above_levels", "median_above_levels")
@@ -126,19 +130,33 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
     first, last = _just_outside(axes, levels_vpp)
     named = len(rows) <= _NAMED + 1
+    # What looks alike is drawn at once: a call for each of a thousand people would take seconds.
+    spans: dict[tuple[bool, str], list[_Span]] = defaultdict(list)
+    points: dict[tuple[str, str, str, float], list[tuple[float, float]]] = defaultdict(list)
     for place, row in enumerate(rows):
         if row.status in _POINTED:
             where = first if row.status in _BELOW else last
-            _draw_limits(axes, row, place)
-            axes.plot(where, place, color=row.colour, marker=_POINTED[row.status], ms=6, zorder=3)
+            look = (_POINTED[row.status], row.colour, row.colour, 6.0)
+            points[look].append((where, place))
         elif not np.isnan(row.at):
-            _draw_value(axes, row, place, size=4.0 if named else 2.0)
+            filled = "white" if row.status == "separated" else row.colour
+            marker = "D" if row.colour == GROUP else "o"
+            points[marker, row.colour, filled, 4.0 if named else 2.0].append((row.at, place))
+            if not np.isnan(row.new[0]):
+                spans[False, row.colour].append((place, *row.new))
         elif named:
             told = axes.annotate(
                 row.words, (0.02, place), xycoords=("axes fraction", "data"), va="center",
                 fontsize=7, color=_WORDS_COLOUR,
             )  # fmt: skip
             told.set_in_layout(False)
+        if not np.isnan(row.low):
+            spans[True, row.colour].append((place, row.low, row.high))
+    for (strong, colour), each in sorted(spans.items()):  # faint ones are below
+        _draw_limits(axes, each, colour, faint=not strong)
+    for (marker, colour, filled, size), at in points.items():
+        axes.plot(*np.transpose(at), color=colour, marker=marker, mfc=filled, ms=size, ls="",
+                  zorder=3)  # fmt: skip
     axes.set_ylim(len(rows) - 0.4, -0.6)
     shown = range(len(rows)) if named else [i for i, r in enumerate(rows) if r.colour == GROUP]
     axes.set_yticks([*shown], [short(rows[i].name) for i in shown], fontsize=7)
@@ -149,28 +167,19 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     _explain(axes, rows)
 
 
-def _draw_value(axes: Axes, row: _Mark, place: int, *, size: float) -> None:
-    if not np.isnan(row.new[0]):
-        _draw_limits(axes, replace(row, low=row.new[0], high=row.new[1]), place, faint=True)
-    _draw_limits(axes, row, place)
-    marker = "D" if row.colour == GROUP else "o"
-    filled = "white" if row.status == "separated" else row.colour
-    axes.plot(row.at, place, color=row.colour, marker=marker, mfc=filled, ms=size, zorder=3)
-
-
-def _draw_limits(axes: Axes, row: _Mark, place: int, *, faint: bool = False) -> None:
+def _draw_limits(axes: Axes, spans: list[_Span], colour: str, *, faint: bool) -> None:
+    """Draw lines from limit to limit; one beyond the axis ends in an arrow there."""
     left, right = axes.get_xlim()
     alpha = 0.4 if faint else 1.0
-    if not np.isnan(row.low):
-        axes.hlines(place, max(row.low, left), min(row.high, right), color=row.colour,
-                    lw=1.0 if faint else 1.4, alpha=alpha)  # fmt: skip
-        for limit, marker, beyond in (
-            (row.low, "<", row.low < left),
-            (row.high, ">", row.high > right),
-        ):
-            at = min(max(limit, left), right)
-            axes.plot(at, place, color=row.colour, marker=marker if beyond else "|", ms=4,
-                      ls="", clip_on=False, alpha=alpha)  # fmt: skip
+    places, lows, highs = np.transpose(spans)
+    axes.hlines(places, np.maximum(lows, left), np.minimum(highs, right), color=colour,
+                lw=1.0 if faint else 1.4, alpha=alpha)  # fmt: skip
+    for limits, arrow, beyond in ((lows, "<", lows < left), (highs, ">", highs > right)):
+        at = np.clip(limits, left, right)
+        for marker, these in ((arrow, beyond), ("|", ~beyond)):
+            if these.any():
+                axes.plot(at[these], places[these], color=colour, marker=marker, ms=4, ls="",
+                          clip_on=False, alpha=alpha)  # fmt: skip
 
 
 def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
