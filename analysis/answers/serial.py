@@ -111,7 +111,7 @@ def rearrange(data: Canonical, seed: int, occurrence: int = 0) -> Rearranged:
     blocks = [(np.frombuffer(a, np.int8), np.frombuffer(b, np.bool_)) for a, b in data]
     pairs = np.zeros((1 + DRAWS, len(EFFECTS), 4), dtype=np.int64)
     for codes, linked in blocks:
-        counts = _pairs(codes[_orders(len(codes), seed)], linked)
+        counts = _pairs(codes.astype(np.int16)[_orders(len(codes), seed)], linked)
         pairs[0] += counts[0]
         pairs[1:] += counts[1:][rng.permutation(DRAWS)]
     answers = np.concatenate([codes % ANSWERS for codes, _ in blocks])
@@ -120,9 +120,10 @@ def rearrange(data: Canonical, seed: int, occurrence: int = 0) -> Rearranged:
 
 @lru_cache(maxsize=32)
 def _orders(size: int, seed: int) -> NDArray[np.int64]:
-    """Return the order of before and `DRAWS` random ones, shape (1 + DRAWS, size)."""
+    """Return the order of before and `DRAWS` random ones, shape (size, 1 + DRAWS)."""
     orders = np.tile(np.arange(size), (1 + DRAWS, 1))
     orders[1:] = seeded_by(size.to_bytes(8, "little"), seed).permuted(orders[1:], axis=1)
+    orders = np.ascontiguousarray(orders.T)  # many columns of few rows are summed faster
     orders.flags.writeable = False
     return orders
 
@@ -133,18 +134,25 @@ def _same_by_chance(answers: NDArray[np.int8]) -> float:
     return (left**2 + right**2) / max(left + right, 1) ** 2
 
 
-def _pairs(codes: NDArray[np.int8], linked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Count, in each row of codes, the pairs of each effect."""
-    pairs = codes[:, :-1].astype(np.int16) * np.int16(_MIRRORED.size) + codes[:, 1:]
-    pairs = pairs[:, linked[1:]]
-    size = 16 if pairs.shape[1] < 2**16 else 32
-    counts = np.stack([words[pairs].sum(axis=1) for words in _packed_counts(size)], axis=1)
-    return counts.view(f"u{size // 8}").astype(np.int64).reshape(len(codes), len(EFFECTS), 4)
+def _pairs(codes: NDArray[np.int16], linked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Count, in each column of codes, the pairs of each effect."""
+    pairs = (codes[:-1] * np.int16(_MIRRORED.size) + codes[1:])[linked[1:]]
+    counts = np.zeros((codes.shape[1], len(EFFECTS) * 4), dtype=np.int64)
+    bits = max(len(pairs).bit_length(), 1)
+    for marks, words in _packed_counts(bits):
+        shifts = bits * np.arange(len(marks), dtype=np.uint64)
+        told = words[pairs].sum(axis=0)[:, None] >> shifts
+        counts[:, marks] = told & np.uint64(2**bits - 1)
+    return counts.reshape(-1, len(EFFECTS), 4)
 
 
 @cache
-def _packed_counts(size: int) -> NDArray[np.uint64]:
-    """Return what each pair of codes counts for in `Rearranged.pairs`, so many bits a number."""
+def _packed_counts(bits: int) -> list[tuple[NDArray[np.intp], NDArray[np.uint64]]]:
+    """Return what each pair of codes counts for in `Rearranged.pairs`.
+
+    Numbers of so many bits share a word, as many as it holds: a block of up to 64 trials has all of
+    its numbers in one. Each word comes with the places of its numbers.
+    """
     each = np.arange(_MIRRORED.size)
     before, now = (one.ravel() for one in np.meshgrid(each, each, indexing="ij"))
     (_, answer_before), (stimulus, answer) = (np.divmod(one, ANSWERS) for one in (before, now))
@@ -157,13 +165,17 @@ def _packed_counts(size: int) -> NDArray[np.uint64]:
         (answer_before < _FELT, answer < _FELT, single & answered),
         (np.ones_like(sided), answer == answer_before, sided),
     )
-    marks = [
+    counted = np.stack([
         both & valid
         for first, second, valid in effects
         for both in (first & second, first & ~second, ~first & second, ~first & ~second)
+    ])  # fmt: skip
+    held = 64 // bits
+    some = np.flatnonzero(counted.any(axis=1))
+    return [
+        (marks, (counted[marks].T << bits * np.arange(len(marks), dtype=np.uint64)).sum(axis=1))
+        for marks in (some[first : first + held] for first in range(0, len(some), held))
     ]
-    packed = np.stack(marks, axis=1).astype(f"u{size // 8}").view(np.uint64)
-    return np.ascontiguousarray(packed.T)
 
 
 def _excess(pairs: NDArray[np.int64], same_by_chance: float) -> NDArray[np.float64]:
