@@ -21,6 +21,8 @@ from experiment.trial.plan import AUDIBILITY_BLOCK
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
 
 DETECTED = Column(
     name="detected",
@@ -163,10 +165,13 @@ def _number(column: Column, text: str, least: float | None) -> float | int:
     if (_WHOLE if whole else _NUMBER).fullmatch(text):
         number = float(text)
         most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else LARGEST
-        bound = _LEAST.get(column.name, -LARGEST) if least is None else max(least, -LARGEST)
-        if bound <= number <= most:
+        if _least(column, least) <= number <= most:
             return int(number) if whole else number
     raise ValueError(f"{column.name} must be {allowed(column, least=least)}, got {text!r}")
+
+
+def _least(column: Column, least: float | None) -> float:
+    return _LEAST.get(column.name, -LARGEST) if least is None else max(least, -LARGEST)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,6 +197,9 @@ class CellReader:
         3
         """
         codes, distinct = pd.factorize(texts.to_numpy(dtype=object))
+        numbers = self._numbers(distinct)
+        if numbers is not None:
+            return pd.Series(numbers[codes], index=texts.index)
         values: list[Any] = []
         for code, text in enumerate(distinct):
             try:
@@ -204,6 +212,22 @@ class CellReader:
                     line=int(texts.index[int(np.argmax(codes == code))]), message=message
                 )
         return pd.Series(_array(self.column, values)[codes], index=texts.index)
+
+    def _numbers(self, texts: NDArray[Any]) -> NDArray[np.float64] | None:
+        """Read numbers at once, as `_value` does; None where one is to be looked at by itself."""
+        column = self.column
+        if column.type != "float" or self.words or self.decimal != ".":
+            return None
+        missing = texts == NOT_AVAILABLE if column.optional else np.zeros(len(texts), np.bool_)
+        told = texts[~missing]
+        if not all(map(_NUMBER.fullmatch, told)):
+            return None
+        read = told.astype(np.float64)
+        if not np.all((_least(column, self.least) <= read) & (read <= LARGEST)):
+            return None
+        numbers = np.full(len(texts), math.nan)
+        numbers[~missing] = read * self.scale[0] / self.scale[1]
+        return numbers
 
     def _value(self, text: str) -> object:
         """Read one cell; a word of theirs stands for a value in our unit already."""

@@ -7,8 +7,6 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
 from experiment.archive.files import HEADS, LinkError
@@ -26,6 +24,8 @@ from experiment.trial.plan import plan_from_json
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
+
+    import pandas as pd
 
     from analysis.reading.sources import InputTable, Sources
     from experiment.integrity.sessions import Difference, Examined
@@ -272,6 +272,7 @@ def _check_folder(plan: Plan, path: Path) -> None:
 def told_rows(rows: pd.DataFrame) -> list[Any]:
     """Return typed rows as tuples with what `check_plan` and `progress` look at.
 
+    >>> import pandas as pd
     >>> told_rows(pd.DataFrame([dict.fromkeys(_OF_ROW, "01")]))[0].session
     '01'
     """
@@ -287,6 +288,7 @@ def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
     presents what was not planned, or has an answer that was not declared or came after the response
     window.
 
+    >>> import pandas as pd
     >>> from types import SimpleNamespace
     >>> plan = SimpleNamespace(participant="01", session="01", trials=(), warm_up=(),
     ...     responses=("left",), response_window_s=2.0)
@@ -325,7 +327,7 @@ def _breaches(row: Any, trial: Trial | None, plan: Plan) -> Iterator[tuple[str, 
 
 
 def _known(value: Any) -> Any:
-    return None if pd.isna(value) else value
+    return None if value is None or value != value else value  # noqa: PLR0124 (NaN)
 
 
 def progress(told: Sequence[Any], plan: Plan, ended: int) -> SessionProgress:

@@ -163,8 +163,8 @@ class _Examiner:
         self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
 
     def unaltered(self) -> Examined | None:
-        raw, kept = self._bytes[self._table_name], self._head()
-        if raw is None or kept is None or not (self._folder / JOURNAL).is_file():
+        kept = self._head()
+        if kept is None or not (self._folder / JOURNAL).is_file():
             return None
         try:
             ends = read_ends(self._folder / JOURNAL)
@@ -172,11 +172,18 @@ class _Examiner:
             return None
         if ends is None or ends.head_sha256 != kept.head_sha256:
             return None
-        if ends.last.facts.get("trials_sha256") != hashlib.sha256(raw).hexdigest():
-            return None
-        plan = self._plan()
-        self._seals(plan, ends.first.facts)
-        if plan is None or self._found:
+        first, last = ends.first.facts, ends.last.facts
+        sealed = {
+            PLAN: first.get("plan_file_sha256"),
+            HEADER: first.get("header_sha256"),
+            self._table_name: last.get("trials_sha256"),
+        }
+        for name, sha256 in sealed.items():
+            raw = self._bytes[name]
+            if raw is None or hashlib.sha256(raw).hexdigest() != sha256:
+                return None
+        plan = self._plan(known=True)
+        if plan is None or self._found or plan.sha256 != first.get("plan_sha256"):
             return None
         return self._of(plan, ended=True, begun=True, head_sha256=kept.head_sha256)
 
@@ -252,14 +259,14 @@ class _Examiner:
             self._note(JOURNAL, error.line, error.message)
             return None
 
-    def _plan(self) -> Plan | None:
+    def _plan(self, *, known: bool = False) -> Plan | None:
         raw = self._bytes[PLAN]
         if raw is None:
             if (self._folder / JOURNAL).is_file() and (self._folder / JOURNAL).stat().st_size:
                 self._note(PLAN, None, "is missing")
             return None
         try:
-            plan = plan_from_json(raw.decode())
+            plan = plan_from_json(raw.decode(), known=known)
         except (PlanError, UnicodeDecodeError) as error:
             self._note(PLAN, None, str(error))
             return None

@@ -201,8 +201,8 @@ def verify(plan: Plan) -> None:
         )
 
 
-def plan_from_json(text: str) -> Plan:
-    """Read the text of a plan.json and verify its seal.
+def plan_from_json(text: str, *, known: bool = False) -> Plan:
+    """Read the text of a plan.json and verify its seal, unless it is `known` to be what was sealed.
 
     Raises
     ------
@@ -223,7 +223,8 @@ def plan_from_json(text: str) -> Plan:
         fields["warm_up"] = tuple(Trial(**trial) for trial in contents["warm_up"])
         fields["gains"] = tuple(gains_from_json(gains) for gains in contents["gains"])
         plan = Plan(**fields)
-        verify(plan)
+        if not known:
+            verify(plan)
     except PlanError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
