@@ -31,15 +31,12 @@
 #define RING 4096U         /* of bytes received: far more than a window of DATA */
 #define PATIENCE_US 20000U /* for a host that does not read */
 
-/* Written by QEMU's loader before the first instruction; zeros where it was told nothing. */
-struct given {
-    uint64_t boot_id;
-    uint32_t sample_rate_mhz;
-};
-static volatile struct given given __attribute__((section(".given")));
-
-/* A reset keeps the memory and loads the same boot id again: this number tells them apart. */
-static volatile uint32_t resets __attribute__((section(".kept")));
+/* Written by QEMU's loader before the first instruction, and again at each reset; zeros where it was
+ * told nothing. A reset leaves the last word alone: it tells one boot id from the next. */
+#define GIVEN_LOW REGISTER(0x20000000U)
+#define GIVEN_HIGH REGISTER(0x20000004U)
+#define GIVEN_RATE_MHZ REGISTER(0x20000008U)
+#define RESETS REGISTER(0x2000000CU)
 
 static struct emulated emulated;
 static volatile uint8_t ring[RING];
@@ -99,8 +96,9 @@ static void start_uarts(void) {
 }
 
 static uint64_t boot_id(void) {
-    resets++;
-    return (given.boot_id ^ (resets * 0x9E3779B97F4A7C15U)) >> 1;
+    const uint64_t given = ((uint64_t)GIVEN_HIGH << 32) | GIVEN_LOW;
+    RESETS++;
+    return (given + RESETS * 0x9E3779B97F4A7C15U) >> 1; /* an odd number: no two are the same */
 }
 
 /* A loop that never sleeps would starve the thread in which QEMU moves the bytes. An interrupt that
@@ -117,13 +115,10 @@ int main(void) {
     struct about about = {.model = "mps2-an385",
                           .serial_number = "1",
                           .firmware = "tactstrip firmware 2.0 qemu",
-                          .sample_rate_mhz = given.sample_rate_mhz,
-                          .entropy = given.boot_id != 0U ? ENTROPY_GIVEN : ENTROPY_NONE,
+                          .boot_id = boot_id(),
+                          .sample_rate_mhz = GIVEN_RATE_MHZ != 0U ? GIVEN_RATE_MHZ : 48000000U,
+                          .entropy = GIVEN_HIGH != 0U ? ENTROPY_GIVEN : ENTROPY_NONE,
                           .emulated = true};
-    if (about.sample_rate_mhz == 0U) {
-        about.sample_rate_mhz = 48000000U;
-    }
-    about.boot_id = boot_id();
     start_clocks();
     start_uarts();
     emulated_init(&emulated, &about, 0);

@@ -13,7 +13,7 @@ from pathlib import Path
 
 IMAGE = Path(__file__).parents[2] / "build" / "tactstrip-qemu.elf"
 BOOT_ID, SAMPLE_RATE = 0x20000000, 0x20000008
-"""Where the image looks for them: `struct given` in main.c."""
+"""Where the image looks for them: main.c."""
 
 
 def main() -> None:
