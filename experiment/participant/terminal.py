@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import string
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Self
@@ -13,51 +12,20 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from experiment.operator.requests import StopRequested
 from experiment.operator.terminal import KEY, read_keys
 from experiment.participant.wrapping import filled
-from experiment.study.sections.presentation import untyped_of
+from experiment.study.sections.presentation import TYPED, untyped_of
 from experiment.terms.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from device.clock import Clock
     from experiment.participant.settings import ResponderSettings
     from experiment.study.sections.presentation import Texts
     from experiment.terms.responder import AwaitedAnswer, Progress
 
 
-def _control(letter: str) -> tuple[str, ...]:
-    return f"\x1b[{letter}", f"\x1bO{letter}"
-
-
-def _numbered(number: int) -> tuple[str, ...]:
-    return (f"\x1b[{number}~",)
-
-
-_ARROWS: Final = {"up": "A", "down": "B", "right": "C", "left": "D"}
-_SIGNS: Final = (
-    "apostrophe' backslash\\ bracketleft[ bracketright] comma, equal= grave` less< minus- period. "
-    "pound# quoteleft` semicolon; slash/ num_add+ num_decimal. num_divide/ num_equal= "
-    "num_multiply* num_subtract-"
-)
-TYPED: Final[Mapping[str, tuple[str, ...]]] = {
-    **{letter: (letter, letter.upper()) for letter in string.ascii_lowercase},
-    **{digit: (digit,) for digit in string.digits},
-    **{f"num_{digit}": (digit,) for digit in string.digits},
-    **{word[:-1]: (word[-1],) for word in _SIGNS.split()},
-    **{key: _control(letter) for key, letter in _ARROWS.items()},
-    "home": (*_control("H"), *_numbered(1)), "end": (*_control("F"), *_numbered(4)),
-    "insert": _numbered(2), "delete": _numbered(3), "pageup": _numbered(5),
-    "pagedown": _numbered(6), "space": (" ",), "tab": ("\t",), "escape": ("\x1b",),
-    "return": ("\r", "\n"), "num_enter": ("\r", "\n", "\x1bOM"), "backspace": ("\x7f", "\b"),
-    **{f"f{i}": (_control(sign)[1], *_numbered(10 + i)) for i, sign in enumerate("PQRS", 1)},
-    **{f"f{i}": _numbered(number) for i, number in
-       enumerate((15, 17, 18, 19, 20, 21, 23, 24), 5)},
-}  # fmt: skip
-"""What a terminal sends for a key of `[keys]`: the signs of xterm, which the others follow."""
 _WORDS: Final = {
     "return": "Enter",
     "escape": "Esc",
-    **{side: f"{side} arrow" for side in _ARROWS},
+    **{side: f"{side} arrow" for side in ("left", "right", "up", "down")},
 }
 _ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
 
@@ -281,12 +249,7 @@ def _typed_keys(settings: ResponderSettings) -> tuple[dict[str, str], dict[str, 
         shown = (_WORDS.get(name, name.removeprefix("num_")) for name in typed)
         labels[meaning] = " or ".join(dict.fromkeys(shown))
         for name in typed:
-            for sign in TYPED[name]:
-                if meanings.setdefault(sign, meaning) != meaning:
-                    raise NoTerminalError(
-                        f"keys.{meaning}: {name} is the same key at a terminal as one of "
-                        f"keys.{meanings[sign]}; use --responder screen, or other keys"
-                    )
+            meanings |= dict.fromkeys(TYPED[name], meaning)
     return meanings, labels
 
 

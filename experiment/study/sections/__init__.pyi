@@ -22,6 +22,7 @@ from .plate import (
     is_papers_plate,
 )
 from .presentation import (
+    TYPED,
     UNTYPED,
     Keys,
     Screen,
@@ -71,6 +72,7 @@ __all__ = [
     "ROUNDING_M",
     "SIDES",
     "THRESHOLD_VPP",
+    "TYPED",
     "UNTYPED",
     "About",
     "Actuator",

@@ -15,6 +15,8 @@ from experiment.terms.checks import is_line
 from experiment.terms.record import ANSWERS
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from experiment.study.sections.design import Design
 
 _NAMED: Final = (
@@ -37,17 +39,38 @@ KEY_NAMES: Final = frozenset(
 """The names that PsychoPy 2026.2's keyboard has for keys on Linux, macOS and Windows, locks left
 out, and buttons of game controllers."""
 
-_MODIFIERS: Final = (
-    "lalt lcommand lctrl loption lshift lwindows menu pause ralt rcommand rctrl roption rshift "
-    "rwindows"
+
+def _control(letter: str) -> tuple[str, ...]:
+    return f"\x1b[{letter}", f"\x1bO{letter}"
+
+
+def _numbered(number: int) -> tuple[str, ...]:
+    return (f"\x1b[{number}~",)
+
+
+_ARROWS: Final = {"up": "A", "down": "B", "right": "C", "left": "D"}
+_SIGNS: Final = (
+    "apostrophe' backslash\\ bracketleft[ bracketright] comma, equal= grave` less< minus- period. "
+    "pound# quoteleft` semicolon; slash/ num_add+ num_decimal. num_divide/ num_equal= "
+    "num_multiply* num_subtract-"
 )
-UNTYPED: Final = frozenset(
-    (
-        *_MODIFIERS.split(),
-        *(f"f{number}" for number in range(13, 20)),
-        *(f"button_{number}" for number in range(32)),
-    )
-)
+TYPED: Final[Mapping[str, tuple[str, ...]]] = {
+    **{letter: (letter, letter.upper()) for letter in string.ascii_lowercase},
+    **{digit: (digit,) for digit in string.digits},
+    **{f"num_{digit}": (digit,) for digit in string.digits},
+    **{word[:-1]: (word[-1],) for word in _SIGNS.split()},
+    **{key: _control(letter) for key, letter in _ARROWS.items()},
+    "home": (*_control("H"), *_numbered(1)), "end": (*_control("F"), *_numbered(4)),
+    "insert": _numbered(2), "delete": _numbered(3), "pageup": _numbered(5),
+    "pagedown": _numbered(6), "space": (" ",), "tab": ("\t",), "escape": ("\x1b",),
+    "return": ("\r", "\n"), "num_enter": ("\r", "\n", "\x1bOM"), "backspace": ("\x7f", "\b"),
+    **{f"f{i}": (_control(sign)[1], *_numbered(10 + i)) for i, sign in enumerate("PQRS", 1)},
+    **{f"f{i}": _numbered(number) for i, number in
+       enumerate((15, 17, 18, 19, 20, 21, 23, 24), 5)},
+}  # fmt: skip
+"""What a terminal sends for a key of `[keys]`: the signs of xterm, which the others follow."""
+
+UNTYPED: Final = KEY_NAMES - set(TYPED)
 """Keys of which a terminal tells a program nothing, or not the same everywhere."""
 
 _WITH_KEYS: Final = (
@@ -223,12 +246,14 @@ class Texts:
 
 
 def untyped_of(keys: Keys, responses: tuple[str, ...]) -> str:
-    """Tell of the first meaning in use that has no key which a terminal can type.
+    """Tell of the first meaning whose keys are not its own at a terminal, or cannot be typed there.
 
     >>> untyped_of(Keys(pause=("lalt",)), ("left", "right"))
     "keys.pause = ['lalt'] cannot be typed at a terminal: add a key that can, such as a letter"
     >>> untyped_of(Keys(pause=("lalt", "p"), both=("menu",)), ("left", "right"))
     ''
+    >>> untyped_of(Keys(left=("4",), right=("num_4",)), ("left", "right"))
+    'keys.right: num_4 is the same key at a terminal as one of keys.left: take another'
     """
     for meaning in (*responses, "pause", "go_on"):
         names = getattr(keys, meaning)
@@ -237,6 +262,15 @@ def untyped_of(keys: Keys, responses: tuple[str, ...]) -> str:
                 f"keys.{meaning} = {list(names)} cannot be typed at a terminal: add a key that "
                 "can, such as a letter"
             )
+    meanings: dict[str, str] = {}
+    for meaning, names in asdict(keys).items():
+        for name in names:
+            for sign in TYPED.get(name, ()):
+                if meanings.setdefault(sign, meaning) != meaning:
+                    return (
+                        f"keys.{meaning}: {name} is the same key at a terminal as one of "
+                        f"keys.{meanings[sign]}: take another"
+                    )
     return ""
 
 
