@@ -19,7 +19,7 @@ from device.clock import MonotonicClock
 from device.core.host import HostDriver
 from device.core.messages import Ping
 from device.limits import Limits
-from device.wire.channels import open_channel
+from device.wire.channels import LineSettings, open_channel
 from device.wire.link import FrameLink
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 REPEATS = 100
 IDLE_S = 5.0
 BAUD = 115_200
+LONG_SAMPLES = 57_601
+"""1.2 s at 48 kHz."""
+RATES = (BAUD, 1_000_000)
 COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
 STUDY = """
 [burst]
@@ -94,6 +97,33 @@ def _times(port: str) -> _Times:
     return _Times(ping_s=median(pings), fire_s=median(fires), upload_s=upload_s, beating=beating)
 
 
+def _long_upload_s(port: str, baud: int, *, window: bool) -> float:
+    """Return how long the upload of a long burst takes, with many pieces under way or with one."""
+    clock, line = MonotonicClock(), LineSettings(baud=baud)
+    link = FrameLink(lambda: open_channel(port, clock, line), clock, line=line)
+    device = HostDriver(link, limits=Limits(ceiling_vpp=200.0), clock=clock)
+    sine = np.sin(2 * np.pi * 600 * np.arange(LONG_SAMPLES) / (LONG_SAMPLES - 1))
+    sine[-1] = 0.0
+    device.open()
+    if not window:
+        link._window = 1  # noqa: SLF001 - as any host without one
+    began = time.perf_counter()
+    device.load(0, sine, sine)
+    took_s = time.perf_counter() - began
+    device.close()
+    return took_s
+
+
+def _long_row(baud: int) -> str:
+    took_s = []
+    for window in (False, True):
+        with emulator("--pty", "--baud", str(baud)) as port:
+            took_s.append(_long_upload_s(port, baud, window=window))
+    octets = 2 * 2 * LONG_SAMPLES
+    least_s = 10 * octets * 57 / 32 / baud
+    return f"| {baud} | {took_s[0]:.1f} s | {took_s[1]:.1f} s | {least_s:.1f} s |"
+
+
 def _trial_s(folder: Path, port: str) -> tuple[float, float]:
     """Return seconds per trial of `run`, and those that foreperiod and answer take of them."""
     study = folder / "study.toml"
@@ -139,6 +169,15 @@ def section() -> str:
             "| line | ping | fire | upload | heartbeat |",
             "|---|---|---|---|---|",
             *rows,
+            "",
+            (
+                "Upload of a burst of 1.2 s at 48 kHz to one slot, 7201 DATA: as many under way as "
+                "the device takes (8), or one by one; and what the wire alone needs for them."
+            ),
+            "",
+            "| baud, modelled | one by one | 8 under way | the wire |",
+            "|---|---|---|---|",
+            *map(_long_row, RATES),
             "",
             (
                 f"A session of `run` over the pty with a simulated participant: {1 / trial_s:.1f} "

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,13 +14,9 @@ from click.testing import CliRunner
 from analysis import ResultFileError, read_trials
 from analysis.answers.intervals import group_interval
 from benchmarks.calibration import BETWEEN_DB, SCENARIOS, SIGMA, Scenario, ours
-from device.core.core import DeviceCore
 from device.core.messages import Ping
-from device.core.output import Emission, OutputStage
-from device.driver import Identity
-from device.limits import Limits
+from device.core.reports import Health
 from device.wire import codec
-from device.wire.endpoint import Endpoint
 from device.wire.frames import Decoder, Frame, encode
 from experiment.archive.folders import SessionFolder
 from experiment.archive.journal import JournalError, RecordSchemaError, read_journal
@@ -29,17 +24,20 @@ from experiment.integrity.sessions import FILES, examine
 from experiment.session.simulate import simulate_study
 from experiment.study.study import StudyError
 from tactstrip import main
+from tests.test_device import golden
 from tests.test_device.differential import STEPS, compare, small_server
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
+    from device.core.output import Emission
     from experiment.study.study import Study
 
 pytestmark = pytest.mark.long
 
 SHARE = float(os.environ.get("TACTSTRIP_LONG", "1"))
-GOLDEN = json.loads((Path(__file__).parent / "golden_frames.json").read_text(encoding="utf-8"))
+GOLDEN = json.loads(golden.FILE.read_text(encoding="utf-8"))
 NASTY = (
     *(b"", b"\0", b"\xff\xfe", b"\r\n", b'"', b"n/a", b"-1", b"1e999", b"nan", b"["),
     "\u202e".encode(),
@@ -171,40 +169,24 @@ def test_a_table_of_any_bytes_is_read_or_refused(simulated: SessionFolder, tmp_p
 
 
 def test_an_endpoint_of_any_bytes_emits_nothing_above_its_ceiling() -> None:
-    facts = GOLDEN["device"]
-    questions = [bytes.fromhex(step["question"]) for step in GOLDEN["exchanges"]]
+    questions = [bytes.fromhex(step["question"]) for step in GOLDEN["steps"] if "question" in step]
     for number in range(rounds(20_000)):
         rng = np.random.default_rng(number)
         emitted: list[Emission] = []
-        output = OutputStage(sample_rate_hz=facts["sample_rate_hz"], bits=facts["bits"])
-        limits = Limits(
-            ceiling_vpp=facts["ceiling_vpp"], least_interval_s=facts["least_interval_s"]
-        )
-        core = DeviceCore(
-            boot_id=facts["boot_id"], limits=limits, output=output, sink=emitted.append
-        )
-        identity = Identity(
-            model="fuzzed",
-            serial_number="1",
-            boot_id=core.boot_id,
-            protocol_version="2.0",
-            sample_rate_hz=facts["sample_rate_hz"],
-            bits=facts["bits"],
-            channels=2,
-            ceiling_vpp=limits.ceiling_vpp,
-            longest_waveform=limits.longest_waveform,
-            emulated=True,
-        )
-        device, now_us = Endpoint(core, identity), 0
+        device, now_us = golden.power_on(golden.Reader(golden.READING), emitted.append), 0
+        core = device.core
         for question in questions:
             now_us += int(rng.integers(1, 50_000))
             device.receive(now_us, damaged(question, rng) if rng.random() < 0.3 else question)
+            if rng.random() < 0.02:
+                closed, over = (bool(rng.random() < share) for share in (0.8, 0.1))
+                core.sense(now_us, Health(switch_closed=closed, over_current=over))
         ping = encode(Frame(kind=2, sequence=1, payload=codec.payload(Ping(), core.boot_id)))
         device.receive(now_us + 1, b"\0")  # ends what the last question may have left open
         assert len(Decoder().feed(device.receive(now_us + 2, ping))) == 1
         for burst in emitted:
             for volts in (burst.left_v, burst.right_v):
-                assert np.abs(volts).max(initial=0.0) <= facts["ceiling_vpp"] / 2, number
+                assert np.abs(volts).max(initial=0.0) <= golden.LIMITS.ceiling_vpp / 2, number
 
 
 @pytest.mark.firmware

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -135,9 +136,10 @@ def _code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:
     return np.dtype("<i2" if bits <= _SHORT_BITS else "<i4")
 
 
-# A line keeps the order, most of the time: an answer says that what was sent before it and is not
-# answered was lost. Only where nothing comes back at all a clock decides, and then for the oldest
-# piece alone, since its answer tells what became of the others.
+# A line keeps the order, most of the time: an answer says that what was last sent before its piece
+# was first sent, and is not answered, was lost. The answer to a piece that was sent twice may be to
+# the first: of what was sent between it tells nothing. Only where nothing comes back at all a clock
+# decides, and then for one piece alone, lest a busy machine is taken for a bad line.
 class Window:
     """The pieces that are unanswered at a time, `size` at most, each by its number.
 
@@ -152,8 +154,9 @@ class Window:
         self._pieces: Iterator[tuple[int, bytes]] = iter(pieces)
         self._size = size
         self._late_s = late_s
-        self._sent: dict[int, bytes] = {}
+        self._sent: dict[int, _Sent] = {}
         self._lost: list[int] = []
+        self._n_sent = 0
         self._moved_s = 0.0
 
     @property
@@ -163,36 +166,47 @@ class Window:
 
     @property
     def late_at_s(self) -> float:
-        """When the oldest piece is due again, if nothing is answered until then."""
+        """When a piece is due again, if nothing is answered until then."""
         return self._moved_s + self._late_s
 
     def due(self, now_s: float) -> list[bytes]:
         """Return what is to be sent now, and take it as sent."""
         if self._sent and not self._lost and now_s >= self.late_at_s:
-            self._lost = [next(iter(self._sent))]
-        again = {number: self._sent.pop(number) for number in self._lost}
+            self._lost = [min(self._sent, key=lambda number: self._sent[number].last)]
+        going = [self._sent[number] for number in self._lost]
         self._lost = []
-        self._sent |= again  # a dict keeps its order: the oldest first
-        for number, piece in self._pieces_left(len(self._sent)):
-            self._sent[number] = again[number] = piece
-        if again:
+        for number, piece in islice(self._pieces, self._size - len(self._sent)):
+            self._sent[number] = sent = _Sent(piece)
+            going.append(sent)
+        for sent in going:
+            sent.go(self._n_sent)
+            self._n_sent += 1
+        if going:
             self._moved_s = now_s
-        return list(again.values())
-
-    def _pieces_left(self, n_sent: int) -> Iterator[tuple[int, bytes]]:
-        for _ in range(self._size - n_sent):
-            piece = next(self._pieces, None)
-            if piece is None:
-                return
-            yield piece
+        return [sent.piece for sent in going]
 
     def answered(self, number: int, now_s: float) -> bool:
         """Note an answer; tell whether it was waited for."""
-        if number not in self._sent:
+        one = self._sent.pop(number, None)
+        if one is None:
             return False
-        before = list(self._sent)
-        before = before[: before.index(number)]
-        del self._sent[number]
-        self._lost = [one for one in dict.fromkeys([*self._lost, *before]) if one in self._sent]
+        self._lost = [
+            other
+            for other, sent in self._sent.items()
+            if sent.last < one.first or other in self._lost
+        ]
         self._moved_s = now_s
         return True
+
+
+@dataclass(slots=True)
+class _Sent:
+    """A piece that is under way, and as which of all it was sent first and last."""
+
+    piece: bytes
+    first: int = -1
+    last: int = -1
+
+    def go(self, order: int) -> None:
+        self.first = order if self.first < 0 else self.first
+        self.last = order

@@ -46,6 +46,8 @@ from device.wire.upload import Begin, Commit, Data, data_of, octets_of
 from tests.test_device.bursts import identity, sine
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from device.core.messages import CodeArray
 
 FILE: Final = Path(__file__).parents[1] / "golden_frames.json"
@@ -97,13 +99,13 @@ class Reader:
         return Measurement(**asdict(self.reading) | {"token": burst.token})
 
 
-def power_on(reader: Reader) -> Endpoint:
+def power_on(reader: Reader, sink: Callable[[Emission], None] = lambda _: None) -> Endpoint:
     """Return the golden device, freshly switched on."""
     core = DeviceCore(
         boot_id=BOOT_ID,
         limits=LIMITS,
         output=OutputStage(),
-        sink=lambda _: None,
+        sink=sink,
         measure=reader,
         about=ABOUT,
     )
