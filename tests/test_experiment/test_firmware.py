@@ -268,12 +268,9 @@ def test_a_killed_host_leaves_the_outputs_at_zero_within_600_ms(
 
 @pytest.mark.parametrize("kind", ["native", "qemu"])
 @pytest.mark.parametrize("gone", [False, True])
-@pytest.mark.parametrize(
-    ("asked", "statuses"),
-    [(Kind.ARM, ("device_error", "indeterminate")), (Kind.FIRE, ("indeterminate",))],
-)
-def test_a_reset_at_arm_is_a_failure_and_one_at_fire_a_trial_of_which_nobody_knows(
-    kind: str, asked: Kind, statuses: tuple[str, ...], tmp_path: Path, start: Start, *, gone: bool
+@pytest.mark.parametrize("asked", [Kind.ARM, Kind.FIRE])
+def test_a_reset_between_arm_and_fire_leaves_a_trial_of_which_nobody_knows(
+    kind: str, asked: Kind, tmp_path: Path, start: Start, *, gone: bool
 ) -> None:
     truth = tmp_path / "truth.jsonl"
     board = start(kind, truth)
@@ -291,6 +288,7 @@ def test_a_reset_at_arm_is_a_failure_and_one_at_fire_a_trial_of_which_nobody_kno
     boots = [event["boot_id"] for event in events_of(truth) if event["event"] == "boot"]
     assert len(boots) == len(set(boots)) == 2
     found = require_true(sessions, truth)
-    assert sum(found[status] for status in statuses) == 1  # an answer to ARM may come through
+    if asked is Kind.FIRE and not gone:  # else the answer may come before the reset
+        assert found["indeterminate"] >= 1
     assert found["ok"] == 11
     assert len(bursts_of(truth)) >= 11
