@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import FloatArray
     from device.limits import Limits
+    from device.sound.recorder import Recorder
 
 MOCK: Final = "mock"
 MOCK_MODEL: Final = MODEL
@@ -59,6 +60,8 @@ class DriverSettings:
         Outputs of left and right, counted from 1, where the driver lets them be chosen.
     line : LineSettings
         Rate and patience of a serial line.
+    recorder : Recorder or None
+        What is to hear the inputs of the sound card that drives, on one clock with its outputs.
     """
 
     limits: Limits
@@ -68,6 +71,7 @@ class DriverSettings:
     volts_full_scale: float | None = None
     channels: tuple[int, int] = FIRST_TWO
     line: LineSettings = USUAL
+    recorder: Recorder | None = None
 
 
 def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevice:
@@ -139,6 +143,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
         clock=clock,
         volts_full_scale=_given(settings.volts_full_scale, "volts_full_scale", name),
         sample_rate_hz=rate_hz,
+        recorder=settings.recorder,
     )
 
 

@@ -49,6 +49,7 @@ LATER = {
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(
         "session/markers.py",
+        "apparatus/monitor.py",
         "session/attendance.py",
         "commands/responders.py",
         "participant/buttons.py",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final, Protocol, Self
+from typing import TYPE_CHECKING, Final, Protocol
 
 from device.checks import require_positive, require_real
 from device.monitor.matching import Template
@@ -25,29 +25,29 @@ class Tap(StrEnum):
     ('V', 'um')
     """
 
-    unit: str
-    unseen: str
+    LINE = "line"
+    AMPLIFIER = "amplifier"
+    CURRENT = "current"
+    MOTION = "motion"
 
-    def __new__(cls, word: str, unit: str, unseen: str) -> Self:
-        """Make a member from its word, its unit and what it never sees."""
-        member = str.__new__(cls, word)
-        member._value_ = word
-        member.unit = unit
-        member.unseen = unseen
-        return member
+    @property
+    def unit(self) -> str:
+        """Unit of what is measured there."""
+        return {Tap.CURRENT: "A", Tap.MOTION: "um"}.get(self, "V")
 
-    LINE = (
-        "line",
-        "V",
-        "the amplifier: with its switch open, or without supply, every burst is still seen",
-    )
-    AMPLIFIER = ("amplifier", "V", "a cracked or loosened disc: the voltage is the same")
-    CURRENT = ("current", "A", "a disc that came off the plate, but for a small change of current")
-    MOTION = (
-        "motion",
-        "um",
-        "how strongly: motion depends on the fingers' force, so that its size is only noted",
-    )
+    @property
+    def unseen(self) -> str:
+        """What is never seen there, to be read after "it never sees"."""
+        return _UNSEEN[self]
+
+
+_UNSEEN: Final = {
+    Tap.LINE: "the amplifier: with its switch open, or without supply, every burst is still seen",
+    Tap.AMPLIFIER: "a cracked or loosened disc: the voltage is the same",
+    Tap.CURRENT: "a disc that came off the plate, but for a small change of current",
+    Tap.MOTION: "whether it was as strong as planned: motion depends on the fingers' force, so "
+    "that its size is only noted",
+}
 
 
 class Fault(StrEnum):
@@ -190,18 +190,15 @@ class Measured:
     unmeasured: str = ""
 
     @property
-    def verified(self) -> str | None:
-        """Return the tap's word, ``false``, or None where it was not measured.
+    def verified(self) -> str:
+        """Return the tap's word, or ``false`` where it was another burst or was not measured.
 
         >>> Measured(token=1, tap=Tap.LINE, source="test").verified
         'line'
         >>> Measured(token=1, tap=Tap.LINE, source="test", faults=(Fault.SILENT,)).verified
         'false'
-        >>> Measured(token=1, tap=Tap.LINE, source="test", unmeasured="noise").verified
         """
-        if self.faults:
-            return "false"
-        return None if self.unmeasured else self.tap.value
+        return "false" if self.faults or self.unmeasured else self.tap.value
 
     @property
     def words(self) -> str:

@@ -1,3 +1,4 @@
+from .monitor import monitor_facts, planned_burst
 from .noise import NoiseError, NoiseFacts, NoiseHealth, NoisePlayer, SilentNoise, noise_player
 from .rig import (
     QUESTION,
@@ -46,8 +47,10 @@ __all__ = [
     "line_settings",
     "load_condition",
     "mock_device",
+    "monitor_facts",
     "noise_player",
     "onset_interval_s",
+    "planned_burst",
     "playing_s",
     "require_confirmed",
     "require_device",

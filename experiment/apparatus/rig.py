@@ -23,6 +23,7 @@ from device.drivers import (
     own_driver,
 )
 from device.wire.channels import LineSettings
+from experiment.apparatus.monitor import make_monitor, recorder_beside
 from experiment.apparatus.slots import host_limits
 from experiment.study.study import StudyError
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice, Identity
     from device.emulate.mock import MockDevice
+    from device.monitor.measured import Monitor
     from experiment.study.sections.equipment import DeviceSettings, Masking
     from experiment.study.study import Study
 
@@ -46,11 +48,14 @@ class Rig:
         The machine's, or a virtual one for a session in which nothing and nobody is real.
     settings : DeviceSettings
         What it was made by: the study's, with the driver and the port that were chosen.
+    monitor : Monitor or None
+        What measures its bursts, not yet opened; none of a device that moves nothing.
     """
 
     device: BurstDevice
     clock: Clock
     settings: DeviceSettings
+    monitor: Monitor | None
 
     @property
     def driver_from(self) -> str | None:
@@ -100,6 +105,7 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
         _require_another_card(settings, study.masking)
     real = settings.driver != MOCK or not simulated
     clock = MonotonicClock() if real else VirtualClock()
+    recorder = None if settings.driver == MOCK else recorder_beside(study.monitor, settings, clock)
     made_from = DriverSettings(
         limits=host_limits(settings),
         port=settings.port,
@@ -108,12 +114,16 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
         volts_full_scale=settings.volts_full_scale,
         channels=settings.channels,
         line=line_settings(settings),
+        recorder=recorder,
     )
     try:
         device = make_device(settings.driver, made_from, clock)
     except ValueError as error:
         raise StudyError(f"device: {error}") from error
-    return Rig(device=device, clock=clock, settings=settings)
+    monitor = None
+    if settings.driver != MOCK:
+        monitor = make_monitor(study.monitor, device, clock, recorder)
+    return Rig(device=device, clock=clock, settings=settings, monitor=monitor)
 
 
 def line_settings(settings: DeviceSettings) -> LineSettings:

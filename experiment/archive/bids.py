@@ -46,7 +46,14 @@ if TYPE_CHECKING:
     from experiment.trial.plan import Plan
 
 
-_SOURCES = ("plan.json", "header.json", "journal.jsonl", "journal.torn-*", "trials.csv")
+_SOURCES = (
+    "plan.json",
+    "header.json",
+    "journal.jsonl",
+    "journal.torn-*",
+    "trials.csv",
+    "measured.csv",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -288,8 +295,9 @@ the .json beside it describes every column. Onsets are seconds on the session's 
 with the session and runs on through interruptions; where onset_clock rises the computer was started
 anew, and onsets before and after cannot be compared.
 
-Results count the trials with status ok, anticipated false and noise_ok not false; practice and
-control trials are apart. A trial that had to be presented again has a higher attempt.
+Results count the trials with status ok, anticipated false, and neither noise_ok nor burst_verified
+false; practice and control trials are apart. A trial that had to be presented again has a higher
+attempt.
 
 sub-*/sub-*_sessions.tsv says which sessions are complete and which are simulations.
 """

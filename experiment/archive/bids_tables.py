@@ -76,7 +76,7 @@ MEANINGS: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
             "amplifier": "at the amplifier's output",
             "current": "in the actuator's current",
             "motion": "in the plate's motion",
-            "false": "a monitor measured another burst than was commanded",
+            "false": "a monitor measured another burst than was planned, or could not measure it",
         },
     }
 )

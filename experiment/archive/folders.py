@@ -37,7 +37,7 @@ from experiment.archive.participants import (
     refuse_withdrawn,
 )
 from experiment.study.read import study_from_canonical
-from experiment.terms.record import trials_csv
+from experiment.terms.record import MeasuredRow, TrialRow, table_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 _LOCK: Final = ".lock"
 _NUMBER: Final = re.compile(rb'^ "participant_number": (\d+)', re.MULTILINE)
-_FILES: Final = ("plan.json", "header.json", "journal.jsonl", "trials.csv", _LOCK)
+_FILES: Final = ("plan.json", "header.json", "journal.jsonl", "trials.csv", "measured.csv", _LOCK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +104,11 @@ class SessionFolder:
     def trials_path(self) -> Path:
         """The table of presented trials."""
         return self.path / "trials.csv"
+
+    @property
+    def measured_path(self) -> Path:
+        """The table of what a monitor measured, where there was one."""
+        return self.path / "measured.csv"
 
     @property
     def header_path(self) -> Path:
@@ -330,26 +335,26 @@ class SessionFolder:
 
         Raises as `read_history`.
         """
-        return hashlib.sha256(self._table(plan).encode()).hexdigest()
-
-    def _table(self, plan: Plan) -> str:
-        return trials_csv(self.read_history(plan).rows)
+        table = table_csv(TrialRow, self.read_history(plan).rows)
+        return hashlib.sha256(table.encode()).hexdigest()
 
     def write_trials(self) -> Path:
-        """Build trials.csv anew from plan and journal, and return its path.
+        """Build trials.csv anew from plan and journal, and return its path; so measured.csv.
 
         Raises
         ------
         JournalWriteError
             If it cannot be written; the journal holds all of it.
         """
-        table = self._table(self.read_plan())
-        try:
-            write_atomically(self.trials_path, table, disk=self.disk)
-        except OSError as error:
-            raise JournalWriteError(
-                f"{self.trials_path}: cannot be written ({error.strerror})"
-            ) from error
+        history = self.read_history(self.read_plan())
+        tables = {self.trials_path: table_csv(TrialRow, history.rows)}
+        if history.measured:
+            tables[self.measured_path] = table_csv(MeasuredRow, history.measured)
+        for path, text in tables.items():
+            try:
+                write_atomically(path, text, disk=self.disk)
+            except OSError as error:
+                raise JournalWriteError(f"{path}: cannot be written ({error.strerror})") from error
         return self.trials_path
 
 

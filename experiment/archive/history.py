@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import MachineTime
 from experiment.archive.journal import Entry, JournalError
-from experiment.terms.record import CONSTANT, NOT_AVAILABLE, SCHEMA, TrialRow, is_correct
+from experiment.terms.record import (
+    CONSTANT,
+    NOT_AVAILABLE,
+    SCHEMA,
+    MeasuredRow,
+    TrialRow,
+    is_correct,
+)
 from experiment.trial.events import Task
 
 if TYPE_CHECKING:
@@ -38,6 +45,8 @@ class OpenTrial:
         Whether a key came too early.
     noise_ok : bool or None
         Whether the masking noise played, where that was still written with the answer.
+    verified : str or None
+        What a monitor said of the burst, where that was still written with the answer.
     """
 
     task: Task
@@ -47,6 +56,7 @@ class OpenTrial:
     response: str | None
     anticipated: bool
     noise_ok: bool | None
+    verified: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +67,8 @@ class History:
     ----------
     rows : tuple of TrialRow
         One row per presented trial, in the order of presentation.
+    measured : tuple of MeasuredRow
+        One row per burst that a monitor measured.
     pending : tuple of Task
         The planned trials without an answer, in the order in which they are due.
     open_trial : OpenTrial or None
@@ -81,6 +93,7 @@ class History:
     """
 
     rows: tuple[TrialRow, ...]
+    measured: tuple[MeasuredRow, ...]
     pending: tuple[Task, ...]
     open_trial: OpenTrial | None
     opening: Mapping[str, Any]
@@ -116,6 +129,7 @@ class _Presentation:
     device_kind: str | None = None
     onset_clock: int = 1
     stimulus: Mapping[str, Any] = field(default_factory=dict)
+    measured: Mapping[str, Any] = field(default_factory=dict)
     answer: Mapping[str, Any] = field(default_factory=dict)
     end: Mapping[str, Any] = field(default_factory=dict)
 
@@ -142,6 +156,7 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
     if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
         raise JournalError(f"trial {unended[0].trial.number} was never ended, yet others followed")
     return History(
+        measured=tuple(_measured_row(plan, p) for p in ended if p.measured),
         rows=tuple(_row(plan, p, simulated=opening["simulated"]) for p in ended),
         pending=_pending(plan, ended),
         open_trial=_open_trial(unended[0]) if unended else None,
@@ -191,6 +206,7 @@ def _opening(plan: Plan, entries: tuple[Entry, ...]) -> Mapping[str, Any]:
 _OPENINGS = ("session_open", "session_resume")
 _PART = {
     "stimulus_confirmed": "stimulus",
+    "stimulus_measured": "measured",
     "response": "answer",
     "trial_end": "end",
 }
@@ -278,6 +294,7 @@ def _open_trial(presentation: _Presentation) -> OpenTrial:
         response=presentation.answer.get("response"),
         anticipated=presentation.answer.get("anticipated", False),
         noise_ok=presentation.answer.get("noise_ok"),
+        verified=presentation.measured.get("burst_verified"),
     )
 
 
@@ -314,10 +331,35 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
         device_kind=presentation.device_kind,
         level_rule=CONSTANT,
         level_planned_vpp=trial.level_vpp,
-        burst_verified=None,
+        burst_verified=presentation.measured.get("burst_verified"),
         onset_clock=presentation.onset_clock,
         study_sha256=plan.study_sha256,
     )
+
+
+def _measured_row(plan: Plan, presentation: _Presentation) -> MeasuredRow:
+    trial, facts = presentation.trial, presentation.measured
+    return MeasuredRow(
+        schema=SCHEMA,
+        participant=plan.participant,
+        session=plan.session,
+        condition=trial.condition,
+        block=trial.block,
+        trial=trial.number,
+        attempt=presentation.attempt,
+        side=trial.side,
+        level_vpp=trial.level_vpp,
+        faults="/".join(facts["faults"]) or None,
+        noted="/".join(facts["noted"]) or None,
+        **{name: facts[name] for name in _AS_MEASURED},
+    )
+
+
+_AS_MEASURED: Final = (
+    *("tap", "source", "unit", "burst_verified", "unmeasured", "planned_left", "planned_right"),
+    *("peak_left", "peak_right", "onset_s", "onset_uncertainty_s", "late_s"),
+    *("correlation_left", "correlation_right", "noise_left", "noise_right"),
+)
 
 
 def _displacements(

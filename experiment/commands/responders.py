@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from device.clock import Clock
-    from experiment.operator.requests import Monitor, Requests, StopSignal
+    from experiment.operator.requests import Display, Requests, StopSignal
     from experiment.participant.settings import ResponderSettings
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
@@ -118,7 +118,7 @@ def _made(name: str, settings: ResponderSettings, clock: Clock) -> Any:
 
 
 @contextlib.contextmanager
-def monitor_beside(name: str, requests: Requests, stop: StopSignal) -> Iterator[Monitor]:
+def display_beside(name: str, requests: Requests, stop: StopSignal) -> Iterator[Display]:
     """Show the operator how it goes, unless the terminal is the participant's."""
     if name == "terminal":
         from experiment.session.setting import NobodyLooks

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from experiment.commands.options import confirmed, device_failures, hardware_options, working
-from experiment.commands.responders import distribution_of, monitor_beside, responder_named
+from experiment.commands.responders import display_beside, distribution_of, responder_named
 from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def run(
             responder_named(
                 responder, study, plan, rig.clock, requests=requests, stop=stop
             ) as someone,
-            monitor_beside(responder, requests, stop) as monitor,
+            display_beside(responder, requests, stop) as display,
         ):
             setting = Setting(
                 device=rig.device,
@@ -187,9 +187,10 @@ def run(
                 practice=practice,
                 tell=click.echo,
                 requests=requests,
-                monitor=monitor,
+                display=display,
                 sitting=sitting,
                 markers=markers,
+                monitor=rig.monitor,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)

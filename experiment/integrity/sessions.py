@@ -1,7 +1,8 @@
 """A session's record as a whole: plan, header, journal, trials.csv and the head that was kept.
 
 What is covered: the plan by its seal, plan and header as files by the journal's first line, each
-journal line by the next one, the last by the head in sessions.tsv, trials.csv by the journal.
+journal line by the next one, the last by the head in sessions.tsv, trials.csv and measured.csv by
+the journal.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from experiment.archive.journal import (
 )
 from experiment.integrity.heads import HeadError, in_place, kept_head, person_of
 from experiment.integrity.table import table_differences
+from experiment.terms.record import MeasuredRow, TrialRow
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 
 
 PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
+MEASURED: Final = "measured.csv"
+"""Beside them where a monitor measured the bursts."""
 FILES: Final = (PLAN, HEADER, JOURNAL, TABLE)
 """The files of a session that are its record."""
 
@@ -136,7 +140,7 @@ def refuse_links(folder: Path, table: str = TABLE) -> None:
     person = person_of(folder)
     if "sub-" in {person.name[:4], person.resolve().name[:4]}:
         refuse_link(person)
-    for path in (folder, *(folder / name for name in (*FILES, table))):
+    for path in (folder, *(folder / name for name in (*FILES, MEASURED, table))):
         refuse_link(path)
 
 
@@ -149,7 +153,7 @@ class _Examiner:
         self._found: list[Difference] = []
         self._bytes = {
             name: (folder / name).read_bytes() if (folder / name).is_file() else None
-            for name in (PLAN, HEADER, table)
+            for name in (PLAN, HEADER, MEASURED, table)
         }
 
     def _note(
@@ -352,14 +356,29 @@ class _Examiner:
         kept: SessionHead | None,
     ) -> None:
         told = [entry.event for entry in journal.entries[:registered]]
-        least = told.count("trial_end")
-        raw, name = self._bytes[self._table_name], self._table_name
-        if raw is None:
-            if registered and kept:
-                self._note(name, None, _missing(kept), "export")
-            return
-        for line, message in table_differences(raw, history.rows, least=least):
-            self._note(name, line, message, "export" if name == TABLE else None)
+        name, kept = self._table_name, kept if registered else None
+        raw, least = self._bytes[name], told.count("trial_end")
+        found = [] if raw is None else table_differences(raw, TrialRow, history.rows, least=least)
+        self._differ(name, found, missing=kept if raw is None else None, built=name == TABLE)
+        raw, least = self._bytes[MEASURED], told.count("stimulus_measured")
+        rows = history.measured
+        found = [] if raw is None else table_differences(raw, MeasuredRow, rows, least=least)
+        self._differ(
+            MEASURED, found, missing=kept if raw is None and least else None, built=bool(rows)
+        )
+
+    def _differ(
+        self,
+        name: str,
+        found: list[tuple[int, str]],
+        *,
+        missing: SessionHead | None,
+        built: bool,
+    ) -> None:
+        if missing:
+            self._note(name, None, _missing(missing), "export")
+        for line, message in found:
+            self._note(name, line, message, "export" if built else None)
 
 
 _WITHOUT = f"without {PLAN} and {JOURNAL} as they were recorded"

@@ -1,10 +1,10 @@
-from .requests import Monitor, Requests, Status, StopRequested, StopSignal, Tally
+from .requests import Display, Requests, Status, StopRequested, StopSignal, Tally
 from .terminal import KEY, read_keys
 from .view import OperatorView
 
 __all__ = [
     "KEY",
-    "Monitor",
+    "Display",
     "OperatorView",
     "Requests",
     "Status",

@@ -174,7 +174,7 @@ class Status:
     tallies: Mapping[str, Tally]
 
 
-class Monitor(Protocol):
+class Display(Protocol):
     """Who is shown how a session stands; a call returns at once and touches no disk."""
 
     def show(self, status: Status) -> None:

@@ -29,7 +29,7 @@ _RUNNING: Final = (Phase.READY, Phase.FOREPERIOD, *_TIMED)
 
 
 class OperatorView:
-    """Shows an operator how a session stands and takes their keys; a context manager and `Monitor`.
+    """Shows an operator how a session stands and takes their keys; a context manager and `Display`.
 
     To be entered in the main thread, within `StopSignal.on_signals`. On a terminal a thread draws
     the view and reads p pause, r resume, n note, s stop. In a pipe, or in the background of a

@@ -57,9 +57,9 @@ def settle_open_trial(
 ) -> None:
     """Write the end of the trial in which the session was interrupted.
 
-    An answer that was still written stands, unless it was anticipated and the study repeats such
-    trials. A stimulus that went out is voided, one that did not is aborted; where the device cannot
-    tell, or was started anew, the trial is indeterminate.
+    An answer that was still written stands, unless it was anticipated, or its burst not verified,
+    and the study repeats such trials. A stimulus that went out is voided, one that did not is
+    aborted; where the device cannot tell, or was started anew, the trial is indeterminate.
     """
     name = trial_name(open_trial.task)
     outcome = open_trial.outcome
@@ -71,7 +71,8 @@ def settle_open_trial(
         journal.append("stimulus_confirmed", name | delivery_facts(delivery, None))
         outcome = delivery.outcome
     again = open_trial.anticipated and study.design.anticipated == "requeue"
-    if outcome == Outcome.FIRED:
+    refused = open_trial.verified == "false" and study.monitor.disagreement == "repeat"
+    if outcome == Outcome.FIRED and not (refused and open_trial.response is not None):
         status = "ok" if open_trial.response is not None and not again else "voided"
     else:
         status = "aborted" if outcome == Outcome.NOT_FIRED else "indeterminate"
@@ -241,8 +242,14 @@ def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
         require_suitable(study, identity, told_limits(device))
         for promise in device.cannot:
             setting.tell(f"Note: this device cannot {promise}.")
+        if setting.monitor is not None:
+            setting.monitor.open()
+            tap = setting.monitor.tap
+            setting.tell(f"Note: the monitor, at the tap {tap}, never sees {tap.unseen}.")
         yield identity
     finally:
+        if setting.monitor is not None:
+            setting.monitor.close()
         device.close()
 
 

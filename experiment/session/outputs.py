@@ -1,4 +1,4 @@
-"""The stimuli of a session on their way out, and whether the masking noise plays meanwhile."""
+"""The stimuli of a session on their way out, measured, and the masking noise meanwhile."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from device.driver import DeviceError, Outcome, RefusedError
+from experiment.apparatus.monitor import planned_burst
 from experiment.apparatus.noise import NoiseError
 from experiment.apparatus.slots import (
     LONGEST_ARMED_S,
@@ -15,15 +16,18 @@ from experiment.apparatus.slots import (
     playing_s,
 )
 from experiment.session.setting import fault_facts, trial_name
+from experiment.terms.gains import significant
 from experiment.trial.events import Event
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from device.driver import Delivery
+    from device.monitor.measured import Measured, Monitor, Planned
     from experiment.apparatus.noise import NoiseHealth, NoisePlayer
     from experiment.archive.journal import Journal
     from experiment.session.setting import Setting
+    from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
     from experiment.trial.events import Task
     from experiment.trial.plan import Trial
@@ -47,8 +51,15 @@ class StimulusOut:
     """
 
     def __init__(
-        self, setting: Setting, study: Study, journal: Journal, *, last_token: int
+        self,
+        setting: Setting,
+        study: Study,
+        journal: Journal,
+        *,
+        last_token: int,
+        watch: BurstWatch,
     ) -> None:
+        self._watch = watch
         self._study = study
         self._device = setting.device
         self._clock = setting.clock
@@ -68,6 +79,7 @@ class StimulusOut:
         DeviceError where the device does not take them.
         """
         self.delivery = None
+        self._watch.forget()
         if trial.condition != self._loaded:
             condition = self._conditions[trial.condition]
             # After a key too early the burst before may still play: nothing is loaded then.
@@ -93,11 +105,13 @@ class StimulusOut:
             self._device.arm(self._token, SLOTS[trial.side], time_to_live_s=ARM_TO_FIRE_S)
         except DeviceError as error:
             return self.fail(error)
+        self._watch.expect(self._conditions[trial.condition], trial.side, level_vpp)
         self._journal.append("stimulus_commanded", {"token": self._token})
         return Event.ARMED
 
     def fire(self) -> Event:
         """Emit the stimulus; nothing is journaled of one that went out."""
+        self._watch.begin(self._token)
         try:
             self.delivery = self._device.fire(self._token)
         except RefusedError as error:
@@ -117,6 +131,102 @@ class StimulusOut:
         self.failure = error
         self._journal.append("fault", fault_facts(error), sync=True)
         return Event.DEVICE_FAILED
+
+
+class BurstWatch:
+    """What a monitor measures of a session's bursts, where there is one.
+
+    `measured` is what it said of the current trial's, if it was asked; `trouble` what the operator
+    has to know, empty while bursts are verified.
+    """
+
+    def __init__(self, monitor: Monitor | None, study: Study) -> None:
+        self._monitor = monitor
+        self._study = study
+        self.planned: Planned | None = None
+        self.measured: Measured | None = None
+        self.trouble = ""
+
+    def forget(self) -> None:
+        """Forget the trial before."""
+        self.planned = self.measured = None
+
+    def expect(self, condition: Condition, side: str, level_vpp: float) -> None:
+        """Note which burst comes next."""
+        if self._monitor is None:
+            return
+        per_volt = self._study.monitor.at_the_tap
+        self.planned = planned_burst(
+            condition, self._study.device, per_volt, side=side, level_vpp=level_vpp
+        )
+
+    def begin(self, token: int) -> None:
+        """Listen: it comes now."""
+        if self._monitor is not None and self.planned is not None:
+            self._monitor.begin(token, self.planned)
+
+    def measure(self, delivery: Delivery | None) -> None:
+        """Measure the burst of a delivery, unless that was done; touches no disk."""
+        if self._monitor is None or delivery is None or self.measured is not None:
+            return
+        if delivery.outcome is Outcome.NOT_FIRED:
+            return
+        measured = self.measured = self._monitor.end(delivery)
+        amiss = measured.verified == "false"
+        trouble = f"monitor ({measured.tap}): {measured.words}; put it right, then go on"
+        self.trouble = trouble if amiss else ""
+
+    def onset_s(self, *, or_told_s: float) -> float:
+        """Return the measured onset on the clock; where there is none, what the device told."""
+        one = self.measured
+        return or_told_s if one is None or one.onset_s is None or one.faults else one.onset_s
+
+    @property
+    def refused(self) -> bool:
+        """Whether the trial is to be presented again for what was measured of its burst."""
+        amiss = self.measured is not None and self.measured.verified == "false"
+        return amiss and self._study.monitor.disagreement == "repeat"
+
+    def open_again(self) -> bool:
+        """Listen anew after a burst that was not verified; tell whether that could be done."""
+        if self._monitor is None:
+            return True
+        try:
+            self._monitor.open()
+        except DeviceError as error:
+            self.trouble = f"monitor: {error}"
+            return False
+        self.trouble = ""
+        return True
+
+
+def measured_facts(measured: Measured, planned: Planned, origin_s: float) -> dict[str, object]:
+    """List what the journal keeps of what a monitor measured; the onset on the session's clock."""
+    onset_s = None if measured.onset_s is None else measured.onset_s - origin_s
+    figures = {
+        "planned_left": planned.left,
+        "planned_right": planned.right,
+        "peak_left": measured.peak_left,
+        "peak_right": measured.peak_right,
+        "onset_uncertainty_s": measured.onset_uncertainty_s,
+        "late_s": measured.late_s,
+        "correlation_left": measured.correlation_left,
+        "correlation_right": measured.correlation_right,
+        "noise_left": measured.noise_left,
+        "noise_right": measured.noise_right,
+    }
+    return {
+        "token": measured.token,
+        "tap": measured.tap.value,
+        "source": measured.source,
+        "unit": measured.tap.unit,
+        "burst_verified": measured.verified,
+        "faults": [fault.value for fault in measured.faults],
+        "noted": [fault.value for fault in measured.noted],
+        "unmeasured": measured.unmeasured or None,
+        "onset_s": None if onset_s is None else round(onset_s, 7),
+        **{name: None if one is None else significant(one) for name, one in figures.items()},
+    }
 
 
 class NoiseWatch:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from device.driver import DeviceError, Outcome
 from experiment.session.attendance import Attendance
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
-from experiment.session.outputs import NoiseWatch, StimulusOut
+from experiment.session.outputs import BurstWatch, NoiseWatch, StimulusOut, measured_facts
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
 from experiment.terms.responder import AwaitedAnswer
@@ -67,13 +67,16 @@ class Session:
         self._journal = journal
         self._table_sha256 = table_sha256
         self._requests = setting.requests
-        self._monitor = setting.monitor
+        self._display = setting.display
         self._stop = setting.stop
         self._tell = setting.tell
         self._markers = setting.markers
         self._marked = self._markers.words is None
         self._due_s = 0.0
-        self._emission = StimulusOut(setting, study, journal, last_token=history.last_token)
+        self._watch = BurstWatch(setting.monitor, study)
+        self._emission = StimulusOut(
+            setting, study, journal, last_token=history.last_token, watch=self._watch
+        )
         self._noise = NoiseWatch(setting.noise, journal)
         self._standing = Standing(plan, study.design, history)
         again = resumed and not self._responder.simulated and _got_used_to_it(history)
@@ -96,6 +99,7 @@ class Session:
             events.EndTrial: self._end_trial,
             events.Feedback: self._feedback,
             events.Rest: self._rest,
+            events.OpenMonitor: self._open_monitor,
             events.StartNoise: self._start_noise,
             events.ZeroOutputs: self._zero_outputs,
             events.CloseSession: self._close,
@@ -146,8 +150,9 @@ class Session:
         delivery, onset_s = self._emission.delivery, self._emission.onset_s
         if delivery is None or delivery.outcome is not Outcome.FIRED:
             return
-        self._mark_start(onset_s)
-        self._markers.send(stimulus_marker(end.task, delivery), onset_s)
+        felt_s = self._watch.onset_s(or_told_s=onset_s)
+        self._mark_start(min(onset_s, felt_s))
+        self._markers.send(stimulus_marker(end.task, delivery), felt_s)
         if end.response is not None and end.rt_s is not None:
             self._markers.send(response_marker(end.task, end.response), onset_s + end.rt_s)
 
@@ -194,7 +199,7 @@ class Session:
             device=device,
             message=self._trouble(),
         )
-        self._monitor.show(status)
+        self._display.show(status)
 
     def _trouble(self) -> str:
         """Say what the operator has to know, the worst first."""
@@ -202,7 +207,8 @@ class Session:
             return str(self.failure)
         called = TOO_EARLY if self._state.called else ""
         unheard = "" if self._markers.words is None or self._markers.heard() else UNHEARD
-        return called or self._noise.trouble or self._participant.ignored or unheard
+        worse = called or self._noise.trouble or self._watch.trouble
+        return worse or self._participant.ignored or unheard
 
     def _greet(self, _: events.Greet) -> Happening:
         return self._participant.greet(self._standing.progress(self._state))
@@ -258,7 +264,13 @@ class Session:
         # pause.
         event = self._participant.ask(effect.task, question)
         lost = self._noise.lost()
-        return Event.NOISE_LOST if lost and event is not Event.STOP_ASKED else event
+        self._watch.measure(delivery)
+        if event is Event.STOP_ASKED:
+            return event
+        if lost:
+            return Event.NOISE_LOST
+        refused = self._watch.refused and event is not Event.PAUSE_ASKED
+        return Event.NOT_VERIFIED if refused else event
 
     def _end_trial(self, effect: events.EndTrial) -> None:
         # What became of the stimulus and of the answer is written only here, with one sync at the
@@ -271,6 +283,11 @@ class Session:
             onset_s = round(self._emission.onset_s - self._origin_s, 6)
             facts = delivery_facts(self._emission.delivery, onset_s)
             self._journal.append("stimulus_confirmed", name | facts)
+            self._watch.measure(self._emission.delivery)
+        measured, planned = self._watch.measured, self._watch.planned
+        if measured is not None and planned is not None:
+            facts = measured_facts(measured, planned, self._origin_s)
+            self._journal.append("stimulus_measured", name | facts)
         if effect.response is not None:
             answer = {"response": effect.response, "rt_s": effect.rt_s}
             self._journal.append("response", name | answer | how)
@@ -283,12 +300,15 @@ class Session:
 
     def _rest(self, effect: events.Rest) -> Happening:
         self._note()
-        called = {"operator_called": TOO_EARLY} if self._state.called else None
+        why = TOO_EARLY if self._state.called else ""
+        if self._state.unverified and not why:
+            why = self._watch.trouble
+        called = {"operator_called": why} if why else None
         self._journal.append("pause" if effect.paused else "break", called, sync=True)
         if called and self._requests.attended:
-            self._requests.pause()  # the participant, who presses too soon, does not end it
+            self._requests.pause()  # the participant, whom it does not concern, does not end it
         elif called:  # nobody could tell whether the operator goes on or the participant
-            self._tell(f"Stopped: {TOO_EARLY}.")
+            self._tell(f"Stopped: {why}.")
             return Event.STOP_ASKED
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
         progress = self._standing.progress(self._state)
@@ -296,6 +316,9 @@ class Session:
         if effect.paused:
             self._requests.go_on()
         return event
+
+    def _open_monitor(self, _: events.OpenMonitor) -> Happening | None:
+        return None if self._watch.open_again() else Event.NOT_VERIFIED
 
     def _start_noise(self, _: events.StartNoise) -> Happening | None:
         return None if self._noise.start_again() else Event.NOISE_LOST

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import boot
 from device.driver import Outcome
+from experiment.apparatus.monitor import monitor_facts
 from experiment.apparatus.rig import device_kind, line_settings
 from experiment.apparatus.slots import host_limits, told_health, told_limits
 from experiment.archive.history import BROKEN
@@ -29,9 +30,10 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.core.reports import DeviceLimits, Health
     from device.driver import BurstDevice, Delivery, DeviceError, Identity
+    from device.monitor.measured import Monitor
     from experiment.apparatus.noise import NoiseFacts, NoisePlayer
     from experiment.apparatus.rig import Confirmation
-    from experiment.operator.requests import Monitor, Status, StopSignal
+    from experiment.operator.requests import Display, Status, StopSignal
     from experiment.preview.check import StudyCheck
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
@@ -164,6 +166,7 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "device_line": asdict(line_settings(study.device)),
         "device_cannot": list(setting.device.cannot),
         "markers": _or_not(setting.markers.words),
+        "monitor": monitor_facts(setting.monitor),
         "hardware_confirmed": _confirmed(setting, identity),
         "limits": asdict(host_limits(study.device)),
         "responses": plan.responses,
@@ -283,7 +286,7 @@ def _tell_nobody(_: str) -> None:
 
 
 class NobodyLooks:
-    """The monitor of a session that no operator looks at."""
+    """The display of a session that no operator looks at."""
 
     def show(self, status: Status) -> None:
         """Show nothing."""
@@ -316,12 +319,14 @@ class Setting:
         Is given, before the first trial, each line about what the device cannot promise.
     requests : Requests
         What the operator asks for while it runs.
-    monitor : Monitor
+    display : Display
         Is shown how it stands.
     sitting : Sitting
         Who answers and who operates, for the record.
     markers : Markers
         Where markers for other recordings go.
+    monitor : Monitor or None
+        What measures every burst; without one nothing is verified.
     """
 
     device: BurstDevice
@@ -334,9 +339,10 @@ class Setting:
     practice: bool = False
     tell: Callable[[str], object] = _tell_nobody
     requests: Requests = field(default_factory=Requests)
-    monitor: Monitor = field(default_factory=NobodyLooks)
+    display: Display = field(default_factory=NobodyLooks)
     sitting: Sitting = field(default_factory=Sitting)
     markers: Markers = field(default_factory=NoMarkers)
+    monitor: Monitor | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

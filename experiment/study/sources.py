@@ -64,8 +64,10 @@ def study_sources(study: Study) -> tuple[Source, ...]:
     ('assumed', 'paper')
     """
     found = [*plate_sources(study)]
+    elsewhere = {"strip", "actuator", "finger_load"}
+    unused = {"monitor"} if study.monitor.source == "none" else set()
     for name, table in study.sections().items():
-        if name not in {"strip", "actuator", "finger_load"}:
+        if name not in elsewhere | unused:
             tables = table if isinstance(table, tuple) else (table,)
             for place, one in enumerate(tables):
                 path = f"{name}[{place}]" if isinstance(table, tuple) else name

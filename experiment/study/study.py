@@ -24,7 +24,12 @@ from experiment.study.sections.actuator import (
 )
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
-from experiment.study.sections.equipment import Contact, DeviceSettings, Masking
+from experiment.study.sections.equipment import (
+    Contact,
+    DeviceSettings,
+    Masking,
+    MonitorSettings,
+)
 from experiment.study.sections.finger import ROUNDING_M, FingerLoad, check_fingers
 from experiment.study.sections.plate import (
     Plate,
@@ -125,6 +130,7 @@ class Study:
     )
     design: FromTable[Design] = Field(default_factory=Design)
     device: FromTable[DeviceSettings] = Field(default_factory=DeviceSettings)
+    monitor: FromTable[MonitorSettings] = Field(default_factory=MonitorSettings)
     masking: FromTable[Masking] = Field(default_factory=Masking)
     contact: FromTable[Contact] = Field(default_factory=Contact)
     screen: FromTable[Screen] = Field(default_factory=Screen)

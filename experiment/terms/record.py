@@ -1,7 +1,7 @@
-"""The columns of trials.csv: the one definition that session, export and analysis share.
+"""The columns of trials.csv and measured.csv: what session, export and analysis share.
 
-One row tells of one presented trial. A value that does not exist, or that this program does not
-know yet, is written ``n/a``.
+One row tells of one presented trial, or of what was measured of its burst. A value that does not
+exist, or that this program does not know yet, is written ``n/a``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import csv
 import io
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -29,7 +29,8 @@ DEVICE_KINDS = ("real", "emulated", "mock")
 CONSTANT = "constant"
 """The rule of levels that the plan has."""
 PLACES = ("line", "amplifier", "current", "motion", "false")
-"""Where a monitor tapped a burst that was as commanded; ``false`` if it was not."""
+"""Where a monitor measured a burst as planned; ``false`` where it did not."""
+TAPS = PLACES[:-1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +95,45 @@ class TrialRow:
     device_kind: str | None = _column("what drove the actuators, if anything did", *DEVICE_KINDS)
     level_rule: str | None = _column("how the level was chosen: constant, or adaptive:NAME")
     level_planned_vpp: float | None = _column("level that the plan has, peak-to-peak volts")
-    burst_verified: str | None = _column("where a monitor measured the burst as commanded", *PLACES)
+    burst_verified: str | None = _column("where a monitor measured the burst as planned", *PLACES)
     onset_clock: int = _column(
         "1, or more after the computer was started anew: onsets of another number are on another "
         "clock"
     )
     study_sha256: str = _column("checksum of the study that was run")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredRow:
+    """What a monitor measured of one trial's burst, one row of measured.csv."""
+
+    schema: int = _column("version of this table's layout")
+    participant: str = _column("participant's identifier")
+    session: str = _column("session's identifier")
+    condition: str = _column("condition's name in the study file")
+    block: int = _column("block, counted from 1; 0 is practice, -1 the audibility check")
+    trial: int = _column("trial of the plan, counted from 1")
+    attempt: int = _column("1, or more where a trial had to be presented again")
+    side: str = _column("where the stimulus was to be", *SIDES)
+    level_vpp: float | None = _column("planned level, peak-to-peak volts at the actuator")
+    tap: str = _column("where it was measured", *TAPS)
+    source: str = _column("by what it was measured")
+    unit: str = _column("of peaks and noise", "V", "A", "um")
+    burst_verified: str = _column("the tap if the burst was as planned, false if not", *PLACES)
+    faults: str | None = _column("in which ways it was another one, with / between them")
+    noted: str | None = _column("the same, where the tap does not tell enough to void a trial")
+    unmeasured: str | None = _column("why it could not be measured")
+    planned_left: float = _column("peak that was to be at the left tap")
+    planned_right: float = _column("peak that was to be at the right tap")
+    peak_left: float | None = _column("peak at the left tap")
+    peak_right: float | None = _column("peak at the right tap")
+    onset_s: float | None = _column("measured onset on the session's clock, seconds")
+    onset_uncertainty_s: float | None = _column("half-width of its 95 % interval, seconds")
+    late_s: float | None = _column("how much later than planned it began, seconds")
+    correlation_left: float | None = _column("with the planned burst, left")
+    correlation_right: float | None = _column("with the planned burst, right")
+    noise_left: float | None = _column("effective value of the noise, left")
+    noise_right: float | None = _column("effective value of the noise, right")
 
 
 def _describe() -> tuple[Column, ...]:
@@ -132,6 +166,9 @@ def is_correct(kind: str, side: str, response: str | None) -> bool | None:
     return response == ("none" if kind == "blank" else side)
 
 
+Row = TypeVar("Row", TrialRow, MeasuredRow)
+
+
 def format_value(value: object) -> str:
     """Write one value as it stands in trials.csv; numbers keep their shortest exact form.
 
@@ -147,11 +184,11 @@ def format_value(value: object) -> str:
     return str(value)
 
 
-def trials_csv(rows: Iterable[TrialRow]) -> str:
-    """Write rows as the text of a trials.csv: commas, LF line ends, the heading first."""
+def table_csv(kind: type[Row], rows: Iterable[Row]) -> str:
+    """Write rows of a kind as the text of their table: commas, LF line ends, the heading first."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = [column.name for column in COLUMNS]
+    names = [one.name for one in fields(kind)]
     writer.writerow(names)
     cells = attrgetter(*names)
     writer.writerows(

@@ -28,6 +28,7 @@ from experiment.trial.events import (
     Key,
     Listen,
     OpenBlock,
+    OpenMonitor,
     Phase,
     Rest,
     SessionState,
@@ -74,6 +75,11 @@ class Transition(NamedTuple):
 # answers the cue, would be given burst after burst that counts for nothing. After as many as the
 # study says, in a row or at one trial, the session is therefore paused and the operator called.
 #
+# A burst that a monitor measured otherwise than planned, or not at all, was perhaps felt, but not
+# as what it is to be counted for: "indeterminate", and the operator is called, for the next one
+# would be no better. It is told with the answer, for measuring takes time, and it outranks a key
+# too early, not a pause, a stop or lost noise: there the trial is void anyway.
+#
 # What has no row cannot happen. If it does, the program is at fault, and nothing is changed.
 TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.READY, Event.SITTING_DUE): Transition(Phase.WELCOME),
@@ -82,6 +88,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.READY, Event.PRACTICE_OVER): Transition(Phase.READY),
     (Phase.READY, Event.BREAK_DUE): Transition(Phase.BREAK),
     (Phase.READY, Event.NOISE_LOST): Transition(Phase.PAUSED),
+    (Phase.READY, Event.NOT_VERIFIED): Transition(Phase.PAUSED),
     (Phase.READY, Event.PAUSE_ASKED): Transition(Phase.PAUSED),
     (Phase.READY, Event.NOTHING_LEFT): Transition(Phase.FINISHED),
     (Phase.READY, Event.STOP_ASKED): Transition(Phase.STOPPED),
@@ -108,6 +115,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.ANSWER, Event.EARLY_KEY_AGAIN): Transition(Phase.PAUSED, "voided"),
     (Phase.ANSWER, Event.EARLY_KEY_KEPT): Transition(Phase.READY, "ok"),
     (Phase.ANSWER, Event.ELAPSED): Transition(Phase.READY, "ok"),
+    (Phase.ANSWER, Event.NOT_VERIFIED): Transition(Phase.PAUSED, "indeterminate"),
     (Phase.ANSWER, Event.NOISE_LOST): Transition(Phase.PAUSED, "voided"),
     (Phase.ANSWER, Event.PAUSE_ASKED): Transition(Phase.PAUSED, "voided"),
     (Phase.ANSWER, Event.STOP_ASKED): Transition(Phase.STOPPED, "voided"),
@@ -159,11 +167,17 @@ def _noise_lost(state: SessionState) -> Change:
     return replace(state, noise_lost=True), ()
 
 
+def _not_verified(state: SessionState) -> Change:
+    return replace(state, unverified=True), ()
+
+
 def _go_on(state: SessionState) -> Change:
-    """Start the noise where it was lost; a participant whom the operator spoke to begins anew."""
+    """Start what was lost anew; so begins a participant whom the operator spoke to."""
     early = 0 if state.called else state.early
-    again = (StartNoise(),) if state.noise_lost else ()
-    return replace(state, noise_lost=False, called=False, early=early), again
+    noise: tuple[Effect, ...] = (StartNoise(),) if state.noise_lost else ()
+    monitor: tuple[Effect, ...] = (OpenMonitor(),) if state.unverified else ()
+    after = replace(state, noise_lost=False, unverified=False, called=False, early=early)
+    return after, (*monitor, *noise)
 
 
 _HEED: Mapping[Event, Callable[[SessionState], Change]] = {
@@ -179,6 +193,7 @@ _HEED: Mapping[Event, Callable[[SessionState], Change]] = {
     Event.NOT_FIRED: _not_delivered,
     Event.FIRED_PERHAPS: _not_delivered,
     Event.FIRED: _delivered,
+    Event.NOT_VERIFIED: _not_verified,
     Event.NOISE_LOST: _noise_lost,
     Event.CONTINUED: _go_on,
 }

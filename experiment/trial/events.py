@@ -94,6 +94,8 @@ class SessionState:
         The part that was introduced last in this sitting.
     noise_lost : bool
         The masking noise has to be started again before the next trial.
+    unverified : bool
+        A burst was not verified, and nobody has gone on yet.
     """
 
     pending: tuple[Task, ...]
@@ -109,6 +111,7 @@ class SessionState:
     greeted: bool = False
     part: SessionPart | None = None
     noise_lost: bool = False
+    unverified: bool = False
 
 
 class Event(StrEnum):
@@ -131,6 +134,7 @@ class Event(StrEnum):
     NOT_FIRED_AGAIN = "not fired again"  # the same for the last time: it does not do its work
     FIRED_PERHAPS = "fired perhaps"  # nobody can tell whether it went out
     DEVICE_FAILED = "device failed"  # it refused, or its link is lost
+    NOT_VERIFIED = "not verified"  # what was measured is another burst, or could not be measured
     NOISE_LOST = "noise lost"  # the masking noise does not play, or did not at the onset
     PAUSE_ASKED = "pause asked"  # Esc was pressed, or the operator asked for a pause
     CONTINUED = "continued"  # welcome, introduction, break or pause is over
@@ -203,7 +207,10 @@ class FireStimulus(TaskEffect):
 
 @dataclass(frozen=True, slots=True)
 class Listen(TaskEffect):
-    """Wait for the answer. Answered by Key, ELAPSED, NOISE_LOST, PAUSE_ASKED or STOP_ASKED."""
+    """Wait for the answer.
+
+    Answered by Key, ELAPSED, NOT_VERIFIED, NOISE_LOST, PAUSE_ASKED or STOP_ASKED.
+    """
 
     window_s: float
 
@@ -231,6 +238,10 @@ class Rest(Effect):
     """Offer a break, or hold a pause. Answered by CONTINUED or STOP_ASKED."""
 
     paused: bool
+
+
+class OpenMonitor(Effect):
+    """Have the monitor listen anew, where it can. Answered by NOT_VERIFIED if that fails."""
 
 
 class StartNoise(Effect):

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 from analysis import ColumnMap, ResultFileError
 from analysis.reading.load import read_inputs
 from analysis.thresholds.mle import Tables
-from experiment.terms.record import TrialRow, is_correct, trials_csv
+from experiment.terms.record import TrialRow, is_correct, table_csv
 from tactstrip import main
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def put(path: Path, text: str) -> Path:
 
 def write(path: Path, *rows: TrialRow) -> Path:
     """Write a trials.csv."""
-    return put(path, trials_csv(rows))
+    return put(path, table_csv(TrialRow, rows))
 
 
 def loaded(folder: Path, text: str, columns: ColumnMap | None = None) -> LoadedTrials:

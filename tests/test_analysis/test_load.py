@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from analysis import ColumnMap, ResultFileError, read_trials
 from analysis.reading.load import read_inputs
 from analysis.reading.text import CHUNK_ROWS
-from experiment.terms.record import COLUMNS, TrialRow, trials_csv
+from experiment.terms.record import COLUMNS, TrialRow, table_csv
 from tests.test_analysis.shared import LEAST, put, refused, row, write
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from analysis.reading.sources import InputTable
 
-HEADER, LINE = trials_csv([row()]).splitlines(keepends=True)
+HEADER, LINE = table_csv(TrialRow, [row()]).splitlines(keepends=True)
 NAMES = [column.name for column in COLUMNS]
 
 
@@ -44,7 +44,7 @@ def session(folder: Path, person: str, number: str = "01", **changes: Any) -> Pa
 
 def write_cell(path: Path, column: str, text: str) -> Path:
     """Write two trials, the second with one cell as given."""
-    cells = trials_csv([row(2)]).splitlines()[1].split(",")
+    cells = table_csv(TrialRow, [row(2)]).splitlines()[1].split(",")
     cells[NAMES.index(column)] = text
     return put(path, HEADER + LINE + ",".join(cells) + "\n")
 
@@ -78,7 +78,9 @@ def test_dtypes_are_the_documented_ones(tmp_path: Path) -> None:
 
 def test_neither_the_order_of_columns_nor_windows_line_ends_matter(tmp_path: Path) -> None:
     straight = read(tmp_path, row(), row(2))
-    table = pd.DataFrame([line.split(",") for line in trials_csv([row(), row(2)]).splitlines()])
+    table = pd.DataFrame(
+        [line.split(",") for line in table_csv(TrialRow, [row(), row(2)]).splitlines()]
+    )
     turned = table.iloc[:, ::-1].to_csv(index=False, header=False, lineterminator="\r\n")
     (tmp_path / "trials.csv").write_bytes(turned.encode())
     pd.testing.assert_frame_equal(read_trials([tmp_path / "trials.csv"]), straight)
@@ -150,7 +152,7 @@ def test_a_cell_that_cannot_be_is_named(tmp_path: Path, column: str, text: str, 
 
 
 def test_a_table_of_another_version_is_refused_by_its_schema(tmp_path: Path) -> None:
-    header, line = trials_csv([row()]).splitlines()
+    header, line = table_csv(TrialRow, [row()]).splitlines()
     old = [",".join(cells.split(",")[:-2]) for cells in (header, line)]
     path = put(tmp_path / "trials.csv", f"{old[0]}\n1{old[1][1:]}\n")
     assert str(refused(path)).startswith(f"{path}:2: schema must be 2; got 1")

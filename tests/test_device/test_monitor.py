@@ -231,7 +231,7 @@ def test_an_answer_that_takes_long_loses_nothing() -> None:
 def test_below_10_db_nothing_is_verified(fault: str, noise_db: float) -> None:
     rig = Rig(noise_db=noise_db)
     measured = rig.measure()
-    assert (measured.verified, measured.onset_s) == (None, None)
+    assert (measured.verified, measured.faults, measured.onset_s) == ("false", (), None)
     assert "dB below the burst" in measured.unmeasured
     rig.card.path = FAULTS[fault][0]
     assert rig.measure().verified != "line"

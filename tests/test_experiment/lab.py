@@ -172,7 +172,7 @@ class Lab:
         self.responder = Scripted(self.clock)
         self.noise = FakeNoise(ok=None)
         self.requests = Requests()
-        self.monitor = Watching()
+        self.display = Watching()
         self.stop = StopSignal()
 
     def setting(self, **script: Mapping[int, object]) -> Setting:
@@ -185,7 +185,7 @@ class Lab:
             clock=self.clock,
             stop=self.stop,
             requests=self.requests,
-            monitor=self.monitor,
+            display=self.display,
             practice=True,  # for scripts in which the participant is a person
         )
 

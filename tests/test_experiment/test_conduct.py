@@ -156,7 +156,7 @@ def test_somebody_who_always_presses_too_early_gets_three_trials_then_the_operat
     assert all(later - earlier <= 3 for earlier, later in pairwise(at_pauses))
     assert len(lab.device.emitted) in {0, at_pauses[-1]}
     assert [entry.facts for entry in lab.entries("pause")] == [{"operator_called": TOO_EARLY}] * 4
-    assert lab.monitor.messages == {TOO_EARLY}
+    assert lab.display.messages == {TOO_EARLY}
 
 
 @pytest.mark.parametrize("script", ALWAYS_EARLY.values(), ids=ALWAYS_EARLY)
@@ -267,7 +267,7 @@ def test_a_device_that_fails_stops_the_session_which_can_be_resumed(
         ending = lab.begin()
     assert (ending.finished, ending.failure) == (False, error)
     assert lab.statuses() == [(1, 1, status)]
-    assert (lab.monitor.seen[-1].device, lab.monitor.seen[-1].message) == ("failed", str(error))
+    assert (lab.display.seen[-1].device, lab.display.seen[-1].message) == ("failed", str(error))
     assert lab.resume().finished
 
 
@@ -276,7 +276,7 @@ def test_a_device_that_fails_before_a_trial_leaves_its_fault_and_no_row(lab: Lab
         patch.setattr(lab.device, "load", failing(LinkError("no answer")))
         assert not lab.begin().finished
     assert [entry.facts["message"] for entry in lab.entries("fault")] == ["no answer"]
-    assert (lab.rows, lab.monitor.seen[-1].device) == ((), "failed")
+    assert (lab.rows, lab.display.seen[-1].device) == ((), "failed")
     assert lab.resume().finished
 
 
@@ -493,8 +493,8 @@ def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
     assert lost.onset_s is not None
     assert noisy.noise.calls.count("start") == 2
     assert [e.facts["ok"] for e in noisy.entries("noise_status")] == [True, False, True]
-    assert noisy.monitor.messages == {"masking noise: silent; put it right, then go on"}
-    assert noisy.monitor.seen[-1].message == ""
+    assert noisy.display.messages == {"masking noise: silent; put it right, then go on"}
+    assert noisy.display.seen[-1].message == ""
 
 
 def test_a_gap_that_is_over_voids_its_trial_and_stays_on_record(noisy: Lab) -> None:
@@ -521,7 +521,7 @@ def test_noise_that_never_plays_again_pauses_until_the_session_is_stopped(noisy:
     assert not noisy.begin(ask={2: noisy.noise.lose_for_good}, pause={4: False}).finished
     assert noisy.responder.calls["pause"] == 4
     assert noisy.responder.calls["cue"] == 2
-    assert "the sound card is gone: plug it in" in noisy.monitor.messages
+    assert "the sound card is gone: plug it in" in noisy.display.messages
     told = [e.facts["words"] for e in noisy.entries("noise_status")]
     assert told == ["plays", "silent", *["the sound card is gone: plug it in"] * 3]
     noisy.noise.can_start = True
@@ -591,7 +591,7 @@ def test_going_on_asked_for_in_a_pause_reaches_the_participants_screen(lab: Lab)
             lab.requests.go_on()
 
     asked = []
-    lab.patch.setattr(lab.monitor, "show", show)
+    lab.patch.setattr(lab.display, "show", show)
     script = {1: lambda: asked.append(lab.requests.take_go_on())}
     assert lab.begin(ask={2: lab.requests.pause}, pause=script).finished
     assert asked == [True]
@@ -616,12 +616,12 @@ def test_notes_are_journaled_between_trials_and_at_the_end(lab: Lab, lab_of: Lab
 
 def test_the_operator_sees_how_the_session_stands(noisy: Lab) -> None:
     noisy.begin(ask={1: ("right", 0.5)})
-    phases = [status.phase for status in noisy.monitor.seen]
+    phases = [status.phase for status in noisy.display.seen]
     assert phases[:5] == ["ready", "welcome", "ready", "introduction", "ready"]
     assert phases[-1] == "finished"
     assert {"foreperiod", "break"} < set(phases)
     assert not {"arming", "firing", "answer"} & set(phases)
-    last = noisy.monitor.seen[-1]
+    last = noisy.display.seen[-1]
     assert (last.done, last.planned, last.block, last.blocks) == (5, 5, 2, 2)
     assert (last.noise, last.device, last.left_s) == ("plays", "ok", 0.0)
     for side in ("left", "right"):
@@ -633,7 +633,7 @@ def test_the_operator_sees_how_the_session_stands(noisy: Lab) -> None:
 
 def test_the_time_left_is_that_of_the_trials_at_their_mean_pace(lab: Lab) -> None:
     lab.begin()
-    left = {s.done: s.left_s for s in lab.monitor.seen if s.phase == "ready"}
+    left = {s.done: s.left_s for s in lab.display.seen if s.phase == "ready"}
     trial_s = 0.5 + 0.015
     assert left[4] == pytest.approx(trial_s, abs=0.02)
     assert left[2] == pytest.approx(3 * trial_s + lab.study.design.minimum_break_s, abs=0.1)
@@ -643,9 +643,9 @@ def test_the_time_left_is_that_of_the_trials_at_their_mean_pace(lab: Lab) -> Non
 def test_a_resumed_session_shows_the_answers_of_before(lab: Lab) -> None:
     lab.crash(4)
     before = sum(row.kind == "single" and row.status == "ok" for row in lab.rows)
-    lab.monitor.seen.clear()
+    lab.display.seen.clear()
     lab.resume()
-    first = lab.monitor.seen[0]
+    first = lab.display.seen[0]
     assert sum(tally.presented for tally in first.tallies.values()) == before > 0
     assert first.done == 3
 

@@ -277,7 +277,7 @@ def test_who_waits_for_a_person_or_the_operator_has_written_what_led_there(lab: 
     def waits_in_a_pause() -> None:
         assert (lab.safe("pause"), len(lab.entries("pause"))) == (1, 1)
 
-    lab.patch.setattr(lab.monitor, "show", lambda status: noted.append(lab.safe("note")))
+    lab.patch.setattr(lab.display, "show", lambda status: noted.append(lab.safe("note")))
     assert lab.begin(begin={1: greeted}, pause={1: waits_in_a_break, 2: waits_in_a_pause}).finished
     assert lab.responder.calls["pause"] == 2
     assert noted[:3] == [0, 0, 1]  # shown before the greeting, at it, and when the note was taken

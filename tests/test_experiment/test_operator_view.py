@@ -138,7 +138,7 @@ folder = SessionFolder(Path(sys.argv[2]), "01", "01")
 device = MockDevice(clock, limits=DEVICE_LIMITS)
 with stop.on_signals(), OperatorView(requests, stop) as view:
     setting = Setting(device=device, responder=Patient(clock), noise=SilentNoise(study.masking),
-                      clock=clock, stop=stop, requests=requests, monitor=view)
+                      clock=clock, stop=stop, requests=requests, display=view)
     ending = begin(folder, plan, setting)
 print("finished" if ending.finished else "stopped early")
 """

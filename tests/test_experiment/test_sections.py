@@ -131,7 +131,12 @@ def test_a_range_ends_where_its_key_says(
 ) -> None:
     def table(value: object) -> dict[str, Any]:
         # these are of two
-        beside: dict[str, list[object]] = {"foreperiod_s": [value], "channels": [100]}
+        beside: dict[str, list[object]] = {
+            "foreperiod_s": [value],
+            "channels": [100],
+            "inputs": [100],
+            "delay_ms": [0.0],
+        }
         several = [value, *beside.get(key, [])]
         return companions(name, key) | {key: several if listed else value}
 

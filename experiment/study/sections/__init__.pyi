@@ -11,7 +11,7 @@ from .actuator import (
 )
 from .dataset import About, Dataset, ParticipantColumn, Participants
 from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, MAX_TRIALS, Design
-from .equipment import Contact, DeviceSettings, Masking
+from .equipment import Contact, DeviceSettings, Masking, MonitorSettings
 from .finger import FINGER_KEYS, ROUNDING_M, FingerLoad, check_fingers
 from .plate import (
     PAPER_CUTOFF_HZ,
@@ -87,6 +87,7 @@ __all__ = [
     "Keys",
     "Masking",
     "MaterialName",
+    "MonitorSettings",
     "ParticipantColumn",
     "Participants",
     "Plate",

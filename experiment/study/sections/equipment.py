@@ -1,11 +1,13 @@
-"""The sections [device], [masking] and [contact]: what drives the plate, hides it, lies on it."""
+"""[device], [monitor], [masking], [contact]: what drives, is measured, hides, lies on the plate."""
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
+from pydantic_core import ArgsKwargs
 
+from experiment.study.sections.plate import Line, dated
 from experiment.study.sections.table import section
 from experiment.terms.checks import NAME, NAME_RULE, is_line
 from stimuli.checks import finite
@@ -74,6 +76,91 @@ class DeviceSettings:
             raise ValueError(f"channels must be two outputs; got {list(self.channels)}")
         if self.port is not None and not is_line(self.port):
             raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
+
+
+MonitorSource = Literal["none", "duplex", "input"]
+TapWord = Literal["line", "amplifier", "current", "motion"]
+
+_Input = Annotated[int, Field(ge=1, le=256)]
+_Scale = Annotated[float, Field(ge=-1e9, le=1e9)]
+_PerVolt = Annotated[float, Field(ge=1e-9, le=1e6)]
+_Delay = Annotated[float, Field(ge=-1000, le=1000)]
+_VOLTAGES: Final = ("line", "amplifier")
+
+
+@section
+class MonitorSettings:
+    """What measures each burst beside the device, and compares it with the planned one.
+
+    Without a source nothing is verified. duplex: inputs of the sound card that drives; input: of
+    another one, beside any driver. docs/monitor.md tells how to wire and calibrate each tap, and
+    what it never sees.
+    """
+
+    source: MonitorSource = "none"
+    tap: TapWord | None = Field(default=None, description="where it is measured")
+    sound_card: str = Field(default="", description="of source = input; empty: the default one")
+    inputs: tuple[_Input, _Input] = Field(
+        default=(1, 2), strict=False, description="of left and right, counted from 1"
+    )
+    sample_rate_hz: float = Field(
+        default=48_000.0, ge=8_000, le=768_000, description="of source = input"
+    )
+    per_unit: tuple[_Scale, _Scale] | None = Field(
+        default=None,
+        strict=False,
+        description="V, A or um at the tap for an input's full scale; below 0: inverted",
+    )
+    per_volt: tuple[_PerVolt, _PerVolt] | None = Field(
+        default=None,
+        strict=False,
+        description="V, A or um at the tap per volt at the actuator; left out of a voltage: 1",
+    )
+    measured_by: Line | None = Field(default=None, description="both, by whom")
+    measured_on: Line | None = Field(default=None, description="... and when, such as 2026-05-04")
+    delay_ms: tuple[_Delay, _Delay] = Field(
+        default=(0.0, 0.0), strict=False, description="from the onset as told to that measured"
+    )
+    peak_tolerance: float = Field(
+        default=0.1, ge=0.01, le=0.5, description="part of the planned peak"
+    )
+    onset_tolerance_ms: float = Field(default=1.0, ge=0.01, le=1000)
+    least_correlation: float = Field(
+        default=0.95, ge=0.5, le=0.9999, description="with the planned burst"
+    )
+    silence: float = Field(
+        default=0.2, ge=0.01, le=0.5, description="part of a burst's peak that counts as none"
+    )
+    disagreement: Literal["repeat", "flag"] = Field(
+        default="repeat", description="repeat: pause, call the operator, present it again"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _date(cls, given: Any) -> Any:
+        return ArgsKwargs((), dated(given.kwargs)) if isinstance(given, ArgsKwargs) else given
+
+    def __post_init__(self) -> None:
+        if self.inputs[0] == self.inputs[1]:
+            raise ValueError(f"inputs must be two; got {list(self.inputs)}")
+        if self.sound_card and not is_line(self.sound_card):
+            raise ValueError(
+                f"sound_card must be a name in one line of text; got {self.sound_card!r}"
+            )
+        if self.per_unit is not None and not all(self.per_unit):
+            raise ValueError(f"per_unit must not be 0; got {list(self.per_unit)}")
+        if self.source == "none":
+            return
+        for key in ("tap", "per_unit", "measured_by", "measured_on"):
+            if getattr(self, key) is None:
+                raise ValueError(f"{key} is missing; source = {self.source} needs it")
+        if self.per_volt is None and self.tap not in _VOLTAGES:
+            raise ValueError(f"per_volt is missing; tap = {self.tap} needs it")
+
+    @property
+    def at_the_tap(self) -> tuple[float, float]:
+        """Volts, amperes or micrometres per volt at the actuator, left and right."""
+        return (1.0, 1.0) if self.per_volt is None else self.per_volt
 
 
 @section

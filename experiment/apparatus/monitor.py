@@ -1,0 +1,121 @@
+"""What measures the bursts of a session, by its study; and what it is to see of each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiment.study.sections.stimulus import drive_samples
+from experiment.study.study import StudyError
+from experiment.terms.record import NOT_AVAILABLE
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from device.driver import BurstDevice
+    from device.monitor.measured import Monitor, Planned
+    from device.sound.recorder import Recorder
+    from experiment.study.sections.equipment import DeviceSettings, MonitorSettings
+    from experiment.study.sections.stimulus import Condition
+
+
+def recorder_beside(
+    monitor: MonitorSettings, device: DeviceSettings, clock: Clock
+) -> Recorder | None:
+    """Return what hears the inputs of the sound card that drives; None where nothing does.
+
+    StudyError where no sound card drives.
+    """
+    if monitor.source != "duplex":
+        return None
+    if device.driver != "audio":
+        raise StudyError(
+            "monitor.source must be input, with the inputs of a sound card beside the driver "
+            f"{device.driver}; got duplex, which needs the driver audio"
+        )
+    from device.sound.recorder import Recorder
+
+    return Recorder(clock, device.sample_rate_hz, channels=monitor.inputs)
+
+
+def make_monitor(
+    settings: MonitorSettings, device: BurstDevice, clock: Clock, recorder: Recorder | None
+) -> Monitor | None:
+    """Return the monitor of a study, nothing opened yet; None where it has none.
+
+    `recorder` is the one that the device records with.
+    """
+    if settings.source == "none" or settings.per_unit is None or settings.tap is None:
+        return None
+    # scipy.signal takes a tenth of a second to import: only who measures needs it
+    from device.monitor.inputs import Calibration, InputMonitor
+    from device.monitor.measured import Tap, Tolerances
+    from device.sound.recorder import Recorder
+    from device.sound.stream import open_inputs
+
+    tap = Tap(settings.tap)
+    calibration = Calibration(
+        per_unit=settings.per_unit,
+        delay_s=(settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3),
+    )
+    tolerances = Tolerances(
+        peak=settings.peak_tolerance,
+        onset_s=settings.onset_tolerance_ms * 1e-3,
+        correlation=settings.least_correlation,
+        silence=settings.silence,
+    )
+    if recorder is not None:
+        return InputMonitor(
+            recorder,
+            clock,
+            tap=tap,
+            calibration=calibration,
+            tolerances=tolerances,
+            source="inputs of the sound card that drives",
+            played=getattr(device, "played", None),
+        )
+    card = settings.sound_card
+    return InputMonitor(
+        Recorder(clock, settings.sample_rate_hz, channels=settings.inputs),
+        clock,
+        tap=tap,
+        calibration=calibration,
+        tolerances=tolerances,
+        source=f"inputs of the sound card {card or 'default'}",
+        connect=lambda heard: open_inputs(heard, card=card),
+    )
+
+
+def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:
+    """List what the header keeps of what measured the bursts, and of what it never sees."""
+    if monitor is None:
+        return NOT_AVAILABLE
+    return {
+        "source": monitor.source,
+        "tap": monitor.tap.value,
+        "unit": monitor.tap.unit,
+        "never_sees": monitor.tap.unseen,
+    }
+
+
+def planned_burst(
+    condition: Condition,
+    device: DeviceSettings,
+    per_volt: tuple[float, float],
+    *,
+    side: str,
+    level_vpp: float,
+) -> Planned:
+    """Return what is to be seen at a tap, which has so much per volt, left and right."""
+    from device.monitor.measured import Planned
+
+    samples = drive_samples(condition, device)
+    peak = float(np.max(np.abs(samples)))
+    left, right = (level_vpp / 2 * peak * one for one in per_volt)
+    return Planned(
+        shape=samples / peak,
+        sample_rate_hz=device.sample_rate_hz,
+        left=left if side in {"left", "both"} else 0.0,
+        right=right if side in {"right", "both"} else 0.0,
+        burst=(left, right),
+    )
