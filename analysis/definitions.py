@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
 DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "presented": "trials of the kind with status ok, not anticipated, noise_ok not false",
+        "presented": "trials of the kind with status ok, not anticipated, neither noise_ok nor "
+        "burst_verified false",
         "detected": "single stimuli answered with their own side and nothing else",
         "p": "detected (noticed, felt) / presented; time-outs and invalid keys stay in presented",
         "low, high": "95 % interval of one participant's p, by the method under ci; in a last row "

@@ -12,23 +12,27 @@ def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
     """Return trials with the columns ``reason`` and ``fault``.
 
     ``reason`` is why a trial is left out of all counts, the first that holds of: its kind
-    (``practice``, ``control``), a status other than ``ok``, ``anticipated``, ``unmasked``; empty
-    text where it counts. ``fault`` is the same whatever the kind: control trials are counted by
-    themselves, and those with a fault not even there.
+    (``practice``, ``control``), a status other than ``ok``, ``anticipated``, ``unmasked``,
+    ``unverified``; empty text where it counts. ``fault`` is the same whatever the kind: control
+    trials are counted by themselves, and those with a fault not even there.
 
     >>> trials = with_reasons(pd.DataFrame({"kind": ["single", "single", "control"],
     ...     "status": ["ok", "ok", "voided"], "anticipated": [True, False, False],
-    ...     "noise_ok": [None, False, True]}))
+    ...     "noise_ok": [None, False, True], "burst_verified": [None, "false", "line"]}))
     >>> trials[["reason", "fault"]].to_numpy().T.tolist()
     [['anticipated', 'unmasked', 'control'], ['anticipated', 'unmasked', 'voided']]
     """
     status, kind = trials["status"].astype(object), trials["kind"].astype(object)
     # Noise of which nobody knows whether it played is no reason: most tables do not tell.
     unmasked = trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False)
-    tests = [status.ne("ok"), trials["anticipated"], unmasked]
+    unverified = trials["burst_verified"].astype(object).eq("false")  # as for noise
+    tests = [status.ne("ok"), trials["anticipated"], unmasked, unverified]
     fault = np.select(
         [np.asarray(test, dtype=bool) for test in tests],
-        [np.asarray(name, dtype=object) for name in (status, "anticipated", "unmasked")],
+        [
+            np.asarray(name, dtype=object)
+            for name in (status, "anticipated", "unmasked", "unverified")
+        ],
         default="",
     )
     reason = kind.where(kind.isin(_NEVER_COUNTED), fault)

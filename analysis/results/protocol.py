@@ -78,6 +78,7 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
 
 
 def _study(study: Study) -> Iterator[tuple[str, str]]:
+    from experiment.apparatus.monitor import monitor_words
     from experiment.preview.check_report import burst_words
     from experiment.study.sources import plate_words
 
@@ -102,6 +103,7 @@ def _study(study: Study) -> Iterator[tuple[str, str]]:
     yield "Onset", f"{least_s:g} to {most_s:g} s after the cue"
     yield "Answers", f"{', '.join(design.responses)}; within {design.response_window_s:g} s"
     yield "Masking noise", noise_words(study)
+    yield "Monitor", monitor_words(study.monitor)
     driver = f"{device.driver} at {device.sample_rate_hz:g} Hz"
     yield "Device in the plan", f"{driver}, ceiling {device.ceiling_vpp:g} V peak-to-peak"
 

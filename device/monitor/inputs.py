@@ -94,12 +94,12 @@ class InputMonitor:
         self._planned: Planned | None = None
 
     def open(self) -> None:
-        """Open the inputs, also anew."""
+        """Open the inputs, also anew; the driver's own are open."""
+        self._over = 0
         if self._connect is None:
             return
         self.close()
         self._recorder.restart()
-        self._over = 0
         self._stream = self._connect(self._recorder)
 
     def close(self) -> None:
@@ -112,7 +112,6 @@ class InputMonitor:
         """Note where the record stands."""
         self._recorder.release()
         self._first = self._recorder.frames
-        self._over = min(self._over, self._first)  # the driver may have opened the stream anew
         self._gaps = self._recorder.gaps
         self._recorder.hold(self._first - self._quiet())
         self._planned = planned

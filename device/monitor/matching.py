@@ -21,7 +21,7 @@ _TOP: Final = 0.9
 """From this part of its peak on a shape's samples are its top: there a clipped burst is flat."""
 _COVERS_95: Final = 2.1
 """Standard deviations; a little over 1.96, as the noise itself is an estimate."""
-_ENOUGH: Final = 20
+_ENOUGH: Final = 60
 """So many shapes long is a quiet part that tells the noise of a figure; else noise is taken as
 white."""
 _MARGIN: Final = 8

@@ -234,7 +234,7 @@ class Monitor(Protocol):
 
 LEAST_SNR_DB: Final = 10.0
 """Ratio of a burst's effective value to the noise's; below it nothing is told."""
-_SURE: Final = 4.0
+_SURE: Final = 3.5
 """Standard deviations: by so much the threshold lies inside of a tolerance, so that noise lets
 nothing pass that is beyond it; and by as much again outside of what a good burst is taken for."""
 _FOUND: Final = 6.0

@@ -36,10 +36,13 @@ CANNOT: Final = (
     "bring its outputs to zero when the sound system hangs",
     "hold a ceiling of its own: a mixer's volume changes what full scale is",
     "cut short what the sound card was given already",
-    "tell the onset better than the sound system states its latency: no loopback measured it",
     "notice every gap: a sound system may lose frames and not tell",
 )
 """What no sound card can promise."""
+UNMEASURED: Final = (
+    "tell the onset better than the sound system states its latency: no loopback measured it"
+)
+"""What none can promise that does not hear itself."""
 
 _POLL_S: Final = 0.001
 _PATIENCE_S: Final = 2.0
@@ -217,7 +220,7 @@ class AudioDevice(HostDriver):
     @property
     def cannot(self) -> tuple[str, ...]:
         """What a sound card cannot promise."""
-        return CANNOT
+        return CANNOT if self.recorder is not None else (*CANNOT, UNMEASURED)
 
     def played(self) -> int | None:
         """Return the frame of the stream at which the last burst began; None if none did."""

@@ -1,4 +1,4 @@
-from .monitor import monitor_facts, planned_burst
+from .monitor import monitor_facts, monitor_words, planned_burst
 from .noise import NoiseError, NoiseFacts, NoiseHealth, NoisePlayer, SilentNoise, noise_player
 from .rig import (
     QUESTION,
@@ -48,6 +48,7 @@ __all__ = [
     "load_condition",
     "mock_device",
     "monitor_facts",
+    "monitor_words",
     "noise_player",
     "onset_interval_s",
     "planned_burst",

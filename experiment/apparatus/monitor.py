@@ -98,6 +98,24 @@ def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:
     }
 
 
+def monitor_words(settings: MonitorSettings) -> str:
+    """Say in a line what measures the bursts, and what it never sees.
+
+    >>> from experiment.study.sections.equipment import MonitorSettings
+    >>> monitor_words(MonitorSettings())
+    'none: no burst is verified'
+    """
+    if settings.source == "none" or settings.tap is None:
+        return "none: no burst is verified"
+    from device.monitor.measured import Tap
+
+    beside = "of the sound card that drives"
+    if settings.source == "input":
+        beside = f"of the sound card {settings.sound_card or 'default'}"
+    tap = Tap(settings.tap)
+    return f"{tap}, by inputs {beside}; it never sees {tap.unseen}"
+
+
 def planned_burst(
     condition: Condition,
     device: DeviceSettings,

@@ -7,6 +7,7 @@ import textwrap
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
+from experiment.apparatus.monitor import monitor_words
 from experiment.preview.displacements import displacement_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import instead_of_trials
@@ -261,6 +262,8 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     study, design = check.study, check.study.design
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
     found.tell("device", _device_words(study), device=asdict(study.device))
+    if study.monitor.source != "none":
+        found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
     found.tell("contact", study.contact.words, contact=asdict(study.contact))
     stated = asdict(design) | {"both_level_vpp": design.both_level_vpp} | instead_of_trials(design)
     del stated["both_level"]  # text or a number; told as a number or null

@@ -30,7 +30,7 @@ MIRROR = {"left": "right", "right": "left"}
 SIDE_OF = {"both": "both", "blank": "none"}
 BOTH = {"kind": "both", "side": "both", "response": "both"}
 BLANK = {"kind": "blank", "side": "none", "level_vpp": math.nan}
-UNASKED = {"status": "ok", "anticipated": False, "noise_ok": None}
+UNASKED = {"status": "ok", "anticipated": False, "noise_ok": None, "burst_verified": None}
 
 
 def table(*rows: dict[str, Any]) -> pd.DataFrame:
@@ -171,6 +171,7 @@ def studies(draw: st.DrawFn) -> pd.DataFrame:
         "response": rng.choice(["left", "right", "both", "none", "timeout", "invalid"], size),
         "status": rng.choice(["ok", "voided"], size, p=[0.9, 0.1]),
         "noise_ok": rng.random(size) > 0.1,
+        "burst_verified": rng.choice(["line", "false"], size, p=[0.9, 0.1]),
     }
     return with_reasons(pd.DataFrame(made).assign(anticipated=False, none_offered=True))
 

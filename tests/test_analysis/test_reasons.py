@@ -27,7 +27,13 @@ P,4,single,right,60,left,ok,true,true
 P,5,both,both,60,left,ok,false,false
 P,6,blank,none,0,none,ok,false,n/a
 """
-GOOD: dict[str, Any] = {"kind": "single", "status": "ok", "anticipated": False, "noise_ok": None}
+GOOD: dict[str, Any] = {
+    "kind": "single",
+    "status": "ok",
+    "anticipated": False,
+    "noise_ok": None,
+    "burst_verified": None,
+}
 
 
 def tables(folder: Path, people: int) -> list[Path]:
@@ -46,6 +52,10 @@ def told(found: Analysis) -> list[list[Any]]:
         ({}, "", ""),
         ({"noise_ok": True}, "", ""),
         ({"noise_ok": False}, "unmasked", "unmasked"),
+        ({"burst_verified": "motion"}, "", ""),
+        ({"burst_verified": "false"}, "unverified", "unverified"),
+        ({"burst_verified": "false", "status": "voided"}, "voided", "voided"),
+        ({"kind": "control", "burst_verified": "false"}, "control", "unverified"),
         ({"anticipated": True, "noise_ok": False}, "anticipated", "anticipated"),
         ({"status": "indeterminate", "anticipated": True}, "indeterminate", "indeterminate"),
         ({"status": "device_error"}, "device_error", "device_error"),
