@@ -174,7 +174,7 @@ class SessionFolder:
         ArchiveError
             It says what is missing, what is left and what can be done.
         """
-        paths = (self.plan_path, self.journal_path, self.trials_path)
+        paths = (self.plan_path, self.journal_path, self.trials_path, self.measured_path)
         there = {path.name: path.exists() for path in paths}
         if not self.plan_path.exists() and there[self.journal_path.name]:
             there[self.journal_path.name] = self.journal_path.stat().st_size > 0

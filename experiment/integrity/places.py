@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 from experiment.archive.files import HEADS, ArchiveError, LinkError, refuse_link
 from experiment.archive.folders import SessionFolder
 from experiment.integrity.heads import HeadError, person_of, read_heads
-from experiment.integrity.sessions import FILES, Difference
+from experiment.integrity.sessions import FILES, MEASURED, Difference
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,7 +124,7 @@ def _real(folder: Path, prefix: str, links: list[LinkError]) -> list[Path]:
 
 
 def _holds_any(folder: Path) -> bool:
-    return any((folder / file).exists() or (folder / file).is_symlink() for file in FILES)
+    return any((folder / file).exists() or (folder / file).is_symlink() for file in (*FILES, MEASURED))
 
 
 def lost_sessions(person: Path) -> Iterator[LostSession]:
