@@ -124,7 +124,9 @@ def _real(folder: Path, prefix: str, links: list[LinkError]) -> list[Path]:
 
 
 def _holds_any(folder: Path) -> bool:
-    return any((folder / file).exists() or (folder / file).is_symlink() for file in (*FILES, MEASURED))
+    return any(
+        (folder / file).exists() or (folder / file).is_symlink() for file in (*FILES, MEASURED)
+    )
 
 
 def lost_sessions(person: Path) -> Iterator[LostSession]:

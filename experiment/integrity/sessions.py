@@ -207,7 +207,8 @@ class _Examiner:
             told = f"{len(journal.torn)} bytes follow the line that ended the session"
             self._note(JOURNAL, len(journal.entries) + 1, told)
         if history and journal:
-            self._table(history, journal, registered, kept)
+            events = [entry.event for entry in journal.entries[:registered]]
+            self._table(history, events, kept if registered else None)
         elif begun and self._bytes[self._table_name] is None:
             self._note(self._table_name, None, f"is missing, too, and cannot be built {_WITHOUT}")
         head_sha256 = journal.sha256[-1] if journal and journal.entries else None
@@ -348,37 +349,21 @@ class _Examiner:
             self._note(HEADS, kept.line, message, "resume")
         return lines
 
-    def _table(
-        self,
-        history: History,
-        journal: JournalFile,
-        registered: int | None,
-        kept: SessionHead | None,
-    ) -> None:
-        told = [entry.event for entry in journal.entries[:registered]]
-        name, kept = self._table_name, kept if registered else None
-        raw, least = self._bytes[name], told.count("trial_end")
-        found = [] if raw is None else table_differences(raw, TrialRow, history.rows, least=least)
-        self._differ(name, found, missing=kept if raw is None else None, built=name == TABLE)
-        raw, least = self._bytes[MEASURED], told.count("stimulus_measured")
-        rows = history.measured
-        found = [] if raw is None else table_differences(raw, MeasuredRow, rows, least=least)
-        self._differ(
-            MEASURED, found, missing=kept if raw is None and least else None, built=bool(rows)
-        )
-
-    def _differ(
-        self,
-        name: str,
-        found: list[tuple[int, str]],
-        *,
-        missing: SessionHead | None,
-        built: bool,
-    ) -> None:
-        if missing:
-            self._note(name, None, _missing(missing), "export")
-        for line, message in found:
-            self._note(name, line, message, "export" if built else None)
+    def _table(self, history: History, told: list[str], kept: SessionHead | None) -> None:
+        least = told.count("trial_end"), told.count("stimulus_measured")
+        name = self._table_name
+        found = {
+            name: table_differences(self._bytes[name], TrialRow, history.rows, least=least[0]),
+            MEASURED: table_differences(
+                self._bytes[MEASURED], MeasuredRow, history.measured, least=least[1]
+            ),
+        }
+        for table, due in ((name, True), (MEASURED, least[1] > 0)):
+            if self._bytes[table] is None and kept and due:
+                self._note(table, None, _missing(kept), "export")
+            built = table == TABLE or (table == MEASURED and history.measured)
+            for line, message in found[table]:
+                self._note(table, line, message, "export" if built else None)
 
 
 _WITHOUT = f"without {PLAN} and {JOURNAL} as they were recorded"

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def table_differences(
-    found: bytes, kind: type[Row], rows: Sequence[Row], *, least: int
+    found: bytes | None, kind: type[Row], rows: Sequence[Row], *, least: int
 ) -> list[tuple[int, str]]:
-    """List where a table differs from its rows, as line and message.
+    """List where a table differs from its rows, as line and message; nowhere if there is none.
 
     A session that was cut off wrote its table before: so many rows at `least` have to be there, and
     those that are have to be the first ones, byte by byte.
@@ -28,7 +28,7 @@ def table_differences(
     []
     """
     text = table_csv(kind, rows)
-    if found == text.encode() or _is_earlier(found, text, least):
+    if found is None or found == text.encode() or _is_earlier(found, text, least):
         return []
     told = found.decode(errors="replace")
     names = [one.name for one in fields(kind)]
