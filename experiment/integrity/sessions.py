@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 
 
 PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
-MEASURED: Final = "measured.csv"
-"""Beside them where a monitor measured the bursts."""
+MEASURED: Final = "measured.csv"  # beside them where a monitor measured the bursts
 FILES: Final = (PLAN, HEADER, JOURNAL, TABLE)
 """The files of a session that are its record."""
 
@@ -350,20 +349,16 @@ class _Examiner:
         return lines
 
     def _table(self, history: History, told: list[str], kept: SessionHead | None) -> None:
-        least = told.count("trial_end"), told.count("stimulus_measured")
-        name = self._table_name
-        found = {
-            name: table_differences(self._bytes[name], TrialRow, history.rows, least=least[0]),
-            MEASURED: table_differences(
-                self._bytes[MEASURED], MeasuredRow, history.measured, least=least[1]
-            ),
-        }
-        for table, due in ((name, True), (MEASURED, least[1] > 0)):
-            if self._bytes[table] is None and kept and due:
-                self._note(table, None, _missing(kept), "export")
-            built = table == TABLE or (table == MEASURED and history.measured)
-            for line, message in found[table]:
-                self._note(table, line, message, "export" if built else None)
+        for name, kind, rows, event in (
+            (self._table_name, TrialRow, history.rows, "trial_end"),
+            (MEASURED, MeasuredRow, history.measured, "stimulus_measured"),
+        ):
+            raw, least = self._bytes[name], told.count(event)
+            if raw is None and kept and (least or kind is TrialRow):
+                self._note(name, None, _missing(kept), "export")
+            built = name == TABLE or (name == MEASURED and rows)
+            for line, message in table_differences(raw, kind, rows, least=least):
+                self._note(name, line, message, "export" if built else None)
 
 
 _WITHOUT = f"without {PLAN} and {JOURNAL} as they were recorded"

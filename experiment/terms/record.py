@@ -10,7 +10,7 @@ import csv
 import io
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -166,7 +166,7 @@ def is_correct(kind: str, side: str, response: str | None) -> bool | None:
     return response == ("none" if kind == "blank" else side)
 
 
-Row = TypeVar("Row", TrialRow, MeasuredRow)
+Row: TypeAlias = TrialRow | MeasuredRow
 
 
 def format_value(value: object) -> str:
