@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
+LIMITS: Final = (0.025, 0.975)
+"""The points of a distribution between which a 95 % interval lies."""
+
 DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "presented": "trials of the kind with status ok, not anticipated, neither noise_ok nor "

@@ -14,9 +14,9 @@ from scipy.special import expit, ndtr
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.axis import VOLTS
 from analysis.definitions import METHODS
-from analysis.thresholds.density import Ruler
+from analysis.thresholds.density import Nodes, Ruler
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
-from analysis.thresholds.grid import STANDARD, Nodes, surfaces
+from analysis.thresholds.grid import STANDARD, surfaces
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior
 from analysis.thresholds.table import printed

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis import compare_conditions, fit_group
+from analysis.thresholds.density import Nodes
 from analysis.thresholds.fit import fit_many
-from analysis.thresholds.grid import STANDARD, Nodes
+from analysis.thresholds.grid import STANDARD
 from benchmarks.calibration import BESIDE, CENTRED, PAPER, SCENARIOS, ours, theirs
 from benchmarks.timing import duration, processor_s
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from analysis.thresholds.grid import Nodes
+from analysis.thresholds.density import Nodes
 from benchmarks import __main__ as command
 from benchmarks import (
     analysis,

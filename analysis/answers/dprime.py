@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.answers.counting import counted, offers_none
-from analysis.definitions import TOTAL
+from analysis.definitions import LIMITS, TOTAL
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,6 @@ _BLANKS: Final = ("false_alarms", "blanks", "blanks_answered")
 _KEY: Final = ["condition", "participant"]
 _FELT: Final = ("left", "right", "both")
 _ANSWERS: Final = (*_FELT, "none")
-_LIMITS: Final = (0.025, 0.975)
 
 
 def sensitivity_table(trials: pd.DataFrame) -> pd.DataFrame:
@@ -123,7 +122,7 @@ def d_prime_limits(
     from scipy.special import betaincinv, ndtri
 
     (hit, hit_low, hit_high), (false, false_low, false_high) = (
-        (z_of(k, n), *(ndtri(betaincinv(k + 0.5, n - k + 0.5, end)) for end in _LIMITS))
+        (z_of(k, n), *(ndtri(betaincinv(k + 0.5, n - k + 0.5, end)) for end in LIMITS))
         for k, n in ((felt, presented), (false_alarms, blanks))
     )
     at = hit - false
@@ -141,7 +140,7 @@ def _mean(level: object, rows: pd.DataFrame) -> dict[str, Any]:
     number, middle = len(each), float(each.mean())
     half = np.nan
     if number > 1:
-        half = float(stdtrit(number - 1, 0.975) * each.std(ddof=1) / np.sqrt(number))
+        half = float(stdtrit(number - 1, LIMITS[1]) * each.std(ddof=1) / np.sqrt(number))
     sums = {name: int(rows[name].sum()) for name in (*_COUNTS, *_BLANKS)}
     return {
         "participant": TOTAL, "level_vpp": level, **sums, "d_prime": middle,

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from analysis.definitions import METHODS
+from analysis.definitions import LIMITS, METHODS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
-LOWER, UPPER = 0.025, 0.975
+_LOWER, _UPPER = LIMITS
 
 
 @overload
@@ -69,7 +69,7 @@ def proportion_ci(
     if method == "wilson":
         from scipy.special import ndtri
 
-        lower, upper = _score_limits(_ratio(k, n), n, float(ndtri(UPPER)))
+        lower, upper = _score_limits(_ratio(k, n), n, float(ndtri(_UPPER)))
     else:
         lower, upper = _beta_limits(k, n, 0.5 if method == "jeffreys" else 0.0)
     return (float(lower), float(upper)) if lower.ndim == 0 else (lower, upper)
@@ -121,7 +121,7 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
     between = np.sort(k / n).var(ddof=1) / k.size
     deff = max(1.0, between / binomial) if binomial > 0 else 1.0
     lower, upper = _score_limits(
-        np.asarray(pooled), np.asarray(total / deff), float(stdtrit(k.size - 1, UPPER))
+        np.asarray(pooled), np.asarray(total / deff), float(stdtrit(k.size - 1, _UPPER))
     )
     return float(lower), float(upper)
 
@@ -150,8 +150,8 @@ def _beta_limits(
 
     some, missed = np.maximum(k, 1.0), np.maximum(n - k, 1.0)
     other = 1.0 - shift
-    lower = np.where(k > 0, betaincinv(some + shift, n - k + other, LOWER), 0.0)
-    upper = np.where(k < n, betaincinv(k + other, missed + shift, UPPER), 1.0)
+    lower = np.where(k > 0, betaincinv(some + shift, n - k + other, _LOWER), 0.0)
+    upper = np.where(k < n, betaincinv(k + other, missed + shift, _UPPER), 1.0)
     return lower, upper
 
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.special import ndtr, xlogy
+from scipy.special import ndtr
 
+from analysis.definitions import LIMITS
 from analysis.groups.group import PeopleTables
-from analysis.groups.hierarchy import hierarchy
-from analysis.thresholds.density import Ruler, legendre, sigma_prior, trapezoid
-from analysis.thresholds.mle import LOG_SIGMA, MOST_LAPSES, REACH
-from analysis.thresholds.people import MOST_GUESSES
+from analysis.groups.hierarchy import hierarchy, matters
+from analysis.thresholds.density import Ruler, sigma_prior, trapezoid
+from analysis.thresholds.grid import rates_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,20 +33,11 @@ if TYPE_CHECKING:
 
 
 _POINTS: Final = 49
-_FINER: Final = (31, 25)
-"""Nodes of tau and S: with fewer, lines would have corners that can be seen."""
+_OF_GROUP, _OF_PERSON = (31, 25), (49, 21)
+"""Nodes of tau and S, and of mu and log sigma: with fewer, lines have corners that can be seen."""
 _MATTERS: Final = 1e-3
 """Of the greatest weight: what has less moves no line that can be seen."""
 _BINS: Final = 4000
-_FIRST, _NEXT = (41, 13, 4, 12), (25, 11, 9, 12)
-"""Nodes of mu, log sigma, lambda and gamma: of all that the prior allows, and of what matters."""
-_PASSES: Final = 16
-_SETTLED: Final = 0.6
-_ROOM: Final = 0.1
-_AT_ONCE: Final = 400.0
-"""So many stimuli do not make a peak that falls between the nodes."""
-_COOLING: Final = 16.0
-_LIMITS: Final = (0.025, 0.975)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,8 +103,8 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
     ruler = Ruler.of(tables.x[used], axis.x_scale)
     each = tables.surfaces(ruler)
     found = hierarchy(each, ruler)
-    spread_at, between = _finer(found.spread, _FINER[0])
-    log_sigma_at, along = _finer(found.log_sigma, _FINER[1])
+    spread_at, between = _finer(found.spread, found.spread[[0, -1]], _OF_GROUP[0])
+    log_sigma_at, along = _finer(found.log_sigma, found.log_sigma[[0, -1]], _OF_GROUP[1])
     cells = np.einsum("ut,mts,vs->muv", between, found.cells, along, optimize=True)
     weight = cells * np.multiply.outer(
         np.outer(trapezoid(found.middle), trapezoid(spread_at)), trapezoid(log_sigma_at)
@@ -143,9 +134,9 @@ def _median(values: Floats, weight: Floats) -> float:
     return float(values[order][np.searchsorted(below, below[-1] / 2)])
 
 
-def _finer(nodes: Floats, count: int) -> tuple[Floats, Floats]:
+def _finer(nodes: Floats, ends: Sequence[float] | Floats, count: int) -> tuple[Floats, Floats]:
     """Return more nodes, and the weights by which values are interpolated there: (more, nodes)."""
-    at = np.linspace(nodes[0], nodes[-1], count)
+    at = np.linspace(ends[0], ends[1], count)
     return at, np.stack([np.interp(at, nodes, one) for one in np.eye(len(nodes))], axis=1)
 
 
@@ -165,87 +156,33 @@ def _of_person(
 ) -> Floats:
     """Return the limits of a person's function; levels and places in steps.
 
-    On a grid of all four parameters, laid anew over the part that matters until that fills it. Of
-    very many stimuli a part of their log likelihood comes first, so that no peak falls between two
-    nodes.
+    At each mu and sigma its value has a mean and a variance, from those of gamma and lambda there;
+    three points stand for its distribution.
     """
-    ends = np.array([[ruler.low - REACH, ruler.high + REACH], LOG_SIGMA, [0.0, MOST_LAPSES],
-                     [0.0, MOST_GUESSES]])  # fmt: skip
-    limits, nodes = ends.copy(), _FIRST
-    heat = max(float(table[2].sum()) / _AT_ONCE, 1.0)
-    for _ in range(_PASSES):
-        grid = _Grid.within(ends, nodes, guess)
-        axes, joint = grid.axes, grid.posterior(table, ruler, heat)
-        shrunk = False
-        for i, axis in enumerate(axes):
-            margin = joint.sum(axis=tuple(j for j in range(4) if j != i))
-            near = np.flatnonzero(margin > _MATTERS * margin.max())
-            room = _ROOM * np.ptp(ends[i])
-            outer = np.clip(ends[i] + [-room, room], *limits[i])
-            padded = np.concatenate([outer[:1], axis, outer[1:]])
-            box = padded[[near[0], near[-1] + 2]]
-            shrunk |= bool(len(axis) > 1 and np.ptp(box) < _SETTLED * np.ptp(ends[i]))
-            ends[i] = box
-        if heat == 1 and not shrunk:
-            break
-        nodes, heat = _NEXT, max(heat / _COOLING, 1.0)
-    near_all = joint > _MATTERS * joint.max()
-    mu, log_sigma, lapse, gamma = (
-        axis[where] for axis, where in zip(axes, np.nonzero(near_all), strict=True)
+    found = rates_of(table, ruler=ruler, guess=guess)
+    likely = found.sums[0]
+    mu_ends, sigma_ends = (
+        matters(axis, likely.max(axis=1 - i), _MATTERS)
+        for i, axis in enumerate((found.mu, found.log_sigma))
     )
+    mu_at, up = _finer(found.mu, mu_ends, _OF_PERSON[0])
+    log_sigma_at, along = _finer(found.log_sigma, sigma_ends, _OF_PERSON[1])
+    sums = up @ found.sums @ along.T
+    weight = sums[0] * np.outer(ruler.mu_prior(mu_at), sigma_prior(log_sigma_at))
+    near = weight > _MATTERS * weight.max()
+    mu, log_sigma = (one[near] for one in np.meshgrid(mu_at, log_sigma_at, indexing="ij"))
+    gamma, rest, of_gamma, mixed, of_rest = sums[1:, near] / sums[0, near]
     felt = ndtr((at[:, None] - mu) * np.exp(-log_sigma))
-    return _limits(gamma + (1 - gamma - lapse) * felt, joint[near_all])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Grid:
-    """Nodes of mu, log sigma, lambda and gamma, and the weights of the last two."""
-
-    axes: tuple[Floats, Floats, Floats, Floats]
-    lapse_weight: Floats
-    guess_weight: Floats
-
-    @classmethod
-    def within(cls, ends: Floats, nodes: tuple[int, int, int, int], guess: GuessRate) -> _Grid:
-        """Lay nodes between ends."""
-        mu, log_sigma = (np.linspace(ends[i, 0], ends[i, 1], nodes[i]) for i in (0, 1))
-        at, part = legendre(nodes[2])
-        lapse = ends[2, 0] + np.ptp(ends[2]) * at
-        gamma, share = _guesses(guess, ends[3], nodes[3])
-        return cls((mu, log_sigma, lapse, gamma), part * (1 - lapse) ** 9, share)
-
-    def posterior(self, table: tuple[Floats, Floats, Floats], ruler: Ruler, heat: float) -> Floats:
-        """Return the weight of each cell, with a part of the log likelihood."""
-        u, k, n = table
-        mu, log_sigma, lapse, gamma = self.axes
-        z = (u[:, None, None] - mu[:, None]) * np.exp(-log_sigma)
-        up, down = (ndtr(sign * z)[..., None, None] for sign in (1, -1))
-        rest = 1 - gamma - lapse[:, None]
-        log = np.zeros((len(mu), len(log_sigma), len(lapse), len(gamma)))
-        for felt, missed, a, b in zip(up, down, k, n - k, strict=True):
-            log += xlogy(a, gamma + rest * felt) + xlogy(b, lapse[:, None] + rest * missed)
-        joint = np.exp((log - log.max()) / heat)
-        joint *= np.outer(ruler.mu_prior(mu), sigma_prior(log_sigma))[..., None, None]
-        joint *= self.lapse_weight[:, None] * self.guess_weight
-        return np.asarray(joint)
-
-
-def _guesses(guess: GuessRate, ends: Floats, points: int) -> tuple[Floats, Floats]:
-    """Return points and relative weights of a Beta distributed rate between two ends.
-
-    By Gauss and Legendre in the angle arcsin(sqrt(gamma)), where no density is infinite.
-    """
-    if guess.known:
-        return np.array([guess.mean]), np.ones(1)
-    at, weight = legendre(points)
-    first, last = np.arcsin(np.sqrt(ends))
-    sine = np.sin(first + at * (last - first)) ** 2
-    log = guess.log_density(sine)
-    return np.asarray(sine), np.asarray(weight * np.exp(log - log.max()))
+    mean = gamma + rest * felt
+    variance = of_gamma + (2 * mixed + of_rest * felt) * felt - mean**2
+    spread = np.sqrt(np.maximum(variance, 0.0))
+    points = [mean + sign * math.sqrt(3) * spread for sign in (-1, 0, 1)]
+    shares = np.concatenate([share * weight[near] for share in (1 / 6, 2 / 3, 1 / 6)])
+    return _limits(np.clip(np.concatenate(points, axis=1), 0.0, 1.0), shares)
 
 
 def _limits(p: Floats, weight: Floats) -> Floats:
-    """Return the points of `_LIMITS` of p, (places, cells), weighted: (3, places).
+    """Return the points of `LIMITS` of p, (places, cells), weighted: (3, places).
 
     >>> _limits(np.linspace(0, 1, 101)[None], np.ones(101)).round(2).ravel().tolist()
     [0.02, 0.98]
@@ -256,8 +193,8 @@ def _limits(p: Floats, weight: Floats) -> Floats:
     held = np.bincount(flat, np.broadcast_to(weight, p.shape).ravel(), places * _BINS)
     below = np.cumsum(held.reshape(places, _BINS), axis=1)
     below = np.concatenate([np.zeros((places, 1)), below / below[:, -1:]], axis=1)
-    found = np.empty((len(_LIMITS), places))
-    for row, wanted in enumerate(_LIMITS):
+    found = np.empty((len(LIMITS), places))
+    for row, wanted in enumerate(LIMITS):
         after = (below < wanted).sum(axis=1)  # the first edge at which as much lies below
         every = np.arange(places)
         first, last = below[every, after - 1], below[every, after]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.axis import VOLTS
+from analysis.definitions import LIMITS
 from analysis.thresholds.probit import increasing_exists
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _population(people: PersonCounts, condition: str, axis: Axis) -> PopulationT
     middle, error, between = fitted
     from scipy.special import stdtrit
 
-    half = float(stdtrit(len(rows) - 1, 0.975)) * error
+    half = float(stdtrit(len(rows) - 1, LIMITS[1])) * error
     low, at, high = (axis.level(x) for x in (middle - half, middle, middle + half))
     return PopulationThreshold(
         condition=condition,

@@ -1,4 +1,4 @@
-from .density import Ruler, kind_prior, legendre, quantiles, sigma_prior, trapezoid
+from .density import Ruler, kind_prior, quantiles, sigma_prior, trapezoid
 from .fit import (
     BOUNDED,
     WITH_THRESHOLD,
@@ -11,10 +11,10 @@ from .fit import (
     probit_mle,
     status_of,
 )
-from .grid import Surface, surfaces
+from .grid import Surface, rates_of, surfaces
 from .levels import ExpectedError, LevelsError, Placement, place_levels
-from .mle import LOG_SIGMA, MOST_LAPSES, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import FORCED_CHOICE, MOST_GUESSES, Guessing, GuessRate, PersonCounts, people_in
+from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
+from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, people_in
 from .posterior import within_levels
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
@@ -23,8 +23,6 @@ __all__ = [
     "BOUNDED",
     "FORCED_CHOICE",
     "LOG_SIGMA",
-    "MOST_GUESSES",
-    "MOST_LAPSES",
     "REACH",
     "SIGMA_FACTOR",
     "SIGMA_MEDIAN",
@@ -46,12 +44,12 @@ __all__ = [
     "in_volts",
     "increasing_exists",
     "kind_prior",
-    "legendre",
     "levels_of",
     "people_in",
     "place_levels",
     "probit_mle",
     "quantiles",
+    "rates_of",
     "sigma_prior",
     "status_of",
     "surfaces",

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import roots_legendre
 
-from analysis.thresholds.mle import MOST_LAPSES, SIGMA_FACTOR, SIGMA_MEDIAN
+from analysis.definitions import LIMITS
+from analysis.thresholds.mle import LOG_SIGMA, MOST_LAPSES, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.axis import XScale
+    from analysis.thresholds.people import GuessRate
 
     Floats = NDArray[np.float64]
 
 
-QUANTILES: Final = (0.025, 0.5, 0.975)
+QUANTILES: Final = (LIMITS[0], 0.5, LIMITS[1])
 _TINY: Final = 1e-300
 _RESOLVED: Final = 2.2
 """Standard deviations between nodes; sums over a normal density are then 3 % off."""
@@ -94,6 +96,70 @@ def lapses(low: float, high: float, points: int) -> tuple[Floats, Floats]:
     at, weight = legendre(points)
     lapse = low + (high - low) * at
     return lapse, weight * (1 - lapse) ** 9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nodes:
+    """How many points a grid has in each direction."""
+
+    between: int = 61  # of mu between the levels
+    outside: int = 16  # of mu on either side of them, ever farther apart
+    log_sigma: int = 25
+    lapse: int = 6
+    guess: int = 12  # in a box; over the prior, as many as its blanks need
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Axes:
+    """Nodes along each parameter, and the weights of those that are integrated out."""
+
+    mu: Floats
+    log_sigma: Floats
+    lapse: Floats
+    lapse_weight: Floats
+    guess: Floats
+    guess_weight: Floats  # of the angle arcsin(sqrt(gamma)), whose density comes beside
+
+
+def over_prior(ruler: Ruler, rates: Floats, nodes: Nodes) -> Axes:
+    """Lay axes over all that the prior allows."""
+    # Of one level, or of levels next to each other, the nodes lie at least as far as a step around.
+    middle, half = (ruler.low + ruler.high) / 2, max((ruler.high - ruler.low) / 2, 1.0)
+    between = np.linspace(middle - half, middle + half, nodes.between)
+    steps = np.cumsum(_growing(nodes.outside) * REACH)
+    mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
+    log_sigma = np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
+    lapse, lapse_weight = lapses(0.0, MOST_LAPSES, nodes.lapse)
+    return Axes(
+        mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=rates,
+        guess_weight=np.ones(len(rates)),
+    )  # fmt: skip
+
+
+@cache
+def _growing(count: int) -> Floats:
+    """Return steps that sum to 1, of which the last is twenty times the first."""
+    steps = 20 ** (np.arange(count) / max(count - 1, 1))
+    return np.asarray(steps / steps.sum())
+
+
+def within(box: tuple[Floats, ...], guess: GuessRate, nodes: Nodes) -> Axes:
+    """Lay axes over a box."""
+    mu, log_sigma, rates, gammas = box
+    lapse, lapse_weight = lapses(rates[0], rates[1], nodes.lapse)
+    gamma, gamma_weight = np.array([guess.mean]), np.ones(1)
+    if not guess.known:  # its density has no infinite value over the angle
+        at, gamma_weight = legendre(nodes.guess)
+        angles = np.arcsin(np.sqrt(gammas))
+        gamma = np.sin(angles[0] + at * np.ptp(angles)) ** 2
+    return Axes(
+        mu=np.linspace(mu[0], mu[1], nodes.between),
+        log_sigma=np.linspace(log_sigma[0], log_sigma[1], nodes.log_sigma),
+        lapse=lapse,
+        lapse_weight=lapse_weight,
+        guess=gamma,
+        guess_weight=gamma_weight,
+    )
 
 
 def kinds(lapse: Floats) -> Floats:

@@ -9,32 +9,33 @@ sigma log-normal; lambda Beta(1, 10) on [0, 0.1]; gamma a number, or Beta.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.special import ndtr
 
 from analysis.thresholds.density import (
+    Axes,
+    Nodes,
     Ruler,
     in_sigma,
     kinds,
-    lapses,
-    legendre,
+    over_prior,
     quantiles,
     trapezoid,
     unresolved,
+    within,
 )
 from analysis.thresholds.mle import (
     LOG_SIGMA,
     MOST_LAPSES,
-    REACH,
     Tables,
     fit_lapsing,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -63,33 +64,10 @@ _ALONE: Final = 0.75
 """A single node of lambda with more of the posterior does not tell its shape."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Nodes:
-    """How many points a grid has in each direction."""
-
-    between: int = 61  # of mu between the levels
-    outside: int = 16  # of mu on either side of them, ever farther apart
-    log_sigma: int = 25
-    lapse: int = 6
-    guess: int = 12  # in a box; over the prior, as many as its blanks need
-
-
 STANDARD: Final = Nodes()
 """Limits within 0.03 dB; docs/benchmarks.md has error against time."""
 _ZOOMED: Final = Nodes(outside=0)
 _FINEST: Final = Nodes(between=121, outside=0, log_sigma=49, lapse=12)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Axes:
-    """Nodes along each parameter, and the weights of those that are integrated out."""
-
-    mu: Floats
-    log_sigma: Floats
-    lapse: Floats
-    lapse_weight: Floats
-    guess: Floats
-    guess_weight: Floats  # of the angle arcsin(sqrt(gamma)), whose density comes beside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,6 +109,49 @@ def surfaces(
     ever narrower.
     """
     found: dict[int, Surface] = {}
+    for part, batch in _batches((u, detected, presented), rulers, guesses, nodes):
+        some, doubtful = batch.surfaces()
+        for i, row in enumerate(part):
+            again = doubtful[i] and nodes is STANDARD
+            found[int(row)] = _zoomed(batch, i)[1] if again else some[i]
+    return [found[i] for i in range(len(u))]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rates:
+    """The likelihood of one table, and what it tells of guesses and lapses at each mu and sigma.
+
+    `sums` are over the nodes of gamma and lambda, with r = 1 - gamma - lambda: of the likelihood,
+    and of it times gamma, r, gamma^2, gamma r and r^2; shape (6, mu, log sigma).
+    """
+
+    mu: Floats
+    log_sigma: Floats
+    sums: Floats
+
+
+def rates_of(table: tuple[Floats, Floats, Floats], *, ruler: Ruler, guess: GuessRate) -> Rates:
+    """Return them of levels in steps of the prior, detected and presented, shape (levels,) each."""
+    ((_, batch),) = _batches([one[None] for one in table], [ruler], [guess], STANDARD)
+    if batch.surfaces()[1][0]:
+        batch, _ = _zoomed(batch, 0)
+    axes = batch.axes
+    gamma, lapse = (np.ravel(one) for one in np.meshgrid(axes.guess, axes.lapse, indexing="ij"))
+    rest, weight = 1 - gamma - lapse, np.outer(batch.guess_weight[0], axes.lapse_weight).ravel()
+    factors = [np.ones_like(rest), gamma, rest, gamma**2, gamma * rest, rest**2]
+    sums = (np.stack(factors) * weight) @ np.exp(batch.log[0])
+    return Rates(
+        mu=axes.mu,
+        log_sigma=axes.log_sigma,
+        sums=sums.reshape(len(factors), len(axes.mu), len(axes.log_sigma)),
+    )
+
+
+def _batches(
+    tables: Sequence[Floats], rulers: Sequence[Ruler], guesses: Sequence[GuessRate], nodes: Nodes
+) -> Iterator[tuple[NDArray[np.intp], _Batch]]:
+    """Yield tables that have their grid in common, by their rows."""
+    u, detected, presented = tables
     for (levels, ruler, rates), rows in _alike(u, presented, rulers, guesses).items():
         used = presented[rows[0]] > 0
         laid_out = _laid_out(levels, ruler, rates, nodes)
@@ -138,12 +159,7 @@ def surfaces(
         for part in np.array_split(rows, pieces):
             counts = detected[np.ix_(part, used)], presented[np.ix_(part, used)]
             asked = _Asked(levels, ruler, [guesses[row] for row in part])
-            batch = _Batch.of(asked, counts, laid_out)
-            some, doubtful = batch.surfaces()
-            for i, row in enumerate(part):
-                again = doubtful[i] and nodes is STANDARD
-                found[int(row)] = _zoomed(batch, i) if again else some[i]
-    return [found[i] for i in range(len(u))]
+            yield part, _Batch.of(asked, counts, laid_out)
 
 
 def _alike(
@@ -164,34 +180,12 @@ def _laid_out(
     u: tuple[float, ...], ruler: Ruler, rates: tuple[float, ...], nodes: Nodes
 ) -> tuple[Axes, Floats]:
     """Return the grid of levels: people, groups and conditions of a study ask for it in turn."""
-    axes = _over_prior(ruler, np.array(rates), nodes)
+    axes = over_prior(ruler, np.array(rates), nodes)
     return axes, _logarithms(np.array(u), axes)
 
 
-def _over_prior(ruler: Ruler, rates: Floats, nodes: Nodes) -> Axes:
-    """Lay axes over all that the prior allows."""
-    # Of one level, or of levels next to each other, the nodes lie at least as far as a step around.
-    middle, half = (ruler.low + ruler.high) / 2, max((ruler.high - ruler.low) / 2, 1.0)
-    between = np.linspace(middle - half, middle + half, nodes.between)
-    steps = np.cumsum(_growing(nodes.outside) * REACH)
-    mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
-    log_sigma = np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
-    lapse, lapse_weight = lapses(0.0, MOST_LAPSES, nodes.lapse)
-    return Axes(
-        mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=rates,
-        guess_weight=np.ones(len(rates)),
-    )  # fmt: skip
-
-
-@cache
-def _growing(count: int) -> Floats:
-    """Return steps that sum to 1, of which the last is twenty times the first."""
-    steps = 20 ** (np.arange(count) / max(count - 1, 1))
-    return np.asarray(steps / steps.sum())
-
-
-def _zoomed(batch: _Batch, i: int) -> Surface:
-    """Return the likelihood of one table on axes that hold no more than what matters.
+def _zoomed(batch: _Batch, i: int) -> tuple[_Batch, Surface]:
+    """Return one table on axes that hold no more than what matters, and its likelihood there.
 
     The part that matters, with a node around, is laid out anew until it fills its axes.
     """
@@ -216,12 +210,12 @@ def _zoomed(batch: _Batch, i: int) -> Surface:
             )
         )
         ends, heat = box, max(heat / _COOLING, 1.0)
-        axes = _within(box, guess, _FINEST if settled else _ZOOMED)
+        axes = within(box, guess, _FINEST if settled else _ZOOMED)
         one = _Batch.of(asked, (k, n), (axes, _logarithms(np.array(asked.u), axes)))
         (surface,), doubtful = one.surfaces()
         if settled or (heat == 1 and not doubtful[0]):
             break
-    return surface
+    return one, surface
 
 
 def _box(one: _Batch, matters: float) -> tuple[Floats, Floats, Floats, Floats]:
@@ -253,25 +247,6 @@ def _around(
             np.array([max(min(low, at - room), limits[0]), min(max(high, at + room), limits[1])])
         )
     return held[0], held[1], held[2], box[3]
-
-
-def _within(box: tuple[Floats, ...], guess: GuessRate, nodes: Nodes) -> Axes:
-    """Lay axes over a box."""
-    mu, log_sigma, rates, gammas = box
-    lapse, lapse_weight = lapses(rates[0], rates[1], nodes.lapse)
-    gamma, gamma_weight = np.array([guess.mean]), np.ones(1)
-    if not guess.known:  # its density has no infinite value over the angle
-        at, gamma_weight = legendre(nodes.guess)
-        angles = np.arcsin(np.sqrt(gammas))
-        gamma = np.sin(angles[0] + at * np.ptp(angles)) ** 2
-    return Axes(
-        mu=np.linspace(mu[0], mu[1], nodes.between),
-        log_sigma=np.linspace(log_sigma[0], log_sigma[1], nodes.log_sigma),
-        lapse=lapse,
-        lapse_weight=lapse_weight,
-        guess=gamma,
-        guess_weight=gamma_weight,
-    )
 
 
 def _logarithms(u: Floats, axes: Axes) -> Floats:

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.special import ndtr, ndtri
 
 from analysis.axis import VOLTS
-from analysis.thresholds.density import Ruler, kinds, lapses, sigma_prior, trapezoid
+from analysis.thresholds.density import Nodes, Ruler, kinds, lapses, sigma_prior, trapezoid
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
-from analysis.thresholds.grid import Nodes, surfaces
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.mle import MOST_LAPSES
 from analysis.thresholds.people import GuessRate, people_of
 from analysis.thresholds.posterior import posterior
