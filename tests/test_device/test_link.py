@@ -19,17 +19,17 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from device.clock import VirtualClock
 from device.core.host import HostDriver
-from device.core.messages import Arm, Beat, Enable, Levels, Message, Ping, Stop
+from device.core.messages import Arm, Beat, Enable, Levels, Message, Ping, Stop, to_codes
 from device.core.output import Emission, OutputStage
 from device.core.states import State
-from device.driver import LinkError, Outcome, Refusal, Rejected
+from device.driver import DeviceError, LinkError, Outcome, Refusal, Rejected
 from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
 from device.wire import codec
 from device.wire.codec import Kind
 from device.wire.frames import Decoder, Frame, encode
 from device.wire.link import FrameLink
-from tests.test_device.bursts import identity, play, ready, refusal
+from tests.test_device.bursts import identity, play, ready, refusal, sine
 from tests.test_device.in_process import InProcess, endpoint
 from tests.test_device.trials import LIMITS, PATIENCE_S, Trials
 
@@ -89,6 +89,28 @@ def test_what_the_host_says_is_what_was_emitted_or_it_says_that_it_does_not_know
     assert counts["fired"] > len(SEEDS) * TRIALS_EACH / 2
     if name in LOSSLESS:
         assert counts["indeterminate"] <= 0.01 * len(SEEDS) * TRIALS_EACH
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_an_upload_arrives_whole_over_any_line_or_is_said_to_have_failed(name: str) -> None:
+    counts: Counter[str] = Counter()
+    for seed in range(20):
+        trials = Virtual(SCRIPTS[name], seed)
+        trials.link._data_numbers = count(2**16 - 40)
+        samples = sine(600, peak=float(trials.rng.uniform(0.1, 1.0)), cycles=seed + 1)
+        try:
+            trials.device.load(5, samples, -samples)
+        except DeviceError:
+            counts["failed"] += 1
+            continue
+        codes = to_codes(samples, 16)
+        stored = trials.rig.emulator._endpoint.core._slots[5].codes
+        assert np.array_equal(stored, (codes, -codes))
+        counts["stored"] += 1
+    print(f"{name}: {dict(counts)}")
+    assert counts["stored"] == 20 or name not in LOSSLESS
+    assert counts["stored"] > 0
 
 
 @pytest.mark.slow
@@ -260,6 +282,26 @@ def test_a_stop_during_an_enable_has_the_last_word() -> None:
     line.on_write = stop_now
     assert refusal(lambda: link.exchange(Enable()), Rejected) is Refusal.SAFE_STATE
     assert line.core.state is State.SAFE
+
+
+def test_a_stop_during_an_upload_is_obeyed_at_once_and_the_upload_goes_on() -> None:
+    line, link, device = live_link()
+    n_data = count(1)
+    stopped_after: list[int] = []
+
+    def stop_at_third(data: bytes) -> None:
+        frames = Decoder().feed(data)
+        if any(frame.kind == Kind.STOP for frame in frames):
+            stopped_after.append(next(n_data))
+        if sum(frame.kind == Kind.DATA for frame in frames) and next(n_data) == 3:
+            link.stop()
+
+    line.on_write = stop_at_third
+    samples = sine(600)
+    device.load(5, samples, samples)
+    assert stopped_after == [4]
+    assert np.array_equal(line.core._slots[5].codes[0], to_codes(samples, 16))
+    assert (state_of(line), link.state, link._stops) == (State.SAFE, State.SAFE, set())
 
 
 def test_a_stop_after_the_device_enabled_has_the_last_word_too() -> None:
