@@ -12,7 +12,7 @@ import numpy as np
 from experiment.preview.plate import RTOL
 from experiment.study.sections.stimulus import unscaled_peak
 from stimuli import Scene, causal, displacement_map
-from stimuli.motion.frames import frames_of
+from stimuli.motion.history import frames_of
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -3,7 +3,7 @@ from .energy import staircase_energy_above
 from .fit import BurstCheck, check_burst
 from .noise import LEAST_LEVEL_DBFS, pink_loop
 from .sampled import Drive, SampledDrive, exponential_sums
-from .windows import Window
+from .windows import Window, sines
 
 __all__ = [
     "LEAST_LEVEL_DBFS",
@@ -15,5 +15,6 @@ __all__ = [
     "check_burst",
     "exponential_sums",
     "pink_loop",
+    "sines",
     "staircase_energy_above",
 ]

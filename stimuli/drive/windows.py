@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -59,6 +59,37 @@ def taper(window: Window, position: Real) -> Real:
     if window == "gaussian":
         return np.exp(-_SHARPNESS * (0.5 - position) ** 2)
     return np.ones_like(position)
+
+
+class Sines(NamedTuple):
+    """A part of a burst that is a sum of sines: amplitude x sin(2 pi y t / T), T its duration."""
+
+    begin: float  # of the duration
+    end: float
+    ys: tuple[int, ...]
+    amplitudes: tuple[float, ...]
+
+
+def sines(window: Window, cycles: int) -> tuple[Sines, ...]:
+    """Return the parts of a burst as sums of sines; none of a gaussian, which is no such sum.
+
+    >>> (part,) = sines("hann", 3)
+    >>> t = np.array([0.1, 0.7])
+    >>> turns = 2 * np.pi * np.multiply.outer(t, part.ys)
+    >>> bool(np.allclose(np.sin(turns) @ part.amplitudes, np.sin(np.pi * t)**2 * np.sin(6*np.pi*t)))
+    True
+    """
+    whole = Sines(0.0, 1.0, (cycles,), (1.0,))
+    tapered = (0.5, -0.25, -0.25)
+    if window == "none":
+        return (whole,)
+    if window == "hann":
+        return (Sines(0.0, 1.0, (cycles, cycles + 1, cycles - 1), tapered),)
+    if window == "tukey":
+        first = Sines(0.0, 0.25, (cycles, cycles + 2, cycles - 2), tapered)
+        middle, last = whole._replace(begin=0.25, end=0.75), first._replace(begin=0.75, end=1.0)
+        return first, middle, last
+    return ()
 
 
 class Transform(Protocol):

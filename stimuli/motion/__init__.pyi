@@ -1,5 +1,4 @@
-from .frames import frames_of
-from .history import by_spectra, transient, transient_work
+from .history import by_spectra, frames_of, transient, transient_work
 from .modes import AboveFirstModeError, refuse_above_first_mode
 from .motion import (
     Bare,

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import count
+from itertools import count, product
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from stimuli.field.synthesis import MOST_TIME_S
-from stimuli.motion.frames import Course
+from stimuli.motion.course import (
+    BLOCK,
+    LATE,
+    MOST_WAITS,
+    Course,
+    Rows,
+    crests,
+    leaves_ringing,
+    ringing_peaks,
+    widened,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -18,29 +28,24 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
+    from stimuli.drive.burst import Burst
     from stimuli.drive.sampled import Drive
     from stimuli.motion.motion import Motion
     from stimuli.strip.strip import Strip
 
-
-_BLOCK: Final = 256
-"""Looks at what swings freely that are computed at once."""
 
 _FAINT: Final = 1e-5
 """Part of what was found that is left out of what swings freely."""
 
 _FEWER: Final = 0.8
 _SHORTEST: Final = 2
-_LATE: Final = 0.75
-_MOST_WAITS: Final = 8.0
 _CHECKED: Final = 7
 """The error is estimated at every so many points, and when the peak is."""
 
 _DOUBTS: Final = 2
 
-_NEAR, _NEIGHBOURS = 0.5, 2
-"""Only where those move by this part of their largest value all points are looked at; a peak has
-so many looks beside it."""
+_NEAR: Final = 0.5
+"""Only where those move by this part of their largest value all points are looked at."""
 
 _PATCHED: Final = 0.03
 """Part of the own finger's displacement that has to be known where patches count."""
@@ -106,22 +111,14 @@ def peaks_of(
     with_error : bool
         Whether the error is asked for; else it is left 0.
     """
-    watched = _Watched(motion, groups, with_error=with_error)
-    decays = bool(np.all(motion.oscillators.poles.real < 0))
-    latest = 0.0
-    for stretch in _course(motion, drive, wait_s, watched):
-        waited = stretch.waited
-        latest = waited if watched.look(stretch) else latest
-        over = waited * wait_s > MOST_TIME_S
-        if waited > 0 and decays and (over or not watched.may_grow(stretch)):
-            break
-        if not decays and waited >= 1 and (latest <= _LATE * waited or waited >= _MOST_WAITS):
-            break
-    found = watched.found
+    if leaves_ringing(drive, motion.reference_hz):
+        found, doubted = _ringing(motion, groups, drive, wait_s, with_error=with_error)
+    else:
+        found, doubted = _swinging(motion, groups, drive, wait_s, with_error=with_error)
     if not with_error:
         none_m = np.zeros_like(found)
         return Peaks(peak_m=found, error_m=none_m, around_m=none_m)
-    apart = np.abs(watched.doubted[1:] - watched.doubted[0]).reshape(2, 2, *found.shape)
+    apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
     inertia_m, around_m = apart.max(axis=1)
     error_m = inertia_m + around_m + INTERPOLATED * found
     if motion.coarser:
@@ -135,18 +132,65 @@ def peaks_of(
     return Peaks(peak_m=found, error_m=error_m, around_m=around_m)
 
 
+def _swinging(
+    motion: Motion,
+    groups: Sequence[NDArray[np.intp]],
+    drive: Drive,
+    wait_s: float,
+    *,
+    with_error: bool,
+) -> tuple[Real, Real]:
+    """Return the largest displacements, and of the checked points those with what is doubted."""
+    watched = _Watched(motion, groups, with_error=with_error)
+    decays = bool(np.all(motion.oscillators.poles.real < 0))
+    latest = 0.0
+    for stretch in _course(motion, drive, wait_s, watched):
+        waited = stretch.waited
+        latest = waited if watched.look(stretch) else latest
+        over = waited * wait_s > MOST_TIME_S
+        if waited > 0 and decays and (over or not watched.may_grow(stretch)):
+            break
+        if not decays and waited >= 1 and (latest <= LATE * waited or waited >= MOST_WAITS):
+            break
+    return watched.found, watched.doubted
+
+
+def _ringing(
+    motion: Motion,
+    groups: Sequence[NDArray[np.intp]],
+    drive: Burst,
+    wait_s: float,
+    *,
+    with_error: bool,
+) -> tuple[Real, Real]:
+    """Return the same under a slow burst."""
+    n_loads = len(motion.oscillators.rest_m)
+    some = []
+    for points, load in product(groups, range(n_loads)):
+        weights, rest_m = motion.oscillators.weights(load), motion.oscillators.rest_m[load]
+        some.append((weights[points], rest_m[points]))
+        if with_error:
+            checked = points[::_CHECKED]
+            moved = weights[checked], rest_m[checked]
+            signed = [(s * w, s * r) for w, r in doubts_of(motion, load, checked) for s in (1, -1)]
+            signed += [(0 * moved[0], 0 * moved[1])] * (2 * _DOUBTS - len(signed))
+            some += [moved, *((moved[0] + w, moved[1] + r) for w, r in signed)]
+    rows = Rows(
+        weights=np.concatenate([w for w, _ in some]),
+        rest_m=np.concatenate([r for _, r in some]),
+        group=np.repeat(np.arange(len(some)), [len(r) for _, r in some]),
+    )
+    found = ringing_peaks(motion, drive, rows, wait_s=wait_s)
+    every = np.moveaxis(found.reshape(len(groups), n_loads, -1), -1, 0)
+    return every[0], every[1:]
+
+
 def _near(size: Real, found: float) -> NDArray[np.intp]:
     """Return the numbers of looks that may hold the peak, and those beside them.
 
     `size` are the largest values over some of the points, `found` what was found before.
     """
-    near = size >= _NEAR * max(float(np.max(size)), found)
-    if not np.any(near):
-        return np.flatnonzero(near)
-    wide = near.copy()
-    wide[1:] |= near[:-1]
-    wide[:-1] |= near[1:]
-    return np.flatnonzero(wide if wide.sum() > _NEIGHBOURS else np.ones_like(wide))
+    return widened(size >= _NEAR * max(float(np.max(size)), found))
 
 
 class PatchesUnknownError(ValueError):
@@ -332,7 +376,7 @@ def _course(motion: Motion, drive: Drive, wait_s: float, watched: _Watched) -> I
     for answers, late in course.looks():
         seen, followed_by = np.append(seen[:, -2:], answers, 1), np.append(followed_by[-2:], late)
         yield _stretch(0.0, seen, followed_by)
-    n_looks = min(_BLOCK, max(_SHORTEST, math.ceil(wait_s / (_SHORTEST * course.look_s))))
+    n_looks = min(BLOCK, max(_SHORTEST, math.ceil(wait_s / (_SHORTEST * course.look_s))))
     turns = np.exp(np.multiply.outer(poles, course.look_s * np.arange(n_looks + 2)))
     part = n_looks * course.look_s / wait_s
     seen = np.append(seen[:, -2:], seen[:, -1:] * turns[:, 1:-1], axis=1)
@@ -352,23 +396,3 @@ def _course(motion: Motion, drive: Drive, wait_s: float, watched: _Watched) -> I
 def _stretch(waited: float, answers: Complex, late: Real) -> _Stretch:
     columns = np.concatenate([answers.real, answers.imag, late[np.newaxis]])
     return _Stretch(waited, columns, answers[:, -1])
-
-
-def crests(size: Real, looks: NDArray[np.intp] | None = None) -> Real:
-    """Return the largest values along the last axis, each by a parabola about it.
-
-    `looks` are the numbers of the looks where they are not all of them: a parabola goes through
-    neighbours only.
-    """
-    top = np.clip(np.argmax(size, axis=-1), 1, size.shape[-1] - 2)
-    before, at, after = (
-        np.take_along_axis(size, (top + shift)[..., np.newaxis], axis=-1)[..., 0]
-        for shift in (-1, 0, 1)
-    )
-    bend = np.maximum(2 * at - before - after, np.finfo(np.float64).tiny)
-    inside = (at >= before) & (at >= after)
-    if looks is not None:
-        inside &= looks[top + 1] - looks[top - 1] == _NEIGHBOURS
-    return np.asarray(
-        np.where(inside, at + (after - before) ** 2 / (8 * bend), np.max(size, axis=-1))
-    )

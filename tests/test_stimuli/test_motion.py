@@ -36,10 +36,11 @@ from stimuli import (
 from stimuli.field.synthesis import synthesized
 from stimuli.fingers import fingertip
 from stimuli.fingers.fingertip import causal
+from stimuli.motion.course import crests
 from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of
 from stimuli.motion.oscillators import followed, poles
-from stimuli.motion.peaks import crests, peaks_of
+from stimuli.motion.peaks import peaks_of
 from stimuli.motion.section import sections
 from stimuli.motion.standing_waves import strip_waves
 
@@ -48,8 +49,8 @@ if TYPE_CHECKING:
     from stimuli.motion.modes import Modes
 
 # the modules, whose names their functions have
-MODES, MOTION, PEAKS = (
-    sys.modules[f"stimuli.motion.{name}"] for name in ("modes", "motion", "peaks")
+COURSE, MODES, MOTION, PEAKS = (
+    sys.modules[f"stimuli.motion.{name}"] for name in ("course", "modes", "motion", "peaks")
 )
 
 K_2900, K_2500 = ElasticEdge(stiffness_n=141.72083994908), ElasticEdge(stiffness_n=63.9264884979218)
@@ -403,6 +404,25 @@ def test_slow_bursts_need_fewer_modes_and_steps(monkeypatch: pytest.MonkeyPatch)
     few = felt(narrow, discs, tips, burst())
     monkeypatch.setattr(MOTION, "_SLOW", math.inf)
     np.testing.assert_allclose(few, felt(narrow, discs, tips, burst()), rtol=5e-3)
+
+
+@pytest.mark.parametrize("window", ["none", "hann", "tukey"])
+def test_what_rings_after_a_slow_burst_is_found_without_looking_all_the_time(
+    monkeypatch: pytest.MonkeyPatch, window: str
+) -> None:
+    strip, drive = plate(CLAMPED, width_m=0.01, length_m=0.15), burst(window)
+    loads = [MomentDisc(x_m=x, y_m=0.005, radius_m=0.003) for x in (-0.01, 0.01)]
+    points_m = tuple((x + dx, 0.005) for x in (-0.01, 0.01) for dx in (0.0, 1e-3, 2e-3))
+    scene = Scene(strip=causal(strip, drive), loads=tuple(loads), points_m=points_m)
+    motion = motion_of(scene, strip.cutoff_hz(), 4.0)
+    groups = [np.arange(3), np.arange(3, 6)]
+    fast = peaks_of(motion, groups, drive, wait_s=2e-3)
+    monkeypatch.setattr(COURSE, "is_slow", lambda *_: False)
+    monkeypatch.setattr(COURSE, "_STEPS", 2048)  # with a step that ends where the burst does
+    monkeypatch.setattr(PEAKS, "_NEAR", 0.0)  # at all points all the time
+    slow = peaks_of(motion, groups, drive, wait_s=2e-3)
+    np.testing.assert_allclose(fast.peak_m, slow.peak_m, rtol=1e-4)
+    np.testing.assert_allclose(fast.error_m, slow.error_m, rtol=0.2)  # crests, or looks
 
 
 # --- long plates
