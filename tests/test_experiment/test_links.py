@@ -277,12 +277,13 @@ def test_a_device_that_resets_on_a_bad_line_costs_nothing(
 
 
 @pytest.mark.process
+@pytest.mark.parametrize("named", [str, as_visa])
 def test_a_generator_on_a_line_that_breaks_costs_nothing(
-    short: Sessions, truth: Path, start: Start
+    named: Callable[[str], str], short: Sessions, truth: Path, start: Start
 ) -> None:
     faults = ("--fault", "disconnect_at=6000,reset=0.003,delay=0.02", "--seed", "3")
     _, port = start(*GENERATOR, *faults, truth=truth)
-    assert finish(short, *over("generator", port)) > 0
+    assert finish(short, *over("generator", named(port))) > 0
     assert require_true_by_time(short, truth)["ok"] == 11
 
 
