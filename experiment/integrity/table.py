@@ -24,6 +24,7 @@ def table_differences(
     A session that was cut off wrote its table before: so many rows at `least` have to be there, and
     those that are have to be the first ones, byte by byte.
 
+    >>> from experiment.terms.record import TrialRow
     >>> table_differences(table_csv(TrialRow, []).encode(), TrialRow, [], least=0)
     []
     """
