@@ -5,19 +5,25 @@ The contract of devices runs on it by `make -C firmware check`.
 
 from __future__ import annotations
 
+import ctypes
 import json
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
+from device.core.messages import to_codes
 from device.driver import Refusal
+from tests.test_device.bursts import BURST
 from tests.test_device.differential import BEAT, KINDS, compare, small_server
 from tests.test_device.firmware import Server, limits_of, make, require_tools
 from tests.test_device.golden import FILE, ON_THE_HOST
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
 pytestmark = pytest.mark.firmware
 
@@ -70,3 +76,63 @@ def test_firmware_and_core_cannot_be_told_apart(tmp_path: Path) -> None:
     refusals = {refusal for kind, refusal in met if kind in known}
     assert refusals == {0, *Refusal} - {Refusal[name] for name in ON_THE_HOST}
     assert {kind for kind, _ in met} >= known - {BEAT}
+
+
+class Measured(ctypes.Structure):
+    _fields_ = (
+        *(("tap", ctypes.c_uint8), ("unit", ctypes.c_uint8)),
+        *(("left", ctypes.c_uint32), ("right", ctypes.c_uint32)),
+        *(("onset_us", ctypes.c_uint32), ("uncertainty_us", ctypes.c_uint32)),
+        *(("correlation_left", ctypes.c_uint16), ("correlation_right", ctypes.c_uint16)),
+    )
+
+
+REST = 2060.0
+"""Where the input of a board rests, about the middle of its 12 bits."""
+
+
+@pytest.fixture(scope="module")
+def measure(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
+    """The board's monitor, as a function of planned codes and of what was recorded."""
+    require_tools("gcc", "make")
+    folder = tmp_path_factory.mktemp("monitor")
+    library = ctypes.CDLL(str(make(folder, str(folder / "monitor.so")) / "monitor.so"))
+
+    def measure(planned: NDArray[np.int16], recorded: NDArray[np.uint16]) -> Any:
+        codes, words = np.ascontiguousarray(planned.T), np.ascontiguousarray(recorded)
+        found = Measured()
+        library.monitor_measure(
+            ctypes.c_void_p(codes.ctypes.data), len(planned), ctypes.c_void_p(words.ctypes.data),
+            len(recorded), 48_000_000, ctypes.byref(found),
+        )  # fmt: skip
+        return found
+
+    return measure
+
+
+@pytest.mark.parametrize("lag", [0, 3, 47])
+@pytest.mark.parametrize("gain", [0.05, 0.6, -0.6])
+def test_the_monitor_of_the_board_finds_a_burst_as_numpy_does(
+    measure: Callable[..., Any], lag: int, gain: float
+) -> None:
+    rng = np.random.default_rng(3)
+    planned = np.zeros((97, 2), dtype=np.int16)
+    planned[:, 0] = to_codes(BURST, 12)
+    seen = REST + rng.normal(0.0, 5.0, size=(97 + 48, 2))
+    seen[lag : lag + 97] += gain * planned
+    recorded = seen.round().astype(np.uint16)
+    found = measure(planned, recorded)
+    away = recorded - recorded.mean(axis=0).round()
+    peaks_mv = np.abs(away).max(axis=0) * 80.566
+    assert (found.tap, found.unit, found.uncertainty_us) == (2, 1, 21)
+    assert [found.left, found.right] == pytest.approx(peaks_mv, abs=81)
+    assert found.correlation_right == 0
+    if gain > 0.0:
+        at = slice(lag, lag + 97)
+        norm = np.linalg.norm(planned[:, 0]) * np.linalg.norm(away[at, 0])
+        assert found.onset_us == lag * 1_000_000 // 48_000
+        assert found.correlation_left == pytest.approx(
+            1e4 * planned[:, 0] @ away[at, 0] / norm, abs=3
+        )
+    else:
+        assert found.correlation_left < 8_000  # upside down, found half a period away

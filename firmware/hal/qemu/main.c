@@ -31,8 +31,8 @@
 #define RING 4096U         /* of bytes received: far more than a window of DATA */
 #define PATIENCE_US 20000U /* for a host that does not read */
 
-/* Written by QEMU's loader before the first instruction, and again at each reset; zeros where it was
- * told nothing. A reset leaves the last word alone: it tells one boot id from the next. */
+/* Written by QEMU's loader before the first instruction, and again at each reset; zeros where it
+ * was told nothing. A reset leaves the last word alone: it tells one boot id from the next. */
 #define GIVEN_LOW REGISTER(0x20000000U)
 #define GIVEN_HIGH REGISTER(0x20000004U)
 #define GIVEN_RATE_MHZ REGISTER(0x20000008U)
