@@ -7,8 +7,9 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.study.sections.table import Stated, Table, stated_of, with_stated
+from experiment.study.sections.table import Stated, Table, file_keys, stated_of, with_stated
 from experiment.study.study import Study
+from experiment.terms.checks import unknown_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -47,7 +48,18 @@ def _init(table: Any) -> tuple[frozenset[str], dict[str, Any]]:
             f"{INIT} must be left as `tactstrip init` wrote it, told = [...] and chosen = {{...}}, "
             f"or be removed, so that all in the file is told as yours; got {table!r}"
         )
+    for path in (*told, *chosen):
+        if path not in _paths():
+            raise ValueError(f"{INIT}: {unknown_key(path, _paths())}")
     return frozenset(told), chosen
+
+
+@cache
+def _paths() -> frozenset[str]:
+    """Return all keys of a study with their sections."""
+    sections = Study().sections().items()
+    kinds = ((name, type(one[0] if isinstance(one, tuple) else one)) for name, one in sections)
+    return frozenset(f"{name}.{key}" for name, kind in kinds for key in file_keys(kind))
 
 
 def _apart(name: str, table: Any, told: frozenset[str], chosen: dict[str, Any]) -> Any:

@@ -158,6 +158,9 @@ _DECIBELS: Final = ("_db", "_dba", "_dbfs")
 NUMBERS: Final = (*_UNITS, *_FRACTIONS, *_DECIBELS)
 """How the keys of numbers end."""
 
+_NO_STIMULUS: Final = {"levels_vpp": "blank_trials"}
+"""Of keys that cannot be 0, those that count what is meant by it."""
+
 _MOST: Final = 1e18
 """What is greater is in no unit."""
 _NUMBER: Final = re.compile(r"[-+]?\d+(?:_\d+)*([.,]\d+)?(?:[eE][-+]?\d+)?")
@@ -183,6 +186,8 @@ def in_mind(path: str, value: object, fits: Callable[[float], bool]) -> str:
     '; its sign is meant the other way: write masking_limit_db = 20'
     >>> in_mind("strip.width_mm", "30,5", lambda mm: True)
     '; write 30.5, with a point and without quotes'
+    >>> in_mind("design.levels_vpp[1]", 0, lambda vpp: vpp > 0)
+    '; trials without a stimulus are counted by blank_trials'
     """
     key, item = path.rsplit(".", maxsplit=1)[-1].partition("[")[::2]
     write = "write " if item else f"write {key} = "
@@ -190,6 +195,8 @@ def in_mind(path: str, value: object, fits: Callable[[float], bool]) -> str:
         return _without_quotes(value.strip())
     if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > _MOST:
         return ""
+    if value == 0 and key in _NO_STIMULUS:
+        return f"; trials without a stimulus are counted by {_NO_STIMULUS[key]}"
     if key.endswith(_DECIBELS):
         meant = "; its sign is meant the other way: "
         return f"{meant}{write}{-value:.6g}" if fits(float(f"{-value:.6g}")) else ""

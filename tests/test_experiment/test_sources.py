@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -196,6 +197,19 @@ def test_what_init_chose_for_a_plate_is_told_from_what_it_was_told(
 @pytest.mark.parametrize("text", ["init = 3", "[init]\ntold = 3", "[init]\nbold = []"])
 def test_another_section_init_is_refused(text: str) -> None:
     with pytest.raises(StudyError, match=r"^s: init must be left as `tactstrip init` wrote it"):
+        study_from_text(text, "s")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[init]\ntold = ["strip.bogus"]', "strip.bogus"),
+        ('[init]\ntold = ["strip.width_m"]', "strip.width_m; did you mean strip.width_mm?"),
+        ("[init.chosen]\n'strip.bogus' = 3", "strip.bogus"),
+    ],
+)
+def test_init_was_told_keys_of_the_study_only(text: str, words: str) -> None:
+    with pytest.raises(StudyError, match=f"^s: init: unknown key {re.escape(words)}$"):
         study_from_text(text, "s")
 
 

@@ -36,7 +36,7 @@ class Simulation:
 
     threshold_um: float | None = Field(
         default=None,
-        ge=1e-3,
+        ge=0.01,
         le=1000,
         description="displacement felt half of the time; median of the people",
     )
