@@ -73,7 +73,7 @@ def open_duplex(
         recorder.take(heard, timing, status)
         callback(out, count, timing, status)
 
-    return _started(
+    stream = _started(
         "Stream",
         card,
         samplerate=sample_rate_hz,
@@ -81,6 +81,28 @@ def open_duplex(
         latency="low",
         callback=both,
     )
+    return _Duplex(stream)
+
+
+class _Duplex:
+    """A stream of outputs and inputs, as one of outputs: PortAudio tells both latencies of it."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    @property
+    def active(self) -> bool:
+        """Whether the callback is being called."""
+        return bool(self._stream.active)
+
+    @property
+    def latency(self) -> float:
+        """Seconds from callback to output."""
+        return float(self._stream.latency[1])
+
+    def close(self) -> None:
+        """End it."""
+        self._stream.close()
 
 
 def open_inputs(recorder: Recorder, *, card: str) -> Stream:
