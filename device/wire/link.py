@@ -46,6 +46,8 @@ from device.wire.upload import Begin, Commit, Window, data_of, octets_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from device.core.reports import DeviceLimits
+
 _AHEAD_S: Final = 0.1
 """So much of the line's time may DATA take that are under way."""
 
@@ -106,8 +108,8 @@ class FrameLink(Dialogue):
         self._drop()
         self._channel = self._connect()
         try:
-            identity = self._greet()
-            self._window = self._fitting(self._done(AskLimits()).record.data_window)
+            identity, took_s = self._greet()
+            self._window = self._fitting(self._asked_limits(took_s).data_window)
         except LinkError:
             self._drop()
             raise
@@ -173,7 +175,18 @@ class FrameLink(Dialogue):
             channel.close()
         self._state = State.CLOSED
 
-    def _greet(self) -> Identity:
+    def _asked_limits(self, hello_s: float) -> DeviceLimits:
+        try:
+            return self._done(AskLimits()).record
+        except UnansweredError as silence:
+            if hello_s <= self._line.answer_within_s:
+                raise
+            # What was sent again fills a very slow line for long.
+            slow = too_slow(hello_s, self._line.answer_within_s, self._line.baud)
+            raise LinkError(f"{silence}: {slow}") from silence
+
+    def _greet(self) -> tuple[Identity, float]:
+        """Return who answered HELLO, and after how long."""
         self._begin_anew()
         hello = Hello(nonce=secrets.randbits(64))
         began_s = self._clock.now_s()
@@ -181,12 +194,13 @@ class FrameLink(Dialogue):
             answer = self._ask(hello, 0, self._line.opens_within_s)
         except UnansweredError as silence:
             raise LinkError(f"{silence}: {self._why_silent()}") from silence
-        if self._clock.now_s() - began_s > self._line.answer_within_s:
+        took_s = self._clock.now_s() - began_s
+        if took_s > self._line.answer_within_s:
             self._require_speed(answer.boot_id)
         greeting = understood(lambda: codec.GREETING.read(answer.body))
         if greeting.nonce != hello.nonce:
             raise LinkError("the answer is to another HELLO")
-        return understood(lambda: greeting.identity(answer.boot_id))
+        return understood(lambda: greeting.identity(answer.boot_id)), took_s
 
     def _why_silent(self) -> str:
         line = self._line

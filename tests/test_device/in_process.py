@@ -20,7 +20,7 @@ from device.limits import Limits
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice
 from device.sound.recorder import Recorder
-from device.wire.channels import BEAT_EVERY_S
+from device.wire.channels import BEAT_EVERY_S, USUAL, LineSettings
 from device.wire.endpoint import Endpoint
 from device.wire.link import FrameLink
 
@@ -87,14 +87,20 @@ class InProcess:
     """
 
     def __init__(
-        self, clock: VirtualClock, *, nature: Nature, faults: Faults, truth: IO[str]
+        self,
+        clock: VirtualClock,
+        *,
+        nature: Nature,
+        faults: Faults,
+        truth: IO[str],
+        line: LineSettings = USUAL,
     ) -> None:
         self._clock = clock
         self._buffers = Buffers()
         self.emulator = Emulator(self._buffers, nature, faults, Truth(truth), clock)
         self._beat_due_s = clock.now_s()
         self.beating = True
-        self.link = FrameLink(self._connect, clock)
+        self.link = FrameLink(self._connect, clock, line=line)
 
     def wait(self, duration_s: float) -> None:
         """Let time pass."""
@@ -128,6 +134,7 @@ class InProcess:
             if left_s <= 0.0:
                 break
             self._step(left_s)
+            self.emulator.turn(0.0)
         data = bytes(self._buffers.to_host)
         self._buffers.to_host.clear()
         return data

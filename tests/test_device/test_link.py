@@ -26,6 +26,7 @@ from device.driver import DeviceError, LinkError, Outcome, Refusal, Rejected
 from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
 from device.wire import codec
+from device.wire.channels import LineSettings
 from device.wire.codec import Kind
 from device.wire.frames import Decoder, Frame, encode
 from device.wire.link import FrameLink
@@ -89,6 +90,34 @@ def test_what_the_host_says_is_what_was_emitted_or_it_says_that_it_does_not_know
     assert counts["fired"] > len(SEEDS) * TRIALS_EACH / 2
     if name in LOSSLESS:
         assert counts["indeterminate"] <= 0.01 * len(SEEDS) * TRIALS_EACH
+
+
+def why_not_open(baud: int | None, line: LineSettings, script: str, seed: int) -> str:
+    """Return why a line cannot be opened, or nothing."""
+    nature = Nature(limits=LIMITS, output=OutputStage(), baud=baud)
+    faults, truth = Faults(FaultScript.parse(script), np.random.default_rng(seed)), io.StringIO()
+    rig = InProcess(VirtualClock(), nature=nature, faults=faults, truth=truth, line=line)
+    try:
+        rig.link.hello()
+    except LinkError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", [*SCRIPTS.values(), "stall=0.6,stall_s=0.15"])
+def test_neither_a_bad_line_nor_a_busy_device_is_called_slow(script: str) -> None:
+    told = [why_not_open(None, LineSettings(), script, seed) for seed in range(40)]
+    assert not [said for said in told if "slow" in said]
+
+
+@pytest.mark.parametrize("baud", [2400, 9600, 19_200, 38_400])
+def test_a_slow_wire_is_called_slow_by_its_rate_and_driven_when_that_is_told(baud: int) -> None:
+    told = why_not_open(baud, LineSettings(), "", 1)
+    assert "the line is too slow" in told
+    assert f"give device.baud = {baud}, or let both ends have 57600 or more" in told
+    assert why_not_open(baud, LineSettings(baud=baud), "", 1) == ""
+    assert why_not_open(57_600, LineSettings(), "", 1) == ""
 
 
 @pytest.mark.slow
