@@ -148,12 +148,17 @@ def _log_likelihood(
     weights: dict[int, Floats] = {}
     prior = kind_prior()[:, None, None]
     total = np.tile((1 - len(found)) * np.log(prior), (1, len(of_mu[0]), len(of_sigma[0])))
+    # Fresh memory for each of a thousand people would take as long as their sums.
+    person, half = np.empty_like(total), np.empty((0, 0, 0))
     for one in found:
         for axis, (at, width) in ((one.mu, of_mu), (one.log_sigma, of_sigma)):
             if id(axis) not in weights:
                 weights[id(axis)] = normal_weights(axis, at, width)
-        person = weights[id(one.mu)] @ one.by_kind @ weights[id(one.log_sigma)].T
-        total += np.log(np.maximum(person, _TINY))
+        shape = (len(total), len(of_mu[0]), len(one.log_sigma))
+        half = half if half.shape == shape else np.empty(shape)
+        np.matmul(weights[id(one.mu)], one.by_kind, out=half)
+        np.matmul(half, weights[id(one.log_sigma)].T, out=person)
+        total += np.log(np.maximum(person, _TINY, out=person), out=person)
     return total.reshape(-1, len(middle), len(spread), len(log_sigma), len(OMEGA))
 
 

@@ -61,10 +61,10 @@ def csv_text(table: pd.DataFrame) -> str:
 
 def _cells(column: pd.Series[Any]) -> Iterable[str]:
     """Write each different value once."""
-    codes, distinct = pd.factorize(column.astype(object), use_na_sentinel=True)
+    codes, distinct = pd.factorize(column, use_na_sentinel=True)
     # The last stands for missing values, whose code is -1.
-    texts = [*(_cell(value) for value in distinct), NOT_AVAILABLE]
-    return [texts[code] for code in codes]
+    texts = [*(_cell(value) for value in distinct.tolist()), NOT_AVAILABLE]
+    return [texts[code] for code in codes.tolist()]
 
 
 def _cell(value: object) -> str:
