@@ -166,13 +166,14 @@ def _read(
     rows = with_responses(pd.concat(frames, ignore_index=True), columns.task if columns else "")
     check_rows(rows, signed=columns is not None and axis_of(columns.axis).signed)
     rows.loc[rows["side"].eq("none"), "level_vpp"] = float("nan")
-    told = told_rows(rows)
+    told, offered = told_rows(rows), rows["none_offered"].array.copy()
     tables = []
     spans = pairwise(accumulate(counts, initial=0))
     for source, record, (first, end), unread in zip(sources, records, spans, left_out, strict=True):
         if record.plan:
-            rows.loc[rows.index[first:end], "none_offered"] = "none" in record.plan.responses
+            offered[first:end] = "none" in record.plan.responses
         tables.append(_table(source, record, told[first:end], unread))
+    rows["none_offered"] = offered
     return Batch(rows=rows, tables=tuple(tables))
 
 

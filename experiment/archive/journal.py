@@ -128,9 +128,8 @@ def read_ends(path: Path) -> JournalEnds | None:
     *lines, torn = path.read_bytes().split(b"\n")
     previous = ROOT
     for number, line in enumerate(lines, 1):
-        if not line.startswith(
-            b'"schema":%d,"seq":%d,"prev":"%b",' % (SCHEMA, number, previous.encode()), _BODY
-        ):
+        begins = f'"schema":{SCHEMA},"seq":{number},"prev":"{previous}",'
+        if not line.startswith(begins.encode(), _BODY):
             return None
         before, previous = previous, hashlib.sha256(line).hexdigest()
     if torn or not lines:

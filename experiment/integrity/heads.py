@@ -100,10 +100,11 @@ def in_place(folder: Path) -> bool:
 
 def kept_head(folder: Path) -> SessionHead | None:
     """Return the head that was kept of a session, if any was; raises as `read_heads`."""
-    if not in_place(folder):
+    name = folder.resolve().name
+    if not name.startswith("ses-"):
         return None
-    session = folder.resolve().name.removeprefix("ses-")
-    return next((head for head in read_heads(person_of(folder)) if head.session == session), None)
+    heads = read_heads(person_of(folder))
+    return next((head for head in heads if f"ses-{head.session}" == name), None)
 
 
 def enter_head(person: Path, head: SessionHead, *, disk: Disk = DISK) -> None:

@@ -155,6 +155,10 @@ class _Examiner:
             for name in (PLAN, HEADER, MEASURED, table)
         }
 
+    def _sha256(self, name: str) -> str:
+        raw = self._bytes[name]
+        return "" if raw is None else hashlib.sha256(raw).hexdigest()
+
     def _note(
         self,
         name: str,
@@ -166,14 +170,12 @@ class _Examiner:
         self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
 
     def unaltered(self) -> Examined | None:
-        kept = self._head()
-        if kept is None or not (self._folder / JOURNAL).is_file():
-            return None
+        kept, path = self._head(), self._folder / JOURNAL
         try:
-            ends = read_ends(self._folder / JOURNAL)
+            ends = read_ends(path) if path.is_file() else None
         except JournalError:
             return None
-        if ends is None or ends.head_sha256 != kept.head_sha256:
+        if ends is None or kept is None or ends.head_sha256 != kept.head_sha256:
             return None
         first, last = ends.first.facts, ends.last.facts
         sealed = {
@@ -181,10 +183,8 @@ class _Examiner:
             HEADER: first.get("header_sha256"),
             self._table_name: last.get("trials_sha256"),
         }
-        for name, sha256 in sealed.items():
-            raw = self._bytes[name]
-            if raw is None or hashlib.sha256(raw).hexdigest() != sha256:
-                return None
+        if any(self._sha256(name) != sha256 for name, sha256 in sealed.items()):
+            return None
         plan = self._plan(known=True)
         if plan is None or self._found or plan.sha256 != first.get("plan_sha256"):
             return None
@@ -222,10 +222,9 @@ class _Examiner:
         ended: bool,
         head_sha256: str | None,
     ) -> Examined:
-        raw = self._bytes[PLAN]
         return Examined(
             plan=plan,
-            plan_file_sha256="" if raw is None else hashlib.sha256(raw).hexdigest(),
+            plan_file_sha256=self._sha256(PLAN),
             history=history,
             head_sha256=head_sha256,
             compared=(self._folder / JOURNAL).is_file(),
@@ -274,9 +273,10 @@ class _Examiner:
         except (PlanError, UnicodeDecodeError) as error:
             self._note(PLAN, None, str(error))
             return None
+        place = self._folder.resolve()
         for prefix, must, name in (
-            ("sub-", plan.participant, self._folder.resolve().parent.name),
-            ("ses-", plan.session, self._folder.resolve().name),
+            ("sub-", plan.participant, place.parent.name),
+            ("ses-", plan.session, place.name),
         ):
             if name.startswith(prefix) and name != prefix + must:
                 self._note(PLAN, None, f"is the plan of {prefix}{must}, but the folder is {name}")
@@ -291,12 +291,11 @@ class _Examiner:
         if not own:
             self._note(PLAN, None, f"is sealed anew: {_other(plan and plan.sha256, sealed)}")
         for name, key in ((PLAN, "plan_file_sha256"), (HEADER, "header_sha256")):
-            raw = self._bytes[name]
-            if raw is None:
+            if self._bytes[name] is None:
                 if name == HEADER:
                     self._note(HEADER, None, "is missing")
                 continue
-            sha256 = hashlib.sha256(raw).hexdigest()
+            sha256 = self._sha256(name)
             already = any(one.path.name == name for one in self._found)
             if sha256 != opening.get(key) and not already:
                 told = _other(sha256, opening.get(key))
