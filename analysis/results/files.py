@@ -47,15 +47,11 @@ def csv_text(table: pd.DataFrame) -> str:
     >>> csv_text(table)
     "level_vpp,group_low,name\n60,n/a,'=1+1\n"
     """
-    parts = []
-    for first in range(0, max(len(table), 1), _ROWS):
-        text = io.StringIO()  # four bytes a sign while it is written, so only of some rows at once
-        writer = csv.writer(text, lineterminator="\n")
-        if first == 0:
-            writer.writerow(table.columns)
+    parts = [",".join(map(_quoted, table.columns)) + "\n"]
+    for first in range(0, len(table), _ROWS):  # a list of cells takes more room than its text
         rows = table.iloc[first : first + _ROWS]
-        writer.writerows(zip(*(_cells(rows[name]) for name in table.columns), strict=True))
-        parts.append(text.getvalue())
+        cells = (_cells(rows[name]) for name in table.columns)
+        parts.append("\n".join([*map(",".join, zip(*cells, strict=True)), ""]))
     return "".join(parts)
 
 
@@ -68,7 +64,14 @@ def _cells(column: pd.Series[Any]) -> Iterable[str]:
 
 
 def _cell(value: object) -> str:
-    return harmless(value) if isinstance(value, str) else format_value(value)
+    return _quoted(harmless(value)) if isinstance(value, str) else format_value(value)
+
+
+def _quoted(text: str) -> str:
+    """Quote a text where a CSV must; numbers and flags never need it."""
+    written = io.StringIO()
+    csv.writer(written, lineterminator="\n").writerow([text, ""])
+    return written.getvalue().removesuffix(",\n")
 
 
 def harmless(text: str) -> str:
