@@ -15,10 +15,10 @@ from stimuli.field.synthesis import (
     synthesized,
 )
 from stimuli.motion.course import LOOKS, Course, crests
-from stimuli.motion.motion import is_enough, motion_of, motions, reference_of, unpatched
+from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import INTERPOLATED, doubts_of, wait_of
-from stimuli.motion.section import AGREED, sections
+from stimuli.motion.section import AGREED, sections, unpatched
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

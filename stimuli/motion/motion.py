@@ -19,7 +19,7 @@ from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patched import PatchedModes, has_room, patched_modes
-from stimuli.motion.section import ECHOED
+from stimuli.motion.section import ECHOED, unpatched, without_far_ends
 from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
@@ -241,11 +241,6 @@ def steady(scene: Scene, frequency_hz: float) -> Complex:
     return np.array(found)
 
 
-def unpatched(scene: Scene) -> Scene:
-    """Return a scene whose strip has no patches."""
-    return dataclasses.replace(scene, strip=dataclasses.replace(scene.strip, patches=()))
-
-
 class Bare(NamedTuple):
     """What of a scene does not depend on its loss."""
 
@@ -321,10 +316,15 @@ def unsure_m(scene: Scene, highest_hz: float, within_hz: float, asked: Scene) ->
     return np.asarray(_UNSURE * np.abs(without_m - _exact_static_m(asked)))
 
 
-@lru_cache(maxsize=4)
 def _exact_static_m(scene: Scene) -> Real:
     """Return the static field of the plate without patches."""
-    return at_rest(unpatched(scene), _STATIC_RTOL)
+    return _at_rest_m(without_far_ends(unpatched(scene)))
+
+
+@lru_cache(maxsize=4)
+def _at_rest_m(scene: Scene) -> Real:
+    """Return the static field: of all sections of a long plate it is the same."""
+    return at_rest(scene, _STATIC_RTOL)
 
 
 def _all_nodes(scene: Scene, highest_hz: float) -> list[tuple[Real, Real]]:

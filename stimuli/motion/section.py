@@ -22,6 +22,13 @@ _BEYOND: Final = 20.0
 _LONGER: Final = 1.5
 """By so much more does the next one."""
 
+_FELT: Final = 3.5
+"""Ends so many widths beyond the outermost point or load are not felt at rest: what comes back from
+there has gone twice as far, and falls off by exp(-pi) in each width or faster."""
+
+_DIGITS: Final = 12
+"""Places are rounded to a picometre, so that those of all sections are equal."""
+
 _ROUNDING: Final = 1e-9
 
 AGREED: Final = 0.5
@@ -69,6 +76,34 @@ def _section(scene: Scene, start_m: float, end_m: float, places: list[float]) ->
         strip=dataclasses.replace(scene.strip, length_m=2 * half_m, patches=tuple(patches)),
         loads=tuple(dataclasses.replace(load, x_m=load.x_m - middle_m) for load in scene.loads),
         points_m=tuple((x - middle_m, y) for x, y in scene.points_m),
+    )
+
+
+def unpatched(scene: Scene) -> Scene:
+    """Return a scene whose strip has no patches."""
+    return dataclasses.replace(scene, strip=dataclasses.replace(scene.strip, patches=()))
+
+
+def without_far_ends(scene: Scene) -> Scene:
+    """Return a scene without ends, its first point at 0, if these are not felt at rest."""
+    strip = scene.strip
+    if strip.length_m is None or strip.patches:
+        return scene
+    reach_m = max(
+        *(abs(x) for x, _ in scene.points_m),
+        *(abs(load.x_m) + load.half_size_m[0] for load in scene.loads),
+    )
+    if strip.length_m / 2 - reach_m < _FELT * strip.width_m:
+        return scene
+    first_m = scene.points_m[0][0]
+    return dataclasses.replace(
+        scene,
+        strip=dataclasses.replace(strip, length_m=None),
+        loads=tuple(
+            dataclasses.replace(load, x_m=round(load.x_m - first_m, _DIGITS))
+            for load in scene.loads
+        ),
+        points_m=tuple((round(x - first_m, _DIGITS), y) for x, y in scene.points_m),
     )
 
 

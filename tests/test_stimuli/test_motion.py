@@ -33,6 +33,7 @@ from stimuli import (
     transient,
     transient_work,
 )
+from stimuli.field.field import at_rest
 from stimuli.field.synthesis import synthesized
 from stimuli.fingers import fingertip
 from stimuli.fingers.fingertip import causal
@@ -41,7 +42,7 @@ from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of
 from stimuli.motion.oscillators import followed, poles
 from stimuli.motion.peaks import peaks_of
-from stimuli.motion.section import sections
+from stimuli.motion.section import sections, without_far_ends
 from stimuli.motion.standing_waves import strip_waves
 
 if TYPE_CHECKING:
@@ -426,6 +427,19 @@ def test_what_rings_after_a_slow_burst_is_found_without_looking_all_the_time(
 
 
 # --- long plates
+
+
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, K_2500, CLAMPED])
+def test_ends_that_are_far_away_are_not_felt_at_rest(edge: Any) -> None:
+    strip = plate(edge, length_m=0.26)
+    loads = tuple(MomentDisc(x_m=x, y_m=0.0115, radius_m=0.005) for x in (-0.03, 0.03))
+    points_m = ((-0.03, 0.0115), (0.03, 0.009), (0.035, 0.0125))
+    scene = Scene(strip=strip, loads=loads, points_m=points_m)
+    alike = without_far_ends(scene)
+    assert alike.strip.length_m is None
+    np.testing.assert_allclose(at_rest(alike, 1e-9), at_rest(scene, 1e-9), rtol=1e-6)
+    shorter = dataclasses.replace(scene, strip=plate(edge, length_m=0.2))
+    assert without_far_ends(shorter) is shorter
 
 
 def test_a_long_plate_is_as_an_endless_one(monkeypatch: pytest.MonkeyPatch) -> None:
