@@ -1,4 +1,15 @@
 from .inputs import Calibration, InputMonitor
-from .measured import Measured, Monitor, Planned, Tap, Tolerances
+from .measured import Fault, Measured, Monitor, Planned, Tap, Tolerances
+from .reported import DeviceMonitor
 
-__all__ = ["Calibration", "InputMonitor", "Measured", "Monitor", "Planned", "Tap", "Tolerances"]
+__all__ = [
+    "Calibration",
+    "DeviceMonitor",
+    "Fault",
+    "InputMonitor",
+    "Measured",
+    "Monitor",
+    "Planned",
+    "Tap",
+    "Tolerances",
+]

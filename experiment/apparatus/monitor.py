@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from device.core.host import HostDriver
 from experiment.study.sections.stimulus import drive_samples
 from experiment.study.study import StudyError
 from experiment.terms.record import NOT_AVAILABLE
@@ -24,8 +25,13 @@ def recorder_beside(
 ) -> Recorder | None:
     """Return what hears the inputs of the sound card that drives; None where nothing does.
 
-    StudyError where no sound card drives.
+    StudyError where no sound card drives, or no device that could measure by itself.
     """
+    if monitor.source == "device" and device.driver != "serial":
+        raise StudyError(
+            "monitor.source must be input, with the inputs of a sound card beside the driver "
+            f"{device.driver}; got device, which needs the driver serial"
+        )
     if monitor.source != "duplex":
         return None
     if device.driver != "audio":
@@ -45,25 +51,29 @@ def make_monitor(
 
     `recorder` is the one that the device records with.
     """
-    if settings.source == "none" or settings.per_unit is None or settings.tap is None:
+    if settings.source == "none" or settings.tap is None:
         return None
     # scipy.signal takes a tenth of a second to import: only who measures needs it
     from device.monitor.inputs import Calibration, InputMonitor
     from device.monitor.measured import Tap, Tolerances
+    from device.monitor.reported import DeviceMonitor
     from device.sound.recorder import Recorder
     from device.sound.stream import open_inputs
 
     tap = Tap(settings.tap)
-    calibration = Calibration(
-        per_unit=settings.per_unit,
-        delay_s=(settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3),
-    )
+    per_unit = (1.0, 1.0) if settings.per_unit is None else settings.per_unit
+    delay_s = settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3
     tolerances = Tolerances(
         peak=settings.peak_tolerance,
         onset_s=settings.onset_tolerance_ms * 1e-3,
         correlation=settings.least_correlation,
         silence=settings.silence,
     )
+    if isinstance(device, HostDriver) and settings.source == "device":
+        return DeviceMonitor(
+            device, clock, tap=tap, per_unit=per_unit, delay_s=delay_s, tolerances=tolerances
+        )
+    calibration = Calibration(per_unit=per_unit, delay_s=delay_s)
     if recorder is not None:
         return InputMonitor(
             recorder,
@@ -109,11 +119,13 @@ def monitor_words(settings: MonitorSettings) -> str:
         return "none: no burst is verified"
     from device.monitor.measured import Tap
 
-    beside = "of the sound card that drives"
-    if settings.source == "input":
-        beside = f"of the sound card {settings.sound_card or 'default'}"
+    by = {
+        "duplex": "inputs of the sound card that drives",
+        "input": f"inputs of the sound card {settings.sound_card or 'default'}",
+        "device": "the device's own converter",
+    }
     tap = Tap(settings.tap)
-    return f"{tap}, by inputs {beside}; it never sees {tap.unseen}"
+    return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}"
 
 
 def planned_burst(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from device.driver import DeviceError, Outcome, RefusedError
@@ -14,6 +15,7 @@ from experiment.apparatus.slots import (
     load_condition,
     onset_interval_s,
     playing_s,
+    told_health,
 )
 from experiment.session.setting import fault_facts, trial_name
 from experiment.terms.gains import significant
@@ -22,7 +24,7 @@ from experiment.trial.events import Event
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from device.driver import Delivery
+    from device.driver import BurstDevice, Delivery
     from device.monitor.measured import Measured, Monitor, Planned
     from experiment.apparatus.noise import NoiseHealth, NoisePlayer
     from experiment.archive.journal import Journal
@@ -140,8 +142,9 @@ class BurstWatch:
     has to know, empty while bursts are verified.
     """
 
-    def __init__(self, monitor: Monitor | None, study: Study) -> None:
+    def __init__(self, monitor: Monitor | None, study: Study, device: BurstDevice) -> None:
         self._monitor = monitor
+        self._device = device
         self._study = study
         self.planned: Planned | None = None
         self.measured: Measured | None = None
@@ -171,10 +174,40 @@ class BurstWatch:
             return
         if delivery.outcome is Outcome.NOT_FIRED:
             return
-        measured = self.measured = self._monitor.end(delivery)
+        measured = self.measured = self._with_health(self._ended(self._monitor, delivery))
         amiss = measured.verified == "false"
         trouble = f"monitor ({measured.tap}): {measured.words}; put it right, then go on"
         self.trouble = trouble if amiss else ""
+
+    @staticmethod
+    def _ended(monitor: Monitor, delivery: Delivery) -> Measured:
+        from device.monitor.measured import Measured
+
+        try:
+            return monitor.end(delivery)
+        except DeviceError as error:
+            return Measured(
+                token=delivery.token,
+                tap=monitor.tap,
+                source=monitor.source,
+                unmeasured=" ".join(str(error).split()),
+            )
+
+    def _with_health(self, measured: Measured) -> Measured:
+        """Count what the device knows of its amplifier: no tap before it sees its switch."""
+        from device.monitor.measured import Fault
+
+        try:
+            health = told_health(self._device)
+        except DeviceError:  # the next step tells
+            return measured
+        off = health is not None and (
+            health.amplifier_enabled is False
+            or health.switch_closed is False
+            or health.over_current is True
+        )
+        faults = (*measured.faults, Fault.AMPLIFIER_OFF) if off else measured.faults
+        return replace(measured, faults=faults)
 
     def onset_s(self, *, or_told_s: float) -> float:
         """Return the measured onset on the clock; where there is none, what the device told."""

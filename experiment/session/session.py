@@ -73,7 +73,7 @@ class Session:
         self._markers = setting.markers
         self._marked = self._markers.words is None
         self._due_s = 0.0
-        self._watch = BurstWatch(setting.monitor, study)
+        self._watch = BurstWatch(setting.monitor, study, setting.device)
         self._emission = StimulusOut(
             setting, study, journal, last_token=history.last_token, watch=self._watch
         )

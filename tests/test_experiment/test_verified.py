@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
+from device.clock import VirtualClock
+from device.core.reports import Health
+from device.emulate.amplifier import Adc
+from device.emulate.mock import MockDevice
 from device.sound.audio import AudioDevice
 from experiment.apparatus.monitor import make_monitor
 from experiment.apparatus.noise import SilentNoise
+from experiment.apparatus.rig import assemble
 from experiment.apparatus.slots import host_limits
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
@@ -20,6 +29,7 @@ from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
 from experiment.study.read import study_from_text
+from experiment.study.study import StudyError
 from experiment.trial.draw import draw_plan
 from tests.test_device.in_process import LoopCard
 from tests.test_experiment.lab import Watching
@@ -29,6 +39,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.session.setting import Ending
+    from experiment.terms.responder import AwaitedAnswer, Press
 
 STUDY = """
 [burst]
@@ -257,3 +268,171 @@ def test_an_answer_whose_burst_was_not_verified_is_no_ok_after_a_kill(tmp_path: 
     wired.at_ask = lambda trial: None
     assert resume(wired.folder, wired.setting()).finished
     assert {r["burst_verified"] for r in wired.table() if r["status"] == "ok"} == {"line"}
+
+
+BY_ITSELF = """
+[burst]
+window = "hann"
+[design]
+levels_vpp = [100, 200]
+trials_per_side = 4
+both_trials = 2
+foreperiod_s = [0.3, 0.4]
+[masking]
+noise = "none"
+[simulation]
+threshold_vpp = 50
+[monitor]
+source = "device"
+tap = "{tap}"
+per_volt = [{gain}, {gain}]
+"""
+
+
+class ByItself(Wired):
+    """The same on a mock whose own converter measures."""
+
+    def __init__(self, root: Path, *, tap: str = "amplifier", gain: float = 1.0) -> None:
+        super().__init__(root)
+        self.study = study_from_text(BY_ITSELF.format(tap=tap, gain=gain), "study.toml")
+        self.clock = VirtualClock()
+        limits = host_limits(self.study.device)
+        self.mock = MockDevice(self.clock, limits=limits, adc=Adc(tap=tap))
+        self.monitor = make_monitor(self.study.monitor, self.mock, self.clock, None)
+        self.plan = draw_plan(self.study, participant="01", session="01", seed=3)
+
+    def setting(self) -> Setting:
+        someone = simulated_responder(self.study, self.plan, self.clock)
+        ask = someone.ask
+
+        def asked(question: AwaitedAnswer) -> Press | None:
+            self.at_ask(question.trial)
+            return ask(question)
+
+        someone.ask = asked  # type: ignore[method-assign]
+        made = super().setting()
+        return replace(made, device=self.mock, responder=someone, clock=self.clock)
+
+
+def test_a_device_s_own_converter_verifies(tmp_path: Path) -> None:
+    rig = ByItself(tmp_path)
+    assert rig.begin().finished
+    assert {row["burst_verified"] for row in rig.table()} == {"amplifier"}
+    measured = rig.table("measured.csv")
+    assert {row["source"] for row in measured} == {"the device's own converter"}
+    for row in measured:
+        assert float(row["peak_left"]) == pytest.approx(float(row["planned_left"]), rel=0.02)
+
+
+def test_another_size_than_planned_is_a_fault_of_a_device_s_own_converter_too(
+    tmp_path: Path,
+) -> None:
+    rig = ByItself(tmp_path, gain=1.3)
+    assert not rig.begin().finished
+    assert rig.table()[0]["burst_verified"] == "false"
+    assert any("too weak" in line for line in rig.told)
+
+
+@pytest.mark.parametrize("tap", ["line", "amplifier"])
+def test_an_amplifier_that_goes_off_while_it_drives_is_seen_beside_any_tap(
+    tmp_path: Path, tap: str
+) -> None:
+    rig = ByItself(tmp_path, tap=tap)
+    off = Health(amplifier_enabled=True, switch_closed=False, over_current=False)
+
+    def open_switch(trial: int) -> None:
+        if len(rig.mock.emitted) == 5:
+            rig.mock.sense(off)
+
+    rig.mock.sense(Health(amplifier_enabled=True, switch_closed=True, over_current=False))
+    rig.at_ask = open_switch
+    assert not rig.begin().finished
+    rows = rig.table()
+    assert [row["burst_verified"] for row in rows] == [tap] * 4 + ["false"]
+    assert rows[-1]["status"] == "indeterminate"
+    assert any("amplifier off" in line for line in rig.told)
+
+
+def test_markers_carry_the_measured_onset(tmp_path: Path) -> None:
+    rig = ByItself(tmp_path)
+    rig.mock = MockDevice(
+        rig.clock, limits=host_limits(rig.study.device), adc=Adc(tap="amplifier", delay_us=700.0)
+    )
+    rig.monitor = make_monitor(rig.study.monitor, rig.mock, rig.clock, None)
+    sent: list[tuple[str, float]] = []
+
+    class Heard:
+        words = "a list"
+
+        def heard(self) -> bool:
+            return True
+
+        def send(self, marker: str, time_s: float) -> None:
+            sent.append((marker, time_s))
+
+    begin(rig.folder, rig.plan, replace(rig.setting(), markers=Heard()))
+    stimuli = [time_s for marker, time_s in sent if marker.startswith("stimulus/")]
+    answers = [time_s for marker, time_s in sent if marker.startswith("response/")]
+    rows = rig.table()
+    assert len(stimuli) == len(rows)
+    for row, time_s in zip(rows, stimuli, strict=True):
+        assert time_s - float(row["onset_s"]) == pytest.approx(7e-4, abs=2e-5)
+    answered = [float(r["onset_s"]) + float(r["rt_s"]) for r in rows if r["rt_s"] != "n/a"]
+    assert answers == pytest.approx(answered, abs=2e-5)
+
+
+def test_source_and_driver_must_go_together() -> None:
+    for source, driver in (("duplex", "serial"), ("device", "audio")):
+        text = STUDY.format(trials=4, tap="line", disagreement="repeat").replace(
+            'source = "duplex"', f'source = "{source}"'
+        )
+        study = study_from_text(text, "study.toml")
+        with pytest.raises(StudyError, match=r"monitor\.source must be input"):
+            assemble(study, driver=driver, port="x", simulated=True)
+
+
+WATCHED = """
+import os, sys
+from pathlib import Path
+from tests.test_experiment import test_verified
+import experiment.session.conduct as conduct
+conduct.require_confirmed = lambda *_: None
+wired = test_verified.Wired(Path(sys.argv[1]))
+fire, end = wired.device.fire, wired.monitor.end
+def mark(words):
+    os.access(words, os.F_OK)
+def fired(token):
+    mark("FIRE")
+    return fire(token)
+def ended(delivery):
+    told = end(delivery)
+    mark("KEY")
+    return told
+wired.device.fire, wired.monitor.end = fired, ended
+assert wired.begin().finished
+"""
+
+
+@pytest.mark.process
+@pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
+def test_nothing_touches_the_disk_from_the_onset_to_the_measurement(tmp_path: Path) -> None:
+    told = tmp_path / "calls.txt"
+    calls = "access,faccessat,faccessat2,write,writev,pwrite64,fsync,fdatasync,sync,rename,creat"
+    command = ["strace", "-f", "-o", str(told), "-e", f"trace={calls},openat,unlink"]
+    root = tmp_path / "root"
+    command += [sys.executable, "-c", WATCHED, str(root)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if "ptrace" in done.stderr:
+        pytest.skip("strace may not watch here")
+    assert done.returncode == 0, done.stderr
+    between, seen, windows = False, [], 0
+    for line in told.read_text(encoding="utf-8").splitlines():
+        if '"FIRE"' in line:
+            between = True
+            windows += 1
+        elif '"KEY"' in line:
+            between = False
+        elif between and (str(root) in line or "sync" in line or " write" in line):
+            seen.append(line)
+    assert windows == 12
+    assert seen == []

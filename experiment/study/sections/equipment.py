@@ -78,7 +78,7 @@ class DeviceSettings:
             raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
 
 
-MonitorSource = Literal["none", "duplex", "input"]
+MonitorSource = Literal["none", "duplex", "input", "device"]
 TapWord = Literal["line", "amplifier", "current", "motion"]
 
 _Input = Annotated[int, Field(ge=1, le=256)]
@@ -93,8 +93,8 @@ class MonitorSettings:
     """What measures each burst beside the device, and compares it with the planned one.
 
     Without a source nothing is verified. duplex: inputs of the sound card that drives; input: of
-    another one, beside any driver. docs/monitor.md tells how to wire and calibrate each tap, and
-    what it never sees.
+    another one, beside any driver; device: a serial device's own converter. docs/monitor.md tells
+    how to wire and calibrate each tap, and what it never sees.
     """
 
     source: MonitorSource = "none"
@@ -109,7 +109,8 @@ class MonitorSettings:
     per_unit: tuple[_Scale, _Scale] | None = Field(
         default=None,
         strict=False,
-        description="V, A or um at the tap for an input's full scale; below 0: inverted",
+        description="V, A or um at the tap for an input's full scale; below 0: inverted; left out "
+        "of a device: as it tells",
     )
     per_volt: tuple[_PerVolt, _PerVolt] | None = Field(
         default=None,
@@ -151,7 +152,8 @@ class MonitorSettings:
             raise ValueError(f"per_unit must not be 0; got {list(self.per_unit)}")
         if self.source == "none":
             return
-        for key in ("tap", "per_unit", "measured_by", "measured_on"):
+        of_inputs = () if self.source == "device" else ("per_unit", "measured_by", "measured_on")
+        for key in ("tap", *of_inputs):
             if getattr(self, key) is None:
                 raise ValueError(f"{key} is missing; source = {self.source} needs it")
         if self.per_volt is None and self.tap not in _VOLTAGES:
