@@ -110,65 +110,43 @@ struct question {
     uint8_t *body;
 };
 
-/* How long the content of each type is; DATA has its octets besides. */
-static bool content_size(uint8_t kind, size_t *size) {
-    switch (kind) {
-    case PING:
-    case LIMITS:
-    case HEALTH:
-    case OUTPUT:
-        *size = 0;
-        return true;
-    case BEGIN:
-    case COMMIT:
-        *size = 5;
-        return true;
-    case DATA:
-        *size = 6;
-        return true;
-    case LEVEL:
-    case DISARM:
-    case FIRE:
-    case QUERY:
-    case MEASURED:
-        *size = 8;
-        return true;
-    case ARM:
-        *size = 13;
-        return true;
-    default:
-        return false;
-    }
-}
+/* The form of a question's content: how long, how much longer it may be, where in it the slot is. A
+ * token comes first, and slots and tokens are checked before the state is looked at. */
+struct form {
+    uint8_t kind;
+    uint8_t size;
+    uint8_t rest;
+    uint8_t slot_at;
+    bool has_token;
+};
+#define NO_SLOT 0xFFU
 
-/* Check whatever can be checked of a question without the device's state: its form, its token,
- * its slot. */
+static const struct form forms[] = {
+    {PING, 0, 0, NO_SLOT, false},   {LIMITS, 0, 0, NO_SLOT, false},
+    {HEALTH, 0, 0, NO_SLOT, false}, {BEGIN, 5, 0, 0, false},
+    {COMMIT, 5, 0, 0, false},       {DATA, 7, LONGEST_DATA - 1U, NO_SLOT, false},
+    {LEVEL, 8, 0, NO_SLOT, false},  {OUTPUT, 0, 0, NO_SLOT, false},
+    {ARM, 13, 0, 8, true},          {DISARM, 8, 0, NO_SLOT, true},
+    {FIRE, 8, 0, NO_SLOT, true},    {QUERY, 8, 0, NO_SLOT, true},
+    {MEASURED, 8, 0, NO_SLOT, true},
+};
+
 static enum refusal check_form(uint8_t kind, const struct question *question) {
-    size_t size = 0;
-    if (!content_size(kind, &size)) {
-        return BAD_MESSAGE;
+    for (size_t i = 0; i < sizeof(forms) / sizeof(forms[0]); i++) {
+        const struct form *form = &forms[i];
+        if (form->kind != kind) {
+            continue;
+        }
+        if (question->size < form->size || question->size > (size_t)form->size + form->rest) {
+            return BAD_MESSAGE;
+        }
+        if (form->has_token && read_u64(question->content) == 0U) {
+            return BAD_TOKEN;
+        }
+        const bool has_slot = form->slot_at != NO_SLOT;
+        return has_slot && question->content[form->slot_at] >= SLOTS ? BAD_SLOT : DONE;
     }
-    if (kind == DATA) {
-        const bool fits = question->size > size && question->size <= size + LONGEST_DATA;
-        return fits ? DONE : BAD_MESSAGE;
-    }
-    if (question->size != size) {
-        return BAD_MESSAGE;
-    }
-    const bool has_token = kind == ARM || kind == DISARM || kind == FIRE || kind == QUERY ||
-                           kind == MEASURED;
-    if (has_token && read_u64(question->content) == 0U) {
-        return BAD_TOKEN;
-    }
-    uint32_t slot = 0;
-    if (kind == ARM) {
-        slot = read_u8(question->content + 8);
-    } else if (kind == BEGIN || kind == COMMIT) {
-        slot = read_u8(question->content);
-    } else {
-        slot = 0;
-    }
-    return slot < SLOTS ? DONE : BAD_SLOT;
+    return BAD_MESSAGE;
 }
 
 /* Do what a question asks, or say why not; `body` moves behind what is told. */

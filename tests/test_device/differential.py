@@ -57,7 +57,7 @@ DEVICE: Final[dict[str, Any]] = {
     "firmware": "compared",
 }
 """Small, so that its limits are met often."""
-HISTORY: Final = 6
+HISTORY: Final = 3
 """Tokens remembered: so few that they are forgotten often."""
 STEPS: Final = 250
 """Inputs to one power cycle."""
@@ -116,6 +116,7 @@ class Host:
         self._waiting: list[tuple[int, bytes]] = []
         self._typed: list[bytes] = []
         self._last = b""
+        self._upload()
 
     def _below(self, most: int) -> int:
         if not self._words:
@@ -151,10 +152,10 @@ class Host:
         return bytes(self._below(256) for _ in range(size))
 
     def _question(self) -> tuple[int, bytes]:
-        if self._one_in(12):
+        if self._one_in(15):
             self._upload()
             return self._waiting.pop(0)
-        if self._one_in(12):
+        if self._one_in(8):
             self._play()
             return self._waiting.pop(0)
         kind = self._of(KINDS) or self._below(256)
@@ -168,13 +169,13 @@ class Host:
                 slot, life_us = self._of((0, 0, 0, 1, 1, 2, 3)), self._of(LIVES_US)
                 content = struct.pack("<QBI", token, slot, life_us)
             case 0x23 | 0x24 | 0x25 | 0x26:  # DISARM, FIRE, QUERY, MEASURED
-                token = max(0, self._token - self._of((0, 0, 0, 0, 1, 2, 3, 8)))
+                token = max(0, self._token - self._of((0, 0, 0, 0, 1, 2, 3, 8, 15)))
                 odd = self._of((0, 2**64 - 1)) if self._one_in(50) else token
                 content = struct.pack("<Q", odd)
             case 0x20:  # LEVEL
                 content = struct.pack("<II", self._of(LEVELS_MVPP), self._of(LEVELS_MVPP))
             case 0x01:  # HELLO
-                content = struct.pack("<Q", self._below(3))
+                content = struct.pack("<Q", self._of((0, 1, self._below(2**62))))
             case 0x10:  # BEGIN
                 content = struct.pack("<BI", self._below(4), self._of((0, 1, 4, 40, 41)))
             case 0x11:  # DATA
@@ -233,15 +234,16 @@ class Host:
             return self._last  # the same again: its answer was lost
         boot = self._boot
         if self._one_in(60):
-            boot = self._some(8)
+            boot = self._some(self._of((8, 8, 7, 0)))
         elif kind == HELLO:
             boot = b""
         if self._one_in(60):
             content = content[: self._below(len(content) + 1)] + self._some(self._below(3))
         number = self._number
-        if kind not in (DATA, BEAT):
-            self._number = (number + self._of((*(1,) * 30, 2, 0, 0xFFFF, 0x7FFF, 0x8000))) & 0xFFFF
-            number = self._number
+        if kind not in {DATA, BEAT} and self._one_in(20):
+            number = (number + self._of((0, 0xFFFF, 0x8000, 0x8001))) & 0xFFFF  # from before
+        elif kind not in {DATA, BEAT}:
+            number = self._number = (number + self._of((*(1,) * 50, 2, 0x7FFF))) & 0xFFFF
         version = VERSION if not self._one_in(300) else self._below(4)
         body = bytes([version, kind]) + number.to_bytes(2, "little") + boot + content
         coded: bytes = cobs.encode(body + zlib.crc32(body).to_bytes(4, "little"))
