@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import warnings
@@ -284,17 +285,21 @@ def interval_rows() -> Iterator[str]:
         for method in METHODS:
             low, high = proportion_ci(k, n, method)
             yield f"| one cell, {method} | {truth:g} | {share((low <= truth) & (truth <= high))} |"
-    for level, between_db in ((60.0, 2.0), (95.0, 2.0), (60.0, 4.0), (60.0, 6.0), (95.0, 6.0)):
-        offsets = between_db / 20 * rng.standard_normal((STUDIES, 5))
-        p = ndtr((math.log10(level / 70) + offsets) / SIGMA)
-        truth = float(ndtr(math.log10(level / 70) / math.hypot(SIGMA, between_db / 20)))
-        k = rng.binomial(n, p)
-        group = np.array([group_interval(one, [n] * 5) for one in k])
-        pooled = np.stack(proportion_ci(k.sum(axis=1), 5 * n), axis=1)
-        for name, limits in (("n_eff", group), ("pooled binomial, ignores participants", pooled)):
-            inside = (limits[:, 0] <= truth) & (truth <= limits[:, 1])
-            what = f"group of five, {between_db:g} dB between people, {name}"
-            yield f"| {what} | {truth:.2f} | {share(inside)} |"
+    people = ("five", 5, 0.0, SIGMA), ("five steep", 5, 0.0, SIGMA / 5), (
+        "five, forced choice", 5, 0.5, SIGMA), ("twelve", 12, 0.0, SIGMA)  # fmt: skip
+    for (name, number, guess_rate, sigma), between_db, level in itertools.product(
+        people, (2.0, 4.0, 6.0), (60.0, 95.0, 165.0)
+    ):
+        offsets = between_db / 20 * rng.standard_normal((STUDIES, number))
+        felt = ndtr((math.log10(level / 70) + offsets) / sigma)
+        truth = float(ndtr(math.log10(level / 70) / math.hypot(sigma, between_db / 20)))
+        truth = guess_rate + (1 - guess_rate) * truth
+        k = rng.binomial(n, guess_rate + (1 - guess_rate) * felt)
+        group = np.array([group_interval(one, [n] * number) for one in k])
+        pooled = np.stack(proportion_ci(k.sum(axis=1), number * n), axis=1)
+        both = (share((one[:, 0] <= truth) & (truth <= one[:, 1])) for one in (group, pooled))
+        what = f"group of {name}, {between_db:g} dB between people"
+        yield f"| {what} | {truth:.2f} | {'; pooled binomial '.join(both)} |"
 
 
 def share(inside: NDArray[np.bool_]) -> str:
@@ -333,8 +338,9 @@ def section() -> str:
 
 _INTERVALS: Final = (
     f"{STUDIES} seeded studies for each line; the share that covers the truth, with its standard "
-    "error. 30 stimuli a cell; the level table's groups: five people, 70 V in the middle, sigma "
-    f"{SIGMA:g}, at 60 and 95 V."
+    "error. 30 stimuli a cell; the level table's groups: 70 V in the middle, sigma "
+    f"{SIGMA:g}, of steep people a fifth of it, at 60, 95 and 165 V; the pooled binomial interval "
+    "ignores that participants differ."
 )
 _THRESHOLDS: Final = (
     "Thresholds of one observer, 15 scenarios and four beyond. Ours is the posterior median, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -13,6 +14,11 @@ if TYPE_CHECKING:
 
 
 _LOWER, _UPPER = LIMITS
+_NODES = (64, 24)
+"""Of the mean and the spread of a group, on the part that matters."""
+_MATTERS = 15.0
+"""Of log posterior below the greatest."""
+_FILLED, _PASSES = 0.6, 16
 
 
 @overload
@@ -78,9 +84,10 @@ def proportion_ci(
 def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, float]:
     """Return the 95 % interval of a group's detection probability, participants differing.
 
-    Wilson's interval at the pooled p, with N / deff in the place of N and Student's t with P - 1
-    degrees of freedom in the place of z. deff, the design effect, is at least 1: the variance of
-    the mean of the participants' p over its binomial value p (1 - p) / N; 1 where p is 0 or 1.
+    Of the mean m of people whose probabilities are Beta distributed with the variance v m (1 - m):
+    the 2.5 % and 97.5 % points of its posterior, or the pooled proportion or the people's mean
+    where these lie farther out. Before the counts are known, m and the square root of v are uniform
+    from 0 to 1 (docs/statistics.md, section 3).
 
     Parameters
     ----------
@@ -106,24 +113,44 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
     >>> different[0] < alike[0] < 0.5 < alike[1] < different[1]
     True
     """
-    from scipy.special import stdtrit
-
     k, n = checked_counts(detected, presented)
     if k.ndim != 1 or k.size == 0 or not np.all(n > 0):
         raise ValueError(f"presented must be a row of counts above 0, got {presented!r}")
     if k.size == 1:
         return float("nan"), float("nan")
-    # People who differ more than chance allows are worth fewer trials than they gave. An effect
-    # below 1 is chance as well, and would make the interval narrower than one of equal people.
-    total, pooled = n.sum(), k.sum() / n.sum()
-    binomial = pooled * (1 - pooled) / total
-    # Sorted, so that the order of the participants does not show in the last digit.
-    between = np.sort(k / n).var(ddof=1) / k.size
-    deff = max(1.0, between / binomial) if binomial > 0 else 1.0
-    lower, upper = _score_limits(
-        np.asarray(pooled), np.asarray(total / deff), float(stdtrit(k.size - 1, _UPPER))
-    )
-    return float(lower), float(upper)
+    ends = [(0.0, math.pi / 2), (0.0, 1.0)]
+    for _ in range(_PASSES):
+        edges = [np.linspace(*end, count + 1) for end, count in zip(ends, _NODES, strict=True)]
+        log = _log_posterior(k, n, *((edge[1:] + edge[:-1]) / 2 for edge in edges))
+        near = log > log.max() - _MATTERS
+        cells = [np.flatnonzero(near.any(axis=1 - i)) for i in range(2)]
+        ends = [(edge[at[0]], edge[at[-1] + 1]) for edge, at in zip(edges, cells, strict=True)]
+        if all(np.ptp(end) > _FILLED * np.ptp(edge) for end, edge in zip(ends, edges, strict=True)):
+            break
+    share = np.exp(log - log.max()).sum(axis=1)
+    below = np.concatenate([[0.0], np.cumsum(share) / share.sum()])
+    lower, upper = np.sin(np.interp(LIMITS, below, edges[0])) ** 2
+    told = (float(k.sum() / n.sum()), math.fsum(k / n) / k.size)
+    return min(float(lower), *told), max(float(upper), *told)
+
+
+def _log_posterior(
+    k: NDArray[np.float64],
+    n: NDArray[np.float64],
+    angle: NDArray[np.float64],
+    spread: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return it over arcsin(sqrt(m)) and sqrt(v), but for a constant."""
+    from scipy.special import betaln
+
+    alike = 1 / spread**2 - 1
+    a, b = np.sin(angle)[:, None] ** 2 * alike, np.cos(angle)[:, None] ** 2 * alike
+    # Equal people count together: neither their number nor their order matters.
+    cells, times = np.unique(np.stack([k, n], axis=1), axis=0, return_counts=True)
+    log = np.log(np.sin(2 * angle))[:, None] - len(k) * betaln(a, b)
+    for (felt, shown), often in zip(cells, times, strict=True):
+        log = log + often * betaln(a + felt, b + shown - felt)
+    return np.asarray(log)
 
 
 def _score_limits(

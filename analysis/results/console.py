@@ -34,7 +34,7 @@ _WIDTH = 80
 _FEW = 10
 _LEGEND = (
     "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
-    "max: over participants' k/n. group 95 %: interval of the group. both, other: answered both, "
+    "max: over participants' k/n. group 95 %: of people like these. both, other: answered both, "
     "the other side. late: time-outs. p ans: k / answered."
 )
 _LEGEND_ANY = " any: answered left, right or both."

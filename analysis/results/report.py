@@ -10,7 +10,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import VOLTS, alone, shortest
-from analysis.definitions import DEFINITIONS, TOTAL
+from analysis.definitions import DEFINITIONS, GROUP_COVERS, TOTAL
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer, left_out_words
 from analysis.results.compared import number_of
 from analysis.results.figures.confusion import stimulus
@@ -216,9 +216,11 @@ def _detection(analysis: Analysis) -> Section:
         return Section(title=title, texts=["No trial with a single stimulus counts."])
     forced = analysis.detected_any is None
     levels = level_rows(analysis, PAGE)
+    texts = [forced_choice(analysis, "the detection probability")] if forced else []
+    several = bool(analysis.levels["group_low"].notna().any())
     return Section(
         title=title,
-        texts=[forced_choice(analysis, "the detection probability")] if forced else [],
+        texts=[*texts, GROUP_COVERS] if several else texts,
         tables=[
             Table(caption=f"{title}{_where(analysis, name)}", header=levels.header, rows=rows)
             for name, rows in levels.of_condition.items()

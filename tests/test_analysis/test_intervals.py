@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import betabinom
 
 from analysis import group_interval, proportion_ci
 from analysis.definitions import METHODS
@@ -151,38 +152,59 @@ def test_an_unknown_method_is_refused_by_name() -> None:
         proportion_ci(1, 2, "wald")
 
 
-def test_the_group_interval_is_the_score_interval_at_n_eff_and_t() -> None:
-    k, n = [5, 15, 25], [30, 30, 30]
-    p, t = 0.5, 0.95 / math.sqrt(2 * 0.975 * 0.025)  # t(2) at 97.5 %, in closed form
-    between = np.var([5 / 30, 15 / 30, 25 / 30], ddof=1) / 3
-    n_eff = 90 / (between / (p * (1 - p) / 90))
-    for limit in group_interval(k, n):
-        assert n_eff * (p - limit) ** 2 == pytest.approx(t**2 * limit * (1 - limit), rel=1e-9)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("k", "n"), [([5, 15, 25], [30, 30, 30]), ([30, 30, 29, 30], [30] * 4), ([1, 40], [2, 300])]
+)
+def test_the_group_interval_is_that_of_a_plain_sum_over_beta_binomials(
+    k: list[int], n: list[int]
+) -> None:
+    m, spread = ((np.arange(nodes) + 0.5) / nodes for nodes in (1500, 300))
+    size = 1 / spread**2 - 1
+    a, b = m[:, None] * size, (1 - m[:, None]) * size
+    log = sum(betabinom.logpmf(felt, shown, a, b) for felt, shown in zip(k, n, strict=True))
+    below = np.cumsum(np.exp(log).sum(axis=1))
+    expected = np.interp([0.025, 0.975], below / below[-1], m + 0.5 / 1500)
+    assert group_interval(k, n) == pytest.approx(expected, abs=2e-3)
 
 
-def test_alike_participants_have_a_design_effect_of_one_and_one_has_no_interval() -> None:
-    t = 2.7764451051977987  # t(4) at 97.5 %
-    for limit in group_interval([12] * 5, [30] * 5):
-        assert 150 * (0.4 - limit) ** 2 == pytest.approx(t**2 * limit * (1 - limit), rel=1e-9)
+def test_alike_participants_tell_nearly_as_much_as_their_trials_and_one_has_no_interval() -> None:
+    low, high = group_interval([12] * 20, [30] * 20)
+    pooled_low, pooled_high = proportion_ci(240, 600)
+    assert low < pooled_low
+    assert pooled_high < high
+    assert high - low < 1.2 * (pooled_high - pooled_low)
     assert all(map(math.isnan, group_interval([15], [30])))
+
+
+def test_of_very_many_trials_only_the_participants_differences_are_left() -> None:
+    k, n = np.array([0.3, 0.5, 0.7]), np.ones(3)
+    some, most = (group_interval(1e4 * scale * k, 1e4 * scale * n) for scale in (1, 1e4))
+    assert some == pytest.approx(most, abs=2e-3)
+    assert most[0] < 0.3
+    assert most[1] > 0.7
 
 
 @pytest.mark.parametrize(("k", "exact"), [(0, 0), (30, 1)])
 def test_the_group_interval_reaches_0_or_1_where_everybody_does(k: int, exact: int) -> None:
     limits = group_interval([k] * 5, [30] * 5)
     assert limits[exact] == exact
-    assert 0.04 < abs(limits[1 - exact] - exact) < 0.06
+    # Five people who feel everything do not tell that a sixth does.
+    assert 0.25 < abs(limits[1 - exact] - exact) < 0.4
 
 
 @pytest.mark.slow
 @fast
 @given(st.lists(counts, min_size=2, max_size=8))
-def test_the_group_interval_has_no_order_and_holds_the_pooled_one(cells: list[Any]) -> None:
+def test_the_group_interval_has_no_order_and_holds_the_proportions(cells: list[Any]) -> None:
     k, n = (list(column) for column in zip(*cells, strict=True))
     group = group_interval(k, n)
     assert group == group_interval(k[::-1], n[::-1])
-    pooled = proportion_ci(sum(k), sum(n))
-    assert group[0] <= pooled[0] <= pooled[1] <= group[1]
+    for p in (sum(k) / sum(n), np.mean(np.array(k) / np.array(n))):
+        assert group[0] <= p + 1e-15
+        assert p - 1e-15 <= group[1]
+    missed = group_interval([b - a for a, b in zip(k, n, strict=True)], n)
+    assert missed == pytest.approx((1 - group[1], 1 - group[0]), abs=1e-6)
 
 
 def test_the_group_interval_covers_where_the_pooled_one_does_not() -> None:
@@ -194,6 +216,12 @@ def test_the_group_interval_covers_where_the_pooled_one_does_not() -> None:
         covered += [low <= truth <= high for low, high in limits]
     assert covered[0] / 400 > 0.92
     assert covered[1] / 400 < 0.80
+
+
+def test_the_group_interval_covers_where_answers_jump_from_nothing_to_everything() -> None:
+    k = np.random.default_rng(7).binomial(5, 0.9, 300)  # of five people, who feel all or nothing
+    every = {felt: group_interval([30] * felt + [0] * (5 - felt), [30] * 5) for felt in range(6)}
+    assert np.mean([every[felt][0] <= 0.9 <= every[felt][1] for felt in k.tolist()]) > 0.92
 
 
 @pytest.mark.parametrize(
