@@ -50,6 +50,7 @@ LATER = {
     *(
         "session/markers.py",
         "apparatus/monitor.py",
+        "preview/monitor.py",
         "session/attendance.py",
         "commands/responders.py",
         "participant/buttons.py",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 from device.driver import Lack, Outcome
 from device.drivers import MOCK
+from experiment.apparatus.monitor import planned_burst
 from experiment.apparatus.rig import require_confirmed
 from experiment.apparatus.slots import (
     LONGEST_ARMED_S,
@@ -23,6 +24,7 @@ from experiment.apparatus.slots import (
     told_limits,
 )
 from experiment.preview.findings import Findings
+from experiment.preview.monitor import MonitorCalibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -39,6 +41,7 @@ FRACTION: Final = 0.1
 
 _TOLERANCE: Final = 0.01
 _STEP_VPP: Final = 0.002
+_QUIET_S: Final = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +52,7 @@ class ChannelCheck:
     level_vpp: float
     delivery: Delivery | None  # none if the operator did not want it
     seen: bool | None  # by the operator there and only there; none where nobody was asked
+    calibration: MonitorCalibration | None = None  # none without a monitor
 
     @property
     def read_back_vpp(self) -> float | None:
@@ -72,7 +76,8 @@ class ChannelCheck:
     @property
     def good(self) -> bool:
         """Whether the burst went out as it should, as far as anybody looked."""
-        return self.delivery is not None and not self.failed and self.seen is not False
+        measured = self.calibration is None or self.calibration.good
+        return self.delivery is not None and not self.failed and self.seen is not False and measured
 
     @property
     def text(self) -> str:
@@ -169,6 +174,8 @@ def check_device(
         require_suitable(study, identity, told)
         load_condition(device, study.conditions[0], study.device)
         device.enable()
+        if rig.monitor is not None:
+            rig.monitor.open()
         levels_vpp = _levels_vpp(study)
         for level_vpp, token in zip(levels_vpp, _tokens(), strict=False):
             device.set_levels(level_vpp, level_vpp)
@@ -184,6 +191,8 @@ def check_device(
             health=told_health(device),
         )
     finally:
+        if rig.monitor is not None:
+            rig.monitor.close()
         device.close()
 
 
@@ -200,15 +209,33 @@ def _check_channel(
     if ask is not None and not ask(f"Play one burst of {level_vpp:g} Vpp on the {side} channel?"):
         return ChannelCheck(side=side, level_vpp=level_vpp, delivery=None, seen=None)
     rig.clock.wait(onset_interval_s(study.conditions[0], study.device))
-    delivery = _burst(rig.device, side, level_vpp)
+    token = next(_tokens())
+    planned = None
+    if rig.monitor is not None:
+        rig.clock.wait(_QUIET_S)
+        per_volt = study.monitor.at_the_tap
+        planned = planned_burst(
+            study.conditions[0], study.device, per_volt, side=side, level_vpp=level_vpp
+        )
+        rig.monitor.begin(token, planned)
+    delivery = _burst(rig.device, side, level_vpp, token)
+    calibration = None
+    if rig.monitor is not None and planned is not None and delivery.outcome is Outcome.FIRED:
+        calibration = MonitorCalibration(
+            side=side,
+            planned=planned,
+            measured=rig.monitor.end(delivery),
+            settings=study.monitor,
+        )
     seen = None
     if ask is not None:
         seen = ask(f"Did the {side} output move, and only that one?")
-    return ChannelCheck(side=side, level_vpp=level_vpp, delivery=delivery, seen=seen)
+    return ChannelCheck(
+        side=side, level_vpp=level_vpp, delivery=delivery, seen=seen, calibration=calibration
+    )
 
 
-def _burst(device: BurstDevice, side: str, level_vpp: float) -> Delivery:
-    token = next(_tokens())
+def _burst(device: BurstDevice, side: str, level_vpp: float, token: int) -> Delivery:
     device.set_levels(level_vpp, level_vpp)
     device.arm(token, SLOTS[side], time_to_live_s=LONGEST_ARMED_S)
     return device.fire(token)
@@ -253,6 +280,8 @@ def _channel_findings(channel: ChannelCheck) -> Findings:
         seen=channel.seen,
         good=channel.good,
     )
+    if channel.calibration is not None:
+        found.part("monitor", channel.calibration.findings)
     return found
 
 

@@ -19,12 +19,13 @@ from device.emulate.mock import MockDevice
 from device.sound.audio import AudioDevice
 from experiment.apparatus.monitor import make_monitor
 from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import assemble
+from experiment.apparatus.rig import Rig, assemble, confirmed_now
 from experiment.apparatus.slots import host_limits
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.integrity.sessions import examine
 from experiment.operator.requests import Requests, StopSignal
+from experiment.preview.device import check_device, device_findings
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
@@ -436,3 +437,28 @@ def test_nothing_touches_the_disk_from_the_onset_to_the_measurement(tmp_path: Pa
             seen.append(line)
     assert windows == 12
     assert seen == []
+
+
+def test_the_check_of_a_device_tells_gain_and_delay_of_its_monitor(tmp_path: Path) -> None:
+    wired = Wired(tmp_path)
+    wired.card.delays = [252.0, 264.0]
+    wired.card.path = lambda past: 0.8 * past
+    assert wired.monitor is not None
+    rig = Rig(
+        device=wired.device, clock=wired.card, settings=wired.study.device, monitor=wired.monitor
+    )
+    word = confirmed_now("asked")
+    found = check_device(wired.study, rig, confirmation=word, ask=None)
+    for channel, delay in zip(found.channels, (252, 264), strict=True):
+        told = channel.calibration
+        assert told is not None
+        assert channel.good
+        assert told.per_unit == pytest.approx(125 / 0.8, rel=0.02)
+        assert told.delay_ms == pytest.approx(delay / 48, abs=0.02)
+    text = device_findings(found).text
+    assert "V of 10 planned, noise" in text
+    assert text.count("exact with delay_ms = 5.") == 2
+    wired.cut()
+    found = check_device(wired.study, rig, confirmation=word, ask=None)
+    assert not any(channel.good for channel in found.channels)
+    assert "WRONG: the burst was silent" in device_findings(found).text

@@ -1,0 +1,79 @@
+"""A monitor beside the check of a device: what it measured, and the keys that would be exact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from experiment.preview.findings import Findings
+
+if TYPE_CHECKING:
+    from device.monitor.measured import Measured, Planned
+    from experiment.study.sections.equipment import MonitorSettings
+
+
+_WRONG: Final = frozenset({"silent", "swapped", "stray", "doubled", "clipped", "amplifier off"})
+"""Faults that no calibration puts right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorCalibration:
+    """What a monitor measured of a burst of the check, and the keys that would make it exact."""
+
+    side: str
+    planned: Planned
+    measured: Measured
+    settings: MonitorSettings
+
+    @property
+    def good(self) -> bool:
+        """Whether what was measured is the burst, be it of another size or at another time."""
+        return not self.measured.unmeasured and not _WRONG & {*self.measured.faults}
+
+    @property
+    def per_unit(self) -> float | None:
+        """The key per_unit of this side with which the measured peak were the planned one."""
+        at, one = self._at, self.measured
+        peak = (one.peak_left, one.peak_right)[at]
+        if not self.good or not peak:
+            return None
+        now = 1.0 if self.settings.per_unit is None else self.settings.per_unit[at]
+        return now * self.planned.peaks[at] / peak
+
+    @property
+    def delay_ms(self) -> float | None:
+        """The key delay_ms of this side with which it had come out when it was told."""
+        late_s = self.measured.late_s
+        return None if late_s is None else self.settings.delay_ms[self._at] + late_s * 1e3
+
+    @property
+    def _at(self) -> int:
+        return ("left", "right").index(self.side)
+
+    @property
+    def findings(self) -> Findings:
+        """Tell it."""
+        one, at = self.measured, self._at
+        found = Findings()
+        peak, noise = (one.peak_left, one.peak_right)[at], (one.noise_left, one.noise_right)[at]
+        facts = {
+            "tap": one.tap.value,
+            "verified": one.verified,
+            "faults": [fault.value for fault in one.faults],
+            "planned": self.planned.peaks[at],
+            "peak": peak,
+            "noise": noise,
+            "per_unit": self.per_unit,
+            "delay_ms": self.delay_ms,
+        }
+        if not self.good:
+            found.tell("monitor", f"WRONG: {one.words}", **facts)
+            return found
+        beside = "" if noise is None else f", noise {noise:.3g} {one.tap.unit}"
+        told = f"{peak:.4g} {one.tap.unit} of {self.planned.peaks[at]:.4g} planned{beside}"
+        found.tell("monitor", f"{one.tap}: {told}", **facts)
+        for key in ("per_unit", "delay_ms"):
+            value = getattr(self, key)
+            if value is not None:
+                found.tell("", f"exact with {key} = {value:.5g} on the {self.side}")
+        return found
