@@ -7,14 +7,20 @@ from __future__ import annotations
 
 import ctypes
 import json
+import subprocess
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from device.clock import MonotonicClock
+from device.core.host import HostDriver
 from device.core.messages import to_codes
 from device.driver import Refusal
-from tests.test_device.bursts import BURST
+from device.limits import Limits
+from device.wire.channels import open_channel
+from device.wire.link import FrameLink
+from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.differential import BEAT, KINDS, compare, small_server
 from tests.test_device.firmware import Server, limits_of, make, require_tools
 from tests.test_device.golden import FILE, ON_THE_HOST
@@ -136,3 +142,50 @@ def test_the_monitor_of_the_board_finds_a_burst_as_numpy_does(
         )
     else:
         assert found.correlation_left < 8_000  # upside down, found half a period away
+
+
+def test_the_truth_of_the_firmware_is_that_of_the_emulator(
+    tmp_path: Path, emulate: Callable[..., tuple[str, Path, int]]
+) -> None:
+    require_tools("gcc", "make")
+    program = make(tmp_path, "native", sanitize=True) / "tactstrip-native"
+    ours = tmp_path / "native.jsonl"
+    command = [str(program), "--tcp", "0", "--truth", str(ours)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        port, truth, _ = emulate("tcp", volts=True)
+        for url in (process.stdout.readline().strip(), port):
+            play_some(url)
+        process.terminate()
+    told, expected = facts_of(ours), facts_of(truth)
+    assert [fact["event"] for fact in told] == [
+        *("boot", "on", "burst", "burst", "burst", "burst", "cut", "off"),
+    ]
+    assert told == expected
+
+
+def play_some(url: str) -> None:
+    """Play left, right, both at levels of all kinds; the last is cut."""
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(url, clock), clock)
+    device = HostDriver(link, limits=Limits(ceiling_vpp=200.0, least_interval_s=0.01), clock=clock)
+    ready(device)
+    long = np.append(np.tile(BURST[:-1], 150), 0.0)
+    device.load(2, long, 0.3 * long)
+    for token, (slot, left_vpp, right_vpp) in enumerate(
+        ((0, 14.5, 14.499), (1, 200.0, 0.001), (1, 0.0, 199.999), (2, 0.1, 77.777)), 1
+    ):
+        device.set_levels(left_vpp, right_vpp)
+        play(device, token, slot)
+        clock.wait(0.05)
+    device.close()
+
+
+def facts_of(truth: Path) -> list[dict[str, Any]]:
+    """Return a truth file without what differs each time."""
+    lines = truth.read_text(encoding="utf-8").splitlines()
+    changing = ("t_s", "boot_id", "began_s")
+    return [
+        {name: fact for name, fact in json.loads(line).items() if name not in changing}
+        for line in lines
+    ]
