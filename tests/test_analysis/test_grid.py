@@ -157,7 +157,6 @@ def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
     assert best[0] == pytest.approx([4, np.log(2), 0.02], abs=1e-6)
 
 
-@pytest.mark.slow
 def test_a_step_between_levels_of_very_many_stimuli_keeps_its_room() -> None:
     # Reference: two million quasi-random functions, weighted by prior and likelihood. The grid that
     # comes first knows lapses to 0.015, these stimuli to 0.0007.

@@ -207,6 +207,7 @@ def test_the_group_interval_has_no_order_and_holds_the_proportions(cells: list[A
     assert missed == pytest.approx((1 - group[1], 1 - group[0]), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_group_interval_covers_where_the_pooled_one_does_not() -> None:
     rng = np.random.default_rng(11)
     truth, covered = 0.75, np.zeros(2)
