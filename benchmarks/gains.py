@@ -239,8 +239,9 @@ images or not centred, all functions at once, in two sizes, as nothing else tell
 matrices and eigenvalue problems of 700 to 1700 functions take 0.3 to 2 s. **Plates of metres with
 little loss**, whose echoes count, have 1000 to 1600 modes, which take half a second and more;
 fingers couple all of them. **Plates of 2 mm** have a cut-off of a hundred kilohertz and more:
-thousands of looks at hundreds of modes for each millisecond of a burst, at hundreds of points
-under a finger that is wider than the plate. The level at the other finger is -70 dB and less there.
+what rings after a corner is looked at thousands of times in each millisecond until it has
+decayed, at hundreds of points under a finger that is wider than the plate. The level at the
+other finger is -70 dB and less there.
 """
 
 
