@@ -35,7 +35,7 @@ _FORMULA = re.compile(r"""(^|[,;|\t"])([' ]*[=+\-@＝＋－＠])""")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", re.ASCII)
 
 
-_ROWS = 20_000
+_ROWS = 5_000
 
 
 def csv_text(table: pd.DataFrame) -> str:
