@@ -7,7 +7,7 @@ and line as if each table had been read alone.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -190,7 +190,9 @@ def _table(
         left_out=left_out,
         file=InputFile(name=source.name, sha256=sha256_of(source.path)),
         plan=InputFile(name=beside(source.name, PLAN), sha256=sha256) if plan else None,
-        progress=progress(told, plan, record.ended) if plan else None,
+        progress=replace(progress(told, plan, record.ended), measured=record.measured)
+        if plan
+        else None,
         compared=record.compared,
         altered=tuple(told_of(one, source.name) for one in record.altered),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from analysis.reading.sources import TABLE, read_regular, unreadable
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from analysis.reading.sources import InputTable, Sources
     from experiment.integrity.sessions import Difference, Examined
+    from experiment.terms.record import MeasuredRow
     from experiment.trial.plan import Plan, Trial
 
 
@@ -54,6 +55,7 @@ class SessionProgress:
     unexported: int  # trials of which the journal beside the table tells, and the table does not
     study: str  # the canonical text that the plan holds
     sources: str  # of its numbers, as JSON text; of none in older plans
+    measured: tuple[MeasuredRow, ...] = field(default=(), repr=False)  # by a monitor
 
 
 def read_plan(table: Path) -> tuple[Plan, str] | None:
@@ -96,6 +98,8 @@ class SessionRecord:
         Whether there is a journal, so that the table was compared with it.
     ended : int
         How many trials it tells of, where they may be others than those of the table.
+    measured : tuple of MeasuredRow
+        What it tells that a monitor measured.
     altered : tuple of Difference
         Where the session is not as it was recorded. Empty unless that is accepted, but for a
         journal that was removed: a table without one is taken, and marked.
@@ -105,6 +109,7 @@ class SessionRecord:
     plan_file_sha256: str = ""
     compared: bool = False
     ended: int = 0
+    measured: tuple[MeasuredRow, ...] = ()
     altered: tuple[Difference, ...] = ()
 
 
@@ -140,6 +145,7 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
         plan_file_sha256=found.plan_file_sha256,
         compared=True,
         ended=len(found.history.rows) if found.history else 0,
+        measured=found.history.measured if found.history else (),
         altered=found.differences,
     )
 

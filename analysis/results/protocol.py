@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from analysis.results.summary import versions
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from analysis.results.tables import Analysis
     from experiment.study.origins import Source
     from experiment.study.study import Study
+    from experiment.terms.record import MeasuredRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +108,37 @@ def _study(study: Study) -> Iterator[tuple[str, str]]:
     yield "Monitor", monitor_words(study.monitor)
     driver = f"{device.driver} at {device.sample_rate_hz:g} Hz"
     yield "Device in the plan", f"{driver}, ceiling {device.ceiling_vpp:g} V peak-to-peak"
+
+
+def measured_rows(analysis: Analysis) -> list[list[str]]:
+    """Return a heading, and what a monitor measured beside what was planned; nothing without."""
+    found: dict[tuple[str, str, str, float, str], list[MeasuredRow]] = {}
+    for row in analysis.measured:
+        for side, peak in (("left", row.planned_left), ("right", row.planned_right)):
+            if peak:
+                key = row.condition, row.tap, side, peak, row.unit
+                found.setdefault(key, []).append(row)
+    if not found:
+        return []
+    head = ["Condition", "Tap", "Channel", "Planned peak", "Measured (median)", "Least to most",
+            "Bursts", "Verified", "Off by (median)", "At most"]  # fmt: skip
+    return [head, *(_measured(key, found[key]) for key in sorted(found))]
+
+
+def _measured(key: tuple[str, str, str, float, str], rows: list[MeasuredRow]) -> list[str]:
+    condition, tap, side, planned_peak, unit = key
+    told = (row.peak_left if side == "left" else row.peak_right for row in rows)
+    peaks = sorted(peak for peak in told if peak is not None)
+    late_ms = sorted(abs(row.late_s) * 1e3 for row in rows if row.late_s is not None)
+    verified = sum(row.burst_verified != "false" for row in rows)
+    return [
+        *(condition, tap, side, f"{planned_peak:.4g} {unit}"),
+        f"{median(peaks):.4g}" if peaks else "n/a",
+        f"{peaks[0]:.4g} to {peaks[-1]:.4g}" if peaks else "n/a",
+        *(str(len(rows)), str(verified)),
+        f"{median(late_ms):.3f} ms" if late_ms else "n/a",
+        f"{late_ms[-1]:.3f} ms" if late_ms else "n/a",
+    ]
 
 
 def plate_size(study: Study) -> str:

@@ -17,6 +17,7 @@ from analysis.results.figures.confusion import stimulus
 from analysis.results.protocol import (
     IN_METHODS,
     guess_words,
+    measured_rows,
     number_tables,
     planned,
     protocol_rows,
@@ -371,9 +372,10 @@ def _who(row: pd.Series[Any]) -> str:
 
 def _protocol(analysis: Analysis, plans: Planned) -> Section:
     rows = [[what, one] for what, words in protocol_rows(analysis, plans) for one in words]
-    table = Table(caption="Protocol", header=["What", "As planned"], rows=rows,
-                  texts=["As planned"])  # fmt: skip
-    return Section(title="How it was measured", texts=plans.remarks, tables=[table])
+    head, told = ["What", "As planned"], measured_rows(analysis)
+    table = Table(caption="Protocol", header=head, rows=rows, texts=head[1:])
+    more = [Table(caption="Bursts measured", header=told[0], rows=told[1:])] if told else []
+    return Section(title="How it was measured", texts=plans.remarks, tables=[table, *more])
 
 
 def _folded(analysis: Analysis, plans: Planned) -> Iterator[Table]:

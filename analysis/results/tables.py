@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from analysis.reading.batch import InputFile
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
+    from experiment.terms.record import MeasuredRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +137,7 @@ class Analysis:
     axis: Axis
     people: PersonCounts
     studies: tuple[tuple[str, str], ...] = ()  # with the sources of their numbers
+    measured: tuple[MeasuredRow, ...] = ()  # of the bursts that a monitor measured
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
@@ -264,6 +266,7 @@ def analyse(
         axis=loaded.axis,
         people=people,
         studies=tuple(dict.fromkeys((one.study, one.sources) for one in loaded.progress)),
+        measured=tuple(row for one in loaded.progress for row in one.measured),
         altered=loaded.altered,
         lost=loaded.lost,
         not_compared=loaded.not_compared,

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from analysis.reading.load import read_inputs
+from analysis.results.protocol import measured_rows
+from analysis.results.tables import analyse
 from device.clock import VirtualClock
 from device.core.reports import Health
 from device.emulate.amplifier import Adc
@@ -170,6 +173,11 @@ def test_a_session_of_verified_bursts_says_so_in_every_row(tmp_path: Path) -> No
     assert (header["monitor"]["tap"], header["monitor"]["unit"]) == ("line", "V")
     assert any("never sees the amplifier" in line for line in wired.told)
     assert examine(wired.folder.path).differences == ()
+    found = analyse(read_inputs([tmp_path]))
+    assert len(found.measured) == len(rows)
+    _, *told = measured_rows(found)
+    assert {row[3] for row in told} == {"50 V", "100 V"}
+    assert all(row[6] == row[7] for row in told)
 
 
 @pytest.mark.slow
