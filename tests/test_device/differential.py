@@ -335,6 +335,7 @@ class Reference:
     def take(self, operation: str, now_us: int, some: bytes) -> tuple[bytes, LastBurst]:
         """Return what is answered, and the last burst."""
         answer = b""
+        self._core.advance(now_us)  # as an emulator does, and server.c, whatever arrives
         if operation == "R":
             answer = self._endpoint.receive(now_us, some)
         elif operation == "H":
@@ -342,7 +343,6 @@ class Reference:
         elif operation == "S":
             self._core.sense(now_us, Health.of_bits(known=some[0], set_bits=some[1]))
         else:
-            self._core.advance(now_us)
             self._reading = reading_of(some)
         return answer, self._burst()
 
