@@ -45,7 +45,7 @@ class Limits:
     longest_waveform : int
         In samples.
     slots : int
-        Number of waveforms that are kept at once.
+        Number of waveforms that are kept at once, 255 at most: a byte tells it.
     memory_samples : int
         Samples of one channel that all slots together hold.
     dc_tolerance : float
@@ -84,7 +84,7 @@ class Limits:
         require_real("least_interval_s", self.least_interval_s, least=0.0)
         require_real("max_duty", self.max_duty, least=_LEAST_RATIO, most=1.0)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
-        require_whole("slots", self.slots, least=1, most=256)
+        require_whole("slots", self.slots, least=1, most=255)
         require_whole("memory_samples", self.memory_samples, least=1, most=2**32 - 1)
         require_positive("dc_tolerance", self.dc_tolerance, most=1.0)
         require_positive("longest_time_to_live_s", self.longest_time_to_live_s)

@@ -54,7 +54,7 @@
 #define CHANNELS 2U
 
 static_assert(BITS >= 2U && BITS <= 16U, "codes travel and are stored in 16 bits");
-static_assert(SLOTS >= 1U && SLOTS <= 256U, "a slot's number is one byte");
+static_assert(SLOTS >= 1U && SLOTS <= 255U, "how many there are is told in one byte");
 static_assert(LONGEST_WAVEFORM >= 1U && LONGEST_WAVEFORM <= 1048576U, "sums of codes fit 64 bits");
 static_assert(MEMORY_SAMPLES >= LONGEST_WAVEFORM, "one waveform of the longest has room");
 static_assert(MAX_DUTY_PPM >= 1U && MAX_DUTY_PPM <= 1000000U, "a ratio");

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from device.core.reports import About, DeviceLimits
 from device.driver import FloatArray, LimitExceeded, Refusal, Rejected
 from device.limits import (
     Limits,
@@ -20,6 +21,8 @@ from device.limits import (
     check_waveforms,
     least_peaks,
 )
+from device.wire import codec
+from device.wire.codec import Kind
 from tests.test_device.bursts import BURST, SILENCE, changed, refusal, sine
 
 LIMITS = Limits(ceiling_vpp=200.0)
@@ -242,3 +245,10 @@ def test_a_device_compares_without_rounding() -> None:
     codes[1] += 1
     with pytest.raises(LimitExceeded):
         check_codes(codes, 0 * codes, full_scale=full, limits=limits)
+
+
+def test_a_device_has_as_many_slots_as_it_can_tell() -> None:
+    told = DeviceLimits.of(Limits(ceiling_vpp=200.0, slots=255), About())
+    assert codec.understood(Kind.LIMITS, codec.told(Kind.LIMITS, told)).slots == 255
+    with pytest.raises(ValueError, match="slots must be an integer from 1 to 255, got 256"):
+        Limits(ceiling_vpp=200.0, slots=256)
