@@ -293,8 +293,11 @@ class FreshTokens(HostDriver):
         return replace(told, token=told.token - self._base)
 
 
+HARDWARE = "--device-url"
+
+
 def hardware_rig(request: pytest.FixtureRequest) -> Rig:
-    link = link_to(request.config.getoption("--device-url"))
+    link = link_to(request.config.getoption(HARDWARE))
     return real_rig(FreshTokens(link), link, None)
 
 
@@ -388,7 +391,7 @@ IMPLEMENTATIONS = {
     "audio": audio_rig,
     "converter": converter_rig,
 }
-OTHERS = {"--device-url": hardware_rig, "--driver": own_rig}
+OTHERS = {HARDWARE: hardware_rig, "--driver": own_rig}
 """What runs where the command line has it."""
 
 
@@ -528,7 +531,7 @@ def bring(rig: Rig, state: str) -> None:
 def test_each_state_takes_its_own_steps_and_refuses_the_rest_with_its_reason(
     rig: Rig, implementation: str, state: str, step: str
 ) -> None:
-    if implementation == "hardware" and state in {"idle", "loaded"}:
+    if implementation == HARDWARE and state in {"idle", "loaded"}:
         pytest.skip("a device comes into this state only when it is switched on")
     bring(rig, state)
     legal, reason = STATES[state]
