@@ -161,8 +161,7 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         **opening(plan, identity, setting),
         **setting.sitting.header(study, plan),
         "device_identity": asdict(identity),
-        "device_limits": _facts(told_limits(setting.device)),
-        "device_health": _facts(told_health(setting.device)),
+        **_of_device(setting.device),
         "device_line": asdict(line_settings(study.device)),
         "device_cannot": list(setting.device.cannot),
         "markers": _or_not(setting.markers.words),
@@ -227,8 +226,17 @@ def resuming(
         **place(identity),
         "session_clock": "goes on" if clock_goes_on else BROKEN,
         **setting.sitting.facts(study, plan),
+        **_of_device(setting.device),
         "hardware_confirmed": _confirmed(setting, identity),
         **noise_facts(setting.noise.facts),
+    }
+
+
+def _of_device(device: BurstDevice) -> dict[str, Any]:
+    """List what the device says of itself, which new firmware may have changed since."""
+    return {
+        "device_limits": _facts(told_limits(device)),
+        "device_health": _facts(told_health(device)),
     }
 
 

@@ -163,7 +163,11 @@ def test_whoever_resumes_is_noted_anew(sessions: Sessions) -> None:
     (resumed,) = sessions.entries("session_resume")
     assert (resumed.facts["operator"], resumed.facts["responder"]) == ("second", "screen")
     assert resumed.facts["response_mapping"]["right"] == ["right"]
-    assert sessions.header()["operator"] == "first"
+    header = sessions.header()
+    assert header["operator"] == "first"
+    told = resumed.facts["device_limits"], resumed.facts["device_health"]
+    assert told == (header["device_limits"], header["device_health"])
+    assert told[0]["slots"] == 8
 
 
 @pytest.mark.parametrize("name", ["", " ", "a\nb", "a" * (LONGEST_NAME + 1)])
