@@ -53,10 +53,16 @@
 #define FULL_SCALE ((1U << (BITS - 1U)) - 1U)
 #define CHANNELS 2U
 
+static_assert(CEILING_MVPP >= 1U && CEILING_MVPP <= RAIL_MVPP, "full scale reaches the ceiling");
+static_assert(RAIL_MVPP <= UINT32_MAX, "levels travel in 32 bits");
+static_assert(DC_TOLERANCE_PPM >= 1U && DC_TOLERANCE_PPM <= 1000000U, "a ratio");
+static_assert(MAX_DUTY_PPM >= 1U && MAX_DUTY_PPM <= 1000000U, "a ratio");
 static_assert(BITS >= 2U && BITS <= 16U, "codes travel and are stored in 16 bits");
 static_assert(SLOTS >= 1U && SLOTS <= 255U, "how many there are is told in one byte");
+static_assert(DATA_WINDOW >= 1U && DATA_WINDOW <= 255U,
+              "how many there are is told in one byte");
+static_assert(HISTORY >= 1U, "the last token is remembered");
 static_assert(LONGEST_WAVEFORM >= 1U && LONGEST_WAVEFORM <= 1048576U, "sums of codes fit 64 bits");
 static_assert(MEMORY_SAMPLES >= LONGEST_WAVEFORM, "one waveform of the longest has room");
-static_assert(MAX_DUTY_PPM >= 1U && MAX_DUTY_PPM <= 1000000U, "a ratio");
 
 #endif

@@ -34,10 +34,15 @@ def require_tools(*tools: str) -> None:
 
 def make(folder: Path, target: str, *, sanitize: bool = False, **limits: int) -> Path:
     """Make a target of firmware/Makefile in a folder, with limits of core/limits.h."""
+    subprocess.run(making(folder, target, sanitize=sanitize, **limits), check=True)
+    return folder
+
+
+def making(folder: Path, target: str, *, sanitize: bool = False, **limits: int) -> list[str]:
+    """Return the command that makes a target."""
     defines = " ".join(f"-D{name}={value}U" for name, value in limits.items())
     command = ["make", "--silent", "-C", str(FIRMWARE), f"BUILD={folder}", f"DEFINES={defines}"]
-    subprocess.run([*command, *(["SANITIZE=1"] if sanitize else []), target], check=True)
-    return folder
+    return [*command, *(["SANITIZE=1"] if sanitize else []), target]
 
 
 def limits_of(device: Mapping[str, Any]) -> dict[str, int]:

@@ -187,12 +187,13 @@ static void serve(struct line *line, uint64_t began_us) {
     (void)fflush(truth);
 }
 
-static long number(const char *text, long least, long most) {
+static long number(const char *option, const char *text, long least, long most) {
     char *end = NULL;
     errno = 0;
     const long value = strtol(text, &end, 10);
     if (errno != 0 || end == text || *end != '\0' || value < least || value > most) {
-        (void)fprintf(stderr, "tactstrip-native: %ld to %ld, got %s\n", least, most, text);
+        (void)fprintf(stderr, "tactstrip-native: %s: %ld to %ld, got \"%s\"\n", option,
+                      least, most, text);
         exit(2);
     }
     return value;
@@ -214,13 +215,14 @@ int main(int argc, char *argv[]) {
             continue;
         }
         if (strcmp(argv[i], "--tcp") == 0) {
-            port = number(value, 0, 65535);
+            port = number(argv[i], value, 0, 65535);
         } else if (strcmp(argv[i], "--rate") == 0) {
-            about.sample_rate_mhz = 1000U * (uint32_t)number(value, LEAST_RATE_HZ, MOST_RATE_HZ);
+            about.sample_rate_mhz =
+                1000U * (uint32_t)number(argv[i], value, LEAST_RATE_HZ, MOST_RATE_HZ);
         } else if (strcmp(argv[i], "--truth") == 0) {
             truth = fopen(value, "a");
             if (truth == NULL) {
-                fail(value);
+                fail(value[0] != '\0' ? value : "--truth");
             }
         } else {
             port = -1;
