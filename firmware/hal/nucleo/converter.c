@@ -8,12 +8,22 @@
 #define CLOCK_HZ 144000000U
 #define RATE_HZ 48000U
 #define MIDDLE 2048U /* the code of zero volts: what is behind the pin makes it so */
+#define REACH 1792U  /* codes to both sides of it: 0.206 to 3.094 V of 3.3 V */
 #define HALF 128U    /* samples that are filled at a time: 2.7 ms ahead */
 #define TO_LEFT 0U   /* DMA channels */
 #define TO_RIGHT 1U
 #define FROM_INPUTS 2U
+#define LATER 0x80U /* priority: to fill a half takes longer than a byte of the line */
 #define REGULATOR_US 20U
 #define LAST_LAG_US 2000U /* more than LAGS samples take */
+
+#define AT_REST (DAC_CR_TSEL1_TIM6 | DAC_CR_EN1) /* a code is put out at once */
+
+/* DS12288, DAC characteristics: with its buffer a pin goes from 0.2 V to 0.2 V below the supply. A
+ * burst of the ceiling must not be clipped there; the board's RAIL_MVPP leaves that room. */
+static_assert(BITS == 12U, "the converters have 12 bits");
+static_assert((uint64_t)FULL_SCALE * CEILING_MVPP <= (uint64_t)REACH * RAIL_MVPP,
+              "the buffer of the pins reaches 7/8 of the full scale: RAIL_MVPP is too small");
 
 static uint16_t buffers[CHANNELS][2U * HALF];
 static uint32_t recording[LONGEST_WAVEFORM + LAGS];
@@ -56,9 +66,11 @@ void dma1_channel1_handler(void) {
     }
 }
 
+/* RM0440, 22.4.7: the trigger is chosen while the converter is off. */
 static void start_dac(uint32_t dac) {
     DAC_MCR(dac) = DAC_MCR_HFSEL_80_MHZ; /* to the pin, with its buffer */
-    DAC_CR(dac) = DAC_CR_EN1;
+    DAC_CR(dac) = DAC_CR_TSEL1_TIM6;
+    DAC_CR(dac) = AT_REST;
     DAC_DHR12R1(dac) = MIDDLE;
 }
 
@@ -89,7 +101,7 @@ void converter_init(void) {
     TIM6_CR2 = TIM_CR2_MMS_UPDATE;
     start_dac(DAC1);
     start_dac(DAC2);
-    ADC12_CCR = ADC_CCR_CKMODE_BUS_4 | ADC_CCR_DUAL_REGULAR | ADC_CCR_MDMA_12_BIT | ADC_CCR_DMACFG;
+    ADC12_CCR = ADC_CCR_CKMODE_BUS_4 | ADC_CCR_DUAL_REGULAR;
     start_adc(ADC1, 1);
     start_adc(ADC2, 2);
     ADC_CFGR(ADC1) = ADC_CFGR_EXTSEL_TIM6 | ADC_CFGR_EXTEN_RISING | ADC_CFGR_OVRMOD;
@@ -97,6 +109,7 @@ void converter_init(void) {
     DMAMUX_CCR(TO_LEFT) = REQUEST_DAC1_CH1;
     DMAMUX_CCR(TO_RIGHT) = REQUEST_DAC2_CH1;
     DMAMUX_CCR(FROM_INPUTS) = REQUEST_ADC1;
+    NVIC_IPR(DMA1_CHANNEL1_IRQ) = LATER;
     NVIC_ISER(0) = 1U << DMA1_CHANNEL1_IRQ;
 }
 
@@ -107,16 +120,23 @@ static void feed(uint32_t channel, uint32_t dac, uint16_t *buffer, uint32_t inte
     DMA_CMAR(channel) = (uint32_t)(uintptr_t)buffer;
     DMA_CCR(channel) = DMA_CCR_EN | DMA_CCR_DIR_OUT | DMA_CCR_CIRC | DMA_CCR_MINC |
                        DMA_CCR_PSIZE_32 | DMA_CCR_MSIZE_16 | interrupts;
-    DAC_CR(dac) = DAC_CR_EN1 | DAC_CR_TEN1 | DAC_CR_TSEL1_TIM6 | DAC_CR_DMAEN1;
+    DAC_SR(dac) = DAC_SR_DMAUDR1;
+    DAC_CR(dac) = AT_REST | DAC_CR_TEN1 | DAC_CR_DMAEN1;
 }
 
+/* The timer goes on while the last recording is looked at, so that its samples overrun: nothing is
+ * asked for until that is cleared. Requests end with the DMA's last word and begin anew here. */
 static void record(void) {
-    (void)ADC12_CDR; /* what is left from the last time asks for nothing */
+    ADC12_CCR = ADC_CCR_CKMODE_BUS_4 | ADC_CCR_DUAL_REGULAR;
     DMA_CCR(FROM_INPUTS) = 0;
+    (void)ADC12_CDR; /* what is left from the last time asks for nothing */
+    ADC_ISR(ADC1) = ADC_ISR_OVR;
+    ADC_ISR(ADC2) = ADC_ISR_OVR;
     DMA_CNDTR(FROM_INPUTS) = source->slots[playing.slot].samples + LAGS;
     DMA_CPAR(FROM_INPUTS) = ADC12_CDR_ADDRESS;
     DMA_CMAR(FROM_INPUTS) = (uint32_t)(uintptr_t)recording;
     DMA_CCR(FROM_INPUTS) = DMA_CCR_EN | DMA_CCR_MINC | DMA_CCR_PSIZE_32 | DMA_CCR_MSIZE_32;
+    ADC12_CCR = ADC_CCR_CKMODE_BUS_4 | ADC_CCR_DUAL_REGULAR | ADC_CCR_MDMA_12_BIT;
     ADC_CR(ADC1) = ADC_CR_ADVREGEN | ADC_CR_ADEN | ADC_CR_ADSTART;
 }
 
@@ -140,14 +160,20 @@ void converter_start(void) {
     TIM6_CR1 = TIM_CR1_CEN;
 }
 
+bool converter_underran(void) {
+    return ((DAC_SR(DAC1) | DAC_SR(DAC2)) & DAC_SR_DMAUDR1) != 0U;
+}
+
 void converter_stop(void) {
     TIM6_CR1 = 0;
     DMA_CCR(TO_LEFT) = 0;
     DMA_CCR(TO_RIGHT) = 0;
-    DAC_CR(DAC1) = DAC_CR_EN1; /* without a trigger a code is put out at once */
-    DAC_CR(DAC2) = DAC_CR_EN1;
+    DAC_CR(DAC1) = AT_REST;
+    DAC_CR(DAC2) = AT_REST;
     DAC_DHR12R1(DAC1) = MIDDLE;
     DAC_DHR12R1(DAC2) = MIDDLE;
+    DAC_SR(DAC1) = DAC_SR_DMAUDR1;
+    DAC_SR(DAC2) = DAC_SR_DMAUDR1;
     DMA1_IFCR = DMA_ALL(TO_LEFT);
     if ((ADC_CR(ADC1) & ADC_CR_ADSTART) != 0U) {
         ADC_CR(ADC1) = ADC_CR_ADVREGEN | ADC_CR_ADEN | ADC_CR_ADSTP;

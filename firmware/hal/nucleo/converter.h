@@ -15,6 +15,9 @@ void converter_prepare(const struct device *device, const struct burst *burst);
 /* Start what was prepared. */
 void converter_start(void);
 
+/* Whether a converter asked for a sample that did not come: from then on it asks no more. */
+bool converter_underran(void);
+
 /* Outputs to zero, now. */
 void converter_stop(void);
 

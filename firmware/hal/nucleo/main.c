@@ -35,6 +35,7 @@ static struct endpoint endpoint;
 static volatile uint8_t ring[RING];
 static volatile uint32_t received;
 static uint32_t taken;
+static volatile bool over_current; /* since the loop last looked */
 
 void systick_handler(void) {} /* wakes the loop, which does what is due */
 
@@ -43,6 +44,13 @@ void usart2_handler(void) {
         ring[received % RING] = (uint8_t)USART2_RDR;
         received++;
     }
+}
+
+/* At once, whatever the loop is at: to measure a long burst takes it some 45 ms. */
+void exti15_10_handler(void) {
+    EXTI_PR1 = 1U << PIN_OVER_CURRENT;
+    GPIOA_BSRR = 1U << (PIN_ENABLE + 16U);
+    over_current = true;
 }
 
 /* 24 MHz from the board's crystal, by 6, times 72, by 2: 144 MHz, which 48 kHz divides. RM0440,
@@ -94,6 +102,9 @@ static void start_pins(void) {
     set_pin(1, ANALOG, 0);
     set_pin(4, ANALOG, 0);
     set_pin(6, ANALOG, 0);
+    EXTI_RTSR1 = 1U << PIN_OVER_CURRENT;
+    EXTI_IMR1 |= 1U << PIN_OVER_CURRENT;
+    NVIC_ISER(EXTI15_10_IRQ / 32U) = 1U << (EXTI15_10_IRQ % 32U);
     GPIOA_AFRL = (GPIOA_AFRL & ~0xFF00U) | (SERIAL << 8) | (SERIAL << 12);
     set_pin(2, ALTERNATE, 0);
     set_pin(3, ALTERNATE, PULL_UP);
@@ -154,7 +165,10 @@ static void sense(uint64_t now_us) {
     static uint8_t before = 0xFFU;
     const uint32_t pins = GPIOA_IDR;
     uint32_t set = (pins & (1U << PIN_SWITCH)) != 0U ? SWITCH_CLOSED : 0U;
-    set |= (pins & (1U << PIN_OVER_CURRENT)) != 0U ? OVER_CURRENT : 0U;
+    if (over_current || (pins & (1U << PIN_OVER_CURRENT)) != 0U) {
+        over_current = false;
+        set |= OVER_CURRENT;
+    }
     if (set != before || (set & OVER_CURRENT) != 0U) { /* an OUTPUT does not end what goes on */
         before = (uint8_t)set;
         device_sense(&endpoint.device, now_us, SWITCH_CLOSED | OVER_CURRENT, (uint8_t)set);
@@ -174,10 +188,18 @@ static void measure(const struct burst *last) {
     }
 }
 
+/* Not over a fault that the loop has not seen yet. */
+static void enable_amplifier(void) {
+    __asm__ volatile("cpsid i" ::: "memory");
+    if (!over_current) {
+        GPIOA_BSRR = 1U << PIN_ENABLE;
+    }
+    __asm__ volatile("cpsie i" ::: "memory");
+}
+
 /* Let the outputs do what the device has decided. */
 static void drive(void) {
     static uint64_t prepared;
-    static uint64_t started;
     static bool is_over = true;
     const struct device *device = &endpoint.device;
     const struct burst *last = &device->last;
@@ -193,19 +215,20 @@ static void drive(void) {
             measure(last);
         }
     }
-    if (device->state == STATE_FIRED && last->token != started) {
+    if (device->state == STATE_FIRED && is_over) {
         converter_start();
-        started = last->token;
         is_over = false;
     }
-    if (device->state == STATE_ARMED && device->armed != prepared) {
+    if (device->state != STATE_ARMED) {
+        prepared = 0; /* a token that was forgotten may be armed with another slot */
+    } else if (device->armed != prepared) {
         struct burst burst = {.token = device->armed, .slot = device->armed_slot};
         memcpy(burst.levels_mvpp, device->levels_mvpp, sizeof(burst.levels_mvpp));
         converter_prepare(device, &burst);
         prepared = device->armed;
     }
     if (is_on) {
-        GPIOA_BSRR = 1U << PIN_ENABLE;
+        enable_amplifier();
     }
 }
 
@@ -213,6 +236,9 @@ static void drive(void) {
 static void turn(uint64_t now_us) {
     device_advance(&endpoint.device, now_us);
     sense(now_us);
+    if (endpoint.device.state == STATE_FIRED && converter_underran()) {
+        device_stop(&endpoint.device);
+    }
     drive();
     IWDG_KR = FEED;
 }
@@ -243,6 +269,7 @@ int main(void) {
     while (clock_us() < SETTLE_US) {
         IWDG_KR = FEED;
     }
+    over_current = false; /* the edge of the pull; a fault that stays is seen as a level */
     start_line();
     for (;;) {
         __asm__ volatile("cpsid i" ::: "memory");

@@ -65,6 +65,12 @@
 #define USART2_TDR REGISTER(0x40004428U)
 #define USART2_IRQ 38U
 
+/* Edges of pins, of port A unless told otherwise */
+#define EXTI_IMR1 REGISTER(0x40010400U)
+#define EXTI_RTSR1 REGISTER(0x40010408U)
+#define EXTI_PR1 REGISTER(0x40010414U)
+#define EXTI15_10_IRQ 40U
+
 /* Timers: TIM2 counts microseconds, TIM6 samples */
 #define TIM2_CR1 REGISTER(0x40000000U)
 #define TIM2_EGR REGISTER(0x40000014U)
@@ -115,11 +121,13 @@
 #define DAC2 0x50000C00U
 #define DAC_CR(dac) REGISTER(dac)
 #define DAC_DHR12R1(dac) REGISTER((dac) + 0x08U)
+#define DAC_SR(dac) REGISTER((dac) + 0x34U)
 #define DAC_MCR(dac) REGISTER((dac) + 0x3CU)
 #define DAC_CR_EN1 (1U << 0)
 #define DAC_CR_TEN1 (1U << 1)
 #define DAC_CR_TSEL1_TIM6 (7U << 2)
 #define DAC_CR_DMAEN1 (1U << 12)
+#define DAC_SR_DMAUDR1 (1U << 13)
 #define DAC_MCR_HFSEL_80_MHZ (1U << 14) /* the bus runs at 80 MHz or more */
 
 /* Converters from volts: two that convert at once */
@@ -131,6 +139,7 @@
 #define ADC_SMPR1(adc) REGISTER((adc) + 0x14U)
 #define ADC_SQR1(adc) REGISTER((adc) + 0x30U)
 #define ADC_ISR_ADRDY (1U << 0)
+#define ADC_ISR_OVR (1U << 4)
 #define ADC_CR_ADEN (1U << 0)
 #define ADC_CR_ADSTART (1U << 2)
 #define ADC_CR_ADSTP (1U << 4)
@@ -144,7 +153,6 @@
 #define ADC12_CDR_ADDRESS 0x5000030CU
 #define ADC12_CDR REGISTER(ADC12_CDR_ADDRESS)
 #define ADC_CCR_DUAL_REGULAR 6U
-#define ADC_CCR_DMACFG (1U << 13)
 #define ADC_CCR_MDMA_12_BIT (2U << 14)
 #define ADC_CCR_CKMODE_BUS_4 (3U << 16)
 
@@ -159,6 +167,7 @@
 
 /* The core: ARMv7-M Architecture Reference Manual, B3 */
 #define NVIC_ISER(word) REGISTER(0xE000E100U + 4U * (word))
+#define NVIC_IPR(interrupt) (*(volatile uint8_t *)(0xE000E400U + (interrupt)))
 #define SYSTICK_CTRL REGISTER(0xE000E010U)
 #define SYSTICK_RELOAD REGISTER(0xE000E014U)
 

@@ -10,6 +10,7 @@ void reset_handler(void);
 void systick_handler(void);
 void dma1_channel1_handler(void);
 void usart2_handler(void);
+void exti15_10_handler(void);
 
 static void halt(void) {
     for (;;) {
@@ -34,4 +35,5 @@ __attribute__((section(".vectors"), used)) static void (*const vectors[])(void) 
     [15] = systick_handler,
     [16 + 11] = dma1_channel1_handler,
     [16 + 38] = usart2_handler,
+    [16 + 40] = exti15_10_handler,
 };
