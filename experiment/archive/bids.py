@@ -31,7 +31,6 @@ from experiment.archive.participants import (
     check_facts,
     read_people,
 )
-from experiment.study.read import study_from_canonical
 from experiment.terms.record import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
@@ -182,9 +181,9 @@ def _write_session(
     new: NewFolder, folder: SessionFolder, plan: Plan, *, with_sources: bool
 ) -> ExportedSession:
     with folder.locked():
+        study = folder.read_study(plan)
         history = folder.read_history(plan)
         header = _read_header(folder)
-        study = study_from_canonical(plan.study)
         if with_sources:
             _copy_sources(new, folder)
     session = ExportedSession(

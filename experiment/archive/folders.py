@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import re
 from dataclasses import dataclass
+from hashlib import sha256
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
 from filelock import Timeout
@@ -37,6 +38,7 @@ from experiment.archive.participants import (
     refuse_withdrawn,
 )
 from experiment.study.read import study_from_canonical
+from experiment.study.study import StudyError
 from experiment.terms.record import MeasuredRow, TrialRow, table_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
@@ -51,6 +53,7 @@ if TYPE_CHECKING:
 
 _LOCK: Final = ".lock"
 _NUMBER: Final = re.compile(rb'^ "participant_number": (\d+)', re.MULTILINE)
+_VERSION: Final = re.compile(rb'"tactstrip": "([^"]+)"')
 _FILES: Final = ("plan.json", "header.json", "journal.jsonl", "trials.csv", "measured.csv", _LOCK)
 
 
@@ -118,7 +121,7 @@ class SessionFolder:
     def sealed(self) -> dict[str, str]:
         """Return the checksums of header and plan as files, for the journal's first line."""
         files = {"header_sha256": self.header_path, "plan_file_sha256": self.plan_path}
-        return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
+        return {name: sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
@@ -247,12 +250,7 @@ class SessionFolder:
     def participant_number(self) -> int:
         """Return the number of the participant: that of their earlier sessions, or by their place.
 
-        Raises
-        ------
-        ArchiveError
-            If participants.tsv is no such table.
-        PlanError
-            If the plan of an earlier session was changed after it was sealed.
+        ArchiveError where participants.tsv is no such table, PlanError as `read_plan`.
         """
         for path in sorted(self.path.parent.glob("ses-*/plan.json")):
             if (number := _read_plan(path).participant_number) is not None:
@@ -278,13 +276,8 @@ class SessionFolder:
     def read_plan(self) -> Plan:
         """Read and verify the plan.
 
-        Raises
-        ------
-        ArchiveError
-            If there is none, it belongs to another session, one of the session's files is a
-            symbolic link, or the person withdrew.
-        PlanError
-            If it was changed after it was sealed.
+        ArchiveError where there is none, it belongs to another session, one of the session's files
+        is a symbolic link, or the person withdrew; PlanError for one changed after it was sealed.
         """
         refuse_withdrawn(self.root, self.participant)
         self._refuse_links()
@@ -300,6 +293,30 @@ class SessionFolder:
                 f"{self.session}; got participant {plan.participant}, session {plan.session}"
             )
         return plan
+
+    def read_study(self, plan: Plan) -> Study:
+        """Return the study that the plan holds.
+
+        StudyError where it was recorded by another version of this program, for the plan's seal
+        fits.
+        """
+        try:
+            return study_from_canonical(plan.study)
+        except StudyError as error:
+            raise StudyError(
+                f"{self.plan_path}: was recorded by {self._version()}, whose studies have other "
+                "keys than those of this one: go on with the session, and export it, with that "
+                "version; nothing was changed"
+            ) from error
+
+    def _version(self) -> str:
+        found = (
+            _VERSION.search(self.header_path.read_bytes()) if self.header_path.exists() else None
+        )
+        told = found and found[1].decode(errors="replace")
+        if not told or told == version("tactstrip"):
+            return "another version of tactstrip"
+        return f"tactstrip {told}"
 
     def open_journal(self, now_s: Callable[[], float]) -> Journal:
         """Open the journal for writing, at its end."""
@@ -336,7 +353,7 @@ class SessionFolder:
         Raises as `read_history`.
         """
         table = table_csv(TrialRow, self.read_history(plan).rows)
-        return hashlib.sha256(table.encode()).hexdigest()
+        return sha256(table.encode()).hexdigest()
 
     def write_trials(self) -> Path:
         """Build trials.csv anew from plan and journal, and return its path; so measured.csv.

@@ -120,7 +120,7 @@ def run(
     from experiment.session.conduct import begin, completed, resume
     from experiment.session.markers import NoMarkers
     from experiment.session.setting import Setting, Sitting
-    from experiment.study.read import read_levels, study_from_canonical
+    from experiment.study.read import read_levels
 
     stop, requests = StopSignal(), Requests()
     responder_from = distribution_of(responder)
@@ -145,7 +145,7 @@ def run(
             plan = _new_plan(
                 folder, study_file, seed, levels_vpp, driver, participant_number=participant_number
             )
-        study = study_from_canonical(plan.study)
+        study = folder.read_study(plan)
         if facts:
             columns = study.participants.columns
             folder = replace(folder, facts=participant_facts(columns, facts))
@@ -296,10 +296,11 @@ def _plan_to_resume(
     facts: tuple[str, ...],
 ) -> Plan:
     """Return the session's plan; refuse options that say otherwise than it does."""
-    from experiment.study.read import is_recorded, study_from_canonical
+    from experiment.study.read import is_recorded
 
     plan = folder.read_plan()
     folder.refuse_loss()
+    planned_vpp = folder.read_study(plan).design.levels_vpp
     if facts:
         raise CommandError(
             f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
@@ -312,7 +313,6 @@ def _plan_to_resume(
         )
     if seed is not None and seed != plan.seed:
         raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
-    planned_vpp = study_from_canonical(plan.study).design.levels_vpp
     if levels_vpp is not None and levels_vpp != planned_vpp:
         raise CommandError(
             f"--levels must be those of the session, {planned_vpp}; got {levels_vpp}"

@@ -190,7 +190,7 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     require_responder(setting.responder)
     plan = folder.read_plan()
     folder.refuse_loss()
-    study = study_from_canonical(plan.study)
+    study = folder.read_study(plan)
     folder.check_people(study)
     ending = completed(folder, plan, setting.tell)
     if ending is not None:

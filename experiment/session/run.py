@@ -16,7 +16,6 @@ from experiment.preview.check import require_fit
 from experiment.session.conduct import begin, require_responder, resume
 from experiment.session.markers import LslMarkers, Markers, NoMarkers, await_recorder
 from experiment.session.setting import Setting, Sitting
-from experiment.study.read import study_from_canonical
 from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
@@ -143,7 +142,7 @@ def run_session(
     resuming = resuming or resume_anyway
     if resuming:
         plan = folder.read_plan()
-        study = study_from_canonical(plan.study)
+        study = folder.read_study(plan)
     else:
         folder.refuse_existing()
         gains = require_fit(study).gains
