@@ -13,12 +13,13 @@ from experiment.archive.files import HEADS, LinkError
 from experiment.archive.journal import RecordSchemaError
 from experiment.integrity.sessions import (
     JOURNAL,
+    MEASURED,
     examine,
     refuse_links,
     removed_journal,
     unaltered,
 )
-from experiment.terms.record import ANSWERS, RESPONSES, format_value
+from experiment.terms.record import ANSWERS, RESPONSES, format_value, measured_from_csv
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
@@ -139,15 +140,21 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     found = _examined(table)
     if found.differences and not accept_altered:
         raise _refusal(found, "takes it")
-    trusted = found.history is not None or not found.differences
     return SessionRecord(
-        plan=found.plan if trusted else None,
+        plan=found.plan if found.history or not found.differences else None,
         plan_file_sha256=found.plan_file_sha256,
         compared=True,
         ended=len(found.history.rows) if found.history else 0,
-        measured=found.history.measured if found.history else (),
+        measured=_measured(table, found),
         altered=found.differences,
     )
+
+
+def _measured(table: Path, found: Examined) -> tuple[MeasuredRow, ...]:
+    path = table.with_name(MEASURED)  # its checksum fits where no history was needed
+    if found.history or found.differences or not path.is_file():
+        return found.history.measured if found.history else ()
+    return measured_from_csv(path.read_bytes().decode())
 
 
 def _refuse_links(table: Path) -> None:

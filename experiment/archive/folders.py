@@ -347,27 +347,27 @@ class SessionFolder:
             )
         return history
 
-    def table_sha256(self, plan: Plan) -> str:
-        """Return the checksum of the trials.csv that is built of the journal as it stands.
+    def tables_sha256(self, plan: Plan) -> dict[str, str]:
+        """Return the checksums of the tables that are built of the journal as it stands.
 
         Raises as `read_history`.
         """
-        table = table_csv(TrialRow, self.read_history(plan).rows)
-        return sha256(table.encode()).hexdigest()
+        tables = self._tables(plan).items()
+        return {f"{path.stem}_sha256": sha256(text.encode()).hexdigest() for path, text in tables}
+
+    def _tables(self, plan: Plan) -> dict[Path, str]:
+        history = self.read_history(plan)
+        tables = {self.trials_path: table_csv(TrialRow, history.rows)}
+        if history.measured:
+            tables[self.measured_path] = table_csv(MeasuredRow, history.measured)
+        return tables
 
     def write_trials(self) -> Path:
         """Build trials.csv anew from plan and journal, and return its path; so measured.csv.
 
-        Raises
-        ------
-        JournalWriteError
-            If it cannot be written; the journal holds all of it.
+        JournalWriteError where one cannot be written; the journal holds all of it.
         """
-        history = self.read_history(self.read_plan())
-        tables = {self.trials_path: table_csv(TrialRow, history.rows)}
-        if history.measured:
-            tables[self.measured_path] = table_csv(MeasuredRow, history.measured)
-        for path, text in tables.items():
+        for path, text in self._tables(self.read_plan()).items():
             try:
                 write_atomically(path, text, disk=self.disk)
             except OSError as error:

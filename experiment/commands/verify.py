@@ -21,8 +21,9 @@ def verify(*, folder: Path) -> None:
     """Tell whether the sessions below DIR are as they were recorded.
 
     Compared are the plan with its seal, plan and header with the journal's first line, each journal
-    line with the next, the last one with sessions.tsv, trials.csv with the journal. Each difference
-    is named with file and line, and the exit code is 1; the head hash of each session is printed.
+    line with the next, the last one with sessions.tsv, trials.csv and measured.csv with what the
+    journal tells. Each difference is named with file and line, and the exit code is 1; the head
+    hash of each session is printed.
 
     A session of which files are missing is named, too, with what sessions.tsv tells of it; one that
     cannot be examined, for a symbolic link or a file of another version, ends the command with 2

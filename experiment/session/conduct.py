@@ -289,7 +289,7 @@ def _run(
             plan,
             folder.read_history(plan),
             journal,
-            table_sha256=lambda: folder.table_sha256(plan),
+            tables_sha256=lambda: folder.tables_sha256(plan),
             resumed=bool(history.opening),
             origin_s=origin_s,
         )

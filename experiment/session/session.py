@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Final
 
 from device.driver import DeviceError, Outcome
@@ -42,8 +43,8 @@ class Session:
     """A session in progress: the device is opened, the noise started, the journal open.
 
     `resumed`: after an interruption a person who had answered with the fingers on gets the warm-up
-    trials. `origin_s` is the clock's reading at the session's beginning. `table_sha256` tells the
-    checksum of the trials.csv that is built of the journal so far.
+    trials. `origin_s` is the clock's reading at the session's beginning. `tables_sha256` tells the
+    checksums of the tables that are built of the journal so far.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Session:
         history: History,
         journal: Journal,
         *,
-        table_sha256: Callable[[], str],
+        tables_sha256: Callable[[], dict[str, str]],
         resumed: bool,
         origin_s: float,
     ) -> None:
@@ -65,7 +66,7 @@ class Session:
         self._clock = setting.clock
         self._origin_s = origin_s
         self._journal = journal
-        self._table_sha256 = table_sha256
+        self._tables_sha256 = tables_sha256
         self._requests = setting.requests
         self._display = setting.display
         self._stop = setting.stop
@@ -328,8 +329,11 @@ class Session:
 
     def _close(self, effect: events.CloseSession) -> None:
         self._note()
-        # With it the last line seals the table, too: who reads both need not build it anew.
-        told = {"finished": effect.finished, "trials_sha256": self._table_sha256()}
+        told: dict[str, object] = {"finished": effect.finished}
+        # With them the last line seals the tables, too: who reads all need not build them anew. But
+        # a session has ended whatever lies there: who writes the tables next says what is wrong.
+        with contextlib.suppress(ValueError, OSError):
+            told |= self._tables_sha256()
         self._journal.append("session_close", told, sync=True)
 
     def _farewell(self, effect: events.Farewell) -> None:

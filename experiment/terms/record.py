@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
 
 SCHEMA = 2
@@ -150,6 +150,7 @@ def _describe() -> tuple[Column, ...]:
 
 
 COLUMNS: tuple[Column, ...] = _describe()
+_READ: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
 
 
 def is_correct(kind: str, side: str, response: str | None) -> bool | None:
@@ -195,3 +196,21 @@ def table_csv(kind: type[Row], rows: Iterable[Row]) -> str:
         [cell if type(cell) is str else format_value(cell) for cell in cells(row)] for row in rows
     )
     return text.getvalue()
+
+
+def measured_from_csv(text: str) -> tuple[MeasuredRow, ...]:
+    """Return the rows of a measured.csv that is as `table_csv` wrote it.
+
+    >>> measured_from_csv(table_csv(MeasuredRow, []))
+    ()
+    """
+    _, *lines = csv.reader(io.StringIO(text))
+    told = [(one.name, str(one.type).split(" | ")) for one in fields(MeasuredRow)]
+
+    def row(cells: list[str]) -> dict[str, Any]:
+        return {
+            name: None if optional and cell == NOT_AVAILABLE else _READ[kind](cell)
+            for (name, (kind, *optional)), cell in zip(told, cells, strict=True)
+        }
+
+    return tuple(MeasuredRow(**row(cells)) for cells in lines)
