@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simulated: bool) -> None:
     """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set.
 
+    So is measured.csv, where a monitor measured the bursts.
+
     DIR is the folder of a study, a person (sub-*) or a session (ses-*). Of a session that has lost
     its plan or journal nothing can be built: it is named and the exit code is 2. The tables of
     others are written, a data set is not.
@@ -57,9 +59,11 @@ def _export_tables(folder: Path) -> None:
         with session.locked():
             session.read_history(session.read_plan())
             for difference in refuse_altered(session.path):
-                if difference.mended_by == "export" and difference.line is not None:
+                if difference.mended_by == "export":
                     click.echo(f"{difference}; it is built anew", err=True)
             click.echo(session.write_trials())
+            if session.measured_path.exists():
+                click.echo(session.measured_path)
 
     # A plan that cannot be read stops all of it, before a lock is made or a table written; a
     # damaged journal is known only under its lock, and does not stop the other sessions. Neither

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from experiment.archive.files import HEADS, ArchiveError, refuse_link
 from experiment.archive.history import replay
@@ -37,6 +37,7 @@ PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "tri
 MEASURED: Final = "measured.csv"  # beside them where a monitor measured the bursts
 FILES: Final = (PLAN, HEADER, JOURNAL, TABLE)
 """The files of a session that are its record."""
+Mended: TypeAlias = Literal["export", "resume", "removal"]  # what puts a difference right
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +47,7 @@ class Difference:
     path: Path
     line: int | None  # counted from 1; none where a file as a whole is another one
     message: str
-    mended_by: Literal["export", "resume"] | None = None  # what writes it anew from the journal
+    mended_by: Mended | None = None
 
     @property
     def place(self) -> str:
@@ -55,8 +56,8 @@ class Difference:
 
     @property
     def hint(self) -> str:
-        """What puts it right, where nothing but a kill may have made it."""
-        return _KILLED if self.mended_by == "resume" else ""
+        """What puts it right, where that is neither a copy nor an export."""
+        return {"resume": _KILLED, "removal": "; remove it"}.get(self.mended_by or "", "")
 
     def __str__(self) -> str:
         """Name file and line first, as a compiler does."""
@@ -160,11 +161,7 @@ class _Examiner:
         return "" if raw is None else hashlib.sha256(raw).hexdigest()
 
     def _note(
-        self,
-        name: str,
-        line: int | None,
-        message: str,
-        mended_by: Literal["export", "resume"] | None = None,
+        self, name: str, line: int | None, message: str, mended_by: Mended | None = None
     ) -> None:
         path = (person_of(self._folder) if name == HEADS else self._folder) / name
         self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
@@ -356,9 +353,12 @@ class _Examiner:
             raw, least = self._bytes[name], told.count(event)
             if raw is None and kept and (least or kind is TrialRow):
                 self._note(name, None, _missing(kept), "export")
-            built = name == TABLE or (name == MEASURED and rows)
+            if name == MEASURED and raw is not None and not rows:
+                self._note(name, None, "is there, though nothing was measured", "removal")
+                continue
+            mended_by: Mended | None = "export" if name in {TABLE, MEASURED} else None
             for line, message in table_differences(raw, kind, rows, least=least):
-                self._note(name, line, message, "export" if built else None)
+                self._note(name, line, message, mended_by)
 
 
 _WITHOUT = f"without {PLAN} and {JOURNAL} as they were recorded"
@@ -394,6 +394,7 @@ def refuse_altered(folder: Path) -> tuple[Difference, ...]:
     """
     differences = examine(folder).differences
     for difference in differences:
-        if difference.mended_by is None:
-            raise ArchiveError(f"{difference}; restore it from a copy: nothing was changed")
+        if difference.mended_by in {None, "removal"}:
+            copy = "" if difference.mended_by else "; restore it from a copy"
+            raise ArchiveError(f"{difference}{copy}: nothing was changed")
     return differences

@@ -223,9 +223,15 @@ def completed(folder: SessionFolder, plan: Plan, tell: Callable[[str], object]) 
 
 def _refuse_altered(folder: SessionFolder, tell: Callable[[str], object]) -> None:
     """Refuse a record that was changed; tell what a resume puts right, for it is not seen later."""
-    for difference in refuse_altered(folder.path):
-        if difference.mended_by == "resume":
-            tell(f"Note: {difference.place}: {difference.message}; it is written anew.")
+    differences = refuse_altered(folder.path)
+    for difference in differences:
+        if difference.mended_by == "export" and difference.line is not None:
+            raise ArchiveError(
+                f"{difference}; tactstrip export DIR builds it anew from the journal: nothing was "
+                "changed"
+            )
+    for difference in differences:
+        tell(f"Note: {difference.place}: {difference.message}; it is written anew.")
 
 
 @contextlib.contextmanager

@@ -19,10 +19,11 @@ from analysis.reading.load import read_inputs
 from analysis.reading.text import ResultFileError
 from analysis.results.tables import analyse
 from experiment.archive.files import ArchiveError
-from experiment.archive.journal import ROOT, read_journal
+from experiment.archive.journal import ROOT, JournalError, read_journal
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
 from experiment.integrity.sessions import examine, unaltered
 from experiment.session.conduct import resume
+from experiment.study.study import StudyError
 from experiment.trial.plan import Plan, Trial, plan_from_json, seal
 from tests.test_experiment.lab import Crash, Lab
 
@@ -675,3 +676,83 @@ def test_bytes_after_the_end_of_a_session_are_found(results: Path) -> None:
         journal.write(b"x")
     (difference,) = examine(session).differences
     assert "1 bytes follow the line that ended the session" in difference.message
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_a_table_that_was_edited_is_not_written_over_by_a_resume(
+    lab: Lab, *, finished: bool
+) -> None:
+    assert lab.begin(pause={} if finished else {1: False}).finished == finished
+    table = lab.folder.trials_path
+    written = table.read_bytes()
+    table.write_bytes(written.replace(b",left,", b",both,", 1))
+    changed = table.read_bytes()
+    with pytest.raises(ArchiveError, match=r"trials\.csv:2: .*; tactstrip export DIR builds it"):
+        lab.resume()
+    assert table.read_bytes() == changed
+    table.unlink()
+    told: list[str] = []
+    resume(lab.folder, replace(lab.setting(), tell=told.append))
+    assert any(line.endswith("tells of it; it is written anew.") for line in told)
+    assert table.read_bytes().startswith(written)
+
+
+def test_a_session_has_ended_whatever_lies_at_its_table(lab: Lab) -> None:
+    table = lab.folder.trials_path
+
+    def spoil() -> tuple[str, float]:
+        table.write_bytes(b"\n" * 999)
+        return "left", 0.5
+
+    with pytest.raises(JournalError, match="at least the 998 trials"):
+        lab.begin(ask={2: spoil})
+    assert lab.entries()[-1].facts == {"finished": True}
+    table.unlink()
+    opened = lab.device.open
+    lab.patch.setattr(lab.device, "open", None)
+    assert lab.resume().finished
+    lab.patch.setattr(lab.device, "open", opened)
+    assert unaltered(lab.folder.path) is None
+    assert examine(lab.folder.path).differences == ()
+
+
+def test_a_stray_measured_csv_is_to_be_removed(results: Path, run: Run) -> None:
+    path = results / SESSION / "measured.csv"
+    path.write_text("schema,trial\n2,1\n", encoding="utf-8")
+    for command in (["export"], ["export", "--bids", results.parent / "bids"], ["analyze"]):
+        done = run(*command, results)
+        assert done.exit_code == 2
+        assert f"{path}: is there, though nothing was measured; remove it" in done.stderr
+        assert "copy" not in done.stderr
+
+
+@pytest.mark.parametrize("told", [None, "0.0.1"])
+def test_a_session_of_a_version_with_other_keys_is_named_with_it(
+    lab: Lab, run: Run, told: str | None
+) -> None:
+    lab.begin(pause={1: False})
+    folder, results = lab.folder, lab.folder.root
+    plan = json.loads(folder.plan_path.read_bytes())
+    del plan["study"]["monitor"]
+    study = json.dumps(plan["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    older = plan_of(plan, study)
+    folder.plan_path.write_text(older, encoding="utf-8")
+    if told:
+        header = re.sub(
+            '("tactstrip": ")[^"]+', rf"\g<1>{told}", folder.header_path.read_text("utf-8")
+        )
+        folder.header_path.write_text(header, encoding="utf-8")
+    first, *lines = folder.journal_path.read_bytes().splitlines()
+    opening = json.loads(first) | folder.sealed() | {"plan_sha256": json.loads(older)["sha256"]}
+    folder.journal_path.write_bytes(chained([json.dumps(opening).encode(), *lines]))
+    head = read_journal(folder.journal_path).head_sha256
+    heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
+    assert run("verify", results).exit_code == 0
+    assert len(read_inputs([results]).progress) == 1
+    who = f"tactstrip {told}" if told else "another version of tactstrip"
+    words = f"{folder.plan_path}: was recorded by {who}, whose studies"
+    with pytest.raises(StudyError, match=re.escape(words)):
+        lab.resume()
+    done = run("export", results, "--bids", results.parent / "bids")
+    assert (done.exit_code, words in done.stderr) == (2, True)
+    assert not (results.parent / "bids").exists()

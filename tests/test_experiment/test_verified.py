@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 from analysis.reading.load import read_inputs
+from analysis.reading.text import ResultFileError
 from analysis.results.protocol import measured_rows
 from analysis.results.tables import analyse
 from device.clock import VirtualClock
@@ -26,7 +29,8 @@ from experiment.apparatus.rig import Rig, assemble, confirmed_now
 from experiment.apparatus.slots import host_limits
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
-from experiment.integrity.sessions import examine
+from experiment.archive.journal import read_journal
+from experiment.integrity.sessions import examine, unaltered
 from experiment.operator.requests import Requests, StopSignal
 from experiment.preview.device import check_device, device_findings
 from experiment.session.conduct import begin, resume
@@ -37,13 +41,14 @@ from experiment.study.study import StudyError
 from experiment.trial.draw import draw_plan
 from tests.test_device.in_process import LoopCard
 from tests.test_experiment.lab import Watching
+from tests.test_experiment.test_integrity import chained
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from experiment.session.setting import Ending
     from experiment.terms.responder import AwaitedAnswer, Press
+    from tests.test_experiment.conftest import Run
 
 STUDY = """
 [burst]
@@ -470,3 +475,62 @@ def test_the_check_of_a_device_tells_gain_and_delay_of_its_monitor(tmp_path: Pat
     found = check_device(wired.study, rig, confirmation=word, ask=None)
     assert not any(channel.good for channel in found.channels)
     assert "WRONG: the burst was silent" in device_findings(found).text
+
+
+@pytest.fixture
+def measured(tmp_path: Path) -> ByItself:
+    """A session that was measured and has ended."""
+    rig = ByItself(tmp_path / "results")
+    assert rig.begin().finished
+    return rig
+
+
+def test_a_sealed_table_of_what_was_measured_is_read_as_the_journal_tells_it(
+    measured: ByItself, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, whole = unaltered(measured.folder.path), examine(measured.folder.path)
+    assert whole.history
+    assert found == replace(whole, history=None)
+    monkeypatch.setattr("experiment.integrity.sessions.replay", None)
+    (progress,) = read_inputs([measured.folder.root]).progress
+    assert progress.measured == whole.history.measured != ()
+
+
+def edited(path: Path) -> None:
+    path.write_bytes(path.read_bytes().replace(b"amplifier", b"line", 1))
+
+
+def of_another(path: Path) -> None:
+    path.write_bytes(path.read_bytes().replace(b",01,", b",02,"))
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [(edited, 2), (of_another, 2), (Path.unlink, None), (lambda path: path.write_bytes(b""), 1)],
+)
+def test_an_analysis_names_another_measured_csv_and_export_builds_it(
+    measured: ByItself, run: Run, change: Callable[[Path], object], line: int | None
+) -> None:
+    path = measured.folder.measured_path
+    written = path.read_bytes()
+    change(path)
+    place = re.escape(str(path) if line is None else f"{path}:{line}")
+    with pytest.raises(ResultFileError, match=f"^{place}: .*export DIR builds it anew"):
+        read_inputs([measured.folder.root])
+    done = run("export", measured.folder.root)
+    assert (done.exit_code, path.read_bytes()) == (0, written)
+    assert done.stdout.splitlines() == [str(measured.folder.trials_path), str(path)]
+    assert done.stderr.splitlines()[0].startswith(f"{path}")
+    assert done.stderr.splitlines()[0].endswith("it is built anew")
+    assert not read_inputs([measured.folder.root]).altered
+
+
+def test_a_measured_csv_that_no_checksum_seals_is_compared(measured: ByItself) -> None:
+    path, heads = measured.folder.journal_path, measured.folder.path.parent / "sessions.tsv"
+    lines = path.read_bytes().splitlines()
+    lines[-1] = re.sub(b',"measured_sha256":"[0-9a-f]+"', b"", lines[-1])
+    path.write_bytes(chained(lines))
+    head = read_journal(path).head_sha256
+    heads.write_text(re.sub("[0-9a-f]{64}", head, heads.read_text("utf-8")), encoding="utf-8")
+    assert unaltered(measured.folder.path) is None
+    assert examine(measured.folder.path).differences == ()
