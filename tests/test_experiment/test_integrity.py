@@ -39,15 +39,18 @@ if TYPE_CHECKING:
 SESSION = "sub-01/ses-01"
 
 
-def chained(lines: list[bytes]) -> bytes:
-    """Write journal lines as one would who knows how: numbers, hashes and checksums fit again."""
+def chained(lines: list[bytes], *, damaged: int = 0) -> bytes:
+    """Write journal lines as one would who knows how: numbers, hashes and checksums fit again.
+
+    But for the checksum of a line that is to be damaged.
+    """
     written, previous = b"", ROOT
     for number, line in enumerate(lines, start=1):
         facts = json.loads(line)
         del facts["crc"]
         facts |= {"seq": number, "prev": previous}
         body = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).encode()
-        made = b'{"crc":"%08x",%b' % (zlib.crc32(body), body[1:])
+        made = b'{"crc":"%08x",%b' % (zlib.crc32(body) ^ (number == damaged), body[1:])
         previous = hashlib.sha256(made).hexdigest()
         written += made + b"\n"
     return written
@@ -356,12 +359,49 @@ def test_without_the_table_s_checksum_the_journal_is_compared(results: Path) -> 
     assert not read_inputs([results]).altered
 
 
-def test_verify_builds_the_table_whatever_the_checksums_say(results: Path, run: Run) -> None:
-    change = replaced("response", b'"left"', b'"right"')
-    whole_rewritten(results, journal(change, again=True))
-    assert unaltered(results / SESSION)
+def checksums_anew(session: Path, *, damaged: int = 0) -> None:
+    """Make the checksums of plan and table in the journal fit the files, and chain it anew."""
+    path = session / "journal.jsonl"
+    first, *between, last = path.read_bytes().splitlines()
+    for name, key in (("plan.json", b"plan_file_sha256"), ("trials.csv", b"trials_sha256")):
+        made = b'%b":"%b"' % (
+            key,
+            hashlib.sha256((session / name).read_bytes()).hexdigest().encode(),
+        )
+        first, last = (re.sub(rb'%b":"[0-9a-f]+"' % key, made, line) for line in (first, last))
+    path.write_bytes(chained([first, *between, last], damaged=damaged))
+
+
+GIVEN_UP: dict[str, tuple[Edit, int, str]] = {
+    # how, which line of the journal is damaged, if any, and what verify says of it
+    "another answer": (
+        journal(replaced("response", b'"left"', b'"right"'), again=True), 0, "trials.csv:",
+    ),
+    "a line damaged": (lambda _: None, 9, "journal.jsonl:9: this line is damaged"),
+    "the plan's seal broken": (
+        rewrite("plan.json", lambda t: re.sub(r'"seed": \d+', '"seed": 99', t)), 0, "plan.json:",
+    ),
+    "other line ends": (
+        rewrite("trials.csv", lambda t: t.replace("\n", "\r\n")), 0, "trials.csv:1: is written",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GIVEN_UP)
+def test_verify_reads_everything_whatever_the_checksums_say(
+    results: Path, run: Run, name: str
+) -> None:
+    edit, damaged, told = GIVEN_UP[name]
+    edit(results)
+    checksums_anew(results / SESSION, damaged=damaged)
+    head = hashlib.sha256(
+        (results / SESSION / "journal.jsonl").read_bytes().splitlines()[-1]
+    ).hexdigest()
+    heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
+    assert unaltered(results / SESSION)  # docs/session.md says so: "Not covered"
     done = run("verify", results)
-    assert (done.exit_code, "trials.csv:" in done.output) == (1, True), done.output
+    assert (done.exit_code, told in done.output) == (1, True), done.output
+    assert run("export", results, "--bids", results.parent / "bids").exit_code == 2
 
 
 @pytest.mark.parametrize("name", EDITS)
