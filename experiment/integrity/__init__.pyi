@@ -2,6 +2,7 @@ from .heads import SessionHead, enter_head, person_of, read_heads
 from .places import FoundSessions, find_sessions, lost_sessions, refuse_given_link
 from .sessions import (
     JOURNAL,
+    MEASURED,
     Difference,
     Examined,
     examine,
@@ -13,6 +14,7 @@ from .sessions import (
 
 __all__ = [
     "JOURNAL",
+    "MEASURED",
     "Difference",
     "Examined",
     "FoundSessions",

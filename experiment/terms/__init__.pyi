@@ -38,6 +38,7 @@ from .record import (
     TrialRow,
     format_value,
     is_correct,
+    measured_from_csv,
     table_csv,
 )
 from .responder import (
@@ -96,6 +97,7 @@ __all__ = [
     "inward",
     "is_correct",
     "is_line",
+    "measured_from_csv",
     "refusals",
     "require_known",
     "require_word",
