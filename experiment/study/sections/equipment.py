@@ -109,8 +109,8 @@ class MonitorSettings:
     per_unit: tuple[_Scale, _Scale] | None = Field(
         default=None,
         strict=False,
-        description="V, A or um at the tap for an input's full scale; below 0: inverted; left out "
-        "of a device: as it tells",
+        description="V, A or um at the tap for an input's full scale, below 0 where inverted; a "
+        "device tells its own",
     )
     per_volt: tuple[_PerVolt, _PerVolt] | None = Field(
         default=None,
