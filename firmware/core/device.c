@@ -128,12 +128,17 @@ void device_measure(struct device *device, const struct measured *measured) {
     }
 }
 
-enum refusal device_check_room(const struct device *device, uint32_t slot, uint32_t samples) {
-    uint32_t others = 0;
+/* Return the samples of one channel in all slots but one. */
+static uint32_t others(const struct device *device, uint32_t slot) {
+    uint32_t samples = 0;
     for (uint32_t i = 0; i < SLOTS; i++) {
-        others += i == slot ? 0U : device->slots[i].samples;
+        samples += i == slot ? 0U : device->slots[i].samples;
     }
-    return samples > MEMORY_SAMPLES - others ? MEMORY_FULL : DONE;
+    return samples;
+}
+
+enum refusal device_check_room(const struct device *device, uint32_t slot, uint32_t samples) {
+    return samples > MEMORY_SAMPLES - others(device, slot) ? MEMORY_FULL : DONE;
 }
 
 /* Check the codes of one channel, 16 bit little endian: in range, 0 at both ends, no DC part. */
@@ -162,14 +167,12 @@ static enum refusal check_codes(const uint8_t *codes, uint32_t samples, uint32_t
 static void clear_slot(struct device *device, uint32_t slot) {
     const uint32_t begin = device->slots[slot].begin;
     const uint32_t size = CHANNELS * device->slots[slot].samples;
-    uint32_t end = 0;
+    const uint32_t behind = CHANNELS * others(device, slot) - begin;
     for (uint32_t i = 0; i < SLOTS; i++) {
-        end += CHANNELS * device->slots[i].samples;
         if (device->slots[i].samples > 0U && device->slots[i].begin > begin) {
             device->slots[i].begin -= size;
         }
     }
-    const uint32_t behind = end - (begin + size);
     memmove(&device->memory[begin], &device->memory[begin + size], behind * sizeof(int16_t));
     device->slots[slot].samples = 0;
 }
@@ -178,10 +181,7 @@ static void store(struct device *device, uint32_t slot, uint32_t samples, const 
     if (device->slots[slot].samples > 0U) {
         clear_slot(device, slot);
     }
-    uint32_t begin = 0;
-    for (uint32_t i = 0; i < SLOTS; i++) {
-        begin += CHANNELS * device->slots[i].samples;
-    }
+    const uint32_t begin = CHANNELS * others(device, slot);
     for (uint32_t i = 0; i < CHANNELS * samples; i++) {
         device->memory[begin + i] = (int16_t)read_u16(codes + 2U * (size_t)i);
     }
