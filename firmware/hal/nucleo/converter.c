@@ -19,8 +19,9 @@
 
 #define AT_REST (DAC_CR_TSEL1_TIM6 | DAC_CR_EN1) /* a code is put out at once */
 
-/* DS12288, DAC characteristics: with its buffer a pin goes from 0.2 V to 0.2 V below the supply. A
- * burst of the ceiling must not be clipped there; the board's RAIL_MVPP leaves that room. */
+/* With its buffer a pin goes from 0.2 V to 0.2 V below the supply (related parts; to be checked in
+ * DS12288, DAC characteristics). A burst of the ceiling must not be clipped there; the board's
+ * RAIL_MVPP leaves that room. */
 static_assert(BITS == 12U, "the converters have 12 bits");
 static_assert((uint64_t)FULL_SCALE * CEILING_MVPP <= (uint64_t)REACH * RAIL_MVPP,
               "the buffer of the pins reaches 7/8 of the full scale: RAIL_MVPP is too small");

@@ -72,6 +72,7 @@ static void send(uint32_t uart, const uint8_t *bytes, size_t size) {
     }
 }
 
+/* However long it takes: a truth with a hole is none. */
 void truth_put(const char *text, size_t size) {
     for (size_t i = 0; i < size; i++) {
         while ((REGISTER(UART1 + UART_STATE) & UART_TX_FULL) != 0U) {
