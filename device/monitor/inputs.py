@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from device.sound.stream import Stream
 
 QUIET_S: Final = 0.25
-"""So much before a burst tells the noise, where it is there."""
+MOST_QUIET_S: Final = 1.0
+_QUIET_SHAPES: Final = 40
+"""So much before a burst tells the noise, where it is there: of a long burst more."""
 LEAST_QUIET_S: Final = 0.02
 SEARCHED_S: Final = 0.1
 """So long after its time a burst is waited for."""
@@ -113,8 +115,8 @@ class InputMonitor:
         self._recorder.release()
         self._first = self._recorder.frames
         self._gaps = self._recorder.gaps
-        self._recorder.hold(self._first - self._quiet())
         self._planned = planned
+        self._recorder.hold(self._first - self._quiet())
 
     def end(self, delivery: Delivery) -> Measured:
         """Look at what was heard since."""
@@ -129,9 +131,11 @@ class InputMonitor:
         return self._measured(delivery.token, planned, self._found(template, quiet), told)
 
     def _quiet(self) -> int:
-        recorder = self._recorder
+        recorder, planned = self._recorder, self._planned
+        shapes_s = 0.0 if planned is None else len(planned.shape) / planned.sample_rate_hz
+        wanted_s = min(max(QUIET_S, _QUIET_SHAPES * shapes_s), MOST_QUIET_S)
         since = max(recorder.first, self._over)
-        return min(self._first - since, round(QUIET_S * recorder.sample_rate_hz))
+        return min(self._first - since, round(wanted_s * recorder.sample_rate_hz))
 
     def _wait(self, onset_s: float, template: Template) -> str:
         """Wait until all of the burst must have been heard; return why it was not."""
@@ -145,8 +149,9 @@ class InputMonitor:
             self._clock.wait(_POLL_S)
         if recorder.gaps != self._gaps:
             return "the record has a gap"
-        if self._quiet() < LEAST_QUIET_S * rate_hz:
-            return f"the record before the burst is shorter than {LEAST_QUIET_S:g} s"
+        least_s = max(LEAST_QUIET_S, template.least_quiet / rate_hz)
+        if self._quiet() < least_s * rate_hz:
+            return f"the record before the burst is shorter than {least_s:.3g} s"
         return ""
 
     def _found(self, template: Template, quiet: int) -> tuple[Found, Found]:
@@ -179,7 +184,10 @@ class InputMonitor:
             sample_rate_hz=rate_hz,
         )
         flat = Fault.CLIPPED in faults
-        peaks = [max(one.top if flat else one.amplitude, 0.0) for one in found]
+        peaks = [
+            one.largest if not peak else max(one.top if flat else one.amplitude, 0.0)
+            for peak, one in zip(planned.peaks, found, strict=True)
+        ]
         sounding = [
             i for i in range(2) if found[i].amplitude >= self._tolerances.silence * planned.burst[i]
         ]

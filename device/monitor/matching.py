@@ -1,8 +1,8 @@
 """A burst looked for in a record of one channel: matched against its planned shape.
 
 The matched filter's output a[k] = sum(x[k + i] s[i]) / sum(s[i]^2) is the amplitude that fits best
-at k. What it does where nothing was played is the noise of every figure taken from it, whatever the
-noise's spectrum.
+at k. What such a sum does where nothing was played is the noise of the figure that is taken from it,
+whatever the noise's spectrum.
 """
 
 from __future__ import annotations
@@ -21,9 +21,12 @@ _TOP: Final = 0.9
 """From this part of its peak on a shape's samples are its top: there a clipped burst is flat."""
 _COVERS_95: Final = 2.1
 """Standard deviations; a little over 1.96, as the noise itself is an estimate."""
-_ENOUGH: Final = 60
-"""So many shapes long is a quiet part that tells the noise of a figure; else noise is taken as
-white."""
+LEAST_QUIET: Final = 8
+"""So many shapes long must a quiet part be: from fewer nobody can tell a figure's noise."""
+_FEW_95: Final = 1.21
+_FEW_SURE: Final = 3.31
+"""Student's t with n degrees of freedom is wider than a normal deviate z by 1 + (z^2 + 1) / 4n: at
+95 %, and at the 3.5 standard deviations by which faults are told."""
 _MARGIN: Final = 8
 """Frames around a shape: what is played between two samples of the record rings there."""
 _STEPS: Final = 3
@@ -40,13 +43,16 @@ class Found:
     amplitude, amplitude_sd : float
         By which the shape fits best, and the standard deviation that noise gives it.
     top, top_sd : float
-        The same of the samples at its top alone: less than the amplitude of a clipped burst.
+        The amplitude of the samples at its top alone, less than `amplitude` of a clipped burst,
+        and the standard deviation of the difference.
     onset : float
         Frame at which it begins, counted from the end of the quiet part.
     onset_uncertainty : float
         Frames by which the onset is known with 95 %, half-width.
     correlation, correlation_sd : float
         With the shape, of what is left when the noise's energy is taken off; 1 for a scaled copy.
+    largest : float
+        Largest magnitude with which the shape fits anywhere, the burst included.
     second : float
         Largest magnitude with which the shape fits in what remains without the burst.
     second_at : float
@@ -65,6 +71,7 @@ class Found:
     onset_uncertainty: float
     correlation: float
     correlation_sd: float
+    largest: float
     second: float
     second_at: float
     noise_rms: float
@@ -89,6 +96,7 @@ class Template:
             raise ValueError("shape must have a sample that is not 0")
         self.length = len(shape)
         self.rms = math.sqrt(self.energy / self.length)
+        self.least_quiet = LEAST_QUIET * self.length
         self._spectrum = np.fft.rfft(self.shape)
         self._turn = -2j * np.pi * np.fft.rfftfreq(len(self.shape))
         self._slope = self._later(0.0)[1]
@@ -110,16 +118,18 @@ class Template:
         `record`, shape (n,), must be longer than `quiet` and the shape together; `limit` is its
         largest magnitude.
         """
-        size = len(self.shape)
-        if not 0 < quiet <= len(record) - size:
+        size, least = len(self.shape), self.least_quiet
+        if not least <= quiet <= len(record) - size:
             raise ValueError(
-                f"quiet must be from 1 to {len(record) - size}, for the shape with its margin is "
-                f"{size} frames long; got {quiet}"
+                f"quiet must be from {least} to {len(record) - size}, for the shape with its "
+                f"margin is {size} frames long; got {quiet}"
             )
         x = record - np.mean(record[:quiet])
         noise = max(float(np.std(x[:quiet])), limit * _LEAST_NOISE)
-        amplitude_sd = self._spread(x[:quiet], noise, self.shape, self.energy)
-        slope_sd = self._spread(x[:quiet], noise, self._slope, self._slope_energy)
+        few = self.length / quiet
+        sure = 1 + _FEW_SURE * few
+        amplitude_sd = sure * _spread(x[:quiet], noise, self.shape / self.energy)
+        onset_sd = _spread(x[:quiet], noise, self._slope / self._slope_energy) * (1 + _FEW_95 * few)
         fit = signal.correlate(x, self.shape, "valid") / self.energy
         searched = fit[max(quiet - _MARGIN, 1) : -1]
         at = _vertex(fit, max(quiet - _MARGIN, 1) + int(np.argmax(searched)))
@@ -132,8 +142,10 @@ class Template:
             if amplitude > 0:
                 step = float((part - amplitude * here) @ slope) / (amplitude * self._slope_energy)
                 at -= min(max(step, -0.5), 0.5)
-        top, top_sd = _top(part, here, noise)
-        correlation, correlation_sd = self._correlation(part, amplitude, noise)
+        weights = _of_top(here)
+        top = float(weights @ part)
+        top_sd = sure * _spread(x[:quiet], noise, weights - here / self.energy)
+        correlation, correlation_sd = self._correlation(part, amplitude, x[:quiet])
         x[first : first + size] -= amplitude * here
         second = np.abs(signal.correlate(x[quiet - _MARGIN :], self.shape, "valid")) / self.energy
         last = int(np.argmax(second))
@@ -143,37 +155,41 @@ class Template:
             top=top,
             top_sd=top_sd,
             onset=at + _MARGIN - quiet,
-            onset_uncertainty=_COVERS_95 * slope_sd / amplitude if amplitude > 0 else math.inf,
+            onset_uncertainty=_COVERS_95 * onset_sd / amplitude if amplitude > 0 else math.inf,
             correlation=correlation,
-            correlation_sd=correlation_sd,
+            correlation_sd=sure * correlation_sd,
+            largest=float(np.max(np.abs(searched))),
             second=float(second[last]),
             second_at=float(last + quiet - _MARGIN - at),
             noise_rms=noise,
             overloaded=_in_a_row(np.abs(record[quiet:]) >= limit),
         )
 
-    def _spread(self, quiet: FloatArray, noise: float, shape: FloatArray, energy: float) -> float:
-        """Return the standard deviation, by noise, of what is fitted of a shape."""
-        if_white = noise / math.sqrt(energy)
-        if len(quiet) < _ENOUGH * self.length:
-            return if_white
-        return max(if_white, float(np.std(signal.correlate(quiet, shape, "valid"))) / energy)
-
-    def _correlation(self, part: FloatArray, amplitude: float, noise: float) -> tuple[float, float]:
-        fitted = amplitude**2 * self.energy
-        rest = float(part @ part) - len(part) * noise**2
+    def _correlation(
+        self, part: FloatArray, amplitude: float, quiet: FloatArray
+    ) -> tuple[float, float]:
+        """Return it without the noise's energy, which a quiet part tells stretch by stretch."""
+        sums = np.cumsum(quiet**2)
+        energies = sums[len(part) :] - sums[: -len(part)]
+        noise, fitted = float(np.mean(energies)), amplitude**2 * self.energy
+        rest = float(part @ part) - noise
         if fitted <= 0 or rest <= 0:
             return 0.0, 1.0
-        spread = noise**2 * math.sqrt(2 * len(part)) / fitted / 2
+        spread = max(float(np.std(energies)), noise * math.sqrt(2 / len(part))) / fitted / 2
         return math.copysign(math.sqrt(min(1.0, fitted / rest)), amplitude), spread
 
 
-def _top(part: FloatArray, here: FloatArray, noise: float) -> tuple[float, float]:
-    """Return the amplitude of the samples at a shape's top, and its standard deviation."""
+def _spread(quiet: FloatArray, noise: float, weights: FloatArray) -> float:
+    """Return the standard deviation that noise gives a weighted sum, at least that of white."""
+    sums = signal.correlate(quiet, weights, "valid")
+    return max(noise * float(np.linalg.norm(weights)), math.sqrt(float(np.mean(sums**2))))
+
+
+def _of_top(here: FloatArray) -> FloatArray:
+    """Return the weights that tell the amplitude by the samples at a shape's top alone."""
     high = np.abs(here) >= _TOP * np.max(np.abs(here))
-    sign = np.sign(here[high])
-    weight = float(sign @ here[high])
-    return float(sign @ part[high]) / weight, noise * math.sqrt(len(sign)) / weight
+    sign: FloatArray = np.where(high, np.sign(here), 0.0)
+    return sign / float(sign @ here)
 
 
 def _vertex(values: FloatArray, k: int) -> float:

@@ -237,6 +237,8 @@ LEAST_SNR_DB: Final = 10.0
 _SURE: Final = 3.5
 """Standard deviations: by so much the threshold lies inside of a tolerance, so that noise lets
 nothing pass that is beyond it; and by as much again outside of what a good burst is taken for."""
+_SURE_OF_TOP: Final = 4.5
+"""The same of a flat top, which no threshold keeps clear of noise: a top may be two samples."""
 _FOUND: Final = 6.0
 """Standard deviations: what is above them is no noise, wherever in a record it is looked for."""
 _AGAIN_BY_MOTION: Final = 0.7
@@ -262,13 +264,17 @@ def judge(
         sized = peak and tap is not Tap.MOTION
         why = _too_noisy(
             20 * math.log10(full * rms / one.noise_rms),
-            one.amplitude_sd / full,
-            finest=tolerances.peak if sized else math.inf,
+            one,
+            full,
+            finest=tolerances if sized else None,
             silence=tolerances.silence,
         )
         if why:
             return tuple(faults), why
-    heard = [one.amplitude / full for one, full in zip(found, planned.burst, strict=True)]
+    heard = [
+        (one.amplitude if peak else one.largest) / full
+        for peak, full, one in zip(planned.peaks, planned.burst, found, strict=True)
+    ]
     faults += _of_channels(planned, found, heard, tolerances, tap)
     faults += _again(planned, found, tap, tolerances)
     if not {Fault.SILENT, Fault.SWAPPED} & {*faults}:
@@ -288,11 +294,19 @@ def void(faults: tuple[Fault, ...], tap: Tap) -> tuple[Fault, ...]:
     return tuple(one for one in faults if tap is not Tap.MOTION or one in _VOID_BY_MOTION)
 
 
-def _too_noisy(snr_db: float, sd: float, *, finest: float, silence: float) -> str:
-    """Say why a tolerance cannot be kept apart from noise; `sd`: of a part of the planned peak."""
+def _too_noisy(
+    snr_db: float, one: Found, full: float, *, finest: Tolerances | None, silence: float
+) -> str:
+    """Say why a tolerance cannot be kept apart from noise; `finest`: of a burst's size and shape."""
     if snr_db < LEAST_SNR_DB:
         return f"the noise is only {snr_db:.1f} dB below the burst; {LEAST_SNR_DB:g} are needed"
-    needed = sd * max(_FOUND / silence, 2 * _SURE / finest)
+    sd = one.amplitude_sd / full
+    needed = sd * _FOUND / silence
+    if finest is not None:
+        needed = max(needed, sd * 2 * _SURE / finest.peak)
+        if one.amplitude >= silence * full:  # energies grow with the square of the noise
+            apart = 2 * _SURE * one.correlation_sd / (1 - finest.correlation)
+            needed = max(needed, math.sqrt(apart))
     if needed <= 1:
         return ""
     least_db = snr_db + 20 * math.log10(needed)
@@ -335,7 +349,7 @@ def _of_size(part: float, one: Found, full: float, tolerances: Tolerances) -> li
         faults.append(Fault.WEAK)
     if part > 1 + margin:
         faults.append(Fault.STRONG)
-    flat = max(tolerances.peak / 2, _SURE * one.top_sd / one.amplitude)
+    flat = max(tolerances.peak / 2, _SURE_OF_TOP * one.top_sd / one.amplitude)
     if one.top < (1 - flat) * one.amplitude:
         faults.append(Fault.CLIPPED)
     if one.correlation < tolerances.correlation + _SURE * one.correlation_sd:

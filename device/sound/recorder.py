@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.sound.player import Frames
 
-KEPT_S: Final = 4.0
+KEPT_S: Final = 5.0
 """So long a record is; a part that is to be looked at is held, whatever comes after it."""
 _MARKS: Final = 64
 _LONGEST_DELAY_S: Final = 1.0

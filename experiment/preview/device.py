@@ -41,7 +41,7 @@ FRACTION: Final = 0.1
 
 _TOLERANCE: Final = 0.01
 _STEP_VPP: Final = 0.002
-_QUIET_S: Final = 0.3
+_QUIET_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -99,6 +99,43 @@ def test_the_stated_uncertainty_covers_95_percent(name: str, noise_db: int) -> N
         assert worst < 1
 
 
+def coloured(rng: np.random.Generator, size: int, kind: str) -> FloatArray:
+    """Return noise at 48 kHz with the effective value 1: pink, brown, or hum of the mains."""
+    if kind == "hum":
+        turn = 2 * np.pi * (50 * np.arange(size) / 48e3 + rng.uniform())
+        noise = np.sin(turn) + 0.4 * np.sin(3 * turn) + 0.05 * rng.normal(size=size)
+    else:
+        slope = {"pink": 0.5, "brown": 1.0}[kind]
+        frequency = np.maximum(np.fft.rfftfreq(size, 1 / 48e3), 20)
+        spectrum = rng.normal(size=(2, len(frequency))) / frequency**slope
+        noise = np.fft.irfft(spectrum[0] + 1j * spectrum[1], size)
+    whole: FloatArray = noise / np.sqrt(np.mean(noise**2))
+    return whole
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pink", "brown", "hum"])
+@pytest.mark.parametrize("noise_db", [10.5, 15, 20])
+def test_the_stated_uncertainty_covers_95_percent_of_a_long_burst_in_coloured_noise(
+    kind: str, noise_db: float
+) -> None:
+    template = Template(sine(48_000, 500, 5))
+    quiet, tries, covered, clipped = 24_000, 100, 0, 0
+    rng = np.random.default_rng(4)
+    noise_rms = PEAK * template.rms * 10 ** (-noise_db / 20)
+    for _ in range(tries):
+        delay = rng.uniform(50, 51)
+        record = noise_rms * coloured(rng, quiet + 4800, kind)
+        start = quiet + 50 - (len(template.shape) - template.length) // 2
+        record[start : start + len(template.shape)] += PEAK * template.shifted(delay - 50)
+        found = template.find(record, quiet=quiet, limit=1.0)
+        covered += abs(found.onset - delay) <= found.onset_uncertainty
+        clipped += found.top < found.amplitude - 4.5 * found.top_sd
+        assert abs(found.amplitude - PEAK) < 4.5 * found.amplitude_sd
+    assert covered >= 90  # 5 % of 100 less or more than 95 happens in one of 44
+    assert clipped == 0
+
+
 LEVEL_VPP = 100.0
 DELAY = 240.0
 SIDES = {"left": (0, 1, 0), "right": (1, 0, 1), "both": (2, 1, 1), "none": (3, 0, 0)}
@@ -198,6 +235,17 @@ def test_a_fault_above_its_tolerance_is_caught(name: str) -> None:
         assert set(measured.faults) & faults
 
 
+@pytest.mark.parametrize("part", [-0.25, -0.35, 0.25])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_a_silent_channel_hears_is_told_whatever_its_sign(side: str, part: float) -> None:
+    rig = Rig(noise_db=30)
+    rig.card.path = lambda past: past + part * past[:, ::-1]
+    measured = rig.measure(side)
+    assert measured.faults == (Fault.STRAY,)
+    heard = measured.peak_right if side == "left" else measured.peak_left
+    assert heard == pytest.approx(abs(part) * LEVEL_VPP / 2, rel=0.05)
+
+
 @pytest.mark.parametrize("side", SIDES)
 def test_a_good_burst_is_verified(side: str) -> None:
     rig = Rig()
@@ -242,7 +290,8 @@ def test_below_10_db_nothing_is_verified(fault: str, noise_db: float) -> None:
 
 def test_with_wide_tolerances_10_db_suffice() -> None:
     assert Rig(noise_db=10.5, peak=0.3, silence=0.3).measure().verified == "line"
-    assert "17.1 are needed" in Rig(noise_db=12).measure().unmeasured
+    # 17.1 of the noise itself, 0.2 more as 125 shapes tell it
+    assert "17.3 are needed" in Rig(noise_db=12).measure().unmeasured
 
 
 def test_a_dead_input_is_not_measured() -> None:
