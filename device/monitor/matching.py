@@ -1,8 +1,8 @@
 """A burst looked for in a record of one channel: matched against its planned shape.
 
 The matched filter's output a[k] = sum(x[k + i] s[i]) / sum(s[i]^2) is the amplitude that fits best
-at k. What such a sum does where nothing was played is the noise of the figure that is taken from it,
-whatever the noise's spectrum.
+at k. What such a sum does where nothing was played is the noise of the figure taken from it,
+whatever the spectrum.
 """
 
 from __future__ import annotations

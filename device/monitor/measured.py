@@ -297,7 +297,7 @@ def void(faults: tuple[Fault, ...], tap: Tap) -> tuple[Fault, ...]:
 def _too_noisy(
     snr_db: float, one: Found, full: float, *, finest: Tolerances | None, silence: float
 ) -> str:
-    """Say why a tolerance cannot be kept apart from noise; `finest`: of a burst's size and shape."""
+    """Say why no tolerance is kept apart from noise; `finest`: of a burst's size and shape."""
     if snr_db < LEAST_SNR_DB:
         return f"the noise is only {snr_db:.1f} dB below the burst; {LEAST_SNR_DB:g} are needed"
     sd = one.amplitude_sd / full
