@@ -99,7 +99,7 @@ class Tolerances:
 
     def __post_init__(self) -> None:
         require_real("peak", self.peak, least=0.01, most=0.5)
-        require_real("onset_s", self.onset_s, least=1e-5, most=1.0)
+        require_real("onset_s", self.onset_s, least=1e-5, most=0.1)
         require_real("correlation", self.correlation, least=0.5, most=0.9999)
         require_real("silence", self.silence, least=0.01, most=0.5)
 

@@ -125,7 +125,8 @@ def monitor_words(settings: MonitorSettings) -> str:
         "device": "the device's own converter",
     }
     tap = Tap(settings.tap)
-    return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}"
+    also = ", nor that a burst was clipped or doubled" if settings.source == "device" else ""
+    return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}{also}"
 
 
 def planned_burst(

@@ -220,6 +220,7 @@ class Study:
             check_fingers(self.actuators[:2], self.strip)
         self._check_levels()
         self._check_drives()
+        self.monitor.check_onsets(self.design.foreperiod_s[0])
         self.texts.check_answers(self.design.responses)
 
     def _check_displacements(self) -> None:

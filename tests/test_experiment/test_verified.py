@@ -395,6 +395,45 @@ def test_markers_carry_the_measured_onset(tmp_path: Path) -> None:
     assert answers == pytest.approx(answered, abs=2e-5)
 
 
+MONITOR = STUDY.format(trials=4, tap="line", disagreement="repeat")
+
+
+@pytest.mark.parametrize(
+    ("key", "instead", "told"),
+    [
+        ('source = "duplex"\n', "", r"monitor\.source is missing; must be duplex"),
+        ("[125, 125]", "[1e-15, 125]", r"per_unit must be at least 1e-12 away from 0"),
+        ('"duplex"', '"duplex"\nsound_card = "x"', r"sound_card must be left out with source = du"),
+        ('"repeat"', '"repeat"\nonset_tolerance_ms = 200', r"onset_tolerance_ms"),
+        (
+            "[0.3, 0.4]\nbreak_every = 0",
+            "[0.1, 0.4]\nbreak_every = 0",
+            r"less than half of design.foreperiod_s\[0\], 50,",
+        ),
+    ],
+)
+def test_a_key_of_the_monitor_that_could_mislead_is_refused(
+    key: str, instead: str, told: str
+) -> None:
+    text = MONITOR.replace("delay_ms", "onset_tolerance_ms = 60\ndelay_ms")
+    text = MONITOR if "onset" in instead else text
+    assert key in text
+    study_from_text(text, "study.toml")
+    with pytest.raises(StudyError, match=told):
+        study_from_text(text.replace(key, instead), "study.toml")
+
+
+def test_a_device_that_tells_magnitudes_has_no_inverted_channel() -> None:
+    text = BY_ITSELF.format(tap="line", gain=1)
+    for channels, good in (("[2, 1]", True), ("[-1, 1]", False)):
+        keys = f"{text}per_unit = {channels}\n"
+        if good:
+            study_from_text(keys, "study.toml")
+            continue
+        with pytest.raises(StudyError, match="per_unit must be above 0 with source = device"):
+            study_from_text(keys, "study.toml")
+
+
 def test_source_and_driver_must_go_together() -> None:
     for source, driver in (("duplex", "serial"), ("device", "audio")):
         text = STUDY.format(trials=4, tap="line", disagreement="repeat").replace(

@@ -86,6 +86,7 @@ _Scale = Annotated[float, Field(ge=-1e9, le=1e9)]
 _PerVolt = Annotated[float, Field(ge=1e-9, le=1e6)]
 _Delay = Annotated[float, Field(ge=-1000, le=1000)]
 _VOLTAGES: Final = ("line", "amplifier")
+LEAST_PER_UNIT: Final = 1e-12
 
 
 @section
@@ -125,7 +126,7 @@ class MonitorSettings:
     peak_tolerance: float = Field(
         default=0.1, ge=0.01, le=0.5, description="part of the planned peak"
     )
-    onset_tolerance_ms: float = Field(default=1.0, ge=0.01, le=1000)
+    onset_tolerance_ms: float = Field(default=1.0, ge=0.01, le=100)
     least_correlation: float = Field(
         default=0.95, ge=0.5, le=0.9999, description="with the planned burst"
     )
@@ -139,7 +140,14 @@ class MonitorSettings:
     @model_validator(mode="before")
     @classmethod
     def _date(cls, given: Any) -> Any:
-        return ArgsKwargs((), dated(given.kwargs)) if isinstance(given, ArgsKwargs) else given
+        if not isinstance(given, ArgsKwargs):
+            return given
+        keys = dated(given.kwargs)
+        if keys and "source" not in keys:
+            raise ValueError(
+                "source is missing; must be duplex, input or device, or none to verify no burst"
+            )
+        return ArgsKwargs((), keys)
 
     def __post_init__(self) -> None:
         if self.inputs[0] == self.inputs[1]:
@@ -148,16 +156,41 @@ class MonitorSettings:
             raise ValueError(
                 f"sound_card must be a name in one line of text; got {self.sound_card!r}"
             )
-        if self.per_unit is not None and not all(self.per_unit):
-            raise ValueError(f"per_unit must not be 0; got {list(self.per_unit)}")
+        if self.per_unit is not None and min(map(abs, self.per_unit)) < LEAST_PER_UNIT:
+            raise ValueError(
+                f"per_unit must be at least {LEAST_PER_UNIT:g} away from 0; "
+                f"got {list(self.per_unit)}"
+            )
         if self.source == "none":
             return
+        if self.sound_card and self.source != "input":
+            raise ValueError(
+                f"sound_card must be left out with source = {self.source}, which has its own; "
+                f"got {self.sound_card!r}"
+            )
+        if self.source == "device" and self.per_unit is not None and min(self.per_unit) < 0:
+            raise ValueError(
+                "per_unit must be above 0 with source = device, which tells magnitudes; "
+                f"got {list(self.per_unit)}"
+            )
         of_inputs = () if self.source == "device" else ("per_unit", "measured_by", "measured_on")
         for key in ("tap", *of_inputs):
             if getattr(self, key) is None:
                 raise ValueError(f"{key} is missing; source = {self.source} needs it")
         if self.per_volt is None and self.tap not in _VOLTAGES:
             raise ValueError(f"per_volt is missing; tap = {self.tap} needs it")
+
+    def check_onsets(self, least_s: float) -> None:
+        """Refuse a tolerance by which the burst of the trial before could be taken for this one.
+
+        `least_s`: the least time from an answer to the next onset.
+        """
+        if self.source != "none" and self.onset_tolerance_ms >= 500 * least_s:
+            raise ValueError(
+                "monitor.onset_tolerance_ms must be less than half of design.foreperiod_s[0], "
+                f"{500 * least_s:g}, or the burst before could be taken for the next; "
+                f"got {self.onset_tolerance_ms:g}"
+            )
 
     @property
     def at_the_tap(self) -> tuple[float, float]:
