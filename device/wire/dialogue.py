@@ -7,6 +7,7 @@ comes, or too late, a line says what the operator can do about it.
 from __future__ import annotations
 
 import contextlib
+import math
 import secrets
 from itertools import count
 from threading import Lock
@@ -39,6 +40,15 @@ BITS_PER_BYTE: Final = 10
 LONGEST_ROUND: Final = 104
 """Bytes of HELLO and its answer: the longest that a line carries for one question."""
 
+_LONG_ROUND: Final = 103
+"""Bytes of LIMITS and its answer."""
+
+_SHORT_ROUND: Final = 48
+"""Bytes of PING and its answer."""
+
+_LEAST_WORDS: Final = 4
+"""Fewer characters may be noise."""
+
 _RATES: Final = (
     *(1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 921_600),
     *(1_000_000, 2_000_000, 3_000_000, 4_000_000),
@@ -49,11 +59,6 @@ _Read = TypeVar("_Read")
 
 class UnansweredError(LinkError):
     """A question that was never answered."""
-
-
-def unanswered(kind: Kind, patience_s: float) -> UnansweredError:
-    """Return the error of a question that was asked for so long."""
-    return UnansweredError(f"the device did not answer {kind.name} for {patience_s:g} s")
 
 
 class RestartedError(LinkError):
@@ -102,6 +107,7 @@ class Dialogue:
         """Forget what was half read, and the device's clock."""
         self._decoder = Decoder()
         self._device_us = 0
+        self._fastest_s = math.inf
         self.clock_sync = ClockSync()
 
     @property
@@ -182,10 +188,22 @@ class Dialogue:
             self._write(encode(question))
             answer = self._listen(question, self._answer_within_s)
             if answer is not None:
+                if self._retries == 0:
+                    self._fastest_s = min(self._fastest_s, self._clock.now_s() - began_s)
                 if question.kind != Kind.STOP:
                     self._learn_clock(answer, began_s)
                 return answer
-        raise unanswered(Kind(question.kind), patience_s)
+        raise self._unanswered(Kind(question.kind), patience_s)
+
+    def _unanswered(self, kind: Kind, patience_s: float) -> UnansweredError:
+        """Return the error of a question that was asked for so long, with what may be behind it."""
+        told = f"the device did not answer {kind.name} for {patience_s:g} s"
+        never_in_time = self._answer_within_s < self._fastest_s < math.inf
+        return UnansweredError(f"{told}: {self._why_late()}" if never_in_time else told)
+
+    def _why_late(self) -> str:
+        """Tell of a line on which no answer has come in time yet."""
+        return f"no answer came within {self._answer_within_s * 1e3:.0f} ms"
 
     @property
     def _open(self) -> Channel:
@@ -244,15 +262,29 @@ def plain_answer(channel: Channel, clock: Clock, within_s: float) -> str:
     while (left_s := until_s - clock.now_s()) > 0 and not _is_said(said):
         said += channel.read(left_s)
     lines = (line.rsplit(b"\0", 1)[-1].strip() for line in said.split(b"\n"))
-    return next((line.decode() for line in lines if line and line.isascii()), "")
+    words = [line.decode() for line in lines if line.isascii() and len(line) >= _LEAST_WORDS]
+    words = [line for line in words if line.isprintable()]
+    return next((line for line in words if line.startswith(MAKER)), "".join(words[:1]))
 
 
 def _is_said(said: bytes) -> bool:
     return said.endswith(b"\n") and MAKER.encode() in said
 
 
-def why_silent(answer: str, *, opens_within_s: float, baud: int) -> str:
+def speaks_our_version(answer: str) -> bool:
+    """Tell whether it is a device of ours and of our protocol that said this in plain text.
+
+    >>> speaks_our_version("tactstrip,lab,7,protocol 2.7")
+    True
+    """
+    version = answer.rpartition(",protocol ")[2]
+    return answer.startswith(f"{MAKER},") and version.partition(".")[0] == str(VERSION)
+
+
+def why_silent(answer: str, *, opens_within_s: float, baud: int, greets: bool = False) -> str:
     """Tell what a device that answered no HELLO lacks, by what it says in plain text.
+
+    `greets` tells that it answers HELLO by now.
 
     >>> why_silent("tactstrip,lab,7,protocol 1.0", opens_within_s=2.0, baud=115_200)
     'it speaks protocol 1.0 and this program 2.0; put firmware of protocol 2 on it'
@@ -266,10 +298,16 @@ def why_silent(answer: str, *, opens_within_s: float, baud: int) -> str:
             f"where its rate is another than {baud}, give device.baud"
         )
     version = rest.rpartition("protocol ")[2]
-    if version.partition(".")[0] == str(VERSION):
+    if greets:
         return (
             f"it answers now, so that it took longer to start; let device.opens_within_s be more "
             f"than {opens_within_s:g}"
+        )
+    if speaks_our_version(answer):
+        return (
+            f"it says that it speaks protocol {version}, and answers text but no frames: its "
+            "firmware does not speak it, or the line does not carry every byte (it needs 8 bits, "
+            "no parity and no flow control)"
         )
     return (
         f"it speaks protocol {version} and this program {VERSION}.{MINOR}; put firmware of "
@@ -277,19 +315,45 @@ def why_silent(answer: str, *, opens_within_s: float, baud: int) -> str:
     )
 
 
-def too_slow(took_s: float, within_s: float, baud: int) -> str:
-    """Tell which rate a line has, and which it should have.
+def too_slow(
+    took_s: float, within_s: float, baud: int, *, short_s: float | None = None, lossy: bool = False
+) -> str:
+    """Tell why a line is too slow for `baud`, by how long a LIMITS and a PING take on it.
+
+    The difference of the two is that of their bytes, and tells rate from delay. Where no PING is
+    known, all is taken for the rate's.
 
     >>> too_slow(0.108, 0.025, 115_200)
-    'the line is too slow: the longest question and its answer took 108 ms, at device.baud = 115200
-    25 ms are allowed; that is a line of about 9600 baud: give device.baud = 9600, or let both ends
-    have 57600 or more'
+    'the line is too slow: a question and its answer took 108 ms, at device.baud = 115200 25 ms are
+    allowed; that is a line of about 9600 baud: give device.baud = 9600, or let both ends have 57600
+    or more'
+    >>> too_slow(0.026, 0.025, 115_200, short_s=0.021)
+    'the line is too late: a question and its answer took 26 ms, at device.baud = 115200 25 ms are
+    allowed; 17 ms of it are a delay that no other rate mends: let a USB adapter pass bytes on at
+    once (its latency timer 1 ms, on Linux setserial PORT low_latency), or let no network be in
+    between'
     """
-    bits = LONGEST_ROUND * BITS_PER_BYTE
-    is_about = min(_RATES, key=lambda rate: abs(rate - bits / took_s))
-    enough = next((rate for rate in _RATES if bits / rate < 0.8 * within_s), _RATES[-1])
+    byte_s = took_s / _LONG_ROUND
+    if short_s is not None:
+        byte_s = min(byte_s, max(0.0, took_s - short_s) / (_LONG_ROUND - _SHORT_ROUND))
+    carried_s = _LONG_ROUND * byte_s
+    took = (
+        f"a question and its answer took {took_s * 1e3:.0f} ms, at device.baud = {baud} "
+        f"{within_s * 1e3:.0f} ms are allowed"
+    )
+    loses = " and loses bytes" if lossy else ""
+    if carried_s < 0.9 * within_s:
+        return (
+            f"the line is too late{loses}: {took}; {(took_s - carried_s) * 1e3:.0f} ms of it are a "
+            "delay that no other rate mends: let a USB adapter pass bytes on at once (its latency "
+            "timer 1 ms, on Linux setserial PORT low_latency), or let no network be in between"
+        )
+    is_about = min(_RATES, key=lambda rate: abs(math.log(rate * byte_s / BITS_PER_BYTE)))
+    enough = next(
+        (rate for rate in _RATES if LONGEST_ROUND * BITS_PER_BYTE / rate < 0.8 * within_s),
+        _RATES[-1],
+    )
     return (
-        f"the line is too slow: the longest question and its answer took {took_s * 1e3:.0f} ms, at "
-        f"device.baud = {baud} {within_s * 1e3:.0f} ms are allowed; that is a line of about "
-        f"{is_about} baud: give device.baud = {is_about}, or let both ends have {enough} or more"
+        f"the line is too slow{loses}: {took}; that is a line of about {is_about} baud: give "
+        f"device.baud = {is_about}, or let both ends have {enough} or more"
     )

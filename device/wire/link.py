@@ -7,6 +7,7 @@ known after that is said to be unknown.
 from __future__ import annotations
 
 import contextlib
+import math
 import secrets
 import zlib
 from itertools import count
@@ -21,6 +22,7 @@ from device.core.messages import (
     Levels,
     LoadSlot,
     Message,
+    Ping,
     Query,
 )
 from device.core.states import State
@@ -35,18 +37,16 @@ from device.wire.dialogue import (
     UnansweredError,
     framed,
     plain_answer,
+    speaks_our_version,
     too_slow,
-    unanswered,
     understood,
     why_silent,
 )
-from device.wire.frames import encode
+from device.wire.frames import Decoder, encode
 from device.wire.upload import Begin, Commit, Window, data_of, octets_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from device.core.reports import DeviceLimits
 
 _AHEAD_S: Final = 0.1
 """So much of the line's time may DATA take that are under way."""
@@ -55,9 +55,15 @@ _LONGEST_DATA_FRAME: Final = 57
 _TRIES: Final = 12
 """A busy machine takes its time too: so often, at least, it is not busy once."""
 
-_LOST_TRIES: Final = 3
-_TRY_FOR: Final = 20
+_LOST_TRIES: Final = 6
+_TRY_FOR: Final = 10
 """In times that an answer may take."""
+
+_QUIET_S: Final = 1.0
+"""An answer takes less on any line."""
+
+_DRAIN_S: Final = 30.0
+"""A line of 1200 baud needs 25 s."""
 
 _PLAIN_S: Final = 1.0
 _PLAIN_TRIES: Final = 4
@@ -101,6 +107,7 @@ class FrameLink(Dialogue):
         self._ceiling_vpp = 0.0
         self._levels_vpp = 0.0, 0.0
         self._heart: Heart | None = None
+        self._short_s: float | None = None
         self._resolution_s = resolution_s(clock)
 
     def hello(self) -> Identity:
@@ -108,8 +115,8 @@ class FrameLink(Dialogue):
         self._drop()
         self._channel = self._connect()
         try:
-            identity, took_s = self._greet()
-            self._window = self._fitting(self._asked_limits(took_s).data_window)
+            identity = self._greet()
+            self._window = self._fitting(self._done(AskLimits()).record.data_window)
         except LinkError:
             self._drop()
             raise
@@ -175,18 +182,8 @@ class FrameLink(Dialogue):
             channel.close()
         self._state = State.CLOSED
 
-    def _asked_limits(self, hello_s: float) -> DeviceLimits:
-        try:
-            return self._done(AskLimits()).record
-        except UnansweredError as silence:
-            if hello_s <= self._line.answer_within_s:
-                raise
-            # What was sent again fills a very slow line for long.
-            slow = too_slow(hello_s, self._line.answer_within_s, self._line.baud)
-            raise LinkError(f"{silence}: {slow}") from silence
-
-    def _greet(self) -> tuple[Identity, float]:
-        """Return who answered HELLO, and after how long."""
+    def _greet(self) -> Identity:
+        """Return who answered HELLO."""
         self._begin_anew()
         hello = Hello(nonce=secrets.randbits(64))
         began_s = self._clock.now_s()
@@ -196,40 +193,70 @@ class FrameLink(Dialogue):
             raise LinkError(f"{silence}: {self._why_silent()}") from silence
         took_s = self._clock.now_s() - began_s
         if took_s > self._line.answer_within_s:
-            self._require_speed(answer.boot_id)
+            self._drain(took_s)
+            self._require_speed(answer.boot_id, took_s)
         greeting = understood(lambda: codec.GREETING.read(answer.body))
         if greeting.nonce != hello.nonce:
             raise LinkError("the answer is to another HELLO")
-        return understood(lambda: greeting.identity(answer.boot_id)), took_s
+        return understood(lambda: greeting.identity(answer.boot_id))
 
     def _why_silent(self) -> str:
         line = self._line
         each_s, answer = min(_PLAIN_S, 2 * line.opens_within_s) / _PLAIN_TRIES, ""
         for _ in range(_PLAIN_TRIES):
             answer = answer or plain_answer(self._open, self._clock, each_s)
-        return why_silent(answer, opens_within_s=line.opens_within_s, baud=line.baud)
+        greets = False
+        if speaks_our_version(answer):
+            with contextlib.suppress(UnansweredError):
+                self._ask(Hello(nonce=secrets.randbits(64)), 0, _PLAIN_TRIES * each_s)
+                greets = True
+        return why_silent(answer, opens_within_s=line.opens_within_s, baud=line.baud, greets=greets)
 
-    def _require_speed(self, boot_id: int) -> None:
+    def _drain(self, took_s: float) -> None:
+        """Wait until the answers to a HELLO that was sent again are all off a slow line."""
+        quiet_s = min(took_s, _QUIET_S)
+        until_s = self._clock.now_s() + min(_DRAIN_S, (self._retries + 1) * quiet_s)
+        while self._clock.now_s() < until_s and self._open.read(quiet_s):
+            pass
+        self._decoder = Decoder()
+
+    def _require_speed(self, boot_id: int, hello_s: float) -> None:
         """Refuse a line on which no answer comes in time, however often it is tried.
 
         Each try is a question of its own, sent once: so that what is late can be told from what
-        was lost, and from the answers to what was sent again. Of a line that loses much nothing is
-        said here.
+        was lost, and from the answers to what was sent again. A line that loses much is not
+        refused; what was seen of it is told where it fails later.
         """
+        within_s = self._line.answer_within_s
+        wait_s = min(self._patience_s, max(_TRY_FOR * within_s, 2 * hello_s))
+        took_s = self._tried(AskLimits(), boot_id, wait_s)
+        self._fastest_s = min(took_s, default=math.inf)
+        if self._fastest_s <= within_s or not took_s:
+            return
+        short_s = self._tried(Ping(), boot_id, wait_s)
+        self._short_s = min(short_s, default=None)
+        if len(took_s) == _TRIES:
+            raise LinkError(too_slow(min(took_s), within_s, self._line.baud, short_s=self._short_s))
+
+    def _tried(self, message: Message[Any], boot_id: int, wait_s: float) -> list[float]:
+        """Return how long the answers to a question took; of LIMITS one in time is enough."""
         took_s: list[float] = []
-        n_lost, within_s = 0, self._line.answer_within_s
+        n_lost, is_enough = 0, isinstance(message, AskLimits)
         while len(took_s) < _TRIES and n_lost < _LOST_TRIES:
-            question = framed(AskLimits(), next(self._numbers), boot_id)
+            question = framed(message, next(self._numbers), boot_id)
             began_s = self._clock.now_s()
             self._write(encode(question))
-            if self._listen(question, min(self._patience_s, _TRY_FOR * within_s)) is None:
+            if self._listen(question, wait_s) is None:
                 n_lost += 1
                 continue
             took_s.append(self._clock.now_s() - began_s)
-            if took_s[-1] <= within_s:
-                return
-        if len(took_s) == _TRIES:
-            raise LinkError(too_slow(min(took_s), within_s, self._line.baud))
+            if is_enough and took_s[-1] <= self._line.answer_within_s:
+                break
+        return took_s
+
+    def _why_late(self) -> str:
+        line, took_s = self._line, self._fastest_s
+        return too_slow(took_s, line.answer_within_s, line.baud, short_s=self._short_s, lossy=True)
 
     def _fitting(self, window: int) -> int:
         """Return how many DATA may be under way, lest a beat or a stop has to wait for them."""
@@ -258,7 +285,7 @@ class FrameLink(Dialogue):
                     heard_s = self._clock.now_s()
                     self._require_done(Kind.DATA, self._learn(frame))
             if self._clock.now_s() > heard_s + self._patience_s:
-                raise unanswered(Kind.DATA, self._patience_s)
+                raise self._unanswered(Kind.DATA, self._patience_s)
 
     def _done(
         self,

@@ -59,11 +59,38 @@ def test_a_board_of_another_rate_is_asked_for_its_rate(baud: int) -> None:
 def test_a_slow_wire_behind_an_adapter_is_called_slow_with_the_rate_that_it_has() -> None:
     with board(baud=9600, hidden=True) as (port, _):
         told = why_not(port)
-        assert told.startswith("the line is too slow: the longest question and its answer took 1")
+        assert told.startswith("the line is too slow: a question and its answer took 1")
         assert "at device.baud = 115200 25 ms are allowed" in told
         assert "give device.baud = 9600, or let both ends have 57600 or more" in told
         ready(device := device_on(port, baud=9600), burst=QUICK)
         device.close()
+
+
+def test_a_wire_that_is_slower_still_is_called_slow_with_its_rate_too() -> None:
+    with board(baud=4800, hidden=True) as (port, _):
+        told = why_not(port)
+    assert "that is a line of about 4800 baud: give device.baud = 4800," in told
+
+
+@pytest.mark.parametrize("delay_s", [0.016, 0.040])
+def test_a_delay_on_a_line_of_the_right_rate_is_not_told_as_its_rate(delay_s: float) -> None:
+    with board(baud=115_200, hidden=True, delay_s=delay_s) as (port, _):
+        told = why_not(port)
+    assert told.startswith("the line is too late: a question and its answer took ")
+    delay_ms = int(told.split(" ms of it are a delay that no other rate mends")[0].split()[-1])
+    assert 1e3 * delay_s - 3 <= delay_ms <= 1e3 * delay_s + 8
+    assert "its latency timer 1 ms" in told
+    assert "device.baud =" not in told.partition("are allowed")[2]
+
+
+def test_a_slow_wire_that_loses_bytes_is_told_of_when_it_fails() -> None:
+    with board(baud=9600, hidden=True, script="drop=0.005,corrupt=0.005") as (port, _):
+        device = device_on(port)
+        with pytest.raises(LinkError) as error:
+            ready(device, burst=QUICK)
+        device.close()
+    assert "the line is too slow" in str(error.value)
+    assert "give device.baud = 9600, or let both ends have 57600 or more" in str(error.value)
 
 
 def test_a_board_that_starts_when_it_is_opened_is_waited_for() -> None:
@@ -113,6 +140,26 @@ def test_a_device_of_protocol_1_is_told_by_name_with_both_versions() -> None:
         "the device did not answer HELLO for 0.3 s: it speaks protocol 1.0 and this program 2.0; "
         "put firmware of protocol 2 on it"
     )
+
+
+def test_a_device_that_says_our_protocol_and_answers_no_frame_is_not_called_slow_to_start() -> None:
+    with says(b"tactstrip,lab,7,protocol 2.7\n") as port:
+        told = why_not(port, opens_within_s=0.3)
+    assert "it says that it speaks protocol 2.7, and answers text but no frames" in told
+    assert "opens_within_s" not in told
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        (b"\x01\n", "is it switched on?"),
+        (b"\x01\x02\x03\x04\x05k\n", "is it switched on?"),
+        (b"k\ntactstrip,lab,7,protocol 1.0\n", "it speaks protocol 1.0"),
+    ],
+)
+def test_noise_is_not_told_as_an_answer(said: bytes, told: str) -> None:
+    with says(said) as port:
+        assert told in why_not(port, opens_within_s=0.3)
 
 
 def test_what_is_no_device_of_ours_is_told_with_what_it_says() -> None:

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Callable
 from itertools import count
 from threading import Thread
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from device.clock import VirtualClock
 from device.core.host import HostDriver
-from device.core.messages import Arm, Beat, Enable, Levels, Message, Ping, Stop, to_codes
+from device.core.messages import Arm, AskLimits, Beat, Enable, Levels, Message, Ping, Stop, to_codes
 from device.core.output import Emission, OutputStage
 from device.core.states import State
 from device.driver import DeviceError, LinkError, Outcome, Refusal, Rejected
@@ -28,6 +29,7 @@ from device.emulate.faults import Faults, FaultScript
 from device.wire import codec
 from device.wire.channels import LineSettings
 from device.wire.codec import Kind
+from device.wire.dialogue import _LONG_ROUND, _SHORT_ROUND, framed
 from device.wire.frames import Decoder, Frame, encode
 from device.wire.link import FrameLink
 from tests.test_device.bursts import identity, play, ready, refusal, sine
@@ -97,6 +99,7 @@ def why_not_open(baud: int | None, line: LineSettings, script: str, seed: int) -
     nature = Nature(limits=LIMITS, output=OutputStage(), baud=baud)
     faults, truth = Faults(FaultScript.parse(script), np.random.default_rng(seed)), io.StringIO()
     rig = InProcess(VirtualClock(), nature=nature, faults=faults, truth=truth, line=line)
+    rig.beating = False  # as a host's heart is only once it is connected
     try:
         rig.link.hello()
     except LinkError as error:
@@ -111,7 +114,15 @@ def test_neither_a_bad_line_nor_a_busy_device_is_called_slow(script: str) -> Non
     assert not [said for said in told if "slow" in said]
 
 
-@pytest.mark.parametrize("baud", [2400, 9600, 19_200, 38_400])
+def test_the_rounds_that_tell_rate_from_delay_are_as_long_as_they_are_taken_for() -> None:
+    device = endpoint(identity(boot_id=5), sink=lambda _: None)
+    asked: list[Message[Any]] = [Ping(), AskLimits()]
+    questions = [encode(framed(one, number, 5)) for number, one in enumerate(asked)]
+    n_bytes = [len(one) + len(device.receive(10, one)) for one in questions]
+    assert n_bytes == [_SHORT_ROUND, _LONG_ROUND] == [48, 103]
+
+
+@pytest.mark.parametrize("baud", [1200, 2400, 4800, 9600, 19_200, 38_400])
 def test_a_slow_wire_is_called_slow_by_its_rate_and_driven_when_that_is_told(baud: int) -> None:
     told = why_not_open(baud, LineSettings(), "", 1)
     assert "the line is too slow" in told
