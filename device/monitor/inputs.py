@@ -213,6 +213,7 @@ class InputMonitor:
             faults=voided,
             noted=tuple(one for one in faults if one not in voided),
             unmeasured=noisy,
+            blank=planned.blank,
         )
 
 

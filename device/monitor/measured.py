@@ -141,6 +141,11 @@ class Planned:
         """Peaks, left and right."""
         return self.left, self.right
 
+    @property
+    def blank(self) -> bool:
+        """Whether no channel is to sound."""
+        return not any(self.peaks)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
@@ -171,6 +176,8 @@ class Measured:
         The same, where the tap does not tell enough for that.
     unmeasured : str
         Why nothing can be said; empty where something can.
+    blank : bool
+        No channel was to sound: silence tells nothing of the way to the finger.
     """
 
     token: int
@@ -188,17 +195,22 @@ class Measured:
     faults: tuple[Fault, ...] = ()
     noted: tuple[Fault, ...] = ()
     unmeasured: str = ""
+    blank: bool = False
 
     @property
-    def verified(self) -> str:
+    def verified(self) -> str | None:
         """Return the tap's word, or ``false`` where it was another burst or was not measured.
+
+        None where nothing was to be heard, and nothing was: a dead line would tell the same.
 
         >>> Measured(token=1, tap=Tap.LINE, source="test").verified
         'line'
         >>> Measured(token=1, tap=Tap.LINE, source="test", faults=(Fault.SILENT,)).verified
         'false'
         """
-        return "false" if self.faults or self.unmeasured else self.tap.value
+        if self.faults or self.unmeasured:
+            return "false"
+        return None if self.blank else self.tap.value
 
     @property
     def words(self) -> str:
@@ -310,10 +322,8 @@ def _too_noisy(
     if needed <= 1:
         return ""
     least_db = snr_db + 20 * math.log10(needed)
-    return (
-        f"the noise is {snr_db:.1f} dB below the burst; for these tolerances {least_db:.1f} are "
-        "needed"
-    )
+    told = f"the noise is {snr_db:.1f} dB below the burst; for these tolerances {least_db:.1f}"
+    return f"{told} are needed"
 
 
 def _of_channels(

@@ -106,6 +106,7 @@ class DeviceMonitor:
             correlation_right=correlations[1] if parts[1] >= self._tolerances.silence else None,
             faults=voided,
             noted=tuple(one for one in faults if one not in voided),
+            blank=planned.blank,
         )
 
     def _faults(

@@ -119,7 +119,9 @@ class MeasuredRow:
     tap: str = _column("where it was measured", *TAPS)
     source: str = _column("by what it was measured")
     unit: str = _column("of peaks and noise", "V", "A", "um")
-    burst_verified: str = _column("the tap if the burst was as planned, false if not", *PLACES)
+    burst_verified: str | None = _column(
+        "the tap if the burst was as planned, false if not, n/a of a silent blank", *PLACES
+    )
     faults: str | None = _column("in which ways it was another one, with / between them")
     noted: str | None = _column("the same, where the tap does not tell enough to void a trial")
     unmeasured: str | None = _column("why it could not be measured")

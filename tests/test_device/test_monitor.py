@@ -251,11 +251,21 @@ def test_a_good_burst_is_verified(side: str) -> None:
     rig = Rig()
     rig.card.delays = [DELAY + 3.3, DELAY + 17.25]
     measured = rig.measure(side)
-    assert (measured.verified, measured.noted) == ("line", ())
+    assert measured.faults == measured.noted == ()
+    assert measured.verified == (None if side == "none" else "line")
     if side != "none":
         delay = min(d for d, on in zip(rig.card.delays, SIDES[side][1:], strict=True) if on)
         assert measured.late_s is not None
         assert measured.late_s * 48e3 == pytest.approx(delay - DELAY, abs=0.6)
+
+
+def test_a_blank_on_a_dead_line_is_not_verified_and_one_with_a_burst_is_false() -> None:
+    rig = Rig()
+    rig.card.path = _gain(0.0)
+    assert (rig.measure("none").verified, rig.measure("left").verified) == (None, "false")
+    rig = Rig()
+    rig.device.load(3, BURST, 0 * BURST)
+    assert rig.measure("none").verified == "false"
 
 
 @pytest.mark.parametrize("frames", [-60.0, 60.0])
@@ -336,7 +346,8 @@ def test_ten_thousand_bursts_every_fault_is_caught_and_no_good_one_is_blamed(
         rig.card.delays = [DELAY + drift, DELAY + drift + skew]
         rig.card.path = _gain(rng.uniform(0.97, 1.03))
         good = rig.measure(side, answer_s=0.12)
-        assert (good.verified, good.noted) == ("line", ()), (i, good)
+        wanted = None if side == "none" else "line"
+        assert (good.verified, good.faults, good.noted) == (wanted, (), ()), (i, good)
         if side != "none":
             on = [d for d, on in zip(rig.card.delays, SIDES[side][1:], strict=True) if on]
             assert good.late_s is not None
