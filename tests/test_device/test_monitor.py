@@ -417,14 +417,19 @@ def test_real_sound_that_hears_itself_verifies_what_is_good_and_nothing_else() -
     monitor.open()
     told: dict[int, list[Measured]] = {}
     planned = Planned(shape=BURST, sample_rate_hz=48e3, left=peak, right=0.0, burst=(peak, peak))
-    for token, slot in enumerate([0, 0, 1, 0, 2, 0, 3, 0, 4, 0, 5, 0, 6, 0, 0, 0], start=1):
+    good: list[Measured] = []
+    # a busy machine loses some of what it plays, which is no burst as planned: a few more then
+    for token, slot in enumerate([0, 0, 1, 0, 2, 0, 3, 0, 4, 0, 5, 0, 6, *[0] * 60], start=1):
+        if token > 13 and len(good) >= 3:
+            break
         clock.wait(0.15)
         monitor.begin(token, planned)
         delivery = play(device, token, slot)
         clock.wait(0.2)
-        told.setdefault(slot, []).append(monitor.end(delivery))
+        one = monitor.end(delivery)
+        told.setdefault(slot, []).append(one)
+        good += [one] if slot == 0 and one.verified == "line" else []
     device.close()
     assert all(one.verified == "false" for slot in range(1, 7) for one in told[slot])
-    good = [one for one in told[0] if one.verified == "line"]
-    assert good  # a busy machine loses some of what it plays, which is no burst as planned
+    assert len(good) >= 3, [one.words for one in told[0]]
     assert all(one.peak_left == pytest.approx(peak, rel=1e-3) for one in good)
