@@ -81,6 +81,7 @@ def companions(section: str, key: str) -> dict[str, Any]:
         "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
         "masking": {"max_level_dba": 20.0},
         "contact": {"control": "instructed"},
+        "monitor": {"source": "none"},
         "simulation": SIMULATED,
     }
     return others.get(section, {})
