@@ -41,7 +41,7 @@ REASONS: Final = {
     "voided": "presented again",
     "anticipated": "answered too early",
     "unmasked": "without masking noise",
-    "unverified": "measured as another burst than planned, or not measured",
+    "unverified": "not measured as planned",
     "device_error": "device failed",
     "indeterminate": "perhaps not felt",
     "aborted": "cut off",
