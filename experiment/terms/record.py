@@ -63,8 +63,8 @@ def _column(description: str, *choices: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialRow:
-    """One presented trial, one row of trials.csv; the fields are the columns, in their order."""
+class _Presented:
+    """Which presentation of which trial a row tells of: the first columns of both tables."""
 
     schema: int = _column("version of this table's layout")
     participant: str = _column("participant's identifier")
@@ -73,6 +73,12 @@ class TrialRow:
     block: int = _column("block, counted from 1; 0 is practice, -1 the audibility check")
     trial: int = _column("trial of the plan, counted from 1")
     attempt: int = _column("1, or more where a trial had to be presented again")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRow(_Presented):
+    """One presented trial, one row of trials.csv; the fields are the columns, in their order."""
+
     kind: str = _column("what sort of trial it is", *KINDS)
     side: str = _column("where the stimulus was", *SIDES)
     level_vpp: float | None = _column("planned level, peak-to-peak volts at the actuator")
@@ -104,16 +110,9 @@ class TrialRow:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredRow:
+class MeasuredRow(_Presented):
     """What a monitor measured of one trial's burst, one row of measured.csv."""
 
-    schema: int = _column("version of this table's layout")
-    participant: str = _column("participant's identifier")
-    session: str = _column("session's identifier")
-    condition: str = _column("condition's name in the study file")
-    block: int = _column("block, counted from 1; 0 is practice, -1 the audibility check")
-    trial: int = _column("trial of the plan, counted from 1")
-    attempt: int = _column("1, or more where a trial had to be presented again")
     side: str = _column("where the stimulus was to be", *SIDES)
     level_vpp: float | None = _column("planned level, peak-to-peak volts at the actuator")
     tap: str = _column("where it was measured", *TAPS)
