@@ -47,8 +47,8 @@ _SIDES: Final = ("left", "right")
 class Doubt:
     """Who a reader should look at, and why in a sentence.
 
-    `kind` is `SWAPPED` of a participant in all conditions, `GUESSING` in one, or `DRIFTING` of
-    sessions, which the sentence names.
+    `kind` is `SWAPPED` of a participant in all conditions, `GUESSING` in one, or `DRIFTING` in
+    sessions that the sentence names.
     """
 
     kind: str
@@ -92,8 +92,8 @@ def doubtful(trials: pd.DataFrame, axis: Axis, alternatives: int = 2) -> Iterato
     if single.empty:
         return
     yield from _named(_cells(single, "level_vpp"), _cells(blank), alternatives)
-    for words in drifting(single, axis, alternatives):
-        yield Doubt(kind=DRIFTING, words=words)
+    for name, words in drifting(single, axis, alternatives):
+        yield Doubt(kind=DRIFTING, words=words, participant=name)
 
 
 def doubtful_counts(

@@ -29,8 +29,8 @@ _LAPSE: Final = 0.02
 """Both assumed, as they hardly change by how much a threshold moves."""
 
 
-def drifting(single: pd.DataFrame, axis: Axis, alternatives: int) -> Iterator[str]:
-    """Say whose thresholds drift strongly, of single stimuli that count; a sentence a person.
+def drifting(single: pd.DataFrame, axis: Axis, alternatives: int) -> Iterator[tuple[str, str]]:
+    """Say whose thresholds drift strongly, of single stimuli that count: person and sentence.
 
     That of the session with the least p; the other sessions are named.
     """
@@ -47,10 +47,11 @@ def drifting(single: pd.DataFrame, axis: Axis, alternatives: int) -> Iterator[st
         p, session, words = min(each)
         others = sorted(other for _, other, _ in each if other != session)
         also = f"; so in {', '.join(others)}" if others else ""
-        yield (
+        told = (
             f"participant {name}, session {session}: {words} (p = {short_p(p)}{also}): tired, "
             "adapted, out of practice, or a finger moved? A threshold is the session's mean"
         )
+        yield name, told
 
 
 def _words(rows: pd.DataFrame, steps: float, axis: Axis) -> str:

@@ -17,6 +17,7 @@ from analysis import level_table
 from analysis.answers.choice import confusion_table
 from analysis.answers.counting import REACTION_COLUMNS
 from analysis.answers.detection import cells, participants_of
+from analysis.answers.doubts import Doubt
 from analysis.answers.dprime import sensitivity_table
 from analysis.axis import VOLTS
 from analysis.groups.tables import difference_table, group_table
@@ -158,16 +159,29 @@ def test_a_function_is_drawn_only_where_the_table_tells_one(
     assert (curve.residuals is not None) == with_function
 
 
-def test_every_page_has_eight_people_and_the_rest_is_told() -> None:
+def test_every_page_has_eight_people() -> None:
     few = pd.concat([felt([3, 9, 14], n=15, participant=f"S{n:02d}") for n in range(9)])
     first, second = draw_participants(tabulated(few))
     assert (first.title, second.title) == ("Each participant (1 of 2)", "Each participant (2 of 2)")
     assert "8 participants, S00 to S07" in first.alt
-    names = SimpleNamespace(participants=pd.DataFrame({"participant": [*map(str, range(60))]}))
-    *_, last = draw_participants(cast("Analysis", SimpleNamespace(
-        **vars(names), ci="wilson", axis=VOLTS)))  # fmt: skip
-    assert last.title == "Each participant (6 of 6)"
-    assert "The first 48 of 60 are shown." in last.caption
+
+
+def test_of_very_many_people_one_page_has_those_to_look_at_first() -> None:
+    names = [f"{n:02d}" for n in range(60)]
+    thresholds = pd.DataFrame({"participant": names, "status": "ok", "deviance_p": 0.5})
+    thresholds.loc[[7, 9], "status"] = "flat", "decreasing"
+    thresholds.loc[20:50, "deviance_p"] = np.linspace(0.01, 0.4, 31)
+    thresholds.loc[55:, "deviance_p"] = np.nan  # nothing to fit, as of who felt everything
+    (page,) = draw_participants(analysis_of(
+        participants=thresholds, thresholds=thresholds, doubts=[
+            Doubt(kind="drifting", words="", participant="58"),
+            Doubt(kind="guessing", words="", participant="31"),
+        ],
+    ))  # fmt: skip
+    assert page.title == "Participants to look at first"
+    assert "31, 58, 07, 09, 20, 21, 22, 23, in panels" in page.alt
+    assert "The first 8 of 60 are shown" in page.caption
+    assert "thresholds.csv and participants.csv" in page.caption
 
 
 def test_residuals_add_up_to_the_deviance() -> None:

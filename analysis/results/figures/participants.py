@@ -23,7 +23,12 @@ if TYPE_CHECKING:
 
 COLUMNS, ROWS = 2, 4
 MOST_SHEETS: Final = 6
-"""Of eight people each; of more people the tables tell."""
+"""Of eight people each; of more people one sheet has those to look at first."""
+_CHOSEN: Final = (
+    " The first {} of {} are shown: whom a warning names, then who has no threshold, then who has "
+    "the least misfit p. The numbers of all stand in the table of their thresholds, and in "
+    "thresholds.csv and participants.csv."
+)
 _PANEL_IN, _ROW_IN = 1.45, 0.09
 _LEFT_IN, _BETWEEN_IN, _BELOW_IN = 0.62, 0.28, 0.26
 _NAME_IN, _LINE_IN = 0.17, 0.1
@@ -41,22 +46,35 @@ def sheets(analysis: Analysis) -> list[Sheet]:
     if len(names) == 1:
         return []
     each = COLUMNS * ROWS
-    shown = names[: each * MOST_SHEETS]
+    every = len(names) <= each * MOST_SHEETS
+    shown = names if every else _first_to_see(analysis)[:each]
+    title = "Each participant" if every else "Participants to look at first"
+    more = "" if every else _CHOSEN.format(each, len(names))
     pages = [shown[i : i + each] for i in range(0, len(shown), each)]
-    more = f" The first {len(shown)} of {len(names)} are shown." if len(names) > len(shown) else ""
     return [
         Sheet(
-            title="Each participant" + (f" ({number} of {len(pages)})" if len(pages) > 1 else ""),
+            title=title + (f" ({number} of {len(pages)})" if len(pages) > 1 else ""),
             caption=f"Proportions with 95 % intervals ({analysis.ci.title()}), the fitted function "
             "with the 95 % band of its posterior, the threshold with its 95 % interval, and "
             f"deviance residuals; without a threshold only the data.{more}",
             alt=f"Detection probability against level in {analysis.axis.label} of each of "
-            f"{len(page)} participants, {page[0]} to {page[-1]}, in panels of their own; the "
-            "numbers are in the tables of participants and of thresholds.",
+            f"{len(page)} participants, "
+            f"{f'{page[0]} to {page[-1]}' if every else ', '.join(page)}, in panels of their own; "
+            "the numbers are in the tables of participants and of thresholds.",
             draw=partial(draw, analysis, tuple(page)),
         )
         for number, page in enumerate(pages, start=1)
     ]
+
+
+def _first_to_see(analysis: Analysis) -> list[str]:
+    """Return the participants, in the order of `_CHOSEN`."""
+    table, doubted = analysis.thresholds, {one.participant for one in analysis.doubts}
+    order = table.assign(
+        sure=~table["participant"].isin(doubted), told=~table["status"].isin(_SHORT)
+    )
+    order = order.sort_values(["sure", "told", "deviance_p", "participant"])
+    return list(order["participant"].unique())
 
 
 def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
