@@ -14,7 +14,7 @@ from scipy.special import ndtr
 from analysis.answers.doubts import doubtful
 from analysis.axis import VOLTS
 from experiment.study.sections.simulation import Simulation
-from experiment.terms.observer import draw_observer, threshold_course_db
+from experiment.terms.people import draw_observer, threshold_course_db
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

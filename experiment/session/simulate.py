@@ -18,7 +18,7 @@ from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.study.physics import study_gains
 from experiment.study.simulated import unmeasured, vibrations
-from experiment.terms.observer import threshold_course_db
+from experiment.terms.people import threshold_course_db
 from experiment.terms.responder import Press
 from experiment.trial.draw import draw_plan
 

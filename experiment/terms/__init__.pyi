@@ -22,7 +22,8 @@ from .gains import (
     gains_from_json,
     significant,
 )
-from .observer import FASTEST_ANSWER_S, Observer, draw_observer, threshold_course_db
+from .observer import FASTEST_ANSWER_S, Observer
+from .people import draw_observer, threshold_course_db
 from .record import (
     ANSWERS,
     COLUMNS,

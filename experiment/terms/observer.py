@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING
 
 from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains
@@ -12,8 +12,6 @@ from experiment.terms.record import ANSWERS
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy as np
 
 
@@ -202,17 +200,8 @@ class Observer:
             If a level is negative or not finite, the responses are not such a list, or a
             threshold in um meets gains without displacements.
         """
-        finite("level_left_vpp", level_left_vpp, least=0)
-        finite("level_right_vpp", level_right_vpp, least=0)
         _require_responses(responses)
-        if self.crosstalk_db is not None:
-            gains = gains.with_crosstalk(self.crosstalk_db)
-        amplitudes = gains.amplitudes(level_left_vpp, level_right_vpp)
-        thresholds = self._raised(amplitudes, _shifted(self._thresholds(gains), shift_db))
-        chances = (
-            self.felt_probability(amplitudes[0] / thresholds[0]),
-            self.felt_probability(amplitudes[1] / thresholds[1]),
-        )
+        amplitudes, chances = self._felt(level_left_vpp, level_right_vpp, gains, shift_db)
         rt_s = self._reaction_time_s(max(chances), rng)
         if rng.random() < self.lapse_rate:
             response = responses[int(rng.random() * len(responses))]
@@ -223,6 +212,80 @@ class Observer:
         if self.swapped:
             response = _OTHER.get(response, response)
         return ObserverAnswer(response=response, rt_s=rt_s)
+
+    def answer_probabilities(
+        self,
+        level_left_vpp: float,
+        level_right_vpp: float,
+        responses: tuple[str, ...],
+        response_window_s: float,
+        *,
+        gains: FingerGains = OWN_FINGER_ONLY,
+        shift_db: tuple[float, float] = (0.0, 0.0),
+    ) -> tuple[float, ...]:
+        """Return how often `answer` gives each of the responses; what is left to 1 is too late.
+
+        Parameters and errors are those of `answer`; nothing is drawn.
+
+        Examples
+        --------
+        >>> from experiment.study.read import paper_study
+        >>> person = paper_study().simulation.median
+        >>> offered = ("left", "right", "both")
+        >>> found = person.answer_probabilities(0.0, 0.0, offered, 60.0, gains=FingerGains(
+        ...     left=(0.02, 0.0), right=(0.0, 0.02), basis="measured"))
+        >>> [round(one, 3) for one in found]  # guesses, and lapses to all of the three
+        [0.495, 0.495, 0.01]
+        """
+        _require_responses(responses)
+        amplitudes, chances = self._felt(level_left_vpp, level_right_vpp, gains, shift_db)
+        if self.masking_slope is None:
+            left, right = amplitudes
+            heard = (
+                chances[0] * (not _masked(left, right)),
+                chances[1] * (not _masked(right, left)),
+            )
+        else:
+            heard = chances
+        found = dict.fromkeys(responses, self.lapse_rate / len(responses))
+        for felt_left, felt_right in product((True, False), repeat=2):
+            share = (1 - self.lapse_rate) * (heard[0] if felt_left else 1 - heard[0])
+            share *= heard[1] if felt_right else 1 - heard[1]
+            told = self._told(felt_left, felt_right, amplitudes, responses)
+            if told is not None:
+                found[told] += share
+                continue
+            if not felt_left and "none" in responses:
+                found["none"] += share * (1 - self.false_alarm_rate)
+                share *= self.false_alarm_rate
+            if "both" in responses:
+                found["both"] += share * self.guess_both
+                share *= 1 - self.guess_both
+            found["left"] += share * self.side_bias
+            found["right"] += share * (1 - self.side_bias)
+        if self.swapped:
+            found["left"], found["right"] = found["right"], found["left"]
+        in_time = self._in_time(max(chances), response_window_s)
+        return tuple(in_time * share for share in found.values())
+
+    def _felt(
+        self,
+        level_left_vpp: float,
+        level_right_vpp: float,
+        gains: FingerGains,
+        shift_db: tuple[float, float],
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Return the amplitudes at the left and the right finger, and how often each is felt."""
+        finite("level_left_vpp", level_left_vpp, least=0)
+        finite("level_right_vpp", level_right_vpp, least=0)
+        if self.crosstalk_db is not None:
+            gains = gains.with_crosstalk(self.crosstalk_db)
+        amplitudes = gains.amplitudes(level_left_vpp, level_right_vpp)
+        thresholds = self._raised(amplitudes, _shifted(self._thresholds(gains), shift_db))
+        return amplitudes, (
+            self.felt_probability(amplitudes[0] / thresholds[0]),
+            self.felt_probability(amplitudes[1] / thresholds[1]),
+        )
 
     def _thresholds(self, gains: FingerGains) -> tuple[float, float]:
         """Return the thresholds of the left and the right finger, in the unit of the gains."""
@@ -264,15 +327,29 @@ class Observer:
         if self.masking_slope is None:
             felt_left = felt_left and not _masked(left, right)
             felt_right = felt_right and not _masked(right, left)
+        told = self._told(felt_left, felt_right, amplitudes, responses)
+        if told is not None:
+            return told
+        if not felt_left and "none" in responses and rng.random() >= self.false_alarm_rate:
+            return "none"
+        return self._guess(responses, rng)
+
+    @staticmethod
+    def _told(
+        felt_left: bool,  # noqa: FBT001
+        felt_right: bool,  # noqa: FBT001
+        amplitudes: tuple[float, float],
+        responses: tuple[str, ...],
+    ) -> str | None:
+        """Return the answer that what was felt decides; none where it is left to a guess."""
+        left, right = amplitudes
         if felt_left and felt_right and "both" in responses:
             return "both"
         if felt_left != felt_right:
             return "left" if felt_left else "right"
         if felt_left and left != right:
             return "left" if left > right else "right"
-        if not felt_left and "none" in responses and rng.random() >= self.false_alarm_rate:
-            return "none"
-        return self._guess(responses, rng)
+        return None
 
     def _guess(self, responses: tuple[str, ...], rng: np.random.Generator) -> str:
         if "both" in responses and rng.random() < self.guess_both:
@@ -281,11 +358,23 @@ class Observer:
 
     def _reaction_time_s(self, clarity: float, rng: np.random.Generator) -> float:
         """Draw a shifted log-normal time, longer past the shift the less could be felt."""
-        doubt = self.reaction_time_doubt - (self.reaction_time_doubt - 1.0) * clarity
-        median_s = (self.reaction_time_s - self.reaction_time_least_s) * doubt
-        return self.reaction_time_least_s + median_s * math.exp(
+        return self.reaction_time_least_s + self._median_s(clarity) * math.exp(
             self.reaction_time_spread * rng.standard_normal()
         )
+
+    def _median_s(self, clarity: float) -> float:
+        doubt = self.reaction_time_doubt - (self.reaction_time_doubt - 1.0) * clarity
+        return (self.reaction_time_s - self.reaction_time_least_s) * doubt
+
+    def _in_time(self, clarity: float, response_window_s: float) -> float:
+        """Return how often `_reaction_time_s` is within the window."""
+        left_s = response_window_s - self.reaction_time_least_s
+        if left_s <= 0:
+            return 0.0
+        late = math.log(left_s / self._median_s(clarity))
+        if self.reaction_time_spread == 0:
+            return float(late >= 0)
+        return 0.5 * math.erfc(-late / (self.reaction_time_spread * _SQRT_2))
 
 
 def _shifted(thresholds: tuple[float, float], shift_db: tuple[float, float]) -> tuple[float, float]:
@@ -308,80 +397,3 @@ def _require_responses(responses: tuple[str, ...]) -> None:
             f"responses must be a tuple of {', '.join(ANSWERS)} with left and right; "
             f"got {responses!r}"
         )
-
-
-def draw_observer(
-    median: Observer,
-    threshold_sd_db: float,
-    rng: np.random.Generator,
-    *,
-    finger_difference_sd_db: float = 0.0,
-    swapped_keys: float = 0.0,
-) -> Observer:
-    """Draw one participant of a simulated population.
-
-    Thresholds are log-normal: the population's standard deviation is stated in dB, 20 log10.
-
-    Parameters
-    ----------
-    median : Observer
-        The median participant.
-    threshold_sd_db : float
-        Standard deviation of the thresholds between participants.
-    rng : numpy.random.Generator
-        Where chance comes from.
-    finger_difference_sd_db : float
-        Standard deviation of the difference between the two fingers.
-    swapped_keys : float
-        Share of people who confuse left and right.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from experiment.study.read import paper_study
-    >>> median = paper_study().simulation.median
-    >>> draw_observer(median, 0.0, np.random.default_rng(1)) == median
-    True
-    """
-    offset_db = threshold_sd_db * rng.standard_normal()
-    factor = 10.0 ** (offset_db / 20)
-    name = "threshold_vpp" if median.threshold_um is None else "threshold_um"
-    person = replace(median, **{name: getattr(median, name) * factor})
-    if finger_difference_sd_db:
-        difference_db = finger_difference_sd_db * rng.standard_normal()
-        person = replace(person, finger_difference_db=difference_db)
-    return replace(person, swapped=rng.random() < swapped_keys) if swapped_keys else person
-
-
-def threshold_course_db(
-    observer: Observer, blocks: Sequence[int], rng: np.random.Generator
-) -> list[float]:
-    """Draw by how much an observer's thresholds lie higher in each trial of a session.
-
-    `blocks` are those of the trials. Straight drifts about the middle of the session and of each
-    block, and a stationary autoregressive course, correlated with itself by
-    exp(-lag / wander_trials).
-
-    >>> import numpy as np
-    >>> from experiment.study.read import paper_study
-    >>> person = replace(paper_study().simulation.median, drift_db=2.0, block_drift_db=1.0)
-    >>> threshold_course_db(person, [1, 1, 2, 2, 2], np.random.default_rng(1))
-    [-1.5, 0.0, -0.5, 0.5, 1.5]
-    """
-    kept = math.exp(-1.0 / observer.wander_trials)
-    fresh = math.sqrt(1.0 - kept * kept)
-    course_db, wander_db = [], observer.wander_db * rng.standard_normal()
-    of_block = Counter(blocks)
-    seen: Counter[int] = Counter()
-    for trial, block in enumerate(blocks):
-        if trial:
-            wander_db = kept * wander_db + fresh * observer.wander_db * rng.standard_normal()
-        now_db = observer.drift_db * _about_middle(trial, len(blocks))
-        now_db += observer.block_drift_db * _about_middle(seen[block], of_block[block])
-        course_db.append(wander_db + now_db)
-        seen[block] += 1
-    return course_db
-
-
-def _about_middle(place: int, of: int) -> float:
-    return place / (of - 1) - 0.5 if of > 1 else 0.0

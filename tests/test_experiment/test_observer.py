@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
 from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains
-from experiment.terms.observer import FASTEST_ANSWER_S, NO_ANSWER, Observer, draw_observer
+from experiment.terms.observer import FASTEST_ANSWER_S, NO_ANSWER, Observer
+from experiment.terms.people import draw_observer
 
 FORCED = ("left", "right", "both")
 WITH_NONE = ("left", "right", "both", "none")

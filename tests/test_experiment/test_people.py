@@ -26,7 +26,8 @@ from experiment.study.read import paper_study
 from experiment.study.sections.simulation import Simulation
 from experiment.study.simulated import unmeasured
 from experiment.terms.gains import OWN_FINGER_ONLY
-from experiment.terms.observer import Observer, draw_observer, threshold_course_db
+from experiment.terms.observer import Observer
+from experiment.terms.people import draw_observer, threshold_course_db
 from experiment.terms.responder import AwaitedAnswer
 from experiment.trial.draw import draw_plan
 

@@ -11,7 +11,8 @@ from pydantic import Field
 
 from experiment.study.sections.table import section
 from experiment.terms.curves import KnownFor
-from experiment.terms.observer import FASTEST_ANSWER_S, Observer, draw_observer
+from experiment.terms.observer import FASTEST_ANSWER_S, Observer
+from experiment.terms.people import draw_observer
 
 if TYPE_CHECKING:
     import numpy as np
