@@ -26,6 +26,7 @@ COMMANDS = {
     "run": ("experiment", "Run one session with a participant."),
     "analyze": ("analysis", "Turn result CSVs into tables and figures."),
     "columns": ("analysis", "Draft the map of a table made elsewhere."),
+    "power": ("analysis", "Tell how many people and trials a study needs."),
     "audit": ("analysis", "Tell if a printed table of proportions can be true."),
     "levels": ("analysis", "Place levels on a participant's function."),
     "field": ("experiment", "Draw the displacement of a study's plate."),

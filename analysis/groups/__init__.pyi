@@ -1,7 +1,16 @@
 from .criterion import MIXED, with_criterion
 from .difference import Difference
 from .functions import Function, Line, group_function, person_function
-from .group import FEW, ConditionDifference, GroupFit, compare_conditions, fit_group
+from .group import (
+    FEW,
+    ConditionDifference,
+    GroupFit,
+    PeopleTables,
+    compare_conditions,
+    difference_on_axis,
+    fit_group,
+    threshold_on_axis,
+)
 from .population import PopulationThreshold, population_thresholds
 from .tables import difference_table, group_table
 
@@ -13,13 +22,16 @@ __all__ = [
     "Function",
     "GroupFit",
     "Line",
+    "PeopleTables",
     "PopulationThreshold",
     "compare_conditions",
+    "difference_on_axis",
     "difference_table",
     "fit_group",
     "group_function",
     "group_table",
     "person_function",
     "population_thresholds",
+    "threshold_on_axis",
     "with_criterion",
 ]

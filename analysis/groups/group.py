@@ -25,7 +25,7 @@ from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import within_levels
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -122,6 +122,11 @@ class PeopleTables:
         rulers = [ruler] * len(self.x)
         return surfaces(*counts, rulers=rulers, guesses=self.guesses)
 
+    def fits(self) -> tuple[PsychometricFit, ...]:
+        """Fit each person by themselves."""
+        counts = (self.x, self.detected, self.presented)
+        return fit_many(*counts, guesses=self.guesses, x_scale=self.x_scale)
+
 
 def fit_group(
     levels_vpp: ArrayLike,
@@ -182,14 +187,22 @@ def fit_group(
 
 def group_on_axis(tables: PeopleTables) -> tuple[GroupFit, tuple[PsychometricFit, ...]]:
     """Return the fit of a group and its people's, on the axis."""
-    people = fit_many(
-        tables.x, tables.detected, tables.presented, guesses=tables.guesses, x_scale=tables.x_scale
-    )
+    people = tables.fits()
+    return threshold_on_axis(tables, lambda: people), people
+
+
+def threshold_on_axis(
+    tables: PeopleTables, people: Callable[[], Sequence[PsychometricFit]] | None = None
+) -> GroupFit:
+    """Return the fit of a group on the axis; its people's fits are asked for only if they decide.
+
+    Without `people` they are then made here.
+    """
     ruler = tables.ruler()
     if ruler is None:
-        return GroupFit(status="one_level"), people
+        return GroupFit(status="one_level")
     found = hierarchy(tables.surfaces(ruler), ruler)
-    return _told(tables, ruler, found, people), people
+    return _told(tables, ruler, found, people or tables.fits)
 
 
 def compare_conditions(
@@ -291,12 +304,15 @@ def difference_on_axis(
 
 
 def _told(
-    tables: PeopleTables, ruler: Ruler, found: Hierarchy, people: Sequence[PsychometricFit]
+    tables: PeopleTables,
+    ruler: Ruler,
+    found: Hierarchy,
+    people: Callable[[], Sequence[PsychometricFit]],
 ) -> GroupFit:
     """Lay a group's posterior on the axis, as far as its status lets it be told."""
     low, middle, high = (float(value) for value in found.of_middle())
     status = status_of(tables.x, tables.detected, tables.presented, (low, middle, high), ruler)
-    if status in LEVEL and not all(one.status in LEVEL for one in people):
+    if status in LEVEL and not all(one.status in LEVEL for one in people()):
         # People who lie below, between and above the levels tell a threshold, if not a slope.
         status = "ok" if middle <= ruler.high else "median_above_levels"
         status = status if middle >= ruler.low else "median_below_levels"

@@ -14,7 +14,7 @@ from .fit import (
 from .grid import Surface, rates_of, surfaces
 from .levels import ExpectedError, LevelsError, Placement, place_levels
 from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, people_in
+from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, guessing, people_in
 from .posterior import within_levels
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
@@ -41,6 +41,7 @@ __all__ = [
     "checked_levels",
     "fit_many",
     "fit_psychometric",
+    "guessing",
     "in_volts",
     "increasing_exists",
     "kind_prior",

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import chi2
 
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
@@ -315,3 +316,30 @@ def test_the_default_population_gives_a_table_like_the_papers() -> None:
     assert 0.6 < means[0] < 0.85
     assert min(means[1:]) > 0.9
     assert means[0] < min(means[1:]) - 0.1
+
+
+@pytest.mark.parametrize("responses", [("left", "right", "both"), ("left", "right", "none")])
+@pytest.mark.parametrize("masking_slope", [None, 0.2])
+def test_answers_are_as_frequent_as_their_probabilities(
+    responses: tuple[str, ...], masking_slope: float | None
+) -> None:
+    person = Observer(
+        threshold_vpp=80.0, sigma=0.15, lapse_rate=0.1, false_alarm_rate=0.3, side_bias=0.6,
+        guess_both=0.2, reaction_time_s=0.6, reaction_time_spread=0.5, crosstalk_db=-8.0,
+        finger_difference_db=2.0, masking_slope=masking_slope, swapped=True,
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    statistic, free = 0.0, 0
+    for levels_vpp in ((80.0, 0.0), (0.0, 110.0), (90.0, 90.0), (200.0, 70.0), (0.0, 0.0)):
+        p = person.answer_probabilities(*levels_vpp, responses, 1.0, shift_db=(1.0, -1.0))
+        expected = 1500 * np.array([*p, 1 - sum(p)])
+        drawn = [
+            person.answer(*levels_vpp, responses, rng, 1.0, shift_db=(1.0, -1.0)).response
+            for _ in range(1500)
+        ]
+        found = np.array([drawn.count(one) for one in (*responses, None)])
+        assert not found[expected < 1e-9].any()
+        seen = expected > 1e-9
+        statistic += float(((found - expected)[seen] ** 2 / expected[seen]).sum())
+        free += int(seen.sum()) - 1
+    assert chi2.sf(statistic, free) > 0.001

@@ -26,7 +26,6 @@ from experiment.study.read import paper_study
 from experiment.study.sections.simulation import Simulation
 from experiment.study.simulated import unmeasured
 from experiment.terms.gains import OWN_FINGER_ONLY
-from experiment.terms.observer import Observer
 from experiment.terms.people import draw_observer, threshold_course_db
 from experiment.terms.responder import AwaitedAnswer
 from experiment.trial.draw import draw_plan
@@ -35,6 +34,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from experiment.terms.observer import Observer
 
     Floats = NDArray[np.float64]
 

@@ -1,0 +1,128 @@
+"""Power: simulated studies tell what exact sums, the engine and other processes tell."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.stats import binom
+
+from analysis.answers.intervals import proportion_ci
+from analysis.commands.power import power
+from analysis.power.goals import Goal
+from analysis.power.planning import one_after_another
+from analysis.power.search import Trials
+from analysis.power.studies import Chunk, Point, gains_text, simulate
+from experiment.study.read import study_from_text
+from experiment.terms.gains import ConditionGains
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from experiment.study.study import Study
+
+ALONE = ConditionGains(
+    condition="main",
+    actuators=("left", "right"),
+    bases=(None, None),
+    per_vpp=((1.0, 0.0), (0.0, 1.0)),
+)
+"""Each finger gets its own actuator's vibration only."""
+
+
+def study_of(design: str, people: str = "threshold_vpp = 80.0\nthreshold_sd_db = 2.0") -> Study:
+    return study_from_text(f"[design]\n{design}\n[simulation]\n{people}", "study.toml")
+
+
+def trials_of(study: Study, goal: str, seed: int = 1) -> Trials:
+    return Trials(
+        study=study.canonical,
+        gains=gains_text((ALONE,)),
+        goal=json.dumps(asdict(Goal.parse(goal))),
+        seed=seed,
+        spread=one_after_another,
+    )
+
+
+def within_error(share: float, exact: float, studies: int) -> bool:
+    return abs(share - exact) < 4 * math.sqrt(exact * (1 - exact) / studies)
+
+
+@pytest.mark.slow
+def test_false_alarms_are_bounded_as_often_as_exact_sums_say() -> None:
+    study = study_of(
+        'both_trials = 0\nblank_trials = 30\nresponses = ["left", "right", "none"]',
+        "threshold_vpp = 80.0\nthreshold_sd_db = 2.0\nfalse_alarm_rate = 0.02\nlapse_rate = 0.0\n"
+        "reaction_time_spread = 0.0",
+    )
+    point = Point(participants=4, trials_per_side=1, blanks=30)
+    (found,) = trials_of(study, "false-alarms=5%").run([point], 1000)
+    k = np.arange(121)
+    exact = binom.pmf(k, 120, 0.02)[proportion_ci(k, 120)[1] <= 0.05].sum()
+    assert 0.2 < exact < 0.8
+    assert within_error(found.assurance, exact, 1000)
+
+
+def test_one_level_of_one_person_is_known_as_often_as_exact_sums_say() -> None:
+    study = study_of(
+        'levels_vpp = [80.0]\norder = "balanced"',
+        "threshold_vpp = 80.0\nthreshold_sd_db = 0.0\nlapse_rate = 0.0\nreaction_time_spread = 0.0",
+    )
+    point = Point(participants=1, trials_per_side=40, blanks=0)
+    (found,) = trials_of(study, "detection=9.4%@80V").run([point], 1000)
+    k = np.arange(81)
+    low, high = proportion_ci(k, 80)
+    exact = binom.pmf(k, 80, 0.75)[high - low <= 2 * 0.094].sum()
+    assert 0.2 < exact < 0.8
+    assert within_error(found.assurance, exact, 1000)
+
+
+def test_results_do_not_depend_on_how_studies_are_cut_into_chunks() -> None:
+    study = study_of('both_trials = 0\nblank_trials = 30\nresponses = ["left", "right", "none"]')
+    whole = Chunk(
+        study=study.canonical,
+        gains=gains_text((ALONE,)),
+        goal=json.dumps(asdict(Goal.parse("false-alarms=10%"))),
+        point=Point(participants=3, trials_per_side=5, blanks=30),
+        first=0,
+        number=12,
+        seed=7,
+    )
+    parts = [simulate(replace(whole, first=first, number=4)) for first in (8, 0, 4)]
+    joined: dict[str, list[Any]] = {
+        key: [*parts[1][key], *parts[2][key], *parts[0][key]] for key in parts[0]
+    }
+    assert simulate(whole) == joined
+    assert json.loads(json.dumps(joined)) == joined
+
+
+@pytest.mark.parametrize(
+    ("goal", "study", "told"),
+    [
+        (
+            "half-width=1dB",
+            "[simulation]\nsigma = 0.1",
+            "threshold_sd_db must be stated",
+        ),
+        ("half-width=1", "", "goal must be such as half-width=1dB"),
+        ("half-width=0dB", "", "goal half-width must be > 0 and at most 40 dB; got 0"),
+        ("difference=1dB", "", "goal difference needs two conditions"),
+        ("detection=10%@61V", "", "goal detection must be at one of design.levels_vpp, 60 95"),
+        ("false-alarms=5%", "", "goal false-alarms needs design.blank_trials > 0; got 0"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_in_one_line(
+    goal: str, study: str, told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(study or "[simulation]\nthreshold_sd_db = 2.0")
+    done = CliRunner().invoke(power, [str(path), "--goal", goal])
+    assert done.exit_code == 2
+    assert done.stderr.count("\n") == 1
+    assert told in done.stderr
+    assert not done.stdout
