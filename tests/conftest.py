@@ -377,6 +377,12 @@ class NullSink:
         self._end(self._server)
         self.socket.unlink(missing_ok=True)
 
+    def control(self, *words: str) -> str:
+        """Have pactl do something, and return what it says."""
+        command = ["pactl", f"--server=unix:{self.socket}", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)
+        return done.stdout.strip()
+
     def freeze(self, *, on: bool) -> None:
         """Have the server stand still, or go on."""
         assert self._server is not None
@@ -403,7 +409,7 @@ class NullSink:
 
 
 def _sound_missing() -> str:
-    missing = [tool for tool in ("pulseaudio", "parec") if shutil.which(tool) is None]
+    missing = [tool for tool in ("pulseaudio", "parec", "pactl") if shutil.which(tool) is None]
     try:
         import sounddevice  # noqa: F401 - looks for PortAudio when it is imported
     except (ImportError, OSError):

@@ -23,13 +23,14 @@ from device.sound.recorder import Recorder
 from device.wire.channels import BEAT_EVERY_S, USUAL, LineSettings
 from device.wire.endpoint import Endpoint
 from device.wire.link import FrameLink
+from tests.test_device.loops import FULL_SCALE_V, Line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.clock import Clock
     from device.core.output import Emission
-    from device.driver import FloatArray, Identity
+    from device.driver import Identity
     from device.emulate.faults import Faults
     from device.emulate.generator import EmulatedGenerator
     from device.sound.player import Frames
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
 _LEAST_STEP_S: Final = 1e-7
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
-FULL_SCALE_V = 125.0
-"""What a sound card puts out at full scale."""
 
 
 class Buffers:
@@ -239,30 +238,20 @@ class SoundCard(VirtualClock):
 
 
 class LoopCard(SoundCard):
-    """A sound card whose outputs are led back to its inputs, through what `path` makes of them.
-
-    Delays in frames, left and right; `noise` is the effective value of what is added, of full
-    scale. `path` gets the outputs so far, shape (n, 2) of full scale, the latest last.
-    """
-
-    _TAPS: Final = 32
-    _KEPT: Final = 4096
+    """A sound card whose outputs are led back to its inputs, by a `Line`."""
 
     def __init__(self, *, seed: int = 1) -> None:
         super().__init__()
         self.recorder = Recorder(self, 48_000.0)
-        self.delays = [240.0, 240.0]
-        self.noise = 0.0
-        self.path: Callable[[FloatArray], FloatArray] = lambda past: past
-        self._rng = np.random.default_rng(seed)
-        self._past = np.zeros((self._KEPT, 2))
+        self.line = Line(seed=seed)
         self._due_s = 0.0
 
     def take(self, callback: Callback, *, underflow: bool = False) -> Frames:
         timing = SimpleNamespace(currentTime=1.0, inputBufferAdcTime=1.0 - self.buffer / 48e3)
-        self.recorder.take(self._heard(), timing, SimpleNamespace(input_overflow=False))
+        heard = self.line.heard(self.buffer, ahead=self.buffer)
+        self.recorder.take(heard, timing, SimpleNamespace(input_overflow=False))
         out = super().take(callback, underflow=underflow)
-        self._past = np.concatenate((self._past[self.buffer :], out / 32768.0))
+        self.line.put(out)
         return out
 
     def wait(self, duration_s: float) -> None:
@@ -274,27 +263,6 @@ class LoopCard(SoundCard):
             if self.callback is not None and self.active:
                 self.take(self.callback)
         VirtualClock.wait(self, max(until_s - self.now_s(), 0.0))
-
-    def _heard(self) -> Frames:
-        noise = self.noise * self._rng.normal(size=(self.buffer, 2))
-        heard = noise
-        if self._past.any():
-            path = self.path(self._past)
-            for i, delay in enumerate(self.delays):
-                heard[:, i] += self._later(path[:, i], delay - self.buffer)
-        codes: Frames = np.clip(np.rint(heard * 32768), -32768, 32767).astype(np.int16)
-        return codes
-
-    def _later(self, past: FloatArray, delay: float) -> FloatArray:
-        """Return the buffer of `past` that arrives now, by an interpolation of 32 values."""
-        whole = int(delay)
-        at = np.arange(self._TAPS) - self._TAPS / 2 - (delay - whole)
-        taps = np.sinc(at) * np.cos(np.pi * at / (self._TAPS + 2)) ** 2
-        last = self._KEPT - whole + self._TAPS // 2
-        later: FloatArray = np.convolve(
-            past[last - self.buffer - self._TAPS + 1 : last], taps, "valid"
-        )
-        return later
 
 
 def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:

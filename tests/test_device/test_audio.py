@@ -30,7 +30,8 @@ from device.sound.stream import (
 )
 from tactstrip import main
 from tests.test_device.bursts import BURST, play, ready, refusal
-from tests.test_device.in_process import FULL_SCALE_V, LIMITS, SoundCard, audio_on
+from tests.test_device.in_process import LIMITS, SoundCard, audio_on
+from tests.test_device.loops import FULL_SCALE_V
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -91,7 +91,7 @@ class Wired:
         text = STUDY.format(trials=trials, tap=tap, disagreement=disagreement)
         self.study = study_from_text(text, "study.toml")
         self.card = LoopCard()
-        self.card.noise = 1e-3
+        self.card.line.noise = 1e-3
         self.device = AudioDevice(
             self.card.connect,
             limits=host_limits(self.study.device),
@@ -146,10 +146,10 @@ class Wired:
             return list(csv.DictReader(file))
 
     def cut(self) -> None:
-        self.card.path = lambda past: 0 * past
+        self.card.line.path = lambda past: 0 * past
 
     def repair(self) -> None:
-        self.card.path = lambda past: past
+        self.card.line.path = lambda past: past
 
 
 def counted(rows: list[dict[str, str]], tap: str = "line") -> bool:
@@ -238,7 +238,7 @@ def test_where_nobody_attends_it_stops_and_can_be_resumed(tmp_path: Path) -> Non
 @pytest.mark.slow
 def test_flagged_bursts_stay_with_a_mark(tmp_path: Path) -> None:
     wired = Wired(tmp_path, disagreement="flag")
-    wired.card.path = lambda past: past[:, ::-1]
+    wired.card.line.path = lambda past: past[:, ::-1]
     assert wired.begin().finished
     rows = wired.table()
     assert {row["status"] for row in rows} == {"ok"}
@@ -250,7 +250,7 @@ def test_flagged_bursts_stay_with_a_mark(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_motion_of_another_size_is_only_noted(tmp_path: Path) -> None:
     wired = Wired(tmp_path, tap="motion")
-    wired.card.path = lambda past: 0.6 * past
+    wired.card.line.path = lambda past: 0.6 * past
     assert wired.begin().finished
     assert counted(wired.table(), "motion")
     assert "too weak" in {one["noted"] for one in wired.table("measured.csv")}
@@ -497,8 +497,8 @@ def test_nothing_touches_the_disk_from_the_onset_to_the_measurement(tmp_path: Pa
 
 def test_the_check_of_a_device_tells_gain_and_delay_of_its_monitor(tmp_path: Path) -> None:
     wired = Wired(tmp_path)
-    wired.card.delays = [252.0, 264.0]
-    wired.card.path = lambda past: 0.8 * past
+    wired.card.line.delays = [252.0, 264.0]
+    wired.card.line.path = lambda past: 0.8 * past
     assert wired.monitor is not None
     rig = Rig(
         device=wired.device, clock=wired.card, settings=wired.study.device, monitor=wired.monitor

@@ -1,0 +1,359 @@
+"""A monitor on real sound: PortAudio, a sound server's null sink, and its own recording."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing, suppress
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+import pytest
+
+from device.clock import MonotonicClock
+from device.driver import LinkError, Outcome
+from device.monitor.inputs import Calibration, InputMonitor
+from device.monitor.measured import Measured, Planned, Tap, Tolerances
+from device.sound.audio import AudioDevice
+from device.sound.recorder import Recorder
+from tests.test_device.bursts import BURST, play, ready
+from tests.test_device.in_process import LIMITS
+from tests.test_device.loops import (
+    DELAY,
+    FAULTS,
+    FULL_SCALE_V,
+    LEVEL_VPP,
+    SHARE,
+    SIDES,
+    Line,
+    clean_gain,
+    scaled,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from device.sound.stream import Callback
+    from tests.conftest import NullSink
+
+PAIRS: Final = 12
+FIRST_EIGHT: Final = (
+    "front-left,front-right,rear-left,rear-right,front-center,lfe,side-left,side-right"
+)
+"""As ALSA has them; what follows is aux0, aux1, ...: any other map, and the server would mix."""
+LATENCY_S: Final = 0.1
+LOST: Final = -1
+"""What is no frame of the outputs: the server put silence in."""
+STALLED_S: Final = 0.5
+"""Without a call of the stream: nobody hears so long a buffer."""
+GONE_S: Final = 5.0
+MOST_OPENED: Final = 10
+SETTLED_S: Final = 0.4
+MOST_PLAYS: Final = 4
+"""For each burst that is wanted: a busy machine's server tears some, which are played again."""
+
+
+class Torn(NamedTuple):
+    """From this frame of the inputs on they lag by so many frames behind the outputs."""
+
+    frame: int
+    lag: int
+
+
+class Sound:
+    """One stream to a null sink of many channels: pairs, each a sound card by itself, and a count.
+
+    Two channels carry the number of each frame; so the recording itself tells which frame of the
+    outputs each of its frames is, whatever the sound server lost or put in, and when.
+    """
+
+    def __init__(self, noises_db: tuple[float, ...]) -> None:
+        import sounddevice
+
+        self.frames = 0
+        self.torn = [Torn(0, LOST)]
+        self._called_s = time.monotonic()
+        self._flags = 0
+        self.pairs = [Pair(self, db, seed=i) for i, db in enumerate(noises_db)]
+        channels = 2 + 2 * len(self.pairs)
+        self._stream = sounddevice.Stream(
+            device="pulse",
+            samplerate=48e3,
+            channels=channels,
+            dtype="int16",
+            dither_off=True,
+            latency=LATENCY_S,
+            callback=self._take,
+        )
+        self._stream.start()
+
+    @property
+    def latency(self) -> float:
+        return float(self._stream.latency[1])
+
+    @property
+    def active(self) -> bool:
+        return bool(self._stream.active)
+
+    @property
+    def stalled_s(self) -> float:
+        """Since when PortAudio has not called."""
+        return time.monotonic() - self._called_s
+
+    @property
+    def flags(self) -> int:
+        """How often PortAudio told of trouble, or did not call for too long."""
+        return self._flags + (self.stalled_s > STALLED_S)
+
+    def close(self) -> None:
+        self._stream.close()
+
+    def _take(self, heard: Any, out: Any, count: int, timing: Any, status: Any) -> None:
+        self._flags = self.flags + bool(status)
+        self._called_s = time.monotonic()
+        numbers = np.arange(self.frames + 1, self.frames + count + 1)
+        self._note(heard[:, 0] + (heard[:, 1].astype(np.int64) << 15), numbers)
+        out[:, 0], out[:, 1] = numbers & 0x7FFF, numbers >> 15
+        for i, pair in enumerate(self.pairs):
+            out[:, 2 * i + 2 : 2 * i + 4] = pair.take(
+                heard[:, 2 * i + 2 : 2 * i + 4], count, timing, status
+            )
+        self.frames += count
+
+    def _note(self, told: Any, numbers: Any) -> None:
+        lag = np.where(told > 0, numbers - told, LOST)
+        for i in np.flatnonzero(np.diff(lag, prepend=self.torn[-1].lag)):
+            self.torn.append(Torn(int(numbers[i]) - 1, int(lag[i])))
+
+    def lag_of(self, first: int, count: int) -> int | None:
+        """Return by how much these frames of the outputs are heard later; None: not as a whole."""
+        end = self.frames
+        for frame, lag in reversed(self.torn):
+            if lag != LOST and frame <= first + lag and first + count + lag <= end:
+                return lag
+            end = frame
+        return None
+
+
+class Heard(NamedTuple):
+    """What was measured, beside what the count of frames tells of the same burst."""
+
+    measured: Measured
+    steady: bool
+    whole: bool
+    late: float
+
+
+class Pair:
+    """A sound card of two channels of a `Sound`, a line on which faults happen, and a monitor."""
+
+    def __init__(self, sound: Sound, noise_db: float, *, seed: int) -> None:
+        self._sound = sound
+        self.noise_db = noise_db
+        self.line = Line(seed=seed)
+        self.line.noise = LEVEL_VPP / 2 / FULL_SCALE_V / math.sqrt(2) * 10 ** (-noise_db / 20)
+        self.clock = MonotonicClock()
+        self.recorder = Recorder(self.clock, 48e3)
+        self.device = AudioDevice(
+            self._connect,
+            limits=LIMITS,
+            clock=self.clock,
+            volts_full_scale=FULL_SCALE_V,
+            sample_rate_hz=48e3,
+            name="pair",
+            recorder=self.recorder,
+        )
+        self._callback: Callback | None = None
+        self._first = self._lag = self._token = 0
+
+    latency = property(lambda self: self._sound.latency)
+    active = property(lambda self: self._sound.active)
+
+    def close(self) -> None:
+        self._callback = None
+
+    def _connect(self, callback: Callback) -> Pair:
+        self._callback = callback
+        return self
+
+    def take(self, heard: Any, count: int, timing: Any, status: Any) -> Any:
+        out = np.zeros((count, 2), dtype=np.int16)
+        if self._callback is not None:
+            if not self.recorder.frames:
+                self._first = self._sound.frames
+            self.recorder.take(heard, timing, status)
+            self._callback(out, count, timing, status)
+        return self.line.through(out)
+
+    def open(self) -> None:
+        ready(self.device, LEVEL_VPP)
+        self.device.load(2, BURST, BURST)
+        self.device.load(3, 0 * BURST, 0 * BURST)
+        self._calibrate()
+
+    def _calibrate(self) -> None:
+        """Measure the way's delay, as somebody does who opens a sound server's card anew."""
+        while True:
+            self.clock.wait(SETTLED_S)
+            if not self._sound.active or self._sound.stalled_s > GONE_S:
+                raise LinkError("PortAudio has given the stream up")
+            last = self._sound.torn[-1]
+            if last.lag != LOST and self._sound.frames - last.frame > SETTLED_S / 2 * 48e3:
+                break
+        self._lag = last.lag
+        self.monitor = InputMonitor(
+            self.recorder,
+            self.clock,
+            tap=Tap.LINE,
+            calibration=Calibration(
+                per_unit=(FULL_SCALE_V,) * 2, delay_s=((self._lag + DELAY) / 48e3,) * 2
+            ),
+            tolerances=Tolerances(),
+            source="null sink",
+            played=self.device.played,
+        )
+        self.monitor.open()
+
+    def measure(self, side: str) -> Heard:
+        """Play a burst, and return what was measured of it."""
+        slot, left, right = SIDES[side]
+        self._token += 1
+        peak = LEVEL_VPP / 2
+        planned = Planned(
+            shape=BURST,
+            sample_rate_hz=48e3,
+            left=peak * left,
+            right=peak * right,
+            burst=(peak, peak),
+        )
+        before, flags = self._sound.torn[-1], self._sound.flags
+        self.clock.wait(0.1)
+        self.monitor.begin(self._token, planned)
+        delivery = play(self.device, self._token, slot)
+        self.clock.wait(0.06)
+        measured = self.monitor.end(delivery)
+        began, lag, late = self.device.played(), None, math.nan
+        if began is not None:
+            lag = self._sound.lag_of(self._first + began, len(BURST) + int(DELAY) + 2100)
+        on = [d for d, on in zip(self.line.delays, (left, right), strict=True) if on]
+        if lag is not None and on:
+            late = lag - self._lag + min(on) - DELAY
+        steady = delivery.outcome is Outcome.FIRED and flags == self._sound.flags
+        steady = steady and before == self._sound.torn[-1] and lag == self._lag
+        if not steady:
+            self._calibrate()
+        return Heard(measured, steady, lag is not None, late)
+
+
+class Tally(Counter[str]):
+    """What became of bursts; `worst` is by how many frames an onset was told wrong at most."""
+
+    worst = 0.0
+
+    def good(self, heard: Heard, side: str) -> None:
+        """Note a burst, or a blank, without a fault."""
+        one = heard.measured
+        self._count(heard)
+        if not heard.steady:
+            if one.verified == "line":  # torn beside the burst, or with a delay within tolerance
+                self["torn, yet verified"] += 1
+                assert heard.whole, one
+                self._onset(heard)
+        elif side == "none":
+            assert (one.verified, one.faults, one.noted) == (None, (), ()), one
+            self["blanks"] += 1
+        else:
+            assert (one.verified, one.faults, one.noted) == ("line", (), ()), one
+            self["good"] += 1
+            self._onset(heard)
+
+    def faulty(self, heard: Heard, name: str) -> None:
+        """Note a burst with a fault."""
+        one = heard.measured
+        self._count(heard)
+        if heard.steady:
+            assert one.verified == "false", (name, one)
+            self["faults"] += 1
+        else:
+            assert one.verified == "false" or name in {"late", "early"}, (name, one)
+
+    def _count(self, heard: Heard) -> None:
+        self["played"] += 1
+        if not heard.steady:
+            self["torn"] += 1
+
+    def _onset(self, heard: Heard) -> None:
+        late_s, known_s = heard.measured.late_s, heard.measured.onset_uncertainty_s
+        assert late_s is not None
+        assert known_s is not None
+        self.worst = max(self.worst, abs(late_s * 48e3 - heard.late))
+        assert self.worst < 1
+
+
+def tallied(pair: Pair, tally: Tally, wanted: int, seed: int) -> None:
+    """Play until so many good bursts and so many with a fault were played whole, if it can be."""
+    rng = np.random.default_rng([seed, tally["played"]])
+    gain = clean_gain(pair.noise_db)
+    names = [*FAULTS, "late", "early"]
+    sides = ["left", "right", "both", "left", "right", "both", "none"]
+    with suppress(LinkError):
+        pair.open()
+        while min(tally["good"], tally["faults"]) < wanted:
+            i = tally["played"]
+            assert i < 20 + 2 * MOST_PLAYS * wanted, f"the machine is too busy: {tally}"
+            if tally["good"] < wanted:
+                drift, skew = 20 * math.sin(i / 50), rng.uniform(-5, 5)
+                pair.line.delays = [DELAY + drift, DELAY + drift + skew]
+                pair.line.path = scaled(1 + rng.uniform(-gain, gain))
+                side = sides[(tally["good"] + tally["blanks"]) % len(sides)]
+                tally.good(pair.measure(side), side)
+            if tally["faults"] < wanted:
+                name = names[(seed + tally["faults"]) % len(names)]
+                late = {"late": 54.0, "early": -54.0}.get(name, 0.0)
+                pair.line.delays = [DELAY + late] * 2
+                pair.line.path = FAULTS[name][0] if name in FAULTS else scaled(1.0)
+                tally.faulty(pair.measure(("left", "right")[rng.integers(2)]), name)
+
+
+@pytest.fixture
+def wide_sink(null_sink: NullSink, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A null sink with as many channels as `PAIRS` and the count of frames need."""
+    others = ",".join(f"aux{i}" for i in range(2 * PAIRS + 2 - 8))
+    sink = "sink_name=wide rate=48000 format=s16le"
+    number = null_sink.control(
+        "load-module",
+        "module-null-sink",
+        *sink.split(),
+        f"channels={2 * PAIRS + 2}",
+        f"channel_map={FIRST_EIGHT},{others}",
+    )
+    monkeypatch.setenv("PULSE_SINK", "wide")
+    monkeypatch.setenv("PULSE_SOURCE", "wide.monitor")
+    yield
+    null_sink.control("unload-module", number)
+
+
+@pytest.mark.parametrize("wanted", [pytest.param(60), pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.usefixtures("wide_sink")
+def test_real_sound_every_fault_is_caught_and_no_good_burst_is_blamed(wanted: int) -> None:
+    each = math.ceil(wanted * (SHARE if wanted > 1000 else 1.0) / PAIRS)
+    switched_s = sys.getswitchinterval()
+    sys.setswitchinterval(1e-3)  # the callback must not wait for whoever computes
+    tallies, opened = [Tally() for _ in range(PAIRS)], 0
+    try:
+        for _ in range(MOST_OPENED):
+            opened += 1
+            sound = Sound((20.0, 40.0) * (PAIRS // 2))
+            with ThreadPoolExecutor(PAIRS) as pool, closing(sound):
+                list(pool.map(tallied, sound.pairs, tallies, [each] * PAIRS, range(PAIRS)))
+            if all(min(one["good"], one["faults"]) >= each for one in tallies):
+                break
+    finally:
+        sys.setswitchinterval(switched_s)
+    total: Counter[str] = sum(tallies, Counter())
+    worst = max(one.worst for one in tallies)
+    print(dict(total), f"the stream opened {opened} times; onset off by {worst:.2f} frames at most")
+    assert min(total["good"], total["faults"]) >= each * PAIRS
