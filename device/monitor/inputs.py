@@ -141,9 +141,10 @@ class InputMonitor:
         """Wait until all of the burst must have been heard; return why it was not."""
         recorder = self._recorder
         rate_hz = recorder.sample_rate_hz
-        needed_s = onset_s + SEARCHED_S + max(self._calibration.delay_s)
+        later_s = SEARCHED_S + max(self._calibration.delay_s)
+        began = None if self._played is None else self._played()
         give_up_s = self._clock.now_s() + _PATIENCE_S + len(template.shape) / rate_hz
-        while recorder.time_of(recorder.frames - len(template.shape))[0] < needed_s:
+        while not self._heard_all(len(template.shape), began, onset_s, later_s):
             if self._clock.now_s() > give_up_s:
                 return "nothing comes from the inputs"
             self._clock.wait(_POLL_S)
@@ -153,6 +154,14 @@ class InputMonitor:
         if self._quiet() < least_s * rate_hz:
             return f"the record before the burst is shorter than {least_s:.3g} s"
         return ""
+
+    def _heard_all(self, frames: int, began: int | None, onset_s: float, later_s: float) -> bool:
+        """Tell whether a burst this much later would be in the record, by frames if they tell."""
+        recorder = self._recorder
+        last = recorder.frames - frames
+        if began is None:
+            return recorder.time_of(last)[0] >= onset_s + later_s
+        return last >= began + later_s * recorder.sample_rate_hz
 
     def _found(self, template: Template, quiet: int) -> tuple[Found, Found]:
         record = self._recorder.part(self._first - quiet, self._recorder.frames) / _FULL
