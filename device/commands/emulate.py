@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import threading
 from math import inf
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from device.emulate.amplifier import Amplifier
+    from device.emulate.emulator import Emulator
     from device.emulate.faults import Faults
     from device.emulate.generator import GeneratorEmulator
     from device.emulate.lines import Line
@@ -39,6 +41,7 @@ def emulate(
     sample_rate_hz: float | None,
     serial_number: str | None,
     switch_open: bool,
+    switch_stdin: bool,
     over_current_at_s: float | None,
     unsensed: bool,
     adc: str | None,
@@ -76,6 +79,7 @@ def emulate(
                     over_current_at_s=inf if over_current_at_s is None else over_current_at_s,
                     adc=None if adc is None else Adc.parse(adc),
                 ),
+                switch_stdin=switch_stdin,
             )
 
 
@@ -97,6 +101,7 @@ def _run_device(
     sample_rate_hz: float,
     serial_number: str,
     amplifier: Amplifier,
+    switch_stdin: bool,
 ) -> None:
     from device.clock import MonotonicClock
     from device.core.output import OutputStage
@@ -113,7 +118,23 @@ def _run_device(
     line = _line(tcp_port)
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
     click.echo(line.name)
+    if switch_stdin:
+        threading.Thread(target=_hear, args=(emulator,), daemon=True).start()
     emulator.run()
+
+
+def _hear(emulator: Emulator) -> None:
+    """Move the switch by lines on standard input."""
+    said = b""
+    while some := os.read(0, 4096):  # a thread that is in sys.stdin cannot be left at the end
+        *lines, said = (said + some).split(b"\n")
+        for line in map(bytes.strip, lines):
+            if line in {b"open", b"closed"}:
+                emulator.move_switch(is_open=line == b"open")
+            else:
+                click.echo(
+                    f"the switch is open or closed, got {line.decode(errors='replace')!r}", err=True
+                )
 
 
 _LEAST_INTERVAL_S = 0.005

@@ -52,6 +52,11 @@ _OPTIONS = (
     ),
     click.option("--switch-open", is_flag=True, help="Its amplifier's safety switch is open."),
     click.option(
+        "--switch-stdin",
+        is_flag=True,
+        help="Lines `open` and `closed` on standard input move its safety switch.",
+    ),
+    click.option(
         "--over-current-at",
         "over_current_at_s",
         type=click.FloatRange(min=0.0),
@@ -62,7 +67,7 @@ _OPTIONS = (
     click.option(
         "--adc",
         metavar="WHAT",
-        help="It measures its bursts, such as tap=amplifier,gain=0.9,delay_us=40,loss=0.01.",
+        help="It measures its bursts, such as tap=amplifier,gain=0.9,delay_us=40,noise=50.",
     ),
     click.option(
         "--amplifier-gain",
@@ -85,7 +90,7 @@ def require_together(ctx: click.Context) -> None:
     given = {option for option, value in ctx.params.items() if value not in (None, False)}
     of_a_device = (
         *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number"),
-        *("switch_open", "over_current_at_s", "unsensed", "adc"),
+        *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
     )
     foreign = of_a_device if "generator" in given else ("amplifier_gain",)
     for name in foreign:

@@ -33,6 +33,8 @@ class Adc:
         From the onset to what is measured of it.
     loss : float
         Probability that nothing of a burst is seen.
+    noise : float
+        Effective value, in mV, uA or nm.
 
     Raises
     ------
@@ -45,19 +47,21 @@ class Adc:
     'amplifier'
     >>> Adc.parse("tap=ear")
     Traceback (most recent call last):
-    ValueError: adc must be of tap, gain, delay_us, loss, each once as name=value, with tap one of
-    line, amplifier, current, motion; got 'tap=ear'
+    ValueError: adc must be of tap, gain, delay_us, loss, noise, each once as name=value, with tap
+    one of line, amplifier, current, motion; got 'tap=ear'
     """
 
     tap: str = "line"
     gain: float = 1.0
     delay_us: float = 0.0
     loss: float = 0.0
+    noise: float = 0.0
 
     def __post_init__(self) -> None:
         require_real("gain", self.gain, least=0.0, most=1000.0)
         require_real("delay_us", self.delay_us, least=0.0, most=1e6)
         require_real("loss", self.loss, least=0.0, most=1.0)
+        require_real("noise", self.noise, least=0.0, most=1e6)
 
     @classmethod
     def parse(cls, text: str) -> Adc:
@@ -79,20 +83,23 @@ class Adc:
         """Return what is measured of a burst: nothing, behind a switch that is open."""
         lost = rng.random() < self.loss or not (connected or self.tap == "line")
         gain = 0.0 if lost else self.gain * _MILLIVOLTS
-        left, right = (
-            round(float(np.abs(volts).max(initial=0.0)) * gain)
-            for volts in (burst.left_v, burst.right_v)
-        )
+        peaks, correlations = [], []
+        for volts in (burst.left_v, burst.right_v):
+            seen = gain * volts + self.noise * rng.standard_normal(len(volts))
+            norm = float(np.linalg.norm(seen) * np.linalg.norm(volts))
+            peaks.append(round(float(np.abs(seen).max(initial=0.0))))
+            alike = float(seen @ volts) / norm if norm else 0.0
+            correlations.append(round(_WHOLE * min(1.0, max(0.0, alike))))
         return Measurement(
             token=burst.token,
             tap=self.tap,
             unit=UNIT_AT[self.tap],
-            left=left,
-            right=right,
-            onset_offset_us=round(self.delay_us) if left or right else 0,
+            left=peaks[0],
+            right=peaks[1],
+            onset_offset_us=0 if lost else round(self.delay_us),
             onset_uncertainty_us=math.ceil(1e6 / burst.sample_rate_hz),
-            correlation_left=_WHOLE if left else 0,
-            correlation_right=_WHOLE if right else 0,
+            correlation_left=correlations[0],
+            correlation_right=correlations[1],
         )
 
 

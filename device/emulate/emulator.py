@@ -13,7 +13,7 @@ import re
 import secrets
 import signal
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import IO, TYPE_CHECKING, Final
 
@@ -191,6 +191,7 @@ class Emulator:
         self._wire_free_s = [0.0, 0.0]
         self._connected = False
         self._missed = np.random.default_rng(0)
+        self._was_open = nature.amplifier.switch_open
         self._sensed = Health()
         self._endpoint = self._power_up()
 
@@ -235,8 +236,17 @@ class Emulator:
         self._lose_host("reset")
         self._endpoint = self._power_up()
 
+    def move_switch(self, *, is_open: bool) -> None:
+        """Open or close the amplifier's switch, from any thread; the next turn senses it."""
+        amplifier = replace(self._nature.amplifier, switch_open=is_open)
+        self._nature = replace(self._nature, amplifier=amplifier)
+
     def _sense(self) -> None:
-        sensed = self._nature.amplifier.sensed_at(self._now_us() / 1e6)
+        amplifier = self._nature.amplifier
+        if amplifier.switch_open != self._was_open:
+            self._was_open = amplifier.switch_open
+            self._truth.note(self._now_us() / 1e6, "switch", closed=not self._was_open)
+        sensed = amplifier.sensed_at(self._now_us() / 1e6)
         if sensed != self._sensed:
             self._sensed = sensed
             self._endpoint.core.sense(self._now_us(), sensed)

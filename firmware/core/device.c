@@ -121,7 +121,12 @@ void device_sense(struct device *device, uint64_t now_us, uint8_t known, uint8_t
     }
 }
 
+void device_begin_measuring(struct device *device) {
+    device->is_measuring = device->last.is_over && !device->last.is_cut;
+}
+
 void device_measure(struct device *device, const struct measured *measured) {
+    device->is_measuring = false;
     if (device->last.is_over && !device->last.is_cut) {
         device->measured_token = device->last.token;
         device->measured = *measured;
@@ -182,6 +187,7 @@ static void store(struct device *device, uint32_t slot, uint32_t samples, const 
         clear_slot(device, slot);
     }
     const uint32_t begin = CHANNELS * others(device, slot);
+    device->is_measuring = false;
     for (uint32_t i = 0; i < CHANNELS * samples; i++) {
         device->memory[begin + i] = (int16_t)read_u16(codes + 2U * (size_t)i);
     }
@@ -302,6 +308,7 @@ static void emit(struct device *device) {
     const struct slot *slot = &device->slots[device->armed_slot];
     const uint64_t samples_1e9 = (uint64_t)slot->samples * 1000U * MILLION;
     struct burst *burst = &device->last;
+    device->is_measuring = false;
     memset(burst, 0, sizeof(*burst));
     burst->token = device->armed;
     burst->start_us = device->now_us;
@@ -370,7 +377,7 @@ struct record device_query(const struct device *device, uint64_t token) {
 enum refusal device_measured(const struct device *device, uint64_t token,
                              struct measured *measured) {
     memset(measured, 0, sizeof(*measured));
-    if (device->state == STATE_FIRED && token == device->last.token) {
+    if (token == device->last.token && (device->state == STATE_FIRED || device->is_measuring)) {
         return BUSY;
     }
     if (token == device->measured_token) {

@@ -104,6 +104,7 @@ struct device {
     struct burst last; /* token 0: none yet */
     uint64_t measured_token;
     struct measured measured;
+    bool is_measuring; /* MEASURED of the last burst is not known yet */
     uint8_t known; /* bits of `health` */
     uint8_t set;
     struct tokens tokens;
@@ -120,7 +121,9 @@ void device_advance(struct device *device, uint64_t now_us);
 /* Take what switch and amplifier report, whenever that changes; over-current stops. */
 void device_sense(struct device *device, uint64_t now_us, uint8_t known, uint8_t set);
 
-/* Keep what was measured of the burst that has ended. */
+/* Have MEASURED of the burst that has ended wait, for as long as `is_measuring`: until
+ * `device_measure` tells it, or its codes make room for others. */
+void device_begin_measuring(struct device *device);
 void device_measure(struct device *device, const struct measured *measured);
 
 /* The steps; each takes place at the time of the last `device_advance`. */

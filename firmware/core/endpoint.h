@@ -3,7 +3,8 @@
  * What a HAL does, and nothing else, over and over:
  *
  *     device_advance(device, now)      and device_sense where switch or amplifier report a change
- *     device_measure(device, ...)      where a burst has ended that a monitor saw
+ *     device_measure(device, ...)      where a burst has ended that a monitor saw, or
+ *                                      device_begin_measuring, and this when that is done
  *     endpoint_receive(..., byte, answer) for a byte that arrived, at the same now
  *     drive the converter by device_playing, the amplifier's enable by device_is_on
  *     send the answer

@@ -169,6 +169,13 @@ static void note_state(struct emulated *emulated, const char *cause) {
     emulated->was_on = is_on;
 }
 
+static void sense(struct emulated *emulated, uint64_t now_us) {
+    if (emulated->senses) {
+        device_sense(&emulated->endpoint.device, now_us, SWITCH_CLOSED | OVER_CURRENT,
+                     emulated->loop.is_open ? 0U : SWITCH_CLOSED);
+    }
+}
+
 void emulated_init(struct emulated *emulated, const struct about *about, uint64_t began_us) {
     endpoint_init(&emulated->endpoint, about);
     begin("boot", 0);
@@ -177,12 +184,42 @@ void emulated_init(struct emulated *emulated, const struct about *about, uint64_
     put(", \"began_s\": ");
     put_seconds(began_us);
     put("}\n");
+    sense(emulated, 0);
+}
+
+void emulated_hear(struct emulated *emulated, uint64_t now_us, char byte) {
+    if (byte != '\n') {
+        emulated->word = emulated->word != '\0' ? emulated->word : byte;
+        return;
+    }
+    if (emulated->word == 'o' || emulated->word == 'c') {
+        emulated_advance(emulated, now_us);
+        emulated->loop.is_open = emulated->word == 'o';
+        begin("switch", now_us);
+        put(emulated->loop.is_open ? ", \"closed\": false}\n" : ", \"closed\": true}\n");
+        sense(emulated, now_us);
+    }
+    emulated->word = '\0';
+}
+
+/* A slice at a time, as on a board. */
+static void measure(struct emulated *emulated) {
+    struct device *device = &emulated->endpoint.device;
+    struct loop *loop = &emulated->loop;
+    struct measured measured;
+    if (device->last.token != loop->token && loop_record(loop, device)) {
+        device_begin_measuring(device);
+    } else if (device->is_measuring && monitor_step(&loop->monitor)) {
+        monitor_tell(&loop->monitor, device->sample_rate_mhz, &measured);
+        device_measure(device, &measured);
+    }
 }
 
 void emulated_advance(struct emulated *emulated, uint64_t now_us) {
     device_advance(&emulated->endpoint.device, now_us);
     note_burst(emulated);
     note_state(emulated, "watchdog");
+    measure(emulated);
 }
 
 size_t emulated_receive(struct emulated *emulated, uint64_t now_us, uint8_t byte,

@@ -7,6 +7,7 @@
 #define EMULATED_H
 
 #include "../core/endpoint.h"
+#include "loop.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -17,12 +18,19 @@ struct emulated {
     bool was_on;
     uint64_t noted; /* token of the burst whose line was written last */
     bool noted_cut;
+    struct loop loop;
+    bool senses; /* the amplifier's switch is wired to the device */
+    char word;   /* first letter of the one that comes */
 };
 
 /* Append to the file of truth. */
 void truth_put(const char *text, size_t size);
 
+/* Switch on. It must be zeroed memory, but for what `loop` is told and whether it senses. */
 void emulated_init(struct emulated *emulated, const struct about *about, uint64_t began_us);
+
+/* Move the amplifier's switch by a byte of what somebody writes: lines `open` and `closed`. */
+void emulated_hear(struct emulated *emulated, uint64_t now_us, char byte);
 
 /* Let happen what is due; to be called at the time of each receipt, and every few milliseconds. */
 void emulated_advance(struct emulated *emulated, uint64_t now_us);

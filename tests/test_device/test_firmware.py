@@ -8,6 +8,8 @@ from __future__ import annotations
 import ctypes
 import json
 import subprocess
+import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,11 +18,11 @@ import pytest
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
 from device.core.messages import to_codes
-from device.driver import Refusal
+from device.driver import Refusal, RefusedError
 from device.limits import Limits
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
-from tests.test_device.bursts import BURST, play, ready
+from tests.test_device.bursts import BURST, play, ready, sine
 from tests.test_device.differential import BEAT, KINDS, compare, small_server
 from tests.test_device.firmware import Server, limits_of, make, require_tools
 from tests.test_device.golden import FILE, ON_THE_HOST
@@ -97,20 +99,32 @@ REST = 2060.0
 """Where the input of a board rests, about the middle of its 12 bits."""
 
 
+ROOM = 4096
+"""More bytes than a struct monitor has."""
+SLICE = 1000
+
+
 @pytest.fixture(scope="module")
 def measure(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Any]:
     """The board's monitor, as a function of planned codes and of what was recorded."""
     require_tools("gcc", "make")
     folder = tmp_path_factory.mktemp("monitor")
-    library = ctypes.CDLL(str(make(folder, str(folder / "monitor.so")) / "monitor.so"))
+    make(folder, str(folder / "monitor.so"), SLICE=SLICE)
+    library = ctypes.CDLL(str(folder / "monitor.so"))
 
     def measure(planned: NDArray[np.int16], recorded: NDArray[np.uint16]) -> Any:
         codes, words = np.ascontiguousarray(planned.T), np.ascontiguousarray(recorded)
-        found = Measured()
-        library.monitor_measure(
-            ctypes.c_void_p(codes.ctypes.data), len(planned), ctypes.c_void_p(words.ctypes.data),
-            len(recorded), 48_000_000, ctypes.byref(found),
+        monitor, found, n_steps = ctypes.create_string_buffer(ROOM), Measured(), 1
+        library.monitor_begin(
+            monitor, ctypes.c_void_p(codes.ctypes.data), len(planned),
+            ctypes.c_void_p(words.ctypes.data), len(recorded),
         )  # fmt: skip
+        while not library.monitor_step(monitor) & 0xFF:
+            n_steps += 1
+        n_lags = min(48, len(recorded) - len(planned) + 1)
+        n_looks = 4 * len(recorded) + 2 * (n_lags + 1) * len(planned)
+        assert n_steps == -(-n_looks // SLICE)
+        library.monitor_tell(monitor, 48_000_000, ctypes.byref(found))
         return found
 
     return measure
@@ -144,19 +158,82 @@ def test_the_monitor_of_the_board_finds_a_burst_as_numpy_does(
         assert found.correlation_left < 8_000  # upside down, found half a period away
 
 
-def test_the_truth_of_the_firmware_is_that_of_the_emulator(
-    tmp_path: Path, emulate: Callable[..., tuple[str, Path, int]]
-) -> None:
+@pytest.fixture(scope="module")
+def native(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The device on this machine, with sanitizers."""
     require_tools("gcc", "make")
-    program = make(tmp_path, "native", sanitize=True) / "tactstrip-native"
-    ours = tmp_path / "native.jsonl"
-    command = [str(program), "--tcp", "0", "--truth", str(ours)]
+    return make(tmp_path_factory.mktemp("native"), "native", sanitize=True) / "tactstrip-native"
+
+
+@contextmanager
+def opened(native: Path, *options: str) -> Iterator[str]:
+    """Start it; gives its port."""
+    command = [str(native), "--tcp", "0", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.terminate()
+
+
+def host_of(url: str) -> HostDriver:
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(url, clock), clock)
+    return HostDriver(link, limits=Limits(ceiling_vpp=200.0, least_interval_s=0.01), clock=clock)
+
+
+LONG = sine(16_384, cycles=160)
+"""So long that it takes hundreds of slices to match it."""
+
+
+@pytest.mark.parametrize("then", ["wait", "load", "stop"])
+def test_what_is_still_being_matched_is_busy_and_all_else_is_answered(
+    native: Path, then: str
+) -> None:
+    with opened(native, "--adc", "gain=0.5,delay_us=250,noise=100") as url:
+        device = host_of(url)
+        ready(device, 100.0, burst=LONG)
+        play(device, 7)
+        ends_s = time.monotonic() + len(LONG) / 48_000.0 + 0.002
+        n_busy = 0
+        while is_busy(device, 7):
+            n_busy += time.monotonic() > ends_s
+            assert device.health().amplifier_enabled == (then != "stopped")
+            if n_busy and then == "load":
+                device.load(1, BURST, BURST)
+            if n_busy and then == "stop":
+                device.stop()
+                then = "stopped"
+        found = device.measured(7)
+        assert device.measured(6) is None
+        device.close()
+    if then == "load":
+        assert (n_busy, found) == (1, None)
+        return
+    assert then == "wait" or n_busy
+    assert found is not None
+    assert (found.tap, found.onset_offset_us, found.correlation_right) == ("amplifier", 250, 0)
+    assert found.left == pytest.approx(25_000, rel=0.03)
+    assert found.correlation_left > 9_990
+
+
+def is_busy(device: HostDriver, token: int) -> bool:
+    try:
+        device.measured(token)
+    except RefusedError as error:
+        return error.code is Refusal.BUSY
+    return False
+
+
+def test_the_truth_of_the_firmware_is_that_of_the_emulator(
+    native: Path, tmp_path: Path, emulate: Callable[..., tuple[str, Path, int]]
+) -> None:
+    ours = tmp_path / "native.jsonl"
+    with opened(native, "--truth", str(ours)) as url:
         port, truth, _ = emulate("tcp", volts=True)
-        for url in (process.stdout.readline().strip(), port):
-            play_some(url)
-        process.terminate()
+        play_some(url)
+        play_some(port)
     told, expected = facts_of(ours), facts_of(truth)
     assert [fact["event"] for fact in told] == [
         *("boot", "on", "burst", "burst", "burst", "burst", "cut", "off"),
@@ -166,9 +243,7 @@ def test_the_truth_of_the_firmware_is_that_of_the_emulator(
 
 def play_some(url: str) -> None:
     """Play left, right, both at levels of all kinds; the last is cut."""
-    clock = MonotonicClock()
-    link = FrameLink(lambda: open_channel(url, clock), clock)
-    device = HostDriver(link, limits=Limits(ceiling_vpp=200.0, least_interval_s=0.01), clock=clock)
+    clock, device = MonotonicClock(), host_of(url)
     ready(device)
     long = np.append(np.tile(BURST[:-1], 150), 0.0)
     device.load(2, long, 0.3 * long)

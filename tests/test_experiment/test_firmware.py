@@ -23,12 +23,15 @@ from device.wire.frames import Decoder
 from tests.test_device.firmware import FIRMWARE, make, require_tools
 from tests.test_experiment.sessions import COMMAND, Sessions
 from tests.test_experiment.test_links import (
+    ADC,
+    MEASURED,
     PAPER,
     SHORT,
     bursts_of,
     events_of,
     finish,
     over,
+    require_cut_told_and_mended,
     require_true,
     wait_for_bursts,
 )
@@ -37,7 +40,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    Start: TypeAlias = Callable[[str, Path], "Board"]
+    Start: TypeAlias = Callable[..., "Board"]
 
 pytestmark = pytest.mark.firmware
 
@@ -57,7 +60,8 @@ class Board:
         self.port = self._first_line()
 
     def _started(self) -> subprocess.Popen[str]:
-        return subprocess.Popen(self._command, stdout=subprocess.PIPE, text=True)
+        pipe = subprocess.PIPE
+        return subprocess.Popen(self._command, stdin=pipe, stdout=pipe, text=True)
 
     def _first_line(self) -> str:
         assert self.process.stdout is not None
@@ -100,8 +104,8 @@ def start(images: Path, tmp_path: Path) -> Iterator[Start]:
     """Start a firmware; all are killed at the end."""
     with ExitStack() as boards:
 
-        def started(kind: str, truth: Path) -> Board:
-            told = ["--tcp", "0", "--truth", str(truth)]
+        def started(kind: str, truth: Path, *options: str) -> Board:
+            told = ["--tcp", "0", "--truth", str(truth), *options]
             if kind == "native":
                 board = Board([str(images / "tactstrip-native"), *told], None)
             else:
@@ -243,6 +247,18 @@ def test_a_whole_session_over_a_line_that_does_everything_wrong_equals_the_truth
     assert found["ok"] == 155
     assert middle.done["cut"] > 0
     assert middle.done["flood"] > 10
+
+
+@pytest.mark.parametrize("kind", ["native", "qemu"])
+@pytest.mark.parametrize("sensed", [True, False])
+def test_what_came_back_of_each_burst_verifies_it_and_not_behind_an_open_switch(
+    kind: str, tmp_path: Path, start: Start, *, sensed: bool
+) -> None:
+    truth = tmp_path / "truth.jsonl"
+    more = [] if sensed else ["--unsensed"]
+    board = start(kind, truth, "--adc", ADC, "--switch-stdin", *more)
+    sessions = Sessions(tmp_path / "host", MEASURED)
+    require_cut_told_and_mended(sessions, truth, board.process, board.port, sensed=sensed)
 
 
 @pytest.mark.parametrize("kind", ["native", "qemu"])

@@ -47,6 +47,19 @@ reaction_time_spread = 0
 """
 PAPER = QUICK + "[design]\nforeperiod_s = [0.01, 0.02]\nminimum_break_s = 0\n"
 SHORT = PAPER + "trials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
+MEASURED = (
+    SHORT
+    + """
+[monitor]
+source = "device"
+tap = "amplifier"
+per_unit = [1.25, 1.25]
+delay_ms = [0.1, 0.1]
+"""
+)
+ADC = "gain=0.8,delay_us=100,noise=300"
+REFUSED = 3, "the amplifier is off: its safety switch is open"
+SILENT = 4, "monitor (amplifier): the burst was silent; put it right, then go on"
 TINY = PAPER + "trials_per_side = 1\nboth_trials = 1\nbreak_every = 3\n"
 LINES = {"pty": ("--pty",), "tcp": ("--tcp", "0")}
 GENERATOR = ("--tcp", "0", "--generator", "keysight", "--amplifier-gain", "27.5")
@@ -77,7 +90,8 @@ def start() -> Iterator[Start]:
         def started(*options: str, truth: Path | None = None) -> tuple[subprocess.Popen[str], str]:
             told = [] if truth is None else ["--truth", str(truth)]
             command = [*COMMAND, "emulate", *options, *told]
-            process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+            pipe = subprocess.PIPE
+            process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
             processes.enter_context(process)
             processes.callback(process.kill)
             assert process.stdout is not None
@@ -173,6 +187,69 @@ def finish(sessions: Sessions, *options: str, session: str = "01") -> int:
         assert result.exit_code == 3, result.output
         assert len(result.stderr.splitlines()) == 1
     pytest.fail("it never came to its end")
+
+
+def require_cut_told_and_mended(
+    sessions: Sessions, truth: Path, board: subprocess.Popen[str], port: str, *, sensed: bool
+) -> None:
+    """Open the amplifier's switch in mid-session: told, no trial counts, and it goes on after."""
+    options = over("serial", port, "--seed", "7")
+
+    def move_switch(word: str, n_moves: int) -> None:
+        assert board.stdin is not None
+        board.stdin.write(f"{word}\n")
+        board.stdin.flush()
+        while len(moves_s(truth)) < n_moves:
+            assert board.poll() is None
+            time.sleep(0.003)
+
+    command = [*COMMAND, *sessions.words(*options)]
+    pipe, into_it = subprocess.PIPE, subprocess.STDOUT
+    with subprocess.Popen(command, stdout=pipe, stderr=into_it, text=True) as host:
+        wait_for_bursts(truth, 4, host)
+        move_switch("open", 1)
+        told, _ = host.communicate(timeout=SOON_S)
+    ends = [(host.returncode, told)]
+    code, words = REFUSED if sensed else SILENT
+    for _ in range(10):
+        still = sessions.run(*options, "--resume")
+        ends.append((still.exit_code, still.output))
+        if still.exit_code == code and words in still.output:
+            break  # else a busy machine ended it
+    assert words in ends[-1][1], ends
+    assert {end for end, _ in ends} <= {3, 4}
+    move_switch("closed", 2)
+    finish(sessions, *options)
+    rows = sessions.rows()
+    good = [row for row in rows if row["status"] == "ok"]
+    assert {row["burst_verified"] for row in good} == {"amplifier"}
+    planned = sessions.folder().read_plan().trials
+    assert sorted(int(row["trial"]) for row in good) == [trial.number for trial in planned]
+    opened_s, closed_s = moves_s(truth)
+    unfelt = {burst["token"] for burst in bursts_of(truth) if opened_s < burst["t_s"] < closed_s}
+    assert bool(unfelt) != sensed
+    tokens = {
+        (str(facts["trial"]), str(facts["attempt"])): facts["token"]
+        for facts in (dict(entry.facts) for entry in sessions.entries("trial_armed"))
+    }
+    assert not unfelt & {tokens[row["trial"], row["attempt"]] for row in good}
+    assert len(good) < len(rows)
+
+
+def moves_s(truth: Path) -> list[float]:
+    return [event["t_s"] for event in events_of(truth) if event["event"] == "switch"]
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("sensed", [True, False])
+def test_a_switch_that_opens_in_mid_session_is_told_and_what_nobody_felt_is_played_again(
+    tmp_path: Path, truth: Path, start: Start, *, sensed: bool
+) -> None:
+    more = [] if sensed else ["--unsensed"]
+    adc = ("--adc", f"tap=amplifier,{ADC}", "--switch-stdin")
+    board, port = start(*LINES["tcp"], *adc, *more, truth=truth)
+    sessions = Sessions(tmp_path / "host", MEASURED)
+    require_cut_told_and_mended(sessions, truth, board, port, sensed=sensed)
 
 
 def as_visa(url: str) -> str:

@@ -1,9 +1,10 @@
 /* The device on a machine with POSIX: behind a TCP port or a pseudo-terminal, without an actuator.
  *
  *     tactstrip-native (--tcp PORT | --pty) [--truth FILE] [--rate HZ]
+ *                     [--adc gain=G[,delay_us=US[,noise=MV]]] [--switch-stdin [--unsensed]]
  *
- * Listens as `tactstrip emulate` does: the first line says the port under which it is reached. For
- * sanitizers, fuzzing and the tests of hosts. */
+ * Listens as `tactstrip emulate` does: the first line says the port under which it is reached, and
+ * options mean the same. For sanitizers, fuzzing and the tests of hosts. */
 #define _XOPEN_SOURCE 700
 
 #include "../../emulate/emulated.h"
@@ -27,6 +28,9 @@
 #define IDLE_TICK_MS 20
 #define LEAST_RATE_HZ 1
 #define MOST_RATE_HZ 50000 /* the emulator's slew lets the full swing pass within one sample */
+#define MOST_GAIN 100.0
+#define MOST_DELAY_US 1000.0
+#define MOST_NOISE_MV 100000.0
 #define CHUNK 4096U
 
 struct line {
@@ -38,6 +42,7 @@ struct line {
 static volatile sig_atomic_t asked_to_end;
 static struct emulated emulated;
 static FILE *truth;
+static int words = -1; /* where the amplifier's switch is told, if anywhere */
 
 static void ask_to_end(int number) {
     (void)number;
@@ -58,6 +63,21 @@ static uint64_t clock_us(void) {
 void truth_put(const char *text, size_t size) {
     if (fwrite(text, 1, size, truth) != size) {
         fail("truth");
+    }
+}
+
+static void hear_words(uint64_t now_us) {
+    char some[CHUNK];
+    struct pollfd watched = {.fd = words, .events = POLLIN};
+    if (poll(&watched, 1, 0) <= 0) {
+        return;
+    }
+    const ssize_t size = read(words, some, sizeof(some));
+    for (ssize_t i = 0; i < size; i++) {
+        emulated_hear(&emulated, now_us, some[i]);
+    }
+    if (size == 0) { /* nobody tells anything any more */
+        words = -1;
     }
 }
 
@@ -165,9 +185,11 @@ static void serve(struct line *line, uint64_t began_us) {
     bool connected = false;
     while (asked_to_end == 0) {
         uint8_t bytes[CHUNK];
-        const bool is_on = device_is_on(&emulated.endpoint.device);
-        const ssize_t size = read_line(line, bytes, is_on ? TICK_MS : IDLE_TICK_MS);
+        const struct device *device = &emulated.endpoint.device;
+        const int tick_ms = device_is_on(device) ? TICK_MS : IDLE_TICK_MS;
+        const ssize_t size = read_line(line, bytes, device->is_measuring ? 0 : tick_ms);
         const uint64_t now_us = clock_us() - began_us;
+        hear_words(now_us);
         emulated_advance(&emulated, now_us);
         if (size < 0 && connected) {
             emulated_hang_up(&emulated, now_us, "line");
@@ -199,6 +221,24 @@ static long number(const char *option, const char *text, long least, long most) 
     return value;
 }
 
+static void wire_inputs(const char *text) {
+    double gain = 0.0;
+    double delay_us = 0.0;
+    double noise = 0.0;
+    const int given = sscanf(text, "gain=%lf,delay_us=%lf,noise=%lf", &gain, &delay_us, &noise);
+    if (given < 1 || !(gain >= 1e-6 && gain <= MOST_GAIN) ||
+        !(delay_us >= 0.0 && delay_us <= MOST_DELAY_US) ||
+        !(noise >= 0.0 && noise <= MOST_NOISE_MV)) {
+        (void)fprintf(stderr, "tactstrip-native: --adc: gain=G[,delay_us=US[,noise=MV]], "
+                              "up to 100, 1000, 100000, got \"%s\"\n",
+                      text);
+        exit(2);
+    }
+    emulated.loop.gain_ppm = (uint32_t)(gain * 1e6);
+    emulated.loop.delay_us = (uint32_t)delay_us;
+    emulated.loop.noise_mv = (uint32_t)noise;
+}
+
 int main(int argc, char *argv[]) {
     struct about about = {.model = "native",
                           .serial_number = "1",
@@ -208,10 +248,19 @@ int main(int argc, char *argv[]) {
                           .emulated = true};
     long port = -1;
     bool on_pty = false;
+    bool unsensed = false;
     for (int i = 1; i < argc; i++) {
         const char *value = i + 1 < argc ? argv[i + 1] : "";
         if (strcmp(argv[i], "--pty") == 0) {
             on_pty = true;
+            continue;
+        }
+        if (strcmp(argv[i], "--switch-stdin") == 0) {
+            words = STDIN_FILENO;
+            continue;
+        }
+        if (strcmp(argv[i], "--unsensed") == 0) {
+            unsensed = true;
             continue;
         }
         if (strcmp(argv[i], "--tcp") == 0) {
@@ -219,6 +268,8 @@ int main(int argc, char *argv[]) {
         } else if (strcmp(argv[i], "--rate") == 0) {
             about.sample_rate_mhz =
                 1000U * (uint32_t)number(argv[i], value, LEAST_RATE_HZ, MOST_RATE_HZ);
+        } else if (strcmp(argv[i], "--adc") == 0) {
+            wire_inputs(value);
         } else if (strcmp(argv[i], "--truth") == 0) {
             truth = fopen(value, "a");
             if (truth == NULL) {
@@ -232,7 +283,8 @@ int main(int argc, char *argv[]) {
     }
     if (on_pty == (port >= 0)) {
         (void)fprintf(stderr, "usage: tactstrip-native (--tcp PORT | --pty) [--truth FILE] "
-                              "[--rate HZ]\n");
+                              "[--rate HZ] [--adc gain=G[,delay_us=US[,noise=MV]]] "
+                              "[--switch-stdin [--unsensed]]\n");
         return 2;
     }
     (void)signal(SIGINT, ask_to_end);
@@ -242,6 +294,7 @@ int main(int argc, char *argv[]) {
     if (truth == NULL) {
         truth = fopen("/dev/null", "w");
     }
+    emulated.senses = words >= 0 && !unsensed;
     const uint64_t began_us = clock_us();
     emulated_init(&emulated, &about, began_us);
     struct line line = on_pty ? open_pty() : listen_tcp((uint16_t)port);

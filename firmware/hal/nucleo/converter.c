@@ -15,7 +15,6 @@
 #define FROM_INPUTS 2U
 #define LATER 0x80U /* priority: to fill a half takes longer than a byte of the line */
 #define REGULATOR_US 20U
-#define LAST_LAG_US 2000U /* more than LAGS samples take */
 
 #define AT_REST (DAC_CR_TSEL1_TIM6 | DAC_CR_EN1) /* a code is put out at once */
 
@@ -30,7 +29,8 @@ static uint16_t buffers[CHANNELS][2U * HALF];
 static uint32_t recording[LONGEST_WAVEFORM + LAGS];
 static const struct device *source;
 static struct burst playing;
-static uint32_t filled; /* samples of the burst that are in the buffers, or were */
+static uint32_t n_samples; /* of the burst: its slot may be filled anew once it is over */
+static uint32_t filled;    /* samples of the burst that are in the buffers, or were */
 
 static uint32_t wait_us(uint32_t time_us) {
     const uint32_t began = TIM2_CNT;
@@ -41,11 +41,10 @@ static uint32_t wait_us(uint32_t time_us) {
 
 /* Fill a half of both buffers with what comes next; behind the last sample is nothing. */
 static void fill(uint32_t half) {
-    const uint32_t samples = source->slots[playing.slot].samples;
     for (uint32_t i = 0; i < HALF; i++) {
         for (uint32_t channel = 0; channel < CHANNELS; channel++) {
             int32_t step = 0;
-            if (filled < samples) {
+            if (filled < n_samples) {
                 step = device_step(source, &playing, channel, filled);
             }
             buffers[channel][half * HALF + i] = (uint16_t)((int32_t)MIDDLE + step);
@@ -133,7 +132,7 @@ static void record(void) {
     (void)ADC12_CDR; /* what is left from the last time asks for nothing */
     ADC_ISR(ADC1) = ADC_ISR_OVR;
     ADC_ISR(ADC2) = ADC_ISR_OVR;
-    DMA_CNDTR(FROM_INPUTS) = source->slots[playing.slot].samples + LAGS;
+    DMA_CNDTR(FROM_INPUTS) = n_samples + LAGS;
     DMA_CPAR(FROM_INPUTS) = ADC12_CDR_ADDRESS;
     DMA_CMAR(FROM_INPUTS) = (uint32_t)(uintptr_t)recording;
     DMA_CCR(FROM_INPUTS) = DMA_CCR_EN | DMA_CCR_MINC | DMA_CCR_PSIZE_32 | DMA_CCR_MSIZE_32;
@@ -145,6 +144,7 @@ void converter_prepare(const struct device *device, const struct burst *burst) {
     converter_stop();
     source = device;
     playing = *burst;
+    n_samples = device->slots[burst->slot].samples;
     filled = 0;
     fill(0);
     fill(1);
@@ -184,10 +184,9 @@ void converter_stop(void) {
     DMA_CCR(FROM_INPUTS) = 0;
 }
 
+bool converter_is_recorded(void) { return DMA_CNDTR(FROM_INPUTS) == 0U; }
+
 uint32_t converter_recorded(const uint32_t **words) {
-    const uint32_t began = TIM2_CNT;
-    while (DMA_CNDTR(FROM_INPUTS) > 0U && TIM2_CNT - began < LAST_LAG_US) {
-    }
     *words = recording;
-    return source->slots[playing.slot].samples + LAGS - DMA_CNDTR(FROM_INPUTS);
+    return n_samples + LAGS - DMA_CNDTR(FROM_INPUTS);
 }

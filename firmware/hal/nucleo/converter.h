@@ -9,6 +9,9 @@
 
 void converter_init(void);
 
+/* The DMA has played half of what it has. */
+void dma1_channel1_handler(void);
+
 /* Get the beginning of a burst ready, so that its start takes no time. */
 void converter_prepare(const struct device *device, const struct burst *burst);
 
@@ -21,8 +24,10 @@ bool converter_underran(void);
 /* Outputs to zero, now. */
 void converter_stop(void);
 
-/* Wait, for a millisecond, until the recording of a burst is whole whose last sample was played;
- * return how many words of `monitor_measure` it has. */
+/* Whether the recording of a burst is whole: a millisecond after its last sample. */
+bool converter_is_recorded(void);
+
+/* Return how many words for `monitor_begin` there are. */
 uint32_t converter_recorded(const uint32_t **words);
 
 #endif

@@ -9,6 +9,7 @@
  */
 #include "../../core/endpoint.h"
 #include "../../monitor/monitor.h"
+#include "../startup.h"
 #include "converter.h"
 #include "registers.h"
 
@@ -29,9 +30,12 @@
 #define PULL_DOWN 2U
 #define SERIAL 7U /* alternate function of PA2 and PA3 */
 #define FEED 0xAAAAU
+#define LAST_LAG_US 2000U /* more than LAGS samples take */
 #define SETTLE_US 200000U /* in which the pins' pulls win at power on */
 
 static struct endpoint endpoint;
+static struct monitor monitor;
+static bool is_recording; /* what comes behind the last sample of a burst */
 static volatile uint8_t ring[RING];
 static volatile uint32_t received;
 static uint32_t taken;
@@ -39,19 +43,26 @@ static volatile bool over_current; /* since the loop last looked */
 
 void systick_handler(void) {} /* wakes the loop, which does what is due */
 
-void usart2_handler(void) {
+static void usart2_handler(void) {
     while ((USART2_ISR & USART_ISR_RXNE) != 0U) {
         ring[received % RING] = (uint8_t)USART2_RDR;
         received++;
     }
 }
 
-/* At once, whatever the loop is at: to measure a long burst takes it some 45 ms. */
-void exti15_10_handler(void) {
+/* At once, whatever the loop is at. */
+static void exti15_10_handler(void) {
     EXTI_PR1 = 1U << PIN_OVER_CURRENT;
     GPIOA_BSRR = 1U << (PIN_ENABLE + 16U);
     over_current = true;
 }
+
+/* RM0440, 14.3. */
+__attribute__((section(".interrupts"), used)) static void (*const interrupts[])(void) = {
+    [DMA1_CHANNEL1_IRQ] = dma1_channel1_handler,
+    [USART2_IRQ] = usart2_handler,
+    [EXTI15_10_IRQ] = exti15_10_handler,
+};
 
 /* 24 MHz from the board's crystal, by 6, times 72, by 2: 144 MHz, which 48 kHz divides. RM0440,
  * 6.1.5 and 7.2.7: a step at half speed on the way, and flash that waits for 4 cycles. */
@@ -175,16 +186,33 @@ static void sense(uint64_t now_us) {
     }
 }
 
-static void measure(const struct burst *last) {
-    const struct slot *slot = &endpoint.device.slots[last->slot];
+/* Begin to look at what was recorded: all of it, or what there is once the next burst is prepared. */
+static void end_recording(void) {
+    const struct slot *slot = &endpoint.device.slots[endpoint.device.last.slot];
     const uint32_t *words = NULL;
     const uint32_t count = converter_recorded(&words);
-    struct measured measured;
+    const struct measured nothing = {.tap = TAP_NONE};
     converter_stop();
+    is_recording = false;
     if (count >= slot->samples) {
-        monitor_measure(&endpoint.device.memory[slot->begin], slot->samples, words, count,
-                        RATE_MHZ, &measured);
-        device_measure(&endpoint.device, &measured);
+        monitor_begin(&monitor, &endpoint.device.memory[slot->begin], slot->samples, words, count);
+    } else {
+        device_measure(&endpoint.device, &nothing);
+    }
+}
+
+/* Go on with what was recorded of the last burst, a slice at a time. */
+static void measure(uint64_t now_us) {
+    struct device *device = &endpoint.device;
+    const uint64_t end_us = device->last.start_us + device->last.duration_us;
+    struct measured measured;
+    if (is_recording) {
+        if (converter_is_recorded() || now_us > end_us + LAST_LAG_US) {
+            end_recording();
+        }
+    } else if (device->is_measuring && monitor_step(&monitor)) {
+        monitor_tell(&monitor, RATE_MHZ, &measured);
+        device_measure(device, &measured);
     }
 }
 
@@ -212,7 +240,8 @@ static void drive(void) {
         if (last->is_cut) {
             converter_stop();
         } else {
-            measure(last);
+            device_begin_measuring(&endpoint.device);
+            is_recording = true;
         }
     }
     if (device->state == STATE_FIRED && is_over) {
@@ -223,6 +252,9 @@ static void drive(void) {
         prepared = 0; /* a token that was forgotten may be armed with another slot */
     } else if (device->armed != prepared) {
         struct burst burst = {.token = device->armed, .slot = device->armed_slot};
+        if (is_recording) {
+            end_recording();
+        }
         memcpy(burst.levels_mvpp, device->levels_mvpp, sizeof(burst.levels_mvpp));
         converter_prepare(device, &burst);
         prepared = device->armed;
@@ -273,11 +305,12 @@ int main(void) {
     start_line();
     for (;;) {
         __asm__ volatile("cpsid i" ::: "memory");
-        if (received == taken) {
+        if (received == taken && !endpoint.device.is_measuring) {
             __asm__ volatile("wfi");
         }
         __asm__ volatile("cpsie i" ::: "memory");
         turn(clock_us());
+        measure(clock_us());
         while (received != taken) {
             uint8_t answer[LONGEST_ANSWER];
             const uint64_t now_us = clock_us();

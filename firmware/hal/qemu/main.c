@@ -1,15 +1,17 @@
 /* The device on QEMU's mps2-an385 (ARM AN385: a Cortex-M3 in an FPGA), without an actuator:
- * protocol on UART0, truth on UART1. run.py starts it.
+ * protocol on UART0, truth on UART1, what moves the amplifier's switch on UART2. run.py starts it.
  *
  * Registers: ARM DAI 0385, "Application Note AN385"; for the UART "Cortex-M System Design Kit" (ARM
  * DDI 0479), both as QEMU has them (hw/arm/mps2.c, hw/misc/mps2-fpgaio.c, hw/char/). */
 #include "../../emulate/emulated.h"
+#include "../startup.h"
 
 #include <string.h>
 
 #define REGISTER(address) (*(volatile uint32_t *)(address))
 #define UART0 0x40004000U
 #define UART1 0x40005000U
+#define UART2 0x40006000U
 #define UART_DATA 0x00U
 #define UART_STATE 0x04U
 #define UART_CTRL 0x08U
@@ -30,13 +32,18 @@
 #define TICK_HZ 1000U
 #define RING 4096U         /* of bytes received: far more than a window of DATA */
 #define PATIENCE_US 20000U /* for a host that does not read */
+#define TRUTH_PATIENCE_US 1000000U
 
 /* Written by QEMU's loader before the first instruction, and again at each reset; zeros where it
- * was told nothing. A reset leaves the last word alone: it tells one boot id from the next. */
+ * was told nothing. A reset leaves RESETS alone: it tells one boot id from the next. */
 #define GIVEN_LOW REGISTER(0x20000000U)
 #define GIVEN_HIGH REGISTER(0x20000004U)
 #define GIVEN_RATE_MHZ REGISTER(0x20000008U)
 #define RESETS REGISTER(0x2000000CU)
+#define GIVEN_GAIN_PPM REGISTER(0x20000010U)
+#define GIVEN_DELAY_US REGISTER(0x20000014U)
+#define GIVEN_NOISE_MV REGISTER(0x20000018U)
+#define GIVEN_SENSES REGISTER(0x2000001CU)
 
 static struct emulated emulated;
 static volatile uint8_t ring[RING];
@@ -51,7 +58,7 @@ static uint64_t clock_us(void) {
 
 void systick_handler(void) {} /* wakes the loop, which does what is due */
 
-void uart0_rx_handler(void) {
+static void uart0_rx_handler(void) {
     REGISTER(UART0 + UART_INTCLEAR) = 2U;
     while ((REGISTER(UART0 + UART_STATE) & UART_RX_FULL) != 0U) {
         ring[received % RING] = (uint8_t)REGISTER(UART0 + UART_DATA);
@@ -72,14 +79,29 @@ static void send(uint32_t uart, const uint8_t *bytes, size_t size) {
     }
 }
 
-/* However long it takes: a truth with a hole is none. */
+/* A truth with a hole is none: the device ends where it cannot be written. */
 void truth_put(const char *text, size_t size) {
     for (size_t i = 0; i < size; i++) {
+        const uint32_t began = COUNTER;
         while ((REGISTER(UART1 + UART_STATE) & UART_TX_FULL) != 0U) {
+            if (COUNTER - began > TRUTH_PATIENCE_US) {
+                halt();
+            }
         }
         REGISTER(UART1 + UART_DATA) = (uint8_t)text[i];
     }
 }
+
+static void hear_words(uint64_t now_us) {
+    while ((REGISTER(UART2 + UART_STATE) & UART_RX_FULL) != 0U) {
+        emulated_hear(&emulated, now_us, (char)REGISTER(UART2 + UART_DATA));
+    }
+}
+
+/* ARM AN385, 3.7. */
+__attribute__((section(".interrupts"), used)) static void (*const interrupts[])(void) = {
+    [UART0_RX_IRQ] = uart0_rx_handler,
+};
 
 static void start_clocks(void) {
     PRESCALE = CLOCK_HZ / 1000000U - 1U;
@@ -91,8 +113,10 @@ static void start_clocks(void) {
 static void start_uarts(void) {
     REGISTER(UART0 + UART_BAUDDIV) = 16U;
     REGISTER(UART1 + UART_BAUDDIV) = 16U;
+    REGISTER(UART2 + UART_BAUDDIV) = 16U;
     REGISTER(UART0 + UART_CTRL) = UART_TX_ENABLE | UART_RX_ENABLE | UART_RX_INTERRUPT;
     REGISTER(UART1 + UART_CTRL) = UART_TX_ENABLE;
+    REGISTER(UART2 + UART_CTRL) = UART_RX_ENABLE;
     NVIC_ENABLE = 1U << UART0_RX_IRQ;
 }
 
@@ -106,7 +130,7 @@ static uint64_t boot_id(void) {
  * comes between the look and the sleep still wakes it: that is what the mask is for. */
 static void sleep_until_something_came(void) {
     __asm__ volatile("cpsid i" ::: "memory");
-    if (received == taken) {
+    if (received == taken && !emulated.endpoint.device.is_measuring) {
         __asm__ volatile("wfi");
     }
     __asm__ volatile("cpsie i" ::: "memory");
@@ -122,9 +146,14 @@ int main(void) {
                           .emulated = true};
     start_clocks();
     start_uarts();
+    emulated.loop.gain_ppm = GIVEN_GAIN_PPM;
+    emulated.loop.delay_us = GIVEN_DELAY_US;
+    emulated.loop.noise_mv = GIVEN_NOISE_MV;
+    emulated.senses = GIVEN_SENSES != 0U;
     emulated_init(&emulated, &about, 0);
     for (;;) {
         sleep_until_something_came();
+        hear_words(clock_us());
         emulated_advance(&emulated, clock_us());
         while (received != taken) {
             uint8_t answer[LONGEST_ANSWER];

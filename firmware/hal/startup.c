@@ -1,15 +1,13 @@
-/* From reset to main, and the table of exceptions (ARMv7-M Architecture Reference Manual, B1.5). */
+/* From reset to main, and the table of exceptions (ARMv7-M Architecture Reference Manual, B1.5):
+ * behind it link.ld puts a HAL's table of interrupts. */
+#include "startup.h"
+
 #include <stdint.h>
 #include <string.h>
 
 extern uint32_t stack_top, data_load, data_begin, data_end, bss_begin, bss_end;
 
-int main(void);
-void reset_handler(void);
-void systick_handler(void);
-void uart0_rx_handler(void);
-
-static void halt(void) {
+_Noreturn void halt(void) {
     for (;;) {
     }
 }
@@ -21,7 +19,7 @@ void reset_handler(void) {
     halt();
 }
 
-__attribute__((section(".vectors"), used)) static void (*const vectors[])(void) = {
+__attribute__((section(".vectors"), used)) static void (*const vectors[16])(void) = {
     (void (*)(void))(uintptr_t)&stack_top,
     reset_handler,
     [2] = halt,
@@ -30,5 +28,4 @@ __attribute__((section(".vectors"), used)) static void (*const vectors[])(void) 
     [5] = halt,
     [6] = halt,
     [15] = systick_handler,
-    [16] = uart0_rx_handler,
 };
