@@ -169,18 +169,18 @@ def _oriented(tables: NDArray[np.int64]) -> list[tuple[NDArray[np.int64], bool]]
 def _random_tables(table: NDArray[np.int64], seed: int) -> NDArray[np.int64]:
     """Draw tables with the same sums, shape (DRAWS, 4, 4), cell by cell."""
     rng = seeded_by(table.tobytes(), seed)
-    drawn = np.zeros((DRAWS, WORDS, WORDS), dtype=np.int64)
-    left = np.broadcast_to(table.sum(axis=0), (DRAWS, WORDS)).copy()
+    drawn = np.zeros((WORDS, WORDS, DRAWS), dtype=np.int64)  # long rows are added up faster
+    left = np.repeat(table.sum(axis=0)[:, None], DRAWS, axis=1)
     rows, columns = np.flatnonzero(table.sum(axis=1)), np.flatnonzero(table.sum(axis=0))
     for row in rows[:-1]:
         wanted = np.full(DRAWS, table[row].sum())
         for column in columns[:-1]:
-            others = left[:, column + 1 :].sum(axis=1)
-            cell = rng.hypergeometric(left[:, column], others, wanted)
-            drawn[:, row, column] = cell
+            others = left[column + 1 :].sum(axis=0)
+            cell = rng.hypergeometric(left[column], others, wanted)
+            drawn[row, column] = cell
             wanted -= cell
-        drawn[:, row, columns[-1]] = wanted
-        left -= drawn[:, row]
+        drawn[row, columns[-1]] = wanted
+        left -= drawn[row]
     if rows.size:
-        drawn[:, rows[-1]] = left
-    return drawn
+        drawn[rows[-1]] = left
+    return np.ascontiguousarray(np.moveaxis(drawn, -1, 0))

@@ -109,11 +109,11 @@ def rearrange(data: Canonical, seed: int, occurrence: int = 0) -> Rearranged:
     sizes = np.array([len(data), *(len(codes) for codes, _ in data)], dtype="<i8").tobytes()
     rng = seeded_by(sizes + b"".join(codes + linked for codes, linked in data), seed, occurrence)
     blocks = [(np.frombuffer(a, np.int8), np.frombuffer(b, np.bool_)) for a, b in data]
-    pairs = np.zeros((1 + DRAWS, len(EFFECTS), 4), dtype=np.int64)
+    counts = np.zeros((len(EFFECTS) * 4, 1 + DRAWS), dtype=np.int64)
     for codes, linked in blocks:
-        counts = _pairs(codes.astype(np.int16)[_orders(len(codes), seed)], linked)
-        pairs[0] += counts[0]
-        pairs[1:] += counts[1:][rng.permutation(DRAWS)]
+        columns = np.append(0, 1 + rng.permutation(DRAWS))
+        _add_pairs(counts, codes.astype(np.int16)[_orders(len(codes), seed)], linked, columns)
+    pairs = np.ascontiguousarray(counts.T).reshape(-1, len(EFFECTS), 4)
     answers = np.concatenate([codes % ANSWERS for codes, _ in blocks])
     return Rearranged(pairs=pairs, excess=_excess(pairs, _same_by_chance(answers)))
 
@@ -134,16 +134,19 @@ def _same_by_chance(answers: NDArray[np.int8]) -> float:
     return (left**2 + right**2) / max(left + right, 1) ** 2
 
 
-def _pairs(codes: NDArray[np.int16], linked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Count, in each column of codes, the pairs of each effect."""
-    pairs = (codes[:-1] * np.int16(_MIRRORED.size) + codes[1:])[linked[1:]]
-    counts = np.zeros((codes.shape[1], len(EFFECTS) * 4), dtype=np.int64)
+def _add_pairs(
+    counts: NDArray[np.int64],
+    codes: NDArray[np.int16],
+    linked: NDArray[np.bool_],
+    columns: NDArray[np.int64],
+) -> None:
+    """Add the pairs of each effect in each column of codes, the columns in the order told."""
+    pairs = (codes[:-1] * np.int16(_MIRRORED.size) + codes[1:])[linked[1:]].astype(np.intp)
     bits = max(len(pairs).bit_length(), 1)
     for marks, words in _packed_counts(bits):
-        shifts = bits * np.arange(len(marks), dtype=np.uint64)
-        told = words[pairs].sum(axis=0)[:, None] >> shifts
-        counts[:, marks] = told & np.uint64(2**bits - 1)
-    return counts.reshape(-1, len(EFFECTS), 4)
+        shifts = bits * np.arange(len(marks), dtype=np.uint64)[:, None]
+        told = words[pairs].sum(axis=0)[columns]
+        counts[marks] += ((told >> shifts) & np.uint64(2**bits - 1)).astype(np.int64)
 
 
 @cache
