@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import namedtuple
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -37,10 +38,10 @@ if TYPE_CHECKING:
 PLAN = "plan.json"
 _MAX_PLAN_BYTES = 50_000_000
 _OF_TRIAL = ("condition", "block", "kind", "side", "level_vpp")
-_OF_ROW = [
-    "participant", "session", "study_sha256", "trial", *_OF_TRIAL, "response", "rt_s", "status",
-    "line",
-]  # fmt: skip
+_Row = namedtuple(  # noqa: PYI024 (whatever the types: rows are made by the hundred thousand)
+    "_Row", "participant session study_sha256 trial condition block kind side level_vpp response "
+    "rt_s status line",
+)  # fmt: skip
 _NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
 
 
@@ -286,10 +287,10 @@ def told_rows(rows: pd.DataFrame) -> list[Any]:
     """Return typed rows as tuples with what `check_plan` and `progress` look at.
 
     >>> import pandas as pd
-    >>> told_rows(pd.DataFrame([dict.fromkeys(_OF_ROW, "01")]))[0].session
+    >>> told_rows(pd.DataFrame([dict.fromkeys(_Row._fields, "01")]))[0].session
     '01'
     """
-    return list(rows[_OF_ROW].itertuples(index=False))
+    return list(map(_Row._make, zip(*(rows[name].tolist() for name in _Row._fields), strict=True)))
 
 
 def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
@@ -305,7 +306,7 @@ def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
     >>> from types import SimpleNamespace
     >>> plan = SimpleNamespace(participant="01", session="01", trials=(), warm_up=(),
     ...     responses=("left",), response_window_s=2.0)
-    >>> row = dict.fromkeys(_OF_ROW, "02") | {"line": 2}
+    >>> row = dict.fromkeys(_Row._fields, "02") | {"line": 2}
     >>> check_plan(told_rows(pd.DataFrame([row])), "trials.csv", plan)
     Traceback (most recent call last):
     analysis.reading.text.ResultFileError: trials.csv:2: column 'participant' is 02; it must be
@@ -315,10 +316,8 @@ def check_plan(told: Sequence[Any], file: str, plan: Plan) -> None:
     for row in told:
         for column, must in _breaches(row, trials.get(row.trial), plan):
             value = format_value(_known(getattr(row, column)))
-            message = (
-                f"column '{column}' is {value}; it must be {must} by the plan beside the table"
-            )
-            raise ResultFileError(file, row.line, message)
+            told = f"column '{column}' is {value}; it must be {must} by the plan beside the table"
+            raise ResultFileError(file, row.line, told)
 
 
 def _breaches(row: Any, trial: Trial | None, plan: Plan) -> Iterator[tuple[str, str]]:

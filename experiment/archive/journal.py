@@ -22,6 +22,7 @@ import re
 import time
 import zlib
 from dataclasses import dataclass
+from itertools import repeat
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from device.clock import uptime_s
@@ -126,16 +127,16 @@ def read_ends(path: Path) -> JournalEnds | None:
     `read_journal` says what is wrong.
     """
     *lines, torn = path.read_bytes().split(b"\n")
-    previous = ROOT
-    for number, line in enumerate(lines, 1):
-        begins = f'"schema":{SCHEMA},"seq":{number},"prev":"{previous}",'
-        if not line.startswith(begins.encode(), _BODY):
-            return None
-        before, previous = previous, hashlib.sha256(line).hexdigest()
-    if torn or not lines:
+    sha256 = [ROOT, *(hashlib.sha256(line).hexdigest() for line in lines)]
+    begins = [
+        f'"schema":{SCHEMA},"seq":{number},"prev":"{previous}",'.encode()
+        for number, previous in enumerate(sha256[:-1], 1)
+    ]
+    linked = all(map(bytes.startswith, lines, begins, repeat(_BODY)))
+    if torn or not lines or not linked:
         return None
-    first, last = _parse(path, 1, lines[0], ROOT), _parse(path, len(lines), lines[-1], before)
-    return JournalEnds(first, last, previous)
+    first, last = _parse(path, 1, lines[0], ROOT), _parse(path, len(lines), lines[-1], sha256[-2])
+    return JournalEnds(first, last, sha256[-1])
 
 
 def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
