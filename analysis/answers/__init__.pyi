@@ -8,6 +8,7 @@ from .counting import (
     clean_table,
     counted,
     reaction_table,
+    uncounted,
 )
 from .detection import cells, level_table
 from .doubts import GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
@@ -43,5 +44,6 @@ __all__ = [
     "proportion_ci",
     "reaction_table",
     "sensitivity_table",
+    "uncounted",
     "z_of",
 ]

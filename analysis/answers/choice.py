@@ -247,7 +247,7 @@ def _coded(part: pd.DataFrame) -> _Coded:
     A trial that was presented again came later than its number says: it links to nothing.
     """
     ordered = part.sort_values(["participant", "session", "block", "trial", "attempt"])
-    names = sorted(set(ordered["participant"]))
+    names = sorted(ordered["participant"].unique())
     place = ["participant", "session", "block"]
     new = ordered[place].ne(ordered[place].shift()).any(axis="columns").to_numpy()
     first = ordered["attempt"].eq(1).to_numpy()

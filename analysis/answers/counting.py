@@ -57,7 +57,18 @@ def counted(trials: pd.DataFrame, kind: str) -> pd.DataFrame:
     >>> len(counted(trials, "single"))
     1
     """
-    return trials[trials["reason"].eq("") & trials["kind"].astype(object).eq(kind)]
+    return trials[trials["reason"].eq("") & trials["kind"].eq(kind)]
+
+
+def uncounted(trials: pd.DataFrame) -> list[str]:
+    """Return the participants of whom no trial counts.
+
+    >>> trials = pd.DataFrame({"participant": ["1", "2", "1"], "reason": ["", "voided", "voided"]})
+    >>> uncounted(trials)
+    ['2']
+    """
+    counted_here = trials.loc[trials["reason"].eq(""), "participant"].unique()
+    return sorted({*trials["participant"].unique()} - {*counted_here})
 
 
 def offers_none(trials: pd.DataFrame) -> bool:

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import rounded, with_limits
 from analysis.groups.group import FEW
@@ -350,8 +351,7 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
     yield left_out_words(analysis)
     if analysis.counts.unread:
         yield f"the map leaves out {number_of(analysis.counts.unread, 'row')} more"
-    counted = {*trials.loc[trials["reason"].eq(""), "participant"]} if len(trials) else set()
-    without = sorted({*trials["participant"]} - counted) if len(trials) else []
+    without = uncounted(trials) if len(trials) else []
     if without:
         names = ", ".join(map(isolated, without))
         yield f"nothing counts of {number_of(len(without), 'participant')}: {names}"

@@ -144,7 +144,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         kinds=[f"{kind} {number}" for kind, number in kinds.items()]
         if {*kinds} - {NOT_AVAILABLE}
         else [],
-        conditions=sorted({*analysis.trials["condition"], *analysis.levels["condition"]}),
+        conditions=sorted({*analysis.trials["condition"].unique(), *analysis.levels["condition"]}),
         not_compared=not_compared_words(analysis.not_compared) if analysis.not_compared else "",
         pictures=[one for one in drawn if one not in of_people],
         of_people=of_people,

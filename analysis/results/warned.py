@@ -40,8 +40,7 @@ def warnings_of(
     if len(lost):
         told = ", ".join(f"{reason} {number}" for reason, number in lost.items())
         yield f"{lost.sum()} trials are left out: {told}"
-    empty = sorted({*trials["participant"]} - {*counted["participant"]})
-    if empty:
+    if empty := counting.uncounted(trials):
         yield f"no trial counts of participant {', '.join(empty)}"
     if loaded.cells is None and not counted["kind"].eq("single").any():
         yield "no trial with a single stimulus counts, so there is no level to report"

@@ -272,7 +272,9 @@ def _guesses(
 ) -> list[Guessing]:
     blank, single = counted(trials, "blank"), counted(trials, "single")
     # Of a task with stimuli at one side only, answers with the other are no chance hits.
-    sides = {person: {*rows} for person, rows in single.groupby(_KEY)["side"]}
+    sides: dict[tuple[str, str], set[str]] = {}
+    for where, who, side in single[[*_KEY, "side"]].drop_duplicates().itertuples(index=False):
+        sides.setdefault((where, who), set()).add(side)
     told = zip(*(blank[name] for name in (*_KEY, "response")), strict=True)
     sided = [int(answer in sides.get((where, who), ())) for where, who, answer in told]
     blanks = blank[_KEY].assign(sided=sided).groupby(_KEY)["sided"]
