@@ -25,7 +25,7 @@ from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import within_levels
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -178,31 +178,25 @@ def fit_group(
     k, n = checked_counts(detected, presented)
     guesses = _guesses(len(np.atleast_1d(k)), guess_rate, blanks)
     tables = _tables(levels_vpp, (k, n), guesses, x_scale)
-    fit, people = group_on_axis(tables)
+    people = tables.fits()
+    fit = threshold_on_axis(tables, [one.status for one in people])
     if x_scale == "log10":
         people = tuple(in_volts(one) for one in people)
         fit = _in_volts(fit)
     return replace(fit, people=people)
 
 
-def group_on_axis(tables: PeopleTables) -> tuple[GroupFit, tuple[PsychometricFit, ...]]:
-    """Return the fit of a group and its people's, on the axis."""
-    people = tables.fits()
-    return threshold_on_axis(tables, lambda: people), people
-
-
 def threshold_on_axis(
-    tables: PeopleTables, people: Callable[[], Sequence[PsychometricFit]] | None = None
+    tables: PeopleTables, statuses: Sequence[FitStatus] | None = None
 ) -> GroupFit:
-    """Return the fit of a group on the axis; its people's fits are asked for only if they decide.
+    """Return the fit of a group on the axis, with the statuses of its people's own fits.
 
-    Without `people` they are then made here.
+    Without them people are fitted here, if that decides anything.
     """
     ruler = tables.ruler()
     if ruler is None:
         return GroupFit(status="one_level")
-    found = hierarchy(tables.surfaces(ruler), ruler)
-    return _told(tables, ruler, found, people or tables.fits)
+    return _told(tables, ruler, hierarchy(tables.surfaces(ruler), ruler), statuses)
 
 
 def compare_conditions(
@@ -304,15 +298,14 @@ def difference_on_axis(
 
 
 def _told(
-    tables: PeopleTables,
-    ruler: Ruler,
-    found: Hierarchy,
-    people: Callable[[], Sequence[PsychometricFit]],
+    tables: PeopleTables, ruler: Ruler, found: Hierarchy, statuses: Sequence[FitStatus] | None
 ) -> GroupFit:
     """Lay a group's posterior on the axis, as far as its status lets it be told."""
     low, middle, high = (float(value) for value in found.of_middle())
     status = status_of(tables.x, tables.detected, tables.presented, (low, middle, high), ruler)
-    if status in LEVEL and not all(one.status in LEVEL for one in people()):
+    if status in LEVEL and not all(
+        one in LEVEL for one in statuses or [fit.status for fit in tables.fits()]
+    ):
         # People who lie below, between and above the levels tell a threshold, if not a slope.
         status = "ok" if middle <= ruler.high else "median_above_levels"
         status = status if middle >= ruler.low else "median_below_levels"

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import bounded, rounded, with_limits
-from analysis.groups.group import FEW, PeopleTables, difference_on_axis, group_on_axis
+from analysis.groups.group import FEW, PeopleTables, difference_on_axis, threshold_on_axis
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import WORDS, levels_of
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from analysis.axis import Axis
     from analysis.groups.difference import Difference
     from analysis.groups.group import ConditionDifference, GroupFit
+    from analysis.thresholds.fit import FitStatus
     from analysis.thresholds.people import PersonCounts
 
     Floats = NDArray[np.float64]
@@ -42,13 +43,15 @@ _BELOW: Final = ("threshold_below_levels", "median_below_levels")
 _ABOVE: Final = ("threshold_above_levels", "median_above_levels")
 
 
-def group_table(people: PersonCounts, axis: Axis) -> pd.DataFrame:
+def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> pd.DataFrame:
     """Return the threshold of the group of each condition, in which everybody takes part.
 
     Parameters
     ----------
     people : PersonCounts
         From `people_of`, or `people_of_counts`.
+    thresholds : pandas.DataFrame
+        From `thresholds_of`: theirs, and maybe those of others.
     axis : Axis
         Of the levels.
 
@@ -59,8 +62,12 @@ def group_table(people: PersonCounts, axis: Axis) -> pd.DataFrame:
         count the people whose own threshold lies outside the levels.
     """
     people = people.by_content()
+    own = thresholds.set_index(["condition", "participant"])["status"].to_dict()
     rows = [
-        [condition, *_group(_tables(people, rows, axis), axis)]
+        [
+            condition,
+            *_group(_tables(people, rows, axis), [own[people.names[i]] for i in rows], axis),
+        ]
         for condition, rows in _conditions(people).items()
     ]
     return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
@@ -110,13 +117,13 @@ def _tables(people: PersonCounts, rows: Sequence[int], axis: Axis) -> PeopleTabl
     )
 
 
-def _group(tables: PeopleTables, axis: Axis) -> list[object]:
+def _group(tables: PeopleTables, statuses: Sequence[FitStatus], axis: Axis) -> list[object]:
     """Return the values of a group, from ``participants`` on, of `GROUP_COLUMNS`."""
     number = len(tables.x)
     if number == 1:
         return [number, "one_participant", *[math.nan] * 8, _ALONE, math.nan, math.nan]
-    fit, people = group_on_axis(tables)
-    outside = [sum(one.status in words for one in people) for words in (_BELOW, _ABOVE)]
+    fit = threshold_on_axis(tables, statuses)
+    outside = [sum(one in words for one in statuses) for words in (_BELOW, _ABOVE)]
     levels_vpp = [axis.level(float(x)) for x in np.unique(tables.x[tables.presented > 0])]
     at, new = (levels_of(limits, axis) for limits in (fit.threshold_limits, fit.new_person_limits))
     return [

@@ -245,7 +245,7 @@ def analyse(
         blank=detection.blank_table(trials, ci, loaded.blanks),
         excluded=excluded,
         thresholds=thresholds,
-        groups=group_table(people, loaded.axis),
+        groups=group_table(people, thresholds, loaded.axis),
         differences=with_criterion(difference_table(people, loaded.axis), trials, sensitivity),
         sensitivity=sensitivity,
         population=_population(people, loaded.axis) if population else (),
@@ -260,7 +260,7 @@ def analyse(
         warnings=tuple(warnings_of(loaded, excluded, stated, doubts)),
         doubts=doubts,
         task=loaded.task,
-        unswapped=_unswapped(people, doubts, loaded.axis),
+        unswapped=_unswapped(people, thresholds, doubts, loaded.axis),
         ci=ci,
         seed=seed,
         axis=loaded.axis,
@@ -274,7 +274,9 @@ def analyse(
     )
 
 
-def _unswapped(people: PersonCounts, doubts: tuple[Doubt, ...], axis: Axis) -> pd.DataFrame | None:
+def _unswapped(
+    people: PersonCounts, thresholds: pd.DataFrame, doubts: tuple[Doubt, ...], axis: Axis
+) -> pd.DataFrame | None:
     """Fit the groups without people whose sides look swapped.
 
     Who looks as if guessing stays in: often it is a high threshold, without which the group's
@@ -284,7 +286,7 @@ def _unswapped(people: PersonCounts, doubts: tuple[Doubt, ...], axis: Axis) -> p
     if not swapped:
         return None
     places = [i for i, (_, who) in enumerate(people.names) if who not in swapped]
-    return group_table(people.at(places), axis)
+    return group_table(people.at(places), thresholds, axis)
 
 
 def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:

@@ -74,11 +74,12 @@ def data(
 def tabulated(trials: pd.DataFrame, axis: Axis = VOLTS) -> Analysis:
     """Return an analysis that has what the figures of functions show."""
     people = people_of(trials)
+    thresholds = thresholds_of(people, seed=0, axis=axis)
     return analysis_of(
         levels=level_table(trials),
         participants=participants_of(cells(trials)),
-        thresholds=thresholds_of(people, seed=0, axis=axis),
-        groups=group_table(people, axis),
+        thresholds=thresholds,
+        groups=group_table(people, thresholds, axis),
         differences=difference_table(people, axis),
         counts=SimpleNamespace(conditions=trials["condition"].nunique()),
         people=people,

@@ -14,6 +14,7 @@ from analysis.groups.functions import Line, group_function, person_function
 from analysis.groups.tables import group_table
 from analysis.thresholds.density import Ruler, sigma_prior
 from analysis.thresholds.people import Guessing, GuessRate, PersonCounts, people_of_counts
+from analysis.thresholds.table import thresholds_of
 
 LEVELS = [60.0, 80.0, 110.0, 150.0, 200.0]
 FELT = [15, 18, 24, 29, 30]
@@ -95,7 +96,9 @@ def test_a_million_stimuli_leave_a_thin_band_around_them() -> None:
 def test_a_group_s_line_is_halfway_at_the_group_s_threshold() -> None:
     counts = people(FELT, [16, 20, 27, 30, 30], [14, 17, 19, 26, 29])
     one = group_function(counts, [0, 1, 2], VOLTS)
-    at = group_table(counts, VOLTS)["threshold_vpp"].iloc[0]
+    at = group_table(counts, thresholds_of(counts, seed=0, axis=VOLTS), VOLTS)[
+        "threshold_vpp"
+    ].iloc[0]
     assert 10**one.line.mu == pytest.approx(at, rel=1e-9)
     half = one.line.guess_rate + (1 - one.line.guess_rate - one.line.lapse_rate) / 2
     assert float(one.at(np.array(at))) == pytest.approx(half, abs=1e-12)

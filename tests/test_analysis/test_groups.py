@@ -19,6 +19,7 @@ from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS, difference
 from analysis.thresholds.density import Ruler, kind_prior
 from analysis.thresholds.grid import Surface, surfaces
 from analysis.thresholds.people import GuessRate, people_of
+from analysis.thresholds.table import thresholds_of
 from tests.test_analysis.shared import PAPER, felt
 
 CENTRED = [49.0, 57.0, 64.0, 73.0, 91.0]
@@ -262,7 +263,7 @@ def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
         [person(str(i), k, name) for name in ("a", "b") for i, k in enumerate(RISING[:3])]
     )
     counted = people_of(trials)
-    groups = group_table(counted, VOLTS)
+    groups = group_table(counted, thresholds_of(counted, seed=0, axis=VOLTS), VOLTS)
     assert tuple(groups.columns) == GROUP_COLUMNS
     assert groups["participants"].tolist() == [3, 3]
     assert groups["printed"].str.contains("mostly from its prior").all()
@@ -274,17 +275,20 @@ def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
 
 def test_one_participant_is_no_group() -> None:
     counted = people_of(person("1", RISING[0]))
-    assert group_table(counted, VOLTS)["status"].tolist() == ["one_participant"]
+    assert group_table(counted, thresholds_of(counted, seed=0, axis=VOLTS), VOLTS)[
+        "status"
+    ].tolist() == ["one_participant"]
     assert difference_table(counted, VOLTS).empty
 
 
 def test_a_linear_axis_has_groups_and_no_decibels() -> None:
     trials = pd.concat([person(str(i), k, name) for name in "ab" for i, k in enumerate(RISING)])
     axis = Axis(x_scale="linear", unit="cm/s")
-    row = group_table(people_of(trials), axis).iloc[0]
+    counted = people_of(trials)
+    row = group_table(counted, thresholds_of(counted, seed=0, axis=axis), axis).iloc[0]
     assert row["status"] == "ok"
     assert "cm/s" in row["printed"]
-    assert difference_table(people_of(trials), axis).empty
+    assert difference_table(counted, axis).empty
 
 
 @pytest.mark.slow
