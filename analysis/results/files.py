@@ -168,8 +168,9 @@ def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
         raise ValueError(f"out_dir must be a folder, got the file {out_dir}")
     named = [out_dir / name for name in NAMES]
     there = [target for target in named if target.exists() or target.is_symlink()]
+    held = {_place(target) for target in there if target.exists()}
     for path in read:
-        if any(target.exists() and path.samefile(target) for target in there):
+        if _place(path) in held:
             raise ValueError(f"out_dir must not hold what is analysed, got {path} there")
     for target in there:
         if target.is_dir():
@@ -177,6 +178,12 @@ def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
     if there and not _is_summary(out_dir / SUMMARY):
         message = "out_dir must not hold files that are not of an earlier analysis"
         raise ValueError(f"{message}, got {there[0]}")
+
+
+def _place(path: Path) -> tuple[int, int]:
+    """Return what two paths have in common that lead to the same file."""
+    found = path.stat()
+    return found.st_dev, found.st_ino
 
 
 def _is_summary(path: Path) -> bool:

@@ -323,13 +323,14 @@ class _Batch:
         shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
         lapse_rate = shares.sum(axis=1) @ axes.lapse
         top = values.max(axis=(1, 2), keepdims=True)
+        by_kind /= top[:, None]
         found = [
             Surface(
                 mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
                 best=self.best(i),
             )
-            for i, one in enumerate(by_kind / top[:, None])
+            for i, one in enumerate(by_kind)
         ]  # fmt: skip
         return found, self._doubtful(values / top, shares)
 
