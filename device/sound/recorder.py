@@ -12,7 +12,12 @@ if TYPE_CHECKING:
 
 KEPT_S: Final = 5.0
 """So long a record is; a part that is to be looked at is held, whatever comes after it."""
-_MARKS: Final = 64
+_MARK_EVERY_S: Final = 0.025
+_MARKS: Final = 120
+"""Three seconds of them: a sound system's word of its latency jumps by a buffer, and may stay so
+for a while."""
+_OUTSIDE: Final = 0.025
+"""Of the marks on either side: 95 % of them say how far their word is to be trusted."""
 _LONGEST_DELAY_S: Final = 1.0
 """A sound system that tells of a longer one tells nonsense."""
 
@@ -54,6 +59,7 @@ class Recorder:
         self._clock = clock
         self._columns = [channel - 1 for channel in channels]
         self._size = round(KEPT_S * sample_rate_hz)
+        self._apart = _MARK_EVERY_S * sample_rate_hz
         self._ring = np.zeros((self._size, 2), dtype=np.int16)
         self.restart()
 
@@ -80,7 +86,9 @@ class Recorder:
         delay_s = timing.currentTime - timing.inputBufferAdcTime
         if not 0 < delay_s < _LONGEST_DELAY_S:
             delay_s = count / self.sample_rate_hz
-        self._marks = (*self._marks[1 - _MARKS :], (self.frames, self._clock.now_s() - delay_s))
+        if not self._marks or self.frames >= self._marks[-1][0] + self._apart:
+            mark = self.frames, self._clock.now_s() - delay_s
+            self._marks = (*self._marks[1 - _MARKS :], mark)
         if status.input_overflow:
             self.gaps += 1
         held = self._held_from
@@ -101,9 +109,12 @@ class Recorder:
         return taken
 
     def time_of(self, frame: float) -> tuple[float, float]:
-        """Return when a frame was heard on the host's clock, and how far buffers differ in that."""
+        """Return when a frame was heard on the host's clock, and by how much that is known.
+
+        It is a half-width of 95 %, the drift of the two clocks within the marks included.
+        """
         told = [at_s + (frame - first) / self.sample_rate_hz for first, at_s in self._marks]
         if not told:
             return self._clock.now_s(), _LONGEST_DELAY_S
-        middle = float(np.median(told))
-        return middle, 3 * float(np.median(np.abs(np.array(told) - middle)))
+        least, middle, most = np.quantile(told, (_OUTSIDE, 0.5, 1 - _OUTSIDE))
+        return float(middle), float(max(middle - least, most - middle))

@@ -20,6 +20,7 @@ from device.monitor.measured import Measured, Planned, Tap, Tolerances
 from device.sound.audio import AudioDevice
 from device.sound.recorder import Recorder
 from tests.test_device.bursts import BURST, play, ready
+from tests.test_device.counted import FrameCount, wide_sink
 from tests.test_device.in_process import LIMITS
 from tests.test_device.loops import (
     DELAY,
@@ -34,19 +35,11 @@ from tests.test_device.loops import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from device.sound.stream import Callback
     from tests.conftest import NullSink
 
 PAIRS: Final = 12
-FIRST_EIGHT: Final = (
-    "front-left,front-right,rear-left,rear-right,front-center,lfe,side-left,side-right"
-)
-"""As ALSA has them; what follows is aux0, aux1, ...: any other map, and the server would mix."""
 LATENCY_S: Final = 0.1
-LOST: Final = -1
-"""What is no frame of the outputs: the server put silence in."""
 STALLED_S: Final = 0.5
 """Without a call of the stream: nobody hears so long a buffer."""
 GONE_S: Final = 5.0
@@ -54,13 +47,6 @@ MOST_OPENED: Final = 10
 SETTLED_S: Final = 0.4
 MOST_PLAYS: Final = 4
 """For each burst that is wanted: a busy machine's server tears some, which are played again."""
-
-
-class Torn(NamedTuple):
-    """From this frame of the inputs on they lag by so many frames behind the outputs."""
-
-    frame: int
-    lag: int
 
 
 class Sound:
@@ -74,7 +60,7 @@ class Sound:
         import sounddevice
 
         self.frames = 0
-        self.torn = [Torn(0, LOST)]
+        self.count = FrameCount()
         self._called_s = time.monotonic()
         self._flags = 0
         self.pairs = [Pair(self, db, seed=i) for i, db in enumerate(noises_db)]
@@ -114,28 +100,13 @@ class Sound:
     def _take(self, heard: Any, out: Any, count: int, timing: Any, status: Any) -> None:
         self._flags = self.flags + bool(status)
         self._called_s = time.monotonic()
-        numbers = np.arange(self.frames + 1, self.frames + count + 1)
-        self._note(heard[:, 0] + (heard[:, 1].astype(np.int64) << 15), numbers)
-        out[:, 0], out[:, 1] = numbers & 0x7FFF, numbers >> 15
+        self.count.note(heard[:, :2], self.frames)
+        self.count.put(out[:, :2], self.frames)
         for i, pair in enumerate(self.pairs):
             out[:, 2 * i + 2 : 2 * i + 4] = pair.take(
                 heard[:, 2 * i + 2 : 2 * i + 4], count, timing, status
             )
         self.frames += count
-
-    def _note(self, told: Any, numbers: Any) -> None:
-        lag = np.where(told > 0, numbers - told, LOST)
-        for i in np.flatnonzero(np.diff(lag, prepend=self.torn[-1].lag)):
-            self.torn.append(Torn(int(numbers[i]) - 1, int(lag[i])))
-
-    def lag_of(self, first: int, count: int) -> int | None:
-        """Return by how much these frames of the outputs are heard later; None: not as a whole."""
-        end = self.frames
-        for frame, lag in reversed(self.torn):
-            if lag != LOST and frame <= first + lag and first + count + lag <= end:
-                return lag
-            end = frame
-        return None
 
 
 class Heard(NamedTuple):
@@ -200,10 +171,9 @@ class Pair:
             self.clock.wait(SETTLED_S)
             if not self._sound.active or self._sound.stalled_s > GONE_S:
                 raise LinkError("PortAudio has given the stream up")
-            last = self._sound.torn[-1]
-            if last.lag != LOST and self._sound.frames - last.frame > SETTLED_S / 2 * 48e3:
+            if self._sound.count.steady_for() > SETTLED_S / 2 * 48e3:
                 break
-        self._lag = last.lag
+        self._lag = self._sound.count.torn[-1].lag
         self.monitor = InputMonitor(
             self.recorder,
             self.clock,
@@ -229,7 +199,7 @@ class Pair:
             right=peak * right,
             burst=(peak, peak),
         )
-        before, flags = self._sound.torn[-1], self._sound.flags
+        before, flags = self._sound.count.torn[-1], self._sound.flags
         self.clock.wait(0.1)
         self.monitor.begin(self._token, planned)
         delivery = play(self.device, self._token, slot)
@@ -237,12 +207,12 @@ class Pair:
         measured = self.monitor.end(delivery)
         began, lag, late = self.device.played(), None, math.nan
         if began is not None:
-            lag = self._sound.lag_of(self._first + began, len(BURST) + int(DELAY) + 2100)
+            lag = self._sound.count.lag_of(self._first + began, len(BURST) + int(DELAY) + 2100)
         on = [d for d, on in zip(self.line.delays, (left, right), strict=True) if on]
         if lag is not None and on:
             late = lag - self._lag + min(on) - DELAY
         steady = delivery.outcome is Outcome.FIRED and flags == self._sound.flags
-        steady = steady and before == self._sound.torn[-1] and lag == self._lag
+        steady = steady and before == self._sound.count.torn[-1] and lag == self._lag
         if not steady:
             self._calibrate()
         return Heard(measured, steady, lag is not None, late)
@@ -318,27 +288,10 @@ def tallied(pair: Pair, tally: Tally, wanted: int, seed: int) -> None:
                 tally.faulty(pair.measure(("left", "right")[rng.integers(2)]), name)
 
 
-@pytest.fixture
-def wide_sink(null_sink: NullSink, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A null sink with as many channels as `PAIRS` and the count of frames need."""
-    others = ",".join(f"aux{i}" for i in range(2 * PAIRS + 2 - 8))
-    sink = "sink_name=wide rate=48000 format=s16le"
-    number = null_sink.control(
-        "load-module",
-        "module-null-sink",
-        *sink.split(),
-        f"channels={2 * PAIRS + 2}",
-        f"channel_map={FIRST_EIGHT},{others}",
-    )
-    monkeypatch.setenv("PULSE_SINK", "wide")
-    monkeypatch.setenv("PULSE_SOURCE", "wide.monitor")
-    yield
-    null_sink.control("unload-module", number)
-
-
 @pytest.mark.parametrize("wanted", [pytest.param(60), pytest.param(10_000, marks=pytest.mark.long)])
-@pytest.mark.usefixtures("wide_sink")
-def test_real_sound_every_fault_is_caught_and_no_good_burst_is_blamed(wanted: int) -> None:
+def test_real_sound_every_fault_is_caught_and_no_good_burst_is_blamed(
+    null_sink: NullSink, wanted: int
+) -> None:
     each = math.ceil(wanted * (SHARE if wanted > 1000 else 1.0) / PAIRS)
     switched_s = sys.getswitchinterval()
     sys.setswitchinterval(1e-3)  # the callback must not wait for whoever computes
@@ -346,9 +299,10 @@ def test_real_sound_every_fault_is_caught_and_no_good_burst_is_blamed(wanted: in
     try:
         for _ in range(MOST_OPENED):
             opened += 1
-            sound = Sound((20.0, 40.0) * (PAIRS // 2))
-            with ThreadPoolExecutor(PAIRS) as pool, closing(sound):
-                list(pool.map(tallied, sound.pairs, tallies, [each] * PAIRS, range(PAIRS)))
+            with wide_sink(null_sink, 2 * PAIRS + 2):
+                sound = Sound((20.0, 40.0) * (PAIRS // 2))
+                with ThreadPoolExecutor(PAIRS) as pool, closing(sound):
+                    list(pool.map(tallied, sound.pairs, tallies, [each] * PAIRS, range(PAIRS)))
             if all(min(one["good"], one["faults"]) >= each for one in tallies):
                 break
     finally:
