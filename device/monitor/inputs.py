@@ -11,6 +11,7 @@ from scipy import signal
 
 from device.checks import require_real
 from device.driver import LinkError
+from device.monitor.delays import Delays
 from device.monitor.matching import Template
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, judge, void
 
@@ -94,6 +95,12 @@ class InputMonitor:
         self._stream: Stream | None = None
         self._first = self._gaps = self._over = 0
         self._planned: Planned | None = None
+        self._delays = Delays()
+
+    @property
+    def unseen(self) -> str:
+        """What is never seen at its tap."""
+        return self.tap.unseen
 
     def open(self) -> None:
         """Open the inputs, also anew; the driver's own are open."""
@@ -120,7 +127,7 @@ class InputMonitor:
 
     def end(self, delivery: Delivery) -> Measured:
         """Look at what was heard since."""
-        planned, told = self._planned, (delivery.host_before_s + delivery.host_after_s) / 2
+        planned = self._planned
         if planned is None:
             raise LinkError("nothing was begun that could be measured")
         template = Template(_at_rate(planned, self._recorder.sample_rate_hz))
@@ -128,7 +135,7 @@ class InputMonitor:
         quiet, self._over = self._quiet(), self._recorder.frames
         if why:
             return Measured(token=delivery.token, tap=self.tap, source=self.source, unmeasured=why)
-        return self._measured(delivery.token, planned, self._found(template, quiet), told)
+        return self._measured(delivery, planned, self._found(template, quiet))
 
     def _quiet(self) -> int:
         recorder, planned = self._recorder, self._planned
@@ -144,9 +151,12 @@ class InputMonitor:
         later_s = SEARCHED_S + max(self._calibration.delay_s)
         began = None if self._played is None else self._played()
         give_up_s = self._clock.now_s() + _PATIENCE_S + len(template.shape) / rate_hz
+        asked = recorder.frames
         while not self._heard_all(len(template.shape), began, onset_s, later_s):
             if self._clock.now_s() > give_up_s:
-                return "nothing comes from the inputs"
+                if recorder.frames < asked + _PATIENCE_S / 2 * rate_hz:
+                    return "nothing comes from the inputs"
+                break  # it is the word of the sound system's latency that is wrong
             self._clock.wait(_POLL_S)
         if recorder.gaps != self._gaps:
             return "the record has a gap"
@@ -172,9 +182,10 @@ class InputMonitor:
         return left, right
 
     def _measured(
-        self, token: int, planned: Planned, found: tuple[Found, Found], told_s: float
+        self, delivery: Delivery, planned: Planned, found: tuple[Found, Found]
     ) -> Measured:
         rate_hz = self._recorder.sample_rate_hz
+        told_s = (delivery.host_before_s + delivery.host_after_s) / 2
         frames = [self._first + one.onset for one in found]
         times = [self._recorder.time_of(frame) for frame in frames]
         began = None if self._played is None else self._played()
@@ -204,8 +215,14 @@ class InputMonitor:
         if noisy:
             main = None
         voided = void(faults, self.tap)
+        noted = tuple(one for one in faults if one not in voided)
+        if main is not None and not voided:
+            known_s = found[main].onset_uncertainty / rate_hz
+            if began is None:
+                known_s += times[main][1] + delivery.uncertainty_s
+            noted += (Fault.DELAYED,) * self._delays.changed(late_s[main], known_s)
         return Measured(
-            token=token,
+            token=delivery.token,
             tap=self.tap,
             source=self.source,
             peak_left=peaks[0],
@@ -220,7 +237,7 @@ class InputMonitor:
             noise_left=found[0].noise_rms,
             noise_right=found[1].noise_rms,
             faults=voided,
-            noted=tuple(one for one in faults if one not in voided),
+            noted=noted,
             unmeasured=noisy,
             blank=planned.blank,
         )

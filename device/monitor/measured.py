@@ -64,6 +64,7 @@ class Fault(StrEnum):
     EARLY = "early"
     LATE = "late"
     AMPLIFIER_OFF = "amplifier off"
+    DELAYED = "delay changed"  # since the burst before: noted, as each is within its tolerance
 
 
 _VOID_BY_MOTION: Final = frozenset(
@@ -85,11 +86,6 @@ class Tolerances:
         Least, with the planned shape.
     silence : float
         Part of the burst's peak below which a channel is silent.
-
-    Raises
-    ------
-    ValueError
-        One is out of range.
     """
 
     peak: float = 0.1
@@ -230,6 +226,10 @@ class Monitor(Protocol):
     @property
     def source(self) -> str:
         """By what it looks, in a few words."""
+
+    @property
+    def unseen(self) -> str:
+        """What it never sees."""
 
     def open(self) -> None:
         """Begin to listen; `LinkError` where that cannot be. Once more after a loss."""

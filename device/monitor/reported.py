@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from device.driver import LinkError, Refusal, RefusedError
+from device.monitor.delays import Delays
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, void
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ _SCALE: Final = {"mV": 1e-3, "uA": 1e-6, "nm": 1e-3}
 _PER_ONE: Final = 1e-4
 _PATIENCE_S: Final = 2.0
 _POLL_S: Final = 0.005
+
+
+ALSO_UNSEEN: Final = ", nor that a burst was clipped or doubled"
 
 
 class DeviceMonitor:
@@ -46,6 +50,12 @@ class DeviceMonitor:
         self._delay_s = min(delay_s)
         self._tolerances = tolerances
         self._planned: Planned | None = None
+        self._delays = Delays()
+
+    @property
+    def unseen(self) -> str:
+        """What is never seen at its tap, nor by it."""
+        return self.tap.unseen + ALSO_UNSEEN
 
     def open(self) -> None:
         """Need nothing: the device listens by itself."""
@@ -91,6 +101,10 @@ class DeviceMonitor:
         heard = any(part >= self._tolerances.silence for part in parts)
         told_s = (delivery.host_before_s + delivery.host_after_s) / 2
         voided = void(faults, self.tap)
+        noted = tuple(one for one in faults if one not in voided)
+        if heard and not voided:
+            known_s = told.onset_uncertainty_us * 1e-6
+            noted += (Fault.DELAYED,) * self._delays.changed(late_s, known_s)
         return Measured(
             token=delivery.token,
             tap=self.tap,
@@ -105,7 +119,7 @@ class DeviceMonitor:
             correlation_left=correlations[0] if parts[0] >= self._tolerances.silence else None,
             correlation_right=correlations[1] if parts[1] >= self._tolerances.silence else None,
             faults=voided,
-            noted=tuple(one for one in faults if one not in voided),
+            noted=noted,
             blank=planned.blank,
         )
 
