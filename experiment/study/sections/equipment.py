@@ -104,8 +104,8 @@ class MonitorSettings:
     inputs: tuple[_Input, _Input] = Field(
         default=(1, 2), strict=False, description="of left and right, counted from 1"
     )
-    sample_rate_hz: float = Field(
-        default=48_000.0, ge=8_000, le=768_000, description="of source = input"
+    sample_rate_hz: float | None = Field(
+        default=None, ge=8_000, le=768_000, description="of source = input; left out: 48000"
     )
     per_unit: tuple[_Scale, _Scale] | None = Field(
         default=None,
@@ -161,12 +161,20 @@ class MonitorSettings:
                 f"per_unit must be at least {LEAST_PER_UNIT:g} away from 0; "
                 f"got {list(self.per_unit)}"
             )
-        if self.source == "none":
-            return
+        if self.source != "none":
+            self._require_fitting()
+
+    def _require_fitting(self) -> None:
+        """Refuse what does not go with the source."""
         if self.sound_card and self.source != "input":
             raise ValueError(
                 f"sound_card must be left out with source = {self.source}, which has its own; "
                 f"got {self.sound_card!r}"
+            )
+        if self.sample_rate_hz is not None and self.source != "input":
+            raise ValueError(
+                f"sample_rate_hz must be left out with source = {self.source}, where "
+                f"device.sample_rate_hz is its rate; got {self.sample_rate_hz:g}"
             )
         if self.source == "device" and self.per_unit is not None and min(self.per_unit) < 0:
             raise ValueError(
@@ -191,6 +199,11 @@ class MonitorSettings:
                 f"{500 * least_s:g}, or the burst before could be taken for the next; "
                 f"got {self.onset_tolerance_ms:g}"
             )
+
+    @property
+    def record_rate_hz(self) -> float:
+        """Sample rate of a sound card beside the driver."""
+        return 48_000.0 if self.sample_rate_hz is None else self.sample_rate_hz
 
     @property
     def at_the_tap(self) -> tuple[float, float]:

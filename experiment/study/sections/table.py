@@ -11,7 +11,7 @@ from dataclasses import dataclass as plain_dataclass
 from dataclasses import replace
 from datetime import date
 from functools import wraps
-from types import UnionType
+from types import NoneType, UnionType
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -216,6 +216,8 @@ class _Place:
         """Go on to a key or an item; none where the step is but one type of several."""
         kind = get_args(self.kind)[0] if get_origin(self.kind) is Annotated else self.kind
         if isinstance(step, int):
+            if NoneType in get_args(kind):
+                kind = next(one for one in get_args(kind) if one is not NoneType)
             items = [item for item in get_args(kind) if item is not Ellipsis]
             return _Place(path=f"{self.path}[{step}]", kind=items[min(step, len(items) - 1)])
         keys = file_keys(kind)
