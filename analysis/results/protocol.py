@@ -69,7 +69,7 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
     """Yield what was measured with, and its words; several where sessions differ."""
     told: dict[str, dict[str, None]] = {}
     for study in plans.studies:
-        for what, words in _study(study):
+        for what, words in _study(study, analysis):
             told.setdefault(what, {})[words] = None
     yield from ((what, [*words]) for what, words in told.items())
     yield "Analysis by", [f"tactstrip {versions()['tactstrip']}"]
@@ -79,8 +79,7 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
     yield "Force and contact of the fingers", told_of or ["not stated"]
 
 
-def _study(study: Study) -> Iterator[tuple[str, str]]:
-    from experiment.apparatus.monitor import monitor_words
+def _study(study: Study, analysis: Analysis) -> Iterator[tuple[str, str]]:
     from experiment.preview.check_report import burst_words
     from experiment.study.sources import plate_words
 
@@ -105,9 +104,23 @@ def _study(study: Study) -> Iterator[tuple[str, str]]:
     yield "Onset", f"{least_s:g} to {most_s:g} s after the cue"
     yield "Answers", f"{', '.join(design.responses)}; within {design.response_window_s:g} s"
     yield "Masking noise", noise_words(study)
-    yield "Monitor", monitor_words(study.monitor)
+    yield "Monitor", monitored(study, analysis)
     driver = f"{device.driver} at {device.sample_rate_hz:g} Hz"
     yield "Device in the plan", f"{driver}, ceiling {device.ceiling_vpp:g} V peak-to-peak"
+
+
+def monitored(study: Study, analysis: Analysis) -> str:
+    """Say what measured the bursts, and in how many of the sessions it did."""
+    from experiment.apparatus.monitor import monitor_words
+
+    words = monitor_words(study.monitor)
+    if study.monitor.source == "none":
+        return words
+    number = len({(row.participant, row.session) for row in analysis.measured})
+    if not number:
+        return f"none: no burst was verified; the plan has {words}"
+    sessions = analysis.counts.sessions
+    return words if number == sessions else f"{words}; in {number} of {sessions} sessions"
 
 
 def measured_rows(analysis: Analysis) -> list[list[str]]:
@@ -115,27 +128,31 @@ def measured_rows(analysis: Analysis) -> list[list[str]]:
     found: dict[tuple[str, str, str, float, str], list[MeasuredRow]] = {}
     for row in analysis.measured:
         for side, peak in (("left", row.planned_left), ("right", row.planned_right)):
-            if peak:
-                key = row.condition, row.tap, side, peak, row.unit
+            if peak or (side == "left" and not row.planned_right):  # of a blank one row
+                key = row.condition, row.tap, side if peak else "none", peak, row.unit
                 found.setdefault(key, []).append(row)
     if not found:
         return []
     head = ["Condition", "Tap", "Channel", "Planned peak", "Measured (median)", "Least to most",
-            "Bursts", "Verified", "Off by (median)", "At most"]  # fmt: skip
+            "Bursts", "Verified", "False", "n/a", "Noted",
+            "Off by (median)", "At most"]  # fmt: skip
     return [head, *(_measured(key, found[key]) for key in sorted(found))]
 
 
 def _measured(key: tuple[str, str, str, float, str], rows: list[MeasuredRow]) -> list[str]:
     condition, tap, side, planned_peak, unit = key
-    told = (row.peak_left if side == "left" else row.peak_right for row in rows)
+    told = [] if side == "none" else [getattr(row, f"peak_{side}") for row in rows]
     peaks = sorted(peak for peak in told if peak is not None)
     late_ms = sorted(abs(row.late_s) * 1e3 for row in rows if row.late_s is not None)
-    verified = sum(row.burst_verified != "false" for row in rows)
+    verified = [row.burst_verified for row in rows]
+    false, not_told = verified.count("false"), verified.count(None)
+    counts = len(rows), len(rows) - false - not_told, false, not_told
     return [
         *(condition, tap, side, f"{planned_peak:.4g} {unit}"),
         f"{median(peaks):.4g}" if peaks else "n/a",
         f"{peaks[0]:.4g} to {peaks[-1]:.4g}" if peaks else "n/a",
-        *(str(len(rows)), str(verified)),
+        *map(str, counts),
+        str(sum(row.noted is not None for row in rows)),
         f"{median(late_ms):.3f} ms" if late_ms else "n/a",
         f"{late_ms[-1]:.3f} ms" if late_ms else "n/a",
     ]

@@ -86,7 +86,7 @@ def make_monitor(
         )
     card = settings.sound_card
     return InputMonitor(
-        Recorder(clock, settings.sample_rate_hz, channels=settings.inputs),
+        Recorder(clock, settings.record_rate_hz, channels=settings.inputs),
         clock,
         tap=tap,
         calibration=calibration,
@@ -104,7 +104,7 @@ def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:
         "source": monitor.source,
         "tap": monitor.tap.value,
         "unit": monitor.tap.unit,
-        "never_sees": monitor.tap.unseen,
+        "never_sees": monitor.unseen,
     }
 
 
@@ -118,6 +118,7 @@ def monitor_words(settings: MonitorSettings) -> str:
     if settings.source == "none" or settings.tap is None:
         return "none: no burst is verified"
     from device.monitor.measured import Tap
+    from device.monitor.reported import ALSO_UNSEEN
 
     by = {
         "duplex": "inputs of the sound card that drives",
@@ -125,7 +126,7 @@ def monitor_words(settings: MonitorSettings) -> str:
         "device": "the device's own converter",
     }
     tap = Tap(settings.tap)
-    also = ", nor that a burst was clipped or doubled" if settings.source == "device" else ""
+    also = ALSO_UNSEEN if settings.source == "device" else ""
     return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}{also}"
 
 

@@ -250,8 +250,8 @@ def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
             setting.tell(f"Note: this device cannot {promise}.")
         if setting.monitor is not None:
             setting.monitor.open()
-            tap = setting.monitor.tap
-            setting.tell(f"Note: the monitor, at the tap {tap}, never sees {tap.unseen}.")
+            tap, unseen = setting.monitor.tap, setting.monitor.unseen
+            setting.tell(f"Note: the monitor, at the tap {tap}, never sees {unseen}.")
         yield identity
     finally:
         if setting.monitor is not None:

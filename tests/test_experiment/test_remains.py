@@ -12,6 +12,7 @@ import pytest
 from analysis.reading.load import read_inputs
 from experiment.integrity.sessions import examine
 from tests.test_experiment.lab import Crash, Lab
+from tests.test_experiment.test_verified import ByItself
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 SESSION = "sub-01/ses-01"
 FILES = {
     "p": "plan.json", "h": "header.json", "j": "journal.jsonl", "t": "trials.csv",
-    "s": "../sessions.tsv",
+    "s": "../sessions.tsv", "m": "measured.csv",
 }  # fmt: skip
 
 
@@ -141,6 +142,31 @@ def test_whatever_files_are_left_all_commands_agree(
     promised = "tactstrip export DIR builds it" in " ".join(analyzed.output.split())
     assert promised == (whole and "t" not in left)
     assert (folder / "trials.csv").exists() == ("t" in left or whole)
+
+
+MEASURED = ["".join(some) for n in range(4) for some in combinations("jtm", n)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("left", MEASURED)
+def test_whatever_is_left_of_a_measured_session_all_commands_agree(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch, left: str
+) -> None:
+    monkeypatch.setattr("experiment.session.conduct.require_confirmed", lambda *_: None)
+    rig = ByItself(tmp_path / "results")
+    assert rig.begin().finished
+    for letter in {*"jtm"} - {*left}:
+        (rig.folder.path / FILES[letter]).unlink()
+    verified, analyzed = run("verify", rig.folder.root), analyze(run, rig.folder.root)
+    exported = run("export", rig.folder.root)
+    codes = verified.exit_code, analyzed.exit_code, exported.exit_code
+    alone = "t" in left and "j" not in left  # a table without a journal is read all the same
+    assert codes == (left != "jtm", 0 if alone or left == "jtm" else 2, 0 if "j" in left else 2)
+    named = {letter for letter in "jtm" if f"{FILES[letter]}: is missing" in verified.output}
+    gone = {*"jtm"} - {*left}
+    assert named == (gone if "j" in left else gone - {"m"})  # of which nothing else would tell
+    if "j" in left:
+        assert run("verify", rig.folder.root).exit_code == 0
 
 
 def test_other_sessions_are_built_where_one_is_lost(results: Path, run: Run) -> None:

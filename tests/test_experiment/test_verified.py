@@ -10,13 +10,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
 from analysis.reading.load import read_inputs
 from analysis.reading.text import ResultFileError
-from analysis.results.protocol import measured_rows
+from analysis.results.protocol import measured_rows, monitored
 from analysis.results.tables import analyse
 from device.clock import VirtualClock
 from device.core.reports import Health
@@ -46,6 +47,7 @@ from tests.test_experiment.test_integrity import chained
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from analysis.results.tables import Analysis
     from experiment.session.setting import Ending
     from experiment.terms.responder import AwaitedAnswer, Press
     from tests.test_experiment.conftest import Run
@@ -86,9 +88,15 @@ class Wired:
     """A session on a sound card that hears itself, with a simulated participant."""
 
     def __init__(
-        self, root: Path, *, trials: int = 4, tap: str = "line", disagreement: str = "repeat"
+        self,
+        root: Path,
+        *,
+        trials: int = 4,
+        tap: str = "line",
+        disagreement: str = "repeat",
+        more: str = "",
     ) -> None:
-        text = STUDY.format(trials=trials, tap=tap, disagreement=disagreement)
+        text = STUDY.format(trials=trials, tap=tap, disagreement=disagreement) + more
         self.study = study_from_text(text, "study.toml")
         self.card = LoopCard()
         self.card.line.noise = 1e-3
@@ -186,8 +194,11 @@ def test_a_session_of_verified_bursts_says_so_in_every_row(tmp_path: Path) -> No
     found = analyse(read_inputs([tmp_path]))
     assert len(found.measured) == len(rows)
     _, *told = measured_rows(found)
-    assert {row[3] for row in told} == {"50 V", "100 V"}
-    assert all(row[6] == row[7] for row in told)
+    assert {row[3] for row in told} == {"0 V", "50 V", "100 V"}
+    assert all(row[6] == row[7] for row in told if row[2] != "none")
+    assert {(*row[2:4], *row[6:11]) for row in told if row[2] == "none"} == {
+        ("none", "0 V", "2", "0", "0", "2", "0")
+    }
 
 
 @pytest.mark.slow
@@ -245,6 +256,40 @@ def test_flagged_bursts_stay_with_a_mark(tmp_path: Path) -> None:
     swapped = [row for row in rows if row["side"] in {"left", "right"}]
     assert {row["burst_verified"] for row in swapped} == {"false"}
     assert counted([row for row in rows if row not in swapped])
+
+
+@pytest.mark.slow
+def test_a_delay_that_jumps_within_its_tolerance_is_noted_and_counted(tmp_path: Path) -> None:
+    wired = Wired(tmp_path, more="onset_tolerance_ms = 20\n")
+    wired.card.line.delays = [480.0, 480.0]
+
+    def ask(trial: int) -> None:
+        if len(asked) == 5:  # after an xrun, say, the same way takes 14 ms instead of 10
+            wired.card.line.delays = [672.0, 672.0]
+        asked.append(trial)
+
+    asked: list[int] = []
+    wired.at_ask = ask
+    assert wired.begin().finished
+    assert counted(wired.table())
+    noted = [one["noted"] for one in wired.table("measured.csv")]
+    assert sorted({*noted}) == ["delay changed", "n/a"]
+    assert noted.count("delay changed") == 1
+    _, *told = measured_rows(analyse(read_inputs([tmp_path])))
+    assert sum(int(row[10]) for row in told) in {1, 2}  # a burst on both channels has two rows
+
+
+def test_a_report_tells_where_a_planned_monitor_measured_nothing() -> None:
+    study = study_from_text(MONITOR, "study.toml")
+    sessions = SimpleNamespace(counts=SimpleNamespace(sessions=3), measured=())
+    words = "line, by inputs of the sound card that drives; it never sees the amplifier"
+    told = monitored(study, cast("Analysis", sessions))
+    assert told.startswith(f"none: no burst was verified; the plan has {words}")
+    row = SimpleNamespace(participant="01", session="01")
+    sessions.measured = (row, row)
+    assert monitored(study, cast("Analysis", sessions)).endswith("; in 1 of 3 sessions")
+    sessions.counts.sessions = 1
+    assert monitored(study, cast("Analysis", sessions)).startswith(words)
 
 
 @pytest.mark.slow
@@ -336,6 +381,9 @@ def test_a_device_s_own_converter_verifies(tmp_path: Path) -> None:
     rig = ByItself(tmp_path)
     assert rig.begin().finished
     assert {row["burst_verified"] for row in rig.table()} == {"amplifier"}
+    header = json.loads((rig.folder.path / "header.json").read_text(encoding="utf-8"))
+    assert header["monitor"]["never_sees"].endswith(", nor that a burst was clipped or doubled")
+    assert any("never sees" in line and "clipped or doubled" in line for line in rig.told)
     measured = rig.table("measured.csv")
     assert {row["source"] for row in measured} == {"the device's own converter"}
     for row in measured:
@@ -409,6 +457,12 @@ MONITOR = STUDY.format(trials=4, tap="line", disagreement="repeat")
         ("[125, 125]", "[1e-15, 125]", r"per_unit must be at least 1e-12 away from 0"),
         ('"duplex"', '"duplex"\nsound_card = "x"', r"sound_card must be left out with source = du"),
         ('"repeat"', '"repeat"\nonset_tolerance_ms = 200', r"onset_tolerance_ms"),
+        ('"repeat"', '"repeat"\nsample_rate_hz = 96000', r"sample_rate_hz must be left out with s"),
+        (
+            "[1, 1]",
+            "[0, 1]",
+            r"per_volt\[0\] must be a finite number >= 1e-09 and .* got 0",
+        ),
         (
             "[0.3, 0.4]\nbreak_every = 0",
             "[0.1, 0.4]\nbreak_every = 0",
