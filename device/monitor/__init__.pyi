@@ -1,8 +1,9 @@
 from .inputs import Calibration, InputMonitor
 from .measured import Fault, Measured, Monitor, Planned, Tap, Tolerances
-from .reported import DeviceMonitor
+from .reported import ALSO_UNSEEN, DeviceMonitor
 
 __all__ = [
+    "ALSO_UNSEEN",
     "Calibration",
     "DeviceMonitor",
     "Fault",
