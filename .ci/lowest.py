@@ -9,6 +9,13 @@ from pathlib import Path
 PROJECT = tomllib.loads((Path(__file__).parent.parent / "pyproject.toml").read_text())["project"]
 EXTRAS = PROJECT["optional-dependencies"]
 
-for requirement in (*PROJECT["dependencies"], *EXTRAS["bench"], *EXTRAS["visa"], *EXTRAS["test"]):
-    if bound := re.match(r"([\w-]+)>=([\d.]+)", requirement):
+for requirement in (
+    *PROJECT["dependencies"],
+    *(
+        requirement
+        for extra in ("bench", "cluster", "visa", "test")
+        for requirement in EXTRAS[extra]
+    ),
+):
+    if bound := re.match(r"([\w-]+)(?:\[\w+\])?>=([\d.]+)", requirement):
         print("{}=={}".format(*bound.groups()))

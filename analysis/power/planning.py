@@ -16,11 +16,26 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from analysis.power.goals import Goal
+    from analysis.power.search import Spread
     from experiment.study.study import Study
 
 
+def one_after_another(
+    function: Callable[[Chunk], dict[str, Any]], chunks: list[Chunk]
+) -> Iterator[tuple[Chunk, dict[str, Any]]]:
+    """Work through chunks in this process."""
+    for chunk in chunks:
+        yield chunk, function(chunk)
+
+
 def plan_study(
-    study: Study, goal: Goal, *, participants: tuple[int, int], assurance: float, seed: int
+    study: Study,
+    goal: Goal,
+    *,
+    participants: tuple[int, int],
+    assurance: float,
+    seed: int,
+    spread: Spread = one_after_another,
 ) -> Promise:
     """Return how many people, from one number to another, reach a goal as often as is asked for."""
     require_spread(study)
@@ -30,7 +45,7 @@ def plan_study(
         gains=gains_text(study_gains(study)),
         goal=json.dumps(asdict(goal)),
         seed=seed,
-        spread=one_after_another,
+        spread=spread,
     )
     design = study.design
 
@@ -72,11 +87,3 @@ def require_goal(study: Study, goal: Goal) -> None:
         raise ValueError("goal false-alarms needs design.blank_trials > 0; got 0")
     if goal.kind == "half-width" and len(design.levels_vpp) == 1:
         raise ValueError("goal half-width needs two levels or more in design.levels_vpp; got 1")
-
-
-def one_after_another(
-    function: Callable[[Chunk], dict[str, Any]], chunks: list[Chunk]
-) -> Iterator[tuple[Chunk, dict[str, Any]]]:
-    """Work through chunks in this process."""
-    for chunk in chunks:
-        yield chunk, function(chunk)

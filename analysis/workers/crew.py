@@ -1,0 +1,114 @@
+"""Who computes chunks of work: the process itself, or others of this machine."""
+
+from __future__ import annotations
+
+import signal
+from collections import deque
+from concurrent.futures import BrokenExecutor, Future
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from _typeshed import DataclassInstance
+
+
+_Chunk = TypeVar("_Chunk", bound="DataclassInstance")
+
+
+class StoppedError(Exception):
+    """Not all chunks could be computed; those that were are kept."""
+
+
+class LostError(Exception):
+    """A chunk whose process was lost; another may compute it."""
+
+
+class Crew(Protocol):
+    """Who computes chunks."""
+
+    most: int
+    """Chunks under way at once: everybody has the next one at hand, and the rest takes no room."""
+    news: deque[str]
+    """What has to be told of the workers."""
+
+    def submit(self, function: Callable[[_Chunk], object], chunk: _Chunk) -> Future[Any]:
+        """Have a chunk computed."""
+        ...
+
+    def result(self, future: Future[Any]) -> Any:
+        """Return what came of it; LostError if another may try, StoppedError if nobody."""
+        ...
+
+
+class Alone:
+    """The process itself."""
+
+    def __init__(self) -> None:
+        self.most = 1
+        self.news: deque[str] = deque()
+
+    def submit(self, function: Callable[[_Chunk], object], chunk: _Chunk) -> Future[Any]:
+        """Compute a chunk; what it raises goes straight to the caller."""
+        future: Future[Any] = Future()
+        future.set_result(function(chunk))
+        return future
+
+    def result(self, future: Future[Any]) -> Any:
+        """Return what came of it."""
+        return future.result()
+
+
+class Processes:
+    """Processes of this machine: joblib's, of which there are new ones after one was lost."""
+
+    def __init__(self, workers: int) -> None:
+        self.most = 2 * workers
+        self.news: deque[str] = deque()
+        self._workers = workers
+        self._executor: Any = None
+        self._told: BaseException | None = None
+
+    def submit(self, function: Callable[[_Chunk], object], chunk: _Chunk) -> Future[Any]:
+        """Have a chunk computed by the processes that are there, or by new ones."""
+        from joblib.externals.loky import get_reusable_executor
+
+        self._executor = get_reusable_executor(
+            max_workers=self._workers,
+            initializer=_leave_ctrl_c_to_the_parent,
+            env={"OPENBLAS_NUM_THREADS": "1"},
+        )
+        future: Future[Any] = self._executor.submit(function, chunk)
+        return future
+
+    def result(self, future: Future[Any]) -> Any:
+        """Return what came of it."""
+        try:
+            return future.result()
+        except BrokenExecutor as error:
+            lost = "worker processes were lost (out of memory?)"
+            if error is not self._told:  # all that was under way has the same error
+                self._told = error
+                self.news.append(f"{lost}; what they had is computed again")
+            raise LostError(lost) from error
+
+    def end(self) -> None:
+        """Have no process any more, whatever it does."""
+        if self._executor is not None:
+            self._executor.shutdown(wait=True, kill_workers=True)
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[Processes]:
+    """Have processes, which are left for the next chunks if all goes well, else ended."""
+    crew = Processes(workers)
+    try:
+        yield crew
+    except BaseException:
+        crew.end()
+        raise
+
+
+def _leave_ctrl_c_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
