@@ -37,8 +37,8 @@ static uint32_t crc;
 static void switch_on(const uint8_t *at) {
     struct about about = {.boot_id = read_u64(at + 64),
                           .sample_rate_mhz = read_u32(at + 72),
-                          .entropy = (enum entropy)read_u8(at + 76),
-                          .emulated = read_u8(at + 77) != 0U};
+                          .entropy = (enum entropy)at[76],
+                          .emulated = at[77] != 0U};
     memcpy(about.model, at, NAME_SIZE);
     memcpy(about.serial_number, at + 16, NAME_SIZE);
     memcpy(about.firmware, at + 32, FIRMWARE_SIZE);
@@ -66,8 +66,8 @@ static void settle(uint64_t now_us) {
 static void take_reading(const uint8_t *at, size_t size) {
     has_reading = size > 0U;
     if (has_reading) {
-        reading = (struct measured){.tap = read_u8(at),
-                                    .unit = read_u8(at + 1),
+        reading = (struct measured){.tap = at[0],
+                                    .unit = at[1],
                                     .left = read_u32(at + 2),
                                     .right = read_u32(at + 6),
                                     .onset_us = read_u32(at + 10),
@@ -79,8 +79,8 @@ static void take_reading(const uint8_t *at, size_t size) {
 
 /* The steps are what the converter is given: those of a burst that plays, computed once. */
 static void note_burst(void) {
-    const struct burst *burst = device_playing(&endpoint.device);
-    if (burst == NULL || burst->token == crc_token) {
+    const struct burst *burst = &endpoint.device.last;
+    if (endpoint.device.state != STATE_FIRED || burst->token == crc_token) {
         return;
     }
     const uint32_t samples = endpoint.device.slots[burst->slot].samples;

@@ -395,10 +395,6 @@ bool device_is_on(const struct device *device) {
     return state == STATE_LIVE || state == STATE_ARMED || state == STATE_FIRED;
 }
 
-const struct burst *device_playing(const struct device *device) {
-    return device->state == STATE_FIRED ? &device->last : NULL;
-}
-
 int32_t device_step(const struct device *device, const struct burst *burst, uint32_t channel,
                     uint32_t sample) {
     const struct slot *slot = &device->slots[burst->slot];

@@ -145,9 +145,6 @@ void device_hear(struct device *device);
 /* Whether outputs and amplifier are on. */
 bool device_is_on(const struct device *device);
 
-/* The burst that is under way, or NULL. */
-const struct burst *device_playing(const struct device *device);
-
 /* The code for the converter: a sample of a burst at its level, rounded toward zero. */
 int32_t device_step(const struct device *device, const struct burst *burst, uint32_t channel,
                     uint32_t sample);

@@ -30,7 +30,6 @@ static_assert(VERSION < 10U && MINOR < 10U, "that line has a digit for each");
 void endpoint_init(struct endpoint *endpoint, const struct about *about) {
     endpoint->about = *about;
     decoder_reset(&endpoint->decoder);
-    identity_line_reset(&endpoint->text);
     device_init(&endpoint->device, about->boot_id, about->sample_rate_mhz);
 }
 
@@ -38,7 +37,6 @@ void endpoint_hang_up(struct endpoint *endpoint, uint64_t now_us) {
     device_advance(&endpoint->device, now_us);
     device_stop(&endpoint->device);
     decoder_reset(&endpoint->decoder);
-    identity_line_reset(&endpoint->text);
     endpoint->upload.is_under_way = false;
 }
 
@@ -168,7 +166,7 @@ static enum refusal perform(struct endpoint *endpoint, uint8_t kind, struct ques
         question->body = write_health(question->body, device);
         break;
     case BEGIN:
-        refusal = upload_begin(upload, device, question->sequence, read_u8(content),
+        refusal = upload_begin(upload, device, question->sequence, content[0],
                                read_u32(content + 1));
         break;
     case DATA:
@@ -176,7 +174,7 @@ static enum refusal perform(struct endpoint *endpoint, uint8_t kind, struct ques
                              question->size - 6U);
         break;
     case COMMIT:
-        refusal = upload_finish(upload, device, read_u8(content), read_u32(content + 1));
+        refusal = upload_finish(upload, device, content[0], read_u32(content + 1));
         break;
     case LEVEL:
         refusal = device_set_levels(device, read_u32(content), read_u32(content + 4));
@@ -185,7 +183,7 @@ static enum refusal perform(struct endpoint *endpoint, uint8_t kind, struct ques
         refusal = device_enable(device);
         break;
     case ARM:
-        refusal = device_arm(device, token, read_u8(content + 8), read_u32(content + 9));
+        refusal = device_arm(device, token, content[8], read_u32(content + 9));
         break;
     case DISARM:
         device_disarm(device, token);
@@ -254,7 +252,7 @@ static size_t stop(struct endpoint *endpoint, uint64_t now_us, const struct fram
 }
 
 static bool was_greeted(const struct endpoint *endpoint, uint64_t nonce) {
-    for (size_t i = 0; i < endpoint->n_greetings; i++) {
+    for (size_t i = 0; i < GREETINGS && i < endpoint->n_greetings; i++) {
         if (endpoint->greetings[i] == nonce) {
             return true;
         }
@@ -275,14 +273,13 @@ static size_t greet(struct endpoint *endpoint, uint64_t now_us, const struct fra
         if (endpoint->device.state != STATE_IDLE) {
             device_stop(&endpoint->device);
         }
-        endpoint->greetings[endpoint->next_greeting % GREETINGS] = nonce;
-        endpoint->next_greeting++;
-        endpoint->n_greetings += endpoint->n_greetings < GREETINGS ? 1U : 0U;
+        endpoint->greetings[endpoint->n_greetings % GREETINGS] = nonce;
+        endpoint->n_greetings++;
         endpoint->newest = frame->sequence;
         endpoint->has_newest = true;
         endpoint->has_last = false;
         endpoint->upload.is_under_way = false;
-    } else if (nonce != endpoint->greetings[(endpoint->next_greeting - 1U) % GREETINGS]) {
+    } else if (nonce != endpoint->greetings[(endpoint->n_greetings - 1U) % GREETINGS]) {
         return respond(endpoint, frame, STALE, NULL, 0, answer);
     }
     const uint8_t *end = write_greeting(body, &endpoint->about, nonce);
@@ -346,9 +343,9 @@ static size_t tell_identity(const struct about *about, uint8_t answer[LONGEST_AN
 size_t endpoint_receive(struct endpoint *endpoint, uint64_t now_us, uint8_t byte,
                         uint8_t answer[LONGEST_ANSWER]) {
     struct frame frame;
-    const bool asked = identity_line_feed(&endpoint->text, byte);
-    if (decoder_feed(&endpoint->decoder, byte, &frame) && frame.kind < ANSWER) {
+    const enum received received = decoder_feed(&endpoint->decoder, byte, &frame);
+    if (received == FRAME && frame.kind < ANSWER) {
         return take(endpoint, now_us, &frame, answer);
     }
-    return asked ? tell_identity(&endpoint->about, answer) : 0U;
+    return received == IDENTITY ? tell_identity(&endpoint->about, answer) : 0U;
 }

@@ -6,7 +6,7 @@
  *     device_measure(device, ...)      where a burst has ended that a monitor saw, or
  *                                      device_begin_measuring, and this when that is done
  *     endpoint_receive(..., byte, answer) for a byte that arrived, at the same now
- *     drive the converter by device_playing, the amplifier's enable by device_is_on
+ *     drive the converter by the state and `last`, the amplifier's enable by device_is_on
  *     send the answer
  *
  * in this order, so that no answer tells of a burst that has not begun.
@@ -43,10 +43,8 @@ struct about {
 struct endpoint {
     struct about about;
     struct decoder decoder;
-    struct identity_line text;
     uint64_t greetings[GREETINGS]; /* nonces */
     size_t n_greetings;
-    size_t next_greeting;
     bool has_newest;
     uint16_t newest;
     bool has_last;

@@ -4,8 +4,6 @@
 
 #define CRC_SIZE 4U
 
-uint8_t read_u8(const uint8_t *at) { return at[0]; }
-
 uint16_t read_u16(const uint8_t *at) { return (uint16_t)(at[0] | ((uint32_t)at[1] << 8)); }
 
 uint32_t read_u32(const uint8_t *at) {
@@ -83,6 +81,8 @@ size_t frame_encode(const struct frame *frame, uint8_t coded[LONGEST_FRAME]) {
 void decoder_reset(struct decoder *decoder) {
     decoder->size = 0;
     decoder->too_long = false;
+    decoder->is_text = true;
+    decoder->matched = 0;
 }
 
 /* Undo COBS; return the number of bytes, or 0 where a distance points beyond the end. */
@@ -116,27 +116,11 @@ static bool frame_read(const uint8_t *coded, size_t coded_size, struct frame *fr
     if (read_u32(body + content) != crc32(0, body, content) || body[0] != VERSION) {
         return false;
     }
-    frame->kind = read_u8(body + 1);
+    frame->kind = body[1];
     frame->sequence = read_u16(body + 2);
     frame->size = content - 4U;
     memcpy(frame->payload, body + 4, frame->size);
     return true;
-}
-
-bool decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame) {
-    if (byte != 0U) {
-        if (decoder->size < LONGEST_CODED) {
-            decoder->piece[decoder->size] = byte;
-            decoder->size++;
-        } else {
-            decoder->too_long = true;
-        }
-        return false;
-    }
-    const bool whole = !decoder->too_long && decoder->size > 0U;
-    const bool is_frame = whole && frame_read(decoder->piece, decoder->size, frame);
-    decoder_reset(decoder);
-    return is_frame;
 }
 
 #define QUESTION_SIZE 5U
@@ -144,32 +128,40 @@ bool decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame) {
 
 static bool is_space(uint8_t byte) { return byte == 0x20U || (byte >= 0x09U && byte <= 0x0DU); }
 
-void identity_line_reset(struct identity_line *line) {
-    line->is_text = true;
-    line->matched = 0;
-}
-
-/* A frame has its version, which is not text, as the second byte after a delimiter: what is only
- * text is no part of one. */
-bool identity_line_feed(struct identity_line *line, uint8_t byte) {
+/* Take a byte that is no delimiter; return whether it completes the question who is there. A frame
+ * has its version, which is not text, as the second byte after a delimiter: what is only text is
+ * no part of one. */
+static bool is_asked(struct decoder *decoder, uint8_t byte) {
     static const uint8_t question[QUESTION_SIZE] = {'*', 'I', 'D', 'N', '?'};
-    if (byte == 0U) {
-        identity_line_reset(line);
-        return false;
-    }
-    line->is_text = line->is_text && (is_space(byte) || (byte > 0x20U && byte < 0x7FU));
-    if (!line->is_text) {
+    decoder->is_text = decoder->is_text && (is_space(byte) || (byte > 0x20U && byte < 0x7FU));
+    if (!decoder->is_text) {
         return false;
     }
     if (byte == 0x0AU) {
-        const bool asked = line->matched == QUESTION_SIZE;
-        line->matched = 0;
+        const bool asked = decoder->matched == QUESTION_SIZE;
+        decoder->matched = 0;
         return asked;
     }
-    if (line->matched < QUESTION_SIZE) {
-        line->matched = byte == question[line->matched] ? line->matched + 1U : OTHER;
+    if (decoder->matched < QUESTION_SIZE) {
+        decoder->matched = byte == question[decoder->matched] ? decoder->matched + 1U : OTHER;
     } else if (!is_space(byte)) {
-        line->matched = OTHER;
+        decoder->matched = OTHER;
     }
     return false;
+}
+
+enum received decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame) {
+    if (byte != 0U) {
+        if (decoder->size < LONGEST_CODED) {
+            decoder->piece[decoder->size] = byte;
+            decoder->size++;
+        } else {
+            decoder->too_long = true;
+        }
+        return is_asked(decoder, byte) ? IDENTITY : NOTHING;
+    }
+    const bool whole = !decoder->too_long && decoder->size > 0U;
+    const bool is_frame = whole && frame_read(decoder->piece, decoder->size, frame);
+    decoder_reset(decoder);
+    return is_frame ? FRAME : NOTHING;
 }

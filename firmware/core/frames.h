@@ -25,20 +25,19 @@ struct frame {
     uint8_t payload[LONGEST_PAYLOAD];
 };
 
-/* Frames out of a stream that may hold anything; never more than one frame's bytes. */
+/* Frames out of a stream that may hold anything; never more than one frame's bytes. In between,
+ * `*IDN?` where everything since the last delimiter is text. */
 struct decoder {
     uint8_t piece[LONGEST_CODED];
     size_t size;
     bool too_long;
-};
-
-/* Answers `*IDN?` where everything since the last delimiter is text. */
-struct identity_line {
     bool is_text;
-    size_t matched;
+    size_t matched; /* bytes of the question */
 };
 
-uint8_t read_u8(const uint8_t *at);
+/* What a byte completes. */
+enum received { NOTHING, FRAME, IDENTITY };
+
 uint16_t read_u16(const uint8_t *at);
 uint32_t read_u32(const uint8_t *at);
 uint64_t read_u64(const uint8_t *at);
@@ -57,12 +56,7 @@ size_t frame_encode(const struct frame *frame, uint8_t coded[LONGEST_FRAME]);
 
 void decoder_reset(struct decoder *decoder);
 
-/* Take a byte; return whether it completes a frame, which is then in `frame`. */
-bool decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame);
-
-void identity_line_reset(struct identity_line *line);
-
-/* Take a byte; return whether it completes the question who is there. */
-bool identity_line_feed(struct identity_line *line, uint8_t byte);
+/* Take a byte; a frame that it completes is then in `frame`. */
+enum received decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame);
 
 #endif
