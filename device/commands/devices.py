@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
+
+if TYPE_CHECKING:
+    from device.wire.channels import LineSettings
 
 
 @click.command()
 @click.argument("ports", metavar="[PORT]...", nargs=-1)
-def devices(*, ports: tuple[str, ...]) -> None:
+@click.option(
+    "--baud",
+    type=click.IntRange(1200, 10_000_000),
+    default=115_200,
+    help="Of the serial ports, as device.baud of a study; 115200 by default.",
+)
+def devices(*, ports: tuple[str, ...], baud: int) -> None:
     """List what answers on this machine's serial ports and on every PORT.
 
     This writes to every one of them: a question that instruments know, *IDN?, and a greeting to a
@@ -17,26 +28,28 @@ def devices(*, ports: tuple[str, ...]) -> None:
     from serial.tools.list_ports import comports
 
     from device.sound.stream import sound_cards
+    from device.wire.channels import LineSettings
 
+    line = LineSettings(baud=baud)
     names = dict.fromkeys([*sorted(port.device for port in comports()), *ports])
     if names:
         click.echo("Each port is written to: *IDN?, and a greeting to a device of ours.")
     else:
         click.echo("This machine has no serial ports; give others, such as socket://host:5025.")
     for name in names:
-        click.echo(f"{name}  {_who(name)}")
+        click.echo(f"{name}  {_who(name, line)}")
     for card in sound_cards():
         click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
 
 
-def _who(port: str) -> str:
+def _who(port: str, line: LineSettings) -> str:
     """Tell in one line what answers on a port."""
     from device.driver import LinkError
     from device.scpi.generator import identify_generator
     from device.wire.serial import identify
 
     try:
-        found = identify(port)
+        found = identify(port, line)
     except LinkError as error:
         return str(error)
     if found is not None:
@@ -44,7 +57,7 @@ def _who(port: str) -> str:
         told = "".join(f"\n    {report}" for report in reports)
         return f"{identity}: --driver serial{told}"
     try:
-        words = identify_generator(port)
+        words = identify_generator(port, line)
     except LinkError as error:
         return str(error)
     if words is not None:

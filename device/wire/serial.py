@@ -38,7 +38,7 @@ def serial_device(
     return HostDriver(link, limits=limits, clock=clock)
 
 
-def identify(port: str) -> tuple[Identity, DeviceLimits, Health] | None:
+def identify(port: str, line: LineSettings = USUAL) -> tuple[Identity, DeviceLimits, Health] | None:
     """Return who answers on a port and what it tells, or None where no device of this kind does.
 
     A `LinkError` says of one of this kind why it cannot be driven.
@@ -47,13 +47,13 @@ def identify(port: str) -> tuple[Identity, DeviceLimits, Health] | None:
     """
     clock = MonotonicClock()
     try:
-        channel = open_channel(port, clock)
+        channel = open_channel(port, clock, line)
     except LinkError:
         return None
     with closing(channel):
         if not _says_its_name(channel, clock):
             return None
-        link = FrameLink(lambda: channel, clock)
+        link = FrameLink(lambda: channel, clock, line=line)
         try:
             identity = link.hello()
             limits, health = link.exchange(AskLimits()), link.exchange(AskHealth())

@@ -6,6 +6,7 @@ import time
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
@@ -13,6 +14,7 @@ from device.driver import LinkError, Outcome
 from device.wire.channels import LineSettings, SerialChannel
 from device.wire.dialogue import too_slow, why_silent
 from device.wire.serial import identify, serial_device
+from tactstrip import main
 from tests.test_device.boards import board, says
 from tests.test_device.bursts import play, ready
 from tests.test_device.trials import LIMITS, QUICK
@@ -129,6 +131,14 @@ def test_the_line_dtr_is_raised_or_kept_low_before_anything_is_sent(
     with says(b"") as port:
         SerialChannel(port, MonotonicClock(), LineSettings(dtr=dtr)).close()
     assert asked == [posix.TIOCMBIS if dtr else posix.TIOCMBIC]
+
+
+def test_devices_lists_a_board_of_another_rate_by_that_rate() -> None:
+    with board(baud=9600) as (port, _):
+        for options, listed in (([], False), (["--baud", "9600"], True)):
+            result = CliRunner().invoke(main, ["devices", port, *options])
+            assert result.exit_code == 0, result.output
+            assert (f"{port}  emulator 1" in result.stdout) == listed, result.stdout
 
 
 def test_a_device_of_protocol_1_is_told_by_name_with_both_versions() -> None:
