@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from device.clock import VirtualClock
 from device.driver import Outcome
 from device.monitor.inputs import Calibration, InputMonitor
 from device.monitor.matching import Template
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, void
+from device.sound.recorder import Recorder
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.in_process import LoopCard, audio_on
 from tests.test_device.loops import (
@@ -230,6 +233,27 @@ def test_a_blank_on_a_dead_line_is_not_verified_and_one_with_a_burst_is_false() 
     rig = Rig()
     rig.device.load(3, BURST, 0 * BURST)
     assert rig.measure("none").verified == "false"
+
+
+@pytest.mark.parametrize("drift", [0.0, 50e-6, -200e-6])
+def test_when_a_frame_was_heard_is_known_as_well_as_is_told_on_a_drifting_clock(
+    drift: float,
+) -> None:
+    clock, rng = VirtualClock(), np.random.default_rng(5)
+    recorder = Recorder(clock, 48e3)
+    fine = SimpleNamespace(input_overflow=False)
+    covered = tries = 0
+    for i in range(4000):
+        clock.wait(256 / 48e3 * (1 + drift))
+        stated_s = 5e-3 + 128 / 48e3 * (i // 40 % 2) + abs(rng.normal(0, 2e-4))
+        timing = SimpleNamespace(currentTime=stated_s, inputBufferAdcTime=0.0)
+        recorder.take(np.zeros((256, 2), dtype=np.int16), timing, fine)
+        if i >= 800 and i % 10 == 0:
+            told_s, known_s = recorder.time_of(recorder.frames - 256)
+            covered += abs(told_s - (clock.now_s() - 5e-3 - 64 / 48e3)) <= known_s
+            tries += 1
+            assert known_s < 4e-3
+    assert covered >= 0.95 * tries
 
 
 @pytest.mark.parametrize("frames", [-60.0, 60.0])
