@@ -130,7 +130,7 @@ class Noted(Recorder):
         return float(np.polyfit(calls[near, 0] - frame, calls[near, 1], 1)[1])
 
 
-@pytest.mark.parametrize("wanted", [40, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("wanted", [25, pytest.param(400, marks=pytest.mark.long)])
 def test_an_onset_on_another_clock_is_known_as_well_as_is_told(
     null_sink: NullSink, emulate: Emulate, wanted: int
 ) -> None:

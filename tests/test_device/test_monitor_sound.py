@@ -47,6 +47,8 @@ STALLED_S: Final = 0.5
 GONE_S: Final = 5.0
 MOST_OPENED: Final = 10
 SETTLED_S: Final = 0.4
+RINGING: Final = 16
+"""Frames around a burst in which it rings, as it is delayed by a part of a frame."""
 MOST_PLAYS: Final = 4
 """For each burst that is wanted: a busy machine's server tears some, which are played again."""
 
@@ -218,7 +220,8 @@ class Pair:
         measured = self.monitor.end(delivery)
         began, lag, late = self.device.played(), None, math.nan
         if began is not None:
-            lag = self._sound.count.lag_of(self._first + began, 2 * len(BURST) + int(DELAY))
+            first = self._first + began + int(min(self.line.delays)) - RINGING
+            lag = self._sound.count.lag_of(first, len(BURST) + 3 * RINGING)
         on = [d for d, on in zip(self.line.delays, (left, right), strict=True) if on]
         if lag is not None and on:
             late = lag - self._lag + min(on) - DELAY
