@@ -146,20 +146,20 @@ def _log_likelihood(
     of_mu, of_sigma = ([np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
                        for axes in ((middle, spread), (log_sigma, OMEGA)))  # fmt: skip
     weights: dict[int, Floats] = {}
-    prior = kind_prior()[:, None, None]
-    total = np.tile((1 - len(found)) * np.log(prior), (1, len(of_mu[0]), len(of_sigma[0])))
+    prior = np.repeat(kind_prior(), len(of_sigma[0]))
+    total = np.tile((1 - len(found)) * np.log(prior), (len(of_mu[0]), 1))
     # Fresh memory for each of a thousand people would take as long as their sums.
-    person, half = np.empty_like(total), np.empty((0, 0, 0))
+    person = np.empty_like(total)
     for one in found:
         for axis, (at, width) in ((one.mu, of_mu), (one.log_sigma, of_sigma)):
             if id(axis) not in weights:
                 weights[id(axis)] = normal_weights(axis, at, width)
-        shape = (len(total), len(of_mu[0]), len(one.log_sigma))
-        half = half if half.shape == shape else np.empty(shape)
-        np.matmul(weights[id(one.mu)], one.by_kind, out=half)
-        np.matmul(half, weights[id(one.log_sigma)].T, out=person)
+        # Over sigma first: that leaves the least to do for each of the many values of mu.
+        half = (one.by_kind @ weights[id(one.log_sigma)].T).transpose(1, 0, 2)
+        np.matmul(weights[id(one.mu)], half.reshape(len(one.mu), -1), out=person)
         total += np.log(np.maximum(person, _TINY, out=person), out=person)
-    return total.reshape(-1, len(middle), len(spread), len(log_sigma), len(OMEGA))
+    shape = (len(middle), len(spread), -1, len(log_sigma), len(OMEGA))
+    return np.ascontiguousarray(np.moveaxis(total.reshape(shape), 2, 0))
 
 
 def matters(axis: Floats, margin: Floats, least: float = _MATTERS) -> tuple[float, float]:
