@@ -132,9 +132,9 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
     if table.is_symlink() and meant.with_name(JOURNAL).is_file():
         message = f"is a symbolic link to {meant}, whose journal lies there; give that file itself"
         raise ResultFileError(table, None, message)
-    if table.name == TABLE or journal.is_file() or journal.is_symlink():
-        _refuse_links(table)
     if not journal.is_file():
+        if table.name == TABLE or journal.is_symlink():
+            _refuse_links(table)
         removed = removed_journal(table.parent) if table.name == TABLE else ()
         plan, sha256 = read_plan(table) or (None, "")
         return SessionRecord(plan=plan, plan_file_sha256=sha256, altered=removed)

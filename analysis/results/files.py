@@ -59,7 +59,7 @@ def _cells(column: pd.Series[Any]) -> Iterable[str]:
     """Write each different value once."""
     codes, distinct = pd.factorize(column, use_na_sentinel=True)
     # The last stands for missing values, whose code is -1.
-    texts = [*(_cell(value) for value in distinct.tolist()), NOT_AVAILABLE]
+    texts = [*map(_cell, distinct.tolist()), NOT_AVAILABLE]
     return [texts[code] for code in codes.tolist()]
 
 

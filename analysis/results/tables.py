@@ -235,7 +235,7 @@ def analyse(
     excluded = counting.excluded_table(trials)
     stated = contacts(loaded.progress, _sessions_of(trials))
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
-    people, doubts = people_in(loaded), tuple(doubts_of(loaded))
+    people, doubts = people_in(loaded, cells), tuple(doubts_of(loaded))
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
     sensitivity = sensitivity_table(trials)
     return Analysis(

@@ -212,11 +212,13 @@ def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
     return _side_by_side(cells(trials), lambda names: _guesses(trials, names, alternatives))
 
 
-def people_in(loaded: LoadedTrials) -> PersonCounts:
-    """Return the people of trials, or of a table of counts where there is one."""
+def people_in(loaded: LoadedTrials, table: pd.DataFrame) -> PersonCounts:
+    """Return the people of trials, or of a table of counts where there is one, and of its cells."""
     if loaded.cells is None:
-        return people_of(loaded.trials, loaded.alternatives)
-    return people_of_counts(loaded.cells, loaded.blanks, loaded.alternatives)
+        return _side_by_side(
+            table, lambda names: _guesses(loaded.trials, names, loaded.alternatives)
+        )
+    return people_of_counts(table, loaded.blanks, loaded.alternatives)
 
 
 def people_of_counts(

@@ -177,12 +177,12 @@ def format_value(value: object) -> str:
     >>> [format_value(v) for v in (None, True, 60.0, 0.25, "left")]
     ['n/a', 'true', '60', '0.25', 'left']
     """
+    if isinstance(value, float):  # most are
+        return repr(int(value)) if value.is_integer() else repr(value)
     if value is None:
         return NOT_AVAILABLE
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, float):
-        return repr(int(value)) if value.is_integer() else repr(value)
     return str(value)
 
 
