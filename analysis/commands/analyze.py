@@ -94,18 +94,18 @@ def write_analysis(
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
-    from analysis.reading.load import read_inputs
+    from analysis.reading.load import no_search_for_circles, read_inputs
     from analysis.results.files import save
     from analysis.results.tables import analyse
 
     loaded = read_inputs(
         paths, columns, watched=_bar if bar else nullcontext, accept_altered=accept_altered
     )
-    with working("Fitting") if bar else nullcontext():
+    with working("Fitting") if bar else nullcontext(), no_search_for_circles():
         analysis = analyse(
             loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
         )
-    with working("Writing") if bar else nullcontext():
+    with working("Writing") if bar else nullcontext(), no_search_for_circles():
         save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths)
     return analysis
 

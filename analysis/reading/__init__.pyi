@@ -1,5 +1,5 @@
 from .batch import InputFile
-from .load import LoadedTrials, read_inputs, read_trials
+from .load import LoadedTrials, no_search_for_circles, read_inputs, read_trials
 from .plans import contacts, read_plan
 from .sources import TABLE, InputTable, find_sources, read_regular, unreadable
 from .text import ResultFileError, TextFormat, named, one_line, shown, text_chunks
@@ -14,6 +14,7 @@ __all__ = [
     "contacts",
     "find_sources",
     "named",
+    "no_search_for_circles",
     "one_line",
     "read_inputs",
     "read_plan",

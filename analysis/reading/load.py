@@ -194,7 +194,7 @@ def read_inputs(
             blanks=counted.blanks,
             left_out=counted.left_out,
         )
-    with unchanged(files), watched(sources) as asked, _no_search_for_circles():
+    with unchanged(files), watched(sources) as asked, no_search_for_circles():
         read = [
             one
             for batch in batches(asked)
@@ -235,10 +235,11 @@ def read_inputs(
 
 
 @contextmanager
-def _no_search_for_circles() -> Iterator[None]:
+def no_search_for_circles() -> Iterator[None]:
     """Keep Python from looking for circular garbage, an eighth of the time of many sessions.
 
-    What is read is millions of plain values, none of which points back at another.
+    What is read is millions of plain values, none of which points back at another; tables made of
+    them have no circles either, and those of a few figures can wait.
     """
     enabled = gc.isenabled()
     gc.disable()
