@@ -70,12 +70,17 @@ def test_a_ceiling_beyond_what_the_pins_of_the_board_reach_is_not_compiled(tmp_p
     assert "the buffer of the pins reaches" in why_not(tmp_path, "board", RAIL_MVPP=228_000)
 
 
+ADC_FORM = '--adc: gain=G[,delay_us=US[,noise=MV]], up to 100, 1000, 100000, got "{}"'
+
+
 @pytest.mark.parametrize(
     ("option", "complaint"),
     [
         (["--rate", "0"], '--rate: 1 to 50000, got "0"'),
         (["--tcp", "70000"], '--tcp: 0 to 65535, got "70000"'),
         (["--tcp"], '--tcp: 0 to 65535, got ""'),
+        (["--adc", "gain=0"], ADC_FORM.format("gain=0")),
+        (["--adc", "gain=1,noise=5"], ADC_FORM.format("gain=1,noise=5")),
     ],
 )
 def test_the_native_device_names_the_option_that_it_refuses(

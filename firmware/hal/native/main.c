@@ -225,8 +225,10 @@ static void wire_inputs(const char *text) {
     double gain = 0.0;
     double delay_us = 0.0;
     double noise = 0.0;
-    const int given = sscanf(text, "gain=%lf,delay_us=%lf,noise=%lf", &gain, &delay_us, &noise);
-    if (given < 1 || !(gain >= 1e-6 && gain <= MOST_GAIN) ||
+    int end = 0;
+    (void)sscanf(text, "gain=%lf%n,delay_us=%lf%n,noise=%lf%n", &gain, &end, &delay_us, &end,
+                 &noise, &end);
+    if (end == 0 || text[end] != '\0' || !(gain >= 1e-6 && gain <= MOST_GAIN) ||
         !(delay_us >= 0.0 && delay_us <= MOST_DELAY_US) ||
         !(noise >= 0.0 && noise <= MOST_NOISE_MV)) {
         (void)fprintf(stderr, "tactstrip-native: --adc: gain=G[,delay_us=US[,noise=MV]], "

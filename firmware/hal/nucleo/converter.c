@@ -124,7 +124,7 @@ static void feed(uint32_t channel, uint32_t dac, uint16_t *buffer, uint32_t inte
     DAC_CR(dac) = AT_REST | DAC_CR_TEN1 | DAC_CR_DMAEN1;
 }
 
-/* The timer goes on while the last recording is looked at, so that its samples overrun: nothing is
+/* The timer goes on behind the last word of a recording, so that samples overrun: nothing is
  * asked for until that is cleared. Requests end with the DMA's last word and begin anew here. */
 static void record(void) {
     ADC12_CCR = ADC_CCR_CKMODE_BUS_4 | ADC_CCR_DUAL_REGULAR;

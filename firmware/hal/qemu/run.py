@@ -15,7 +15,7 @@ from pathlib import Path
 IMAGE = Path(__file__).parents[2] / "build" / "tactstrip-qemu.elf"
 BOOT_ID, SAMPLE_RATE, ADC, SENSES = 0x20000000, 0x20000008, 0x20000010, 0x2000001C
 """Where the image looks for them: main.c."""
-ADC_FORM = re.compile(r"gain=([\d.]+)(?:,delay_us=(\d+))?(?:,noise=(\d+))?")
+ADC_FORM = re.compile(r"gain=(\d+(?:\.\d+)?)(?:,delay_us=(\d+))?(?:,noise=(\d+))?")
 
 
 def main() -> None:
