@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 
 CONNECT_S: Final = 5
-"""So long a scheduler may take to answer."""
+"""So long a scheduler may take to answer at an address where there may be none."""
+_STARTED_S: Final = 30
+"""So long one may take that was started here: its computer may be busy."""
 _UNDER_WAY: Final = 1000
 """Chunks at the scheduler: seconds of work for 500 cores, a megabyte in its memory."""
 
@@ -81,6 +83,19 @@ def _computed(
     return function(chunk)
 
 
+def _versions_there() -> Callable[[], dict[str, str]]:
+    """Return what a worker can be asked that has nothing of ours: this function travels whole."""
+    names = DECIDES
+
+    def found() -> dict[str, str]:
+        from importlib.metadata import distributions
+
+        there = {one.metadata["Name"]: one.version for one in reversed([*distributions()])}
+        return {name: there[name] for name in names if name in there}
+
+    return found
+
+
 def _same(worker: str, theirs: dict[str, str], ours: dict[str, str]) -> None:
     for name in DECIDES:
         if theirs.get(name) != ours[name]:
@@ -96,9 +111,9 @@ def cluster(scheduler: Any) -> Iterator[Workers]:
     """Have the workers of a cluster, of which each has our versions."""
     with ExitStack() as stack:
         client = stack.enter_context(connected(scheduler))
-        there: dict[str, Any] = client.get_versions(packages=list(DECIDES))["workers"]
+        there: dict[str, dict[str, str]] = client.run(_versions_there())
         for address, found in there.items():
-            _same(f"worker {address}", found["packages"], versions())
+            _same(f"worker {address}", found, versions())
         workers = Workers(client)
         if not there:
             workers.news.append("the cluster has no workers yet: waiting for the first")
@@ -129,9 +144,10 @@ def connected(scheduler: Any) -> Iterator[Any]:
                 self.close()  # later, without its loop, it would wait for 10 s
                 raise
 
+    patience_s = CONNECT_S if isinstance(scheduler, str) else _STARTED_S
     with _quiet():
         try:
-            client = OurClient(scheduler, timeout=CONNECT_S, set_as_default=False)
+            client = OurClient(scheduler, timeout=patience_s, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
             reason = " ".join(str(error).split())
             raise ValueError(

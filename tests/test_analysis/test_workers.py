@@ -55,7 +55,7 @@ def dask(*arguments: str, path: Path = ROOT) -> Iterator[subprocess.Popen[str]]:
 @contextmanager
 def scheduler() -> Iterator[tuple[str, subprocess.Popen[str]]]:
     """Start a scheduler on a port of the system's choice."""
-    with dask("scheduler", "--port", "0") as process:
+    with dask("scheduler", "--port", "0", "--dashboard-address", ":0") as process:
         assert process.stderr is not None
         at = (re.search(r"Scheduler at: *(tcp://\S+)", line) for line in process.stderr)
         yield next(found[1] for found in at if found), process
@@ -185,7 +185,7 @@ def test_a_local_cluster_computes_what_one_process_does(processes: bool) -> None
         n_workers=2 if processes else 1,
         threads_per_worker=1 if processes else 2,
         processes=processes,
-        dashboard_address=None,
+        dashboard_address=":0",
     ) as local:
         assert numbers(spread(draw, chunks(7), scheduler=local)) == ALONE
         with Client(local) as client:
