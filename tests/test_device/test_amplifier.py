@@ -88,6 +88,22 @@ def test_an_adc_misses_as_many_bursts_as_it_is_told() -> None:
     assert 120 <= seen <= 160
 
 
+def test_noise_of_an_adc_takes_as_much_from_the_correlation_as_its_power() -> None:
+    clock = VirtualClock()
+    adc = Adc.parse("tap=amplifier,noise=10000")
+    device = MockDevice(clock, limits=LIMITS, adc=adc, rng=np.random.default_rng(2))
+    ready(device, 100.0)
+    found = []
+    for token in range(1, 101):
+        play(device, token)
+        clock.wait(0.1)
+        found.append(device.measured(token))
+    correlations = [one.correlation_left for one in found if one is not None]
+    signal_v2 = 50.0**2 * np.mean(BURST**2)
+    assert np.mean(correlations) == pytest.approx(1e4 / np.sqrt(1 + 10.0**2 / signal_v2), rel=2e-3)
+    assert all(one is not None and 0 < one.right < 45_000 for one in found)
+
+
 def test_a_device_without_an_adc_measures_nothing() -> None:
     device, rig = wired(Amplifier())
     play(device, 1)

@@ -128,6 +128,7 @@ def test_devices_tells_who_answers_and_that_it_writes(start: Start) -> None:
         (["--adc", "tap=ear"], "adc must be of"),
         (["--adc", "gain=-1"], "gain must be"),
         (["--switch-open", "--generator", "keysight"], "--switch-open and --generator exclude"),
+        (["--switch-stdin", "--generator", "keysight"], "--switch-stdin and --generator exclude"),
         (["--over-current-at", "2", "--generator", "keysight"], "--over-current-at and"),
     ],
 )
