@@ -22,7 +22,6 @@ from stimuli.motion.motion import (
     multiples_of,
     reference_of,
     springs_lose,
-    unsure_m,
     without_loss,
 )
 from stimuli.motion.oscillators import Oscillators
@@ -279,7 +278,6 @@ def pressed_motion(
             reference_hz=reference_hz,
             highest_hz=upper_hz,
             viscous_s=strip.material.viscous_time_s,
-            unsure=partial(unsure_m, *sought, lossless) if strip.patches else None,
             coarser=coarser,
         )
 

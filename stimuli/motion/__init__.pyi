@@ -12,7 +12,6 @@ from .motion import (
     reference_of,
     springs_lose,
     steady,
-    unsure_m,
     without_loss,
 )
 from .oscillators import Oscillators, poles
@@ -54,7 +53,6 @@ __all__ = [
     "steady",
     "transient",
     "transient_work",
-    "unsure_m",
     "wait_of",
     "without_loss",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import takewhile
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -18,14 +18,14 @@ from stimuli.load import DISCS
 from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
-from stimuli.motion.patched import PatchedModes, has_room, patched_modes
-from stimuli.motion.section import ECHOED, unpatched, without_far_ends
+from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
+from stimuli.motion.section import ECHOED, without_far_ends
 from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
     from stimuli.load import Load
-    from stimuli.motion.basis import Functions
+    from stimuli.motion.patches.functions import Functions
     from stimuli.strip.strip import Strip
 
 
@@ -49,11 +49,8 @@ _SLOW: Final = 30.0
 """A burst so many times slower than the cut-off, as those of plates a few millimetres wide are,
 moves upper modes so little that those which tell echoes may be enough."""
 
-_FEWEST_PATCHED: Final = 6.0
-"""The same of a plate with patches, whose functions hold what is finer."""
-
-_UNSURE: Final = 2.0
-"""What the miss of the exact field without patches is multiplied with: patches have more."""
+_PATCHED: Final = 5.0, 8.0
+"""The same of a plate with patches, whose functions hold what is finer: both are needed."""
 
 _IMAGES: Final = 3.0, 1.5
 """A sample rate below so many times the highest mode, and up to where modes are kept then."""
@@ -86,8 +83,6 @@ class Motion:
         Up to where it has modes.
     viscous_s : float
         Relaxation time of the plate: what follows at once does so as late as this.
-    unsure : callable or None
-        Returns what may be wrong of a plate with patches at rest, (n_loads, n_points).
     coarser : tuple of two callables
         Return the same without the modes of the upper half octave and of the upper octave, where
         their inertia shifts the others, as it does under fingers; else empty.
@@ -99,7 +94,6 @@ class Motion:
     reference_hz: float
     highest_hz: float
     viscous_s: float
-    unsure: Callable[[], Real] | None = None
     coarser: tuple[Callable[[], Motion], ...] = ()
 
 
@@ -119,9 +113,13 @@ def is_slow(drive: Drive, reference_hz: float) -> bool:
     return not isinstance(drive, SampledDrive) and _SLOW * drive.band_hz()[1] <= reference_hz
 
 
-def enough_of(strip: Strip, reference_hz: float, multiples: Iterable[float]) -> list[float]:
-    """Return those multiples of a frequency, up to the first, whose modes are too many."""
-    return list(takewhile(lambda one: is_enough(strip, one * reference_hz), multiples))
+def enough_of(strip: Strip, reference_hz: float, multiples: Sequence[float]) -> list[float]:
+    """Return those multiples of a frequency, up to the first, whose modes are too many.
+
+    With patches all or none: two tell each other's error.
+    """
+    found = list(takewhile(lambda one: is_enough(strip, one * reference_hz), multiples))
+    return [] if strip.patches and len(found) < len(multiples) else found
 
 
 def is_enough(strip: Strip, highest_hz: float) -> bool:
@@ -141,12 +139,13 @@ def multiples_of(drive: Drive, reference_hz: float, strip: Strip) -> tuple[float
 
     The images of samples about their rate would make modes just above the highest one swing.
     """
-    least = _FEWEST_PATCHED if strip.patches else _FEWEST
+    least, most = _PATCHED if strip.patches else (_FEWEST, _MORE * _FEWEST)
     if isinstance(drive, SampledDrive):
         near, reach = _IMAGES
         rate = drive.sample_rate_hz / reference_hz
-        least = max(least, reach * rate) if rate < near * least else least
-    return least, _MORE * least
+        shift = max(1.0, reach * rate / least) if rate < near * least else 1.0
+        least, most = shift * least, shift * most
+    return least, most
 
 
 @lru_cache(maxsize=4)
@@ -205,7 +204,6 @@ def motion_of(
         reference_hz=reference_hz,
         highest_hz=highest_hz,
         viscous_s=strip.material.viscous_time_s,
-        unsure=partial(unsure_m, *sought, lossless) if strip.patches else None,
     )
 
 
@@ -223,8 +221,7 @@ def steady(scene: Scene, frequency_hz: float) -> Complex:
     viscous = dataclasses.replace(material, loss_factor=0.0, viscous_time_s=viscous_s)
     strip = dataclasses.replace(scene.strip, material=viscous)
     reference_hz = strip.cutoff_hz()
-    multiples = [_FEWEST_PATCHED, _MORE * _FEWEST_PATCHED]
-    enough = [multiple for multiple in multiples if is_enough(strip, multiple * reference_hz)]
+    enough = [multiple for multiple in _PATCHED if is_enough(strip, multiple * reference_hz)]
     if not enough:
         raise ValueError(f"the plate has too many modes for its patches, got {strip.length_m!r} m")
     motion = motion_of(dataclasses.replace(scene, strip=strip), reference_hz, enough[-1])
@@ -245,8 +242,6 @@ class Bare(NamedTuple):
     """What of a scene does not depend on its loss."""
 
     groups: Sequence[Modes | Waves | PatchedModes]
-    # of functions in which modes were sought, values at the points and works of the loads
-    in_functions: list[tuple[Real, Real]]
     moved: list[Real]  # of each group the modes at the points, (n_copies, n_points, n_modes)
     pushed: list[Real]  # what the loads do to them, (n_copies, n_loads, n_modes)
     static_m: Real  # (n_loads, n_points)
@@ -269,10 +264,9 @@ def bare_of(
     points_m, nodes = np.array(scene.points_m), _all_nodes(scene, highest_hz)
     return Bare(
         groups=groups,
-        in_functions=[],
         moved=[group.at(points_m) for group in groups],
         pushed=[_pushed(scene, nodes, group.at) for group in groups],
-        static_m=_exact_static_m(scene),
+        static_m=_at_rest_m(without_far_ends(scene)),
     )
 
 
@@ -284,7 +278,6 @@ def _bare_patched(scene: Scene, highest_hz: float, within_hz: float, *, centred:
     rests = [group.at_rest_m(at_points, pushes) for group, (at_points, pushes) in both]
     return Bare(
         groups=groups,
-        in_functions=in_functions,
         moved=[group.moved(at_points)[np.newaxis] for group, (at_points, _) in both],
         pushed=[group.moved(pushes)[np.newaxis] for group, (_, pushes) in both],
         static_m=np.sum(rests, axis=0),
@@ -297,28 +290,6 @@ def _in_functions(scene: Scene, functions: Functions, highest_hz: float) -> tupl
     (at_points,) = functions.at(np.array(scene.points_m))
     (pushes,) = _pushed(scene, _all_nodes(scene, highest_hz), functions.at)
     return at_points, pushes
-
-
-@lru_cache(maxsize=4)
-def unsure_m(scene: Scene, highest_hz: float, within_hz: float, asked: Scene) -> Real:
-    """Return what may be wrong of a plate with patches at rest: (n_loads, n_points).
-
-    It is twice what the same functions miss of the exact field without patches. The loads and
-    points of the scene begin with those that are asked for.
-    """
-    bare = bare_of(scene, highest_hz, within_hz)
-    rests = [
-        group.bare_at_rest_m(*known)
-        for group, known in zip(bare.groups, bare.in_functions, strict=True)
-        if isinstance(group, PatchedModes)
-    ]
-    without_m = np.sum(rests, axis=0)[: len(asked.loads), : len(asked.points_m)]
-    return np.asarray(_UNSURE * np.abs(without_m - _exact_static_m(asked)))
-
-
-def _exact_static_m(scene: Scene) -> Real:
-    """Return the static field of the plate without patches."""
-    return _at_rest_m(without_far_ends(unpatched(scene)))
 
 
 @lru_cache(maxsize=4)

@@ -154,7 +154,7 @@ def test_a_patch_whose_displacement_is_not_known_is_named_by_its_keys() -> None:
     small = study_from_text(
         wide
         + "".join(
-            f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 3\n{D31}'
+            f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 1\n{D31}'
             f"patch_counts = true\n{LAYERS}"
             for side, x_mm in (("left", -50), ("right", 50))
         )
@@ -162,7 +162,7 @@ def test_a_patch_whose_displacement_is_not_known_is_named_by_its_keys() -> None:
         "s.toml",
     )
     said = (
-        r"what the fingers get of the (left|right) actuator \(diameter_mm = 3\) on the plate with "
+        r"what the fingers get of the (left|right) actuator \(diameter_mm = 1\) on the plate with "
         r"its patches is known to [\d.]+% only, 3% is the most; .* patch_counts = false"
     )
     with pytest.raises(StudyError, match=said):

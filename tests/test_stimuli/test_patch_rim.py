@@ -11,7 +11,7 @@ import pytest
 
 from stimuli import BondedPatch, ElasticEdge, Layer, MomentDisc, Scene, Strip
 from stimuli.motion.motion import steady
-from stimuli.motion.patched import patched_modes
+from stimuli.motion.patches.patched import patched_modes
 from stimuli.strip.patch import laminate, layer_of
 from tests.test_stimuli.plates import FIRM, W, on
 

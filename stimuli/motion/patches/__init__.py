@@ -1,0 +1,5 @@
+"""Plates with patches: functions that bend at their rims, matrices, modes."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,4 @@
+from .functions import Functions
+from .patched import PatchedModes, has_room, patched_modes
+
+__all__ = ["Functions", "PatchedModes", "has_room", "patched_modes"]

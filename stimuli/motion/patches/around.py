@@ -1,0 +1,320 @@
+"""Functions of one patch: with a jump of curvature at its rim, and a little way about it.
+
+Polynomials of the whole plate would come near what a patch bends as 1 / n only. Its functions end
+smoothly outside; where they end at an edge or end of the plate, they move there as the plate may.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from numpy.polynomial import Legendre, Polynomial
+from numpy.polynomial.legendre import leg2poly, leggauss
+from numpy.polynomial.polynomial import polyvander
+
+from stimuli.motion.basis import disc_rings, products_of
+from stimuli.strip.edge import CLAMPED
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.strip.patch import BondedPatch
+    from stimuli.strip.strip import Strip
+
+
+_RING, _WIDTHS = 2.0, 0.3
+"""How far beyond a patch its functions reach, in its smaller half length, and in widths at least:
+what is finer than that polynomials of the plate do not hold."""
+
+_LEAST_RING: Final = 0.02
+"""Where an edge, an end or another patch leaves less room, they end at its rim."""
+
+_HUMPS, _MORE_HUMPS = 2, 5
+"""Humps inside and outside: one leaves 0.6 % of the displacement over a disc. More are needed where
+functions end at the rim on both sides."""
+
+_FINEST: Final = 3
+"""Products of a hump along and one across: with the second of both, nothing more is found."""
+
+_POWERS: Final = 2 * _MORE_HUMPS + 4
+"""Powers of the longest function along a line: (1 - s^2)^2 times a polynomial."""
+
+_MOST_DEGREE: Final = 9
+"""Of a disc's functions."""
+
+_RIM: Final = 1 + 1e-7
+"""Where a half or a ring ends: a patch may lie on an edge but for rounding."""
+
+VALUE: Final = (0, 0)
+BENDS: Final = ((2, 0), (0, 2), (1, 1))
+"""Orders of derivatives along and across."""
+
+
+class Ring(NamedTuple):
+    """How far functions reach beyond a rim, and what is free where they end.
+
+    Nothing inside the plate and at a clamped edge, the slope at another edge, at an end of the
+    plate the displacement, too: `free` is 0, 1 or 2.
+    """
+
+    reach: float
+    free: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Around:
+    """The functions of one patch: piecewise polynomials on up to three by three cells about it.
+
+    The middle cell is the patch, or the square about a disc, which has polynomials of its own
+    beside them: (1 - r^2)^2 times those of a low degree, 0 outside.
+
+    Attributes
+    ----------
+    patch : BondedPatch
+    rings : two pairs of Ring
+        Their reach in m, to the left and right, and towards either edge.
+    odd : two of bool or None
+        Which functions along and across; none: all.
+    degree : int
+        Of a disc's polynomials, at most 9.
+    """
+
+    patch: BondedPatch
+    rings: tuple[tuple[Ring, Ring], tuple[Ring, Ring]]
+    odd: tuple[bool | None, bool | None]
+    degree: int
+
+    @property
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Numbers of the factors along and across of the functions on the cells."""
+        along, across = np.nonzero(np.add.outer(*self._levels()) <= _FINEST)
+        return along, across
+
+    @property
+    def is_coarse(self) -> NDArray[np.bool_]:
+        """Which of all its functions are enough for an estimate of what the others add."""
+        along, across = self._levels()
+        coarse = np.maximum(along[self.pairs[0]], across[self.pairs[1]]) < _HUMPS
+        return np.append(coarse, np.ones(self.n_disc, dtype=bool))
+
+    @property
+    def n_disc(self) -> int:
+        """How many functions a disc has of its own."""
+        centre_m = np.array([[self.patch.x_m, self.patch.y_m]])
+        return int(self.disc(centre_m, VALUE).shape[1])
+
+    def reach_m(self, axis: int) -> float:
+        """Return the longest half or ring along an axis."""
+        return max(self.patch.half_size_m[axis], *(ring.reach for ring in self.rings[axis]))
+
+    def box(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of the functions on the cells: (n_points, n_functions)."""
+        along, across = (
+            self.factor(axis, points_m[:, axis], order) for axis, order in enumerate(orders)
+        )
+        i, j = self.pairs
+        return np.asarray(along[:, i] * across[:, j])
+
+    def factor(self, axis: int, places_m: Real, order: int) -> Real:
+        """Return a derivative of their factors along or across: (n_places, n_factors)."""
+        centre_m = (self.patch.x_m, self.patch.y_m)[axis]
+        half_m = self.patch.half_size_m[axis]
+        rings = [Ring(one.reach / half_m, one.free) for one in self.rings[axis]]
+        place = (places_m - centre_m) / half_m
+        return _steps(place, rings, order, odd=self.odd[axis]) / half_m**order
+
+    def disc(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of a disc's own functions; a rectangle has none."""
+        if not self.patch.is_disc:
+            return np.zeros((len(points_m), 0))
+        radius_m = self.patch.half_size_m[0]
+        x, y = (points_m - (self.patch.x_m, self.patch.y_m)).T / radius_m
+        series = _disc_series(min(self.degree, _MOST_DEGREE), self.odd, orders)
+        n = math.isqrt(len(series))
+        inside = x * x + y * y < 1
+        of_x, of_y = (polyvander(np.where(inside, one, 0.0), n - 1) for one in (x, y))
+        powers = products_of(np.asarray(of_x, dtype=np.float64), np.asarray(of_y, dtype=np.float64))
+        return np.asarray(inside[:, np.newaxis] * (powers @ series)) / radius_m ** sum(orders)
+
+    def line(self, axis: int, n_nodes: int, *, inside: bool) -> tuple[Real, Real]:
+        """Return nodes and weights along or across the cells, or the patch alone."""
+        centre_m, half_m = (self.patch.x_m, self.patch.y_m)[axis], self.patch.half_size_m[axis]
+        low, high = (0.0 if inside else ring.reach for ring in self.rings[axis])
+        ends_m = centre_m + np.unique([-half_m - low, -half_m, half_m, half_m + high])
+        nodes, weights = leggauss(n_nodes)
+        halves_m = np.diff(ends_m)[:, np.newaxis] / 2
+        places_m = ends_m[:-1, np.newaxis] + halves_m * (nodes + 1)
+        return places_m.ravel(), (halves_m * weights).ravel()
+
+    def area(self, n_nodes: int) -> tuple[Real, Real]:
+        """Return nodes (n, 2) and weights over a disc."""
+        rings, weights = disc_rings(n_nodes)
+        reach_m = self.patch.half_size_m[0] * rings
+        angle = math.pi / n_nodes * (np.arange(2 * n_nodes) + 0.5)  # none on the middle line
+        x_m = self.patch.x_m + np.multiply.outer(reach_m, np.cos(angle))
+        y_m = self.patch.y_m + np.multiply.outer(reach_m, np.sin(angle))
+        share = weights * self.patch.half_size_m[0] ** 2 * math.pi / n_nodes
+        return np.stack([x_m.ravel(), y_m.ravel()], axis=1), np.repeat(share, 2 * n_nodes)
+
+    def _levels(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return how fine each factor along and across is: 0, or the number of a hump."""
+        along, across = (
+            np.array(_fineness(rings, odd=odd))
+            for rings, odd in zip(self.rings, self.odd, strict=True)
+        )
+        return along, across
+
+
+def rings_of(strip: Strip, patch: BondedPatch) -> tuple[tuple[Ring, Ring], tuple[Ring, Ring]]:
+    """Return how far the functions of a patch reach beyond it, along and across on both sides."""
+    half_m, end_m = patch.half_size_m, (strip.length_m or 0.0) / 2
+    most_m = max(_RING * min(half_m), _WIDTHS * strip.width_m)
+    held = 0 if strip.edge is CLAMPED else 1
+    low_m, high_m = (patch.x_m + end_m, patch.y_m), (end_m - patch.x_m, strip.width_m - patch.y_m)
+    rings = [
+        [Ring(side[axis] - half_m[axis], free) for side in (low_m, high_m)]
+        for axis, free in ((0, 2), (1, held))
+    ]
+    for other in strip.patches:
+        if other is not patch:
+            gaps_m = patch.gaps_m(other)
+            axis = 0 if gaps_m[0] >= gaps_m[1] else 1
+            side = int((other.x_m, other.y_m)[axis] > (patch.x_m, patch.y_m)[axis])
+            rings[axis][side] = min(rings[axis][side], Ring(gaps_m[axis] / 2, 0))
+    least_m = _LEAST_RING * min(half_m)
+    (left, right), (near, far) = (
+        [
+            Ring(most_m, 0) if ring.reach > most_m
+            else ring if ring.reach > least_m
+            else Ring(0.0, ring.free)
+            for ring in sides
+        ]
+        for sides in rings
+    )  # fmt: skip
+    return (left, right), (near, far)
+
+
+def _n_humps(rings: Sequence[Ring]) -> int:
+    return _HUMPS if any(ring.reach for ring in rings) else _MORE_HUMPS
+
+
+def _fineness(rings: Sequence[Ring], *, odd: bool | None) -> list[int]:
+    """Return how fine the functions of `_steps` are."""
+    numbers = [n for n in range(2 * _n_humps(rings)) if odd is None or n % 2 == odd]
+    levels = [min(n // 2 + 1, _HUMPS) for n in numbers]
+    for ring in rings if odd is None else rings[1:]:
+        levels += [0] * (2 + ring.free) + [*range(1, _HUMPS + 1)] if ring.reach else [0] * ring.free
+    return levels
+
+
+def _steps(place: Real, rings: Sequence[Ring], order: int, *, odd: bool | None) -> Real:
+    """Return functions of a place over half a patch's length: (n_places, n_functions).
+
+    Humps inside, and on each side the value and slope at the rim, what is free where the ring ends,
+    and humps outside; of two equal sides even or odd sums.
+    """
+    humps = _hump_series(_n_humps(rings), order, odd)
+    middle = _polynomials(place, np.abs(place) <= _RIM, humps)
+    left, right = (
+        sign**order * _side(sign * place, ring, order)
+        for sign, ring in zip((-1, 1), rings, strict=True)
+    )
+    both = [left, right] if odd is None else [right - left if odd else right + left]
+    return np.concatenate([middle, *both], axis=1)
+
+
+def _side(place: Real, ring: Ring, order: int) -> Real:
+    """Return what belongs to the rim at 1."""
+    inner, outer = _side_series(ring, order)
+    beyond = (place - 1) / (ring.reach or 1.0)
+    outside = (place > _RIM) & (beyond <= _RIM) & (ring.reach > 0)
+    return _polynomials(place, np.abs(place) <= _RIM, inner) + _polynomials(beyond, outside, outer)
+
+
+def _polynomials(place: Real, there: NDArray[np.bool_], series: Real) -> Real:
+    """Return polynomials at some places, 0 at the others."""
+    powers = polyvander(np.where(there, place, 0.0), len(series) - 1)
+    return np.asarray(there[:, np.newaxis] * (powers @ series))
+
+
+@lru_cache(maxsize=64)
+def _hump_series(n_humps: int, order: int, odd: bool | None) -> Real:  # noqa: FBT001 - a key
+    """Return functions that end at the rim with slope 0, in powers of the place."""
+    s = Polynomial([0, 1])
+    wanted = [n for n in range(2 * n_humps) if odd is None or n % 2 == odd]
+    humps = [(1 - s**2) ** 2 * Legendre.basis(n).convert(kind=Polynomial) for n in wanted]
+    return _series(humps, order)
+
+
+@lru_cache(maxsize=64)
+def _side_series(ring: Ring, order: int) -> tuple[Real, Real]:
+    """Return the functions of a side inside, and outside, in powers of the place there."""
+    s, none = Polynomial([0, 1]), Polynomial([0])
+    value, slope = (1 + s) ** 2 * (2 - s) / 4, (1 + s) ** 2 * (s - 1) / 4
+    reach, free = ring
+    pieces = [(slope, none), (value, none)][:free]
+    if reach:
+        ends = [s**2 * (s - 1), s**2 * (3 - 2 * s)][:free]
+        humps = [16 * s**2 * (1 - s) ** 2 * (2 * s - 1) ** n for n in range(_HUMPS)]
+        pieces = [(value, (1 - s) ** 2 * (1 + 2 * s)), (slope, reach * s * (1 - s) ** 2)]
+        pieces += [(none, one) for one in (*ends, *humps)]
+    inner, outer = (_series([piece[part] for piece in pieces], order) for part in (0, 1))
+    return inner, outer / (reach or 1.0) ** order
+
+
+def _series(functions: Sequence[Polynomial], order: int) -> Real:
+    """Return a derivative of polynomials in powers: (n_powers, n)."""
+    series = np.zeros((_POWERS, len(functions)))
+    for column, one in enumerate(functions):
+        series[: len(one.coef), column] = one.coef
+    return _powers_derived(series, order)
+
+
+@lru_cache(maxsize=64)
+def _disc_series(
+    degree: int, odd: tuple[bool | None, bool | None], orders: tuple[int, int]
+) -> Real:
+    """Return a derivative of a disc's functions, over its radius, in x^i y^j: (n_powers, n).
+
+    There are equally many powers of x and of y, and those of y run first.
+    """
+    rim = {(0, 0): 1, (2, 0): -2, (0, 2): -2, (4, 0): 1, (0, 4): 1, (2, 2): 2}  # (1 - r^2)^2
+    legendre, n = _legendre_powers(), degree + 5
+    pairs = [
+        (i, j)
+        for i, j in product(range(degree + 1), range(degree + 1))
+        if i + j <= degree and odd[0] != (i % 2 == 0) and odd[1] != (j % 2 == 0)
+    ]
+    series = np.zeros((n, n, len(pairs)))
+    for place, (i, j) in enumerate(pairs):
+        shape = np.multiply.outer(legendre[i, : i + 1], legendre[j, : j + 1])
+        for (row, column), value in rim.items():
+            series[row : row + i + 1, column : column + j + 1, place] += value * shape
+    series = _powers_derived(series, orders[0])
+    across = _powers_derived(series.transpose(1, 0, 2), orders[1])
+    return np.ascontiguousarray(across.transpose(1, 0, 2)).reshape(n * n, -1)
+
+
+@lru_cache(maxsize=1)
+def _legendre_powers() -> Real:
+    """Return Legendre polynomials up to any degree of a disc's functions, in powers: (n, n)."""
+    powers = np.zeros((_MOST_DEGREE + 1, _MOST_DEGREE + 1))
+    for degree, row in enumerate(np.eye(len(powers))):
+        powers[degree, : degree + 1] = leg2poly(row[: degree + 1])
+    return powers
+
+
+def _powers_derived(series: Real, order: int) -> Real:
+    """Return a derivative of series of powers, along the first axis and as long as they are."""
+    for _ in range(order):
+        powers = np.arange(1.0, len(series)).reshape(-1, *(1,) * (series.ndim - 1))
+        series = np.concatenate([powers * series[1:], np.zeros_like(series[:1])])
+    return series

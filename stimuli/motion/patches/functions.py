@@ -1,0 +1,131 @@
+"""Functions of one symmetry of a plate with patches: those of the whole plate and of each patch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.motion.basis import Polynomials, free_basis, half_waves, held_basis, sided
+from stimuli.motion.patches.around import BENDS, VALUE, Around, rings_of
+from stimuli.strip.edge import CLAMPED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.strip.strip import Strip
+
+Symmetry = tuple[bool | None, bool | None]
+"""Odd or even along and across; none: both."""
+
+_DIGITS: Final = 2.3
+"""To which waves are held by the plate's polynomials: what is fine is near the patches, which have
+functions of their own."""
+
+_DEGREE: Final = 3
+"""Of a disc's functions, beside a wave's phase from its centre to its rim."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Functions:
+    """What one symmetry is made of: polynomials of the whole plate, and each patch's functions.
+
+    Where left and right are mirror images, the patches on the right have functions for both.
+
+    Attributes
+    ----------
+    along, across : Polynomials
+        Factors of those of the whole plate.
+    odd : Symmetry
+    pairs : two ndarrays of int, shape (n_plate,)
+        Numbers of the factors of each: together no finer than the finest along or across.
+    around : tuple of Around
+    """
+
+    along: Polynomials
+    across: Polynomials
+    odd: Symmetry
+    pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
+    around: tuple[Around, ...]
+
+    @property
+    def n_plate(self) -> int:
+        """How many are polynomials of the whole plate."""
+        return len(self.pairs[0])
+
+    def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the numbers of fewer functions of the plate, up to a wave's, and of patches."""
+        plate = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
+        local = np.concatenate([one.is_coarse for one in self.around])
+        return np.flatnonzero(plate), self.n_plate + np.flatnonzero(local)
+
+    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
+        """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""
+        orders = BENDS[:2] if laplacian else (VALUE,)
+        parts = [(self.plate(points_m, order), self._local(points_m, order)) for order in orders]
+        both = np.sum([np.concatenate(one, axis=1) for one in parts], axis=0)
+        return np.asarray(both[np.newaxis])
+
+    def plate(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return a derivative of the plate's polynomials at points."""
+        along = self.along.values(points_m[:, 0] / self.along.half_m, orders[0])
+        across = self.across.values(points_m[:, 1] / self.across.half_m - 1, orders[1])
+        i, j = self.pairs
+        return np.asarray(along[:, i] * across[:, j])
+
+    def _local(self, points_m: Real, orders: tuple[int, int]) -> Real:
+        """Return the same of the patches' functions, mirrored to the left."""
+        sign = np.ones(len(points_m))
+        if self.odd[0] is not None:
+            sign = np.where(points_m[:, 0] < 0, -1.0, 1.0) ** (orders[0] + self.odd[0])
+            points_m = np.stack([np.abs(points_m[:, 0]), points_m[:, 1]], axis=1)
+        parts = [f(points_m, orders) for one in self.around for f in (one.box, one.disc)]
+        return np.asarray(sign[:, np.newaxis] * np.concatenate(parts, axis=1))
+
+
+def functions_of(strip: Strip, most_rad_m: float, odd: Symmetry) -> Functions:
+    """Return the functions of one symmetry that hold waves up to a wavenumber."""
+    length_m, width_m, clamped = strip.length_m or 0.0, strip.width_m, strip.edge is CLAMPED
+    n_along, n_across = (_enough(most_rad_m, size_m / 2) for size_m in (length_m, width_m))
+    signs = (False, True)
+    along = sided(odd[0], *(free_basis(n_along, length_m, odd=one) for one in signs))
+    across = sided(
+        odd[1], *(held_basis(n_across, width_m, clamped=clamped, odd=one) for one in signs)
+    )
+    around = [
+        Around(
+            patch=patch,
+            rings=rings_of(strip, patch),
+            odd=(odd[0] if patch.x_m == 0 else None, odd[1]),
+            degree=_DEGREE + math.ceil(most_rad_m * patch.half_size_m[0]),
+        )
+        for patch in strip.patches
+        if odd[0] is None or patch.x_m >= 0
+    ]
+    i, j = np.nonzero(_within(along, across, odd, most_rad_m))
+    return Functions(along=along, across=across, odd=odd, pairs=(i, j), around=tuple(around))
+
+
+def n_plate(strip: Strip, most_rad_m: float) -> float:
+    """Return about how many polynomials of the whole plate hold waves up to a wavenumber."""
+    lengths_m = (strip.length_m or 0.0, strip.width_m)
+    return math.pi * math.prod(_enough(most_rad_m, one / 2) for one in lengths_m)
+
+
+def _enough(most_rad_m: float, half_m: float) -> int:
+    return half_waves(most_rad_m, half_m, digits=_DIGITS)
+
+
+def _within(
+    along: Polynomials, across: Polynomials, odd: Symmetry, most_rad_m: float
+) -> NDArray[np.bool_]:
+    """Return which products of factors along and across are no finer than a wave."""
+    parts = []
+    for one, sign in zip((along, across), odd, strict=True):
+        each = len(one.series) // (2 if sign is None else 1)
+        number = np.arange(len(one.series)) % each
+        parts.append((number / _enough(most_rad_m, one.half_m)) ** 2)
+    return np.asarray(np.add.outer(*parts) < 1)

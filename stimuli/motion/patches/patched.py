@@ -1,0 +1,180 @@
+"""Modes of a plate with patches bonded to it: by Ritz's method, with functions of their own."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.motion.patches.functions import Functions, Symmetry, functions_of, n_plate
+from stimuli.motion.patches.matrices import Matrices, matrices
+from stimuli.motion.standing_waves import wavenumber_rad_m
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.strip.strip import Strip
+
+
+_MOST_FUNCTIONS: Final = 1200
+"""Functions of one symmetry, those of patches aside: a second or two."""
+
+_LEAST: Final = 8.0
+"""First cut-offs up to which the plate's polynomials hold waves at least."""
+
+_DEPENDENT: Final = 1e-7
+"""Part of a function of a patch that those of the plate must not have already."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PatchedModes:
+    """Modes of one symmetry of a plate with patches, with the mass 1 each.
+
+    Attributes
+    ----------
+    squared, bent
+        As of `Modes`. The patches have the plate's loss.
+    functions : Functions
+        In which the modes were sought.
+    plate, local : ndarrays of int
+        Numbers of the functions that were taken, of the plate and of patches.
+    kept : ndarray of float64, shape (n_local, n_kept)
+        Combinations of the latter that are independent.
+    series : ndarray of float64, shape (n_plate + n_kept, n_modes)
+        The modes in those.
+    factor : ndarray of float64, shape (n_plate + n_kept, n_plate + n_kept)
+        Cholesky's, below the diagonal, of the plate's stiffness, springs included.
+    """
+
+    squared: Real
+    bent: Real
+    functions: Functions
+    plate: NDArray[np.intp]
+    local: NDArray[np.intp]
+    kept: Real
+    series: Real
+    factor: Real
+
+    def moved(self, at_functions: Real) -> Real:
+        """Return the modes where the functions are known, or what works on them."""
+        return np.asarray(self._taken(at_functions) @ self.series)
+
+    def at_rest_m(self, at_points: Real, pushes: Real) -> Real:
+        """Return what loads do at rest: (n_loads, n_points).
+
+        Of the functions these are the values at the points, (n_points, n_functions), and the works
+        of the loads, (n_loads, n_functions).
+        """
+        from scipy.linalg import cho_solve
+
+        pushed = self._taken(pushes).T
+        swung = cho_solve((self.factor, True), pushed, check_finite=False)
+        return np.asarray((self._taken(at_points) @ swung).T)
+
+    def _taken(self, of_functions: Real) -> Real:
+        local = of_functions[..., self.local] @ self.kept
+        return np.concatenate([of_functions[..., self.plate], local], axis=-1)
+
+
+@lru_cache(maxsize=4)
+def patched_modes(
+    strip: Strip, highest_hz: float, *, centred: bool, within_hz: float | None = None
+) -> tuple[PatchedModes, ...]:
+    """Return the modes of a finite plate with patches up to a frequency, equation (84).
+
+    Parameters
+    ----------
+    strip : Strip
+        The plate and its patches; its loss does not count here.
+    highest_hz : float
+        How far.
+    centred : bool
+        Whether only modes that are even across the strip are asked for; they are a group of
+        their own only where all patches are centred across.
+    within_hz : float, optional
+        Up to which frequency they are going to be asked for: the functions for that are built
+        once, and fewer of them taken for fewer modes, of the patches' too.
+    """
+    within_hz = max(within_hz or 0.0, highest_hz)
+    built = [_built(strip, within_hz, odd) for odd in _symmetries(strip, centred=centred)]
+    fewer_rad_m = wavenumber_rad_m(strip, highest_hz) if highest_hz < within_hz else None
+    return tuple(_modes(*one, highest_hz, fewer_rad_m) for one in built)
+
+
+def has_room(strip: Strip, highest_hz: float) -> bool:
+    """Tell whether the modes of each symmetry can be sought in as many functions as they need."""
+    groups = len(_symmetries(strip, centred=False))
+    return n_plate(strip, wavenumber_rad_m(strip, highest_hz)) <= groups * _MOST_FUNCTIONS
+
+
+def _symmetries(strip: Strip, *, centred: bool) -> list[Symmetry]:
+    """Return the groups of modes, odd or even or both along and across."""
+    patches = set(strip.patches)
+    mirrored = {dataclasses.replace(patch, x_m=-patch.x_m) for patch in patches} == patches
+    in_the_middle = all(patch.y_m == strip.width_m / 2 for patch in patches)
+    along = (False, True) if mirrored else (None,)
+    across: tuple[bool | None, ...] = (None,)
+    if in_the_middle:
+        across = (False,) if centred else (False, True)
+    return list(product(along, across))
+
+
+@lru_cache(maxsize=8)
+def _built(strip: Strip, highest_hz: float, odd: Symmetry) -> tuple[Functions, Matrices]:
+    least_hz = _LEAST * strip.cutoff_hz()
+    functions = functions_of(strip, wavenumber_rad_m(strip, max(highest_hz, least_hz)), odd)
+    return functions, matrices(strip, functions)
+
+
+def _modes(
+    functions: Functions, of_all: Matrices, highest_hz: float, fewer_rad_m: float | None
+) -> PatchedModes:
+    """Return the modes of one symmetry up to a frequency, in all functions or in fewer."""
+    from scipy.linalg import cholesky, eigh
+
+    plate, local = np.split(np.arange(len(of_all.mass)), [functions.n_plate])
+    if fewer_rad_m is not None:
+        plate, local = functions.fewer(fewer_rad_m)
+    kept = _independent(of_all.overlap[:, local - functions.n_plate], plate, local)
+    springs, stiffness, mass = (_taken(one, plate, local, kept) for one in of_all[:3])
+    factor = cholesky(stiffness, lower=True, check_finite=False)
+    squared, vectors = eigh(
+        stiffness,
+        mass,
+        subset_by_value=(-math.inf, (2 * math.pi * highest_hz) ** 2),
+        overwrite_a=True,
+        overwrite_b=True,
+        check_finite=False,
+    )
+    return PatchedModes(
+        squared=squared,
+        bent=np.diag(squared) - vectors.T @ springs @ vectors,
+        functions=functions,
+        plate=plate,
+        local=local,
+        kept=kept,
+        series=vectors,
+        factor=factor,
+    )
+
+
+def _independent(overlap: Real, plate: NDArray[np.intp], local: NDArray[np.intp]) -> Real:
+    """Return combinations of functions of patches without those that the plate's nearly are."""
+    crossed, own = overlap[plate], overlap[local]
+    scale = 1 / np.sqrt(np.diag(own))
+    share, vectors = np.linalg.eigh(scale[:, np.newaxis] * (own - crossed.T @ crossed) * scale)
+    kept = share > _DEPENDENT
+    return np.asarray(scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(share[kept]))
+
+
+def _taken(matrix: Real, plate: NDArray[np.intp], local: NDArray[np.intp], kept: Real) -> Real:
+    """Return a matrix of all functions as one of the plate's and the combinations kept."""
+    crossed = matrix[np.ix_(plate, local)] @ kept
+    own = kept.T @ matrix[np.ix_(local, local)] @ kept
+    return np.block([[matrix[np.ix_(plate, plate)], crossed], [crossed.T, own]])
