@@ -73,6 +73,16 @@ class FrameCount:
         """Return how many frames came without a tear until now; 0 while none is heard."""
         return 0 if self.torn[-1].lag == LOST else self._heard - self.torn[-1].frame
 
+    def numbers(self, first: int, last: int) -> Any:
+        """Return which frames of the outputs these of the inputs are; LOST is none."""
+        numbers = np.full(last - first, LOST)
+        ends = [one.frame for one in self.torn[1:]] + [self._heard]
+        for (frame, lag), end in zip(self.torn, ends, strict=True):
+            begin, until = max(frame, first), min(end, last)
+            if begin < until and lag != LOST:
+                numbers[begin - first : until - first] = np.arange(begin, until) - lag
+        return numbers
+
     def lag_of(self, first: int, count: int) -> int | None:
         """Return by how much these frames of the outputs are heard later; None: not as a whole."""
         end = self._heard

@@ -16,11 +16,12 @@ import pytest
 from device.clock import MonotonicClock
 from device.driver import LinkError, Outcome
 from device.monitor.inputs import Calibration, InputMonitor
+from device.monitor.matching import Template
 from device.monitor.measured import Measured, Planned, Tap, Tolerances
 from device.sound.audio import AudioDevice
 from device.sound.recorder import Recorder
 from tests.test_device.bursts import BURST, play, ready
-from tests.test_device.counted import FrameCount, wide_sink
+from tests.test_device.counted import LOST, FrameCount, wide_sink
 from tests.test_device.in_process import LIMITS
 from tests.test_device.loops import (
     DELAY,
@@ -118,7 +119,7 @@ class Heard(NamedTuple):
 
     measured: Measured
     steady: bool
-    whole: bool
+    fits: bool
     late: float
 
 
@@ -142,6 +143,7 @@ class Pair:
             recorder=self.recorder,
         )
         self._callback: Callback | None = None
+        self._template = Template(BURST)
         self._first = self._lag = self._token = 0
 
     latency = property(lambda self: self._sound.latency)
@@ -218,10 +220,11 @@ class Pair:
         delivery = play(self.device, self._token, slot)
         self.clock.wait(0.06)
         measured = self.monitor.end(delivery)
-        began, lag, late = self.device.played(), None, math.nan
+        began, lag, late, fits = self.device.played(), None, math.nan, False
         if began is not None:
             first = self._first + began + int(min(self.line.delays)) - RINGING
             lag = self._sound.count.lag_of(first, len(BURST) + 3 * RINGING)
+            fits = lag is not None or self._fits(self._first + began, (left, right))
         on = [d for d, on in zip(self.line.delays, (left, right), strict=True) if on]
         if lag is not None and on:
             late = lag - self._lag + min(on) - DELAY
@@ -229,7 +232,23 @@ class Pair:
         steady = steady and before == self._sound.count.torn[-1] and lag == self._lag
         if not steady:
             self._calibrate()
-        return Heard(measured, steady, lag is not None, late)
+        return Heard(measured, steady, fits, late)
+
+    def _fits(self, began: int, on: tuple[int, int]) -> bool:
+        """Tell whether what came through of a torn burst is that burst within its tolerances."""
+        at = began + self._lag
+        numbers = self._sound.count.numbers(at - 4800, at + 4800)
+        energy = float(BURST @ BURST)
+        for delay in (delay for delay, sounds in zip(self.line.delays, on, strict=True) if sounds):
+            wave = self._template.shifted(delay - int(delay))
+            places = numbers - (began + int(delay) - (len(wave) - len(BURST)) // 2)
+            inside = (numbers != LOST) & (places >= 0) & (places < len(wave))
+            heard = np.where(inside, wave[np.clip(places, 0, len(wave) - 1)], 0.0)
+            fit = float(np.max(np.correlate(heard, BURST, "valid")))
+            like = fit / math.sqrt(energy * max(float(heard @ heard), 1e-9))
+            if like < 0.94 or abs(fit / energy - 1) > 0.14:  # between two frames, and of its gain
+                return False
+        return True
 
 
 TORN_OFF: Final = {"late", "early", "again at once", "again later"}
@@ -248,8 +267,9 @@ class Tally(Counter[str]):
         if not heard.steady:
             if one.verified == "line":  # torn beside the burst, or with a delay within tolerance
                 self["torn, yet verified"] += 1
-                assert heard.whole, one
-                self._onset(heard)
+                assert heard.fits, one
+                if not math.isnan(heard.late):
+                    self._onset(heard)
         elif side == "none":
             assert (one.verified, one.faults, one.noted) == (None, (), ()), one
             self["blanks"] += 1
