@@ -46,7 +46,9 @@ LATENCY_S: Final = 0.1
 STALLED_S: Final = 0.5
 """Without a call of the stream: nobody hears so long a buffer."""
 GONE_S: Final = 5.0
-MOST_OPENED: Final = 10
+LONGEST_LAG_S: Final = 0.9
+MOST_OPENED: Final = 20
+"""A busy machine's server begins with a second of delay, or PortAudio gives its stream up."""
 SETTLED_S: Final = 0.4
 RINGING: Final = 16
 """Frames around a burst in which it rings, as it is delayed by a part of a frame."""
@@ -180,6 +182,9 @@ class Pair:
             if self._sound.count.steady_for() > SETTLED_S / 2 * 48e3:
                 break
         self._lag = self._sound.count.torn[-1].lag
+        if self._lag > LONGEST_LAG_S * 48e3:
+            self._sound.close()
+            raise LinkError("the way is longer than a delay may be")
         self.monitor = InputMonitor(
             self.recorder,
             self.clock,
