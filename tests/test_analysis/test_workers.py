@@ -191,10 +191,6 @@ def test_a_local_cluster_computes_what_one_process_does(processes: bool) -> None
         with Client(local) as client:
             assert numbers(spread(draw, chunks(5), scheduler=client)) == ALONE
             assert client.status == "running"
-        if processes:
-            given_up = spread(end_the_process, chunks(STUDIES)[:1], scheduler=local)
-            with pytest.raises(StoppedError, match="again and again with the same work"):
-                list(given_up)
 
 
 @pytest.mark.process
@@ -206,6 +202,15 @@ def test_a_worker_killed_in_the_middle_changes_nothing() -> None:
         one.kill()
         assert numbers([*found, *results]) == ALONE
     assert [line for line in told if re.match(r"worker tcp://\S+ was lost; ", line)]
+
+
+@pytest.mark.process
+def test_work_that_ends_every_worker_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")  # of the scheduler's
+    with scheduler() as (address, _), worker(address):
+        given_up = spread(end_the_process, chunks(STUDIES)[:1], scheduler=address)
+        with pytest.raises(StoppedError, match="again and again with the same work"):
+            list(given_up)
 
 
 @pytest.mark.process
