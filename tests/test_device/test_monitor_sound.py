@@ -175,8 +175,11 @@ class Pair:
 
     def _calibrate(self) -> None:
         """Measure the way's delay, as somebody does who opens a sound server's card anew."""
+        give_up_s = self.clock.now_s() + 4 * GONE_S
         while True:
             self.clock.wait(SETTLED_S)
+            if self.clock.now_s() > give_up_s:  # it is called, and hears nothing
+                self._sound.close()
             if not self._sound.active or self._sound.stalled_s > GONE_S:
                 raise LinkError("PortAudio has given the stream up")
             if self._sound.count.steady_for() > SETTLED_S / 2 * 48e3:
