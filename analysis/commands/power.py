@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import secrets
+import sys
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -10,13 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from experiment.commands.options import working
 from experiment.terms.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from analysis.power.goals import Goal
+    from analysis.power.population import People
+    from experiment.study.study import Study
+
 
 _MOST_PEOPLE = 1000
+_MOST_TRIALS = 10_000
 
 
 @click.command()
@@ -39,12 +47,47 @@ _MOST_PEOPLE = 1000
     help="Numbers of people to try.",
 )
 @click.option(
+    "--trials",
+    type=click.IntRange(1, _MOST_TRIALS),
+    nargs=2,
+    metavar="LEAST MOST",
+    help="Trials of each side to try.  [default: the study's]",
+)
+@click.option(
+    "--blanks",
+    type=click.IntRange(1, _MOST_TRIALS),
+    nargs=2,
+    metavar="LEAST MOST",
+    help="Blank trials to try.  [default: the study's]",
+)
+@click.option(
+    "--levels",
+    type=click.Choice(["fixed", "placed"]),
+    default="fixed",
+    show_default=True,
+    help="The study's, or placed for each person after a pilot of 40 stimuli.",
+)
+@click.option(
     "--assurance",
     type=click.FloatRange(0.05, 0.99),
     default=0.8,
     show_default=True,
     metavar="SHARE",
     help="How often the goal is to be reached.",
+)
+@click.option(
+    "--pilot",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Take the people from the sessions of a pilot.",
+)
+@click.option(
+    "--people",
+    "whose",
+    type=click.Choice(["stated", "literature"]),
+    default="stated",
+    show_default=True,
+    help="What [simulation] leaves out: refuse, or assume it.",
 )
 @click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
 @click.option(
@@ -62,6 +105,12 @@ _MOST_PEOPLE = 1000
     metavar="FILE",
     help="Keep what is computed in a file, and go on from it.",
 )
+@click.option(
+    "--figure",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.png",
+    help="Draw the curve, too; or FILE.svg.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 @refusals
 def power(
@@ -69,17 +118,26 @@ def power(
     study_file: Path,
     goal_text: str,
     participants: tuple[int, int],
+    trials: tuple[int, int] | None,
+    blanks: tuple[int, int] | None,
+    levels: str,
     assurance: float,
+    pilot: Path | None,
+    whose: str,
     seed: int | None,
     workers: int,
     scheduler: str | None,
     keep: Path | None,
+    figure: Path | None,
     as_json: bool,
 ) -> None:
-    """Tell how many people a study needs, before the first one comes.
+    r"""Tell how many people a study needs, before the first one comes.
 
-    Studies of the people that [simulation] states are simulated and analyzed as `analyze` does it.
-    The exit code is 1 if no number within the bounds reaches the goal.
+    Studies of the people that [simulation] states are simulated and analyzed as `analyze` does it,
+    docs/power.md. The exit code is 1 if no number within the bounds reaches the goal.
+
+    \b
+    tactstrip power study.toml --goal half-width=1.5dB --levels placed --participants 4 40
     """
     from analysis.power.goals import Goal
     from analysis.power.planning import plan_study
@@ -90,24 +148,63 @@ def power(
     from experiment.study.study import told_by_file
 
     goal = Goal.parse(goal_text)
-    if participants[0] > participants[1]:
-        raise CommandError(
-            f"--participants must be the least and the most; got {participants[0]} and "
-            f"{participants[1]}"
-        )
+    for name, pair in (("participants", participants), ("trials", trials), ("blanks", blanks)):
+        if pair is not None and pair[0] > pair[1]:
+            raise CommandError(
+                f"--{name} must be the least and the most; got {pair[0]} and {pair[1]}"
+            )
+    if figure is not None and figure.suffix not in {".png", ".svg"}:
+        raise CommandError(f"--figure must end in .png or .svg; got {figure}")
     if seed is None:
-        kept = computed_in(keep) if keep else {}
-        seed = int(kept.get("seed", secrets.randbits(32)))
+        seed = int((computed_in(keep) if keep else {}).get("seed", secrets.randbits(32)))
     with told_by_file(study_file):
-        study = read_study(study_file)
-    computed = {"study": study.sha256, "goal": goal_text, "seed": seed}
-    with _spreading(workers, scheduler, keep, computed) as spread, told_by_file(study_file):
+        people = _people(read_study(study_file), goal, pilot, whose)
+    computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
+    spreading = _spreading(workers, scheduler, keep, computed)
+    with spreading as spread, told_by_file(study_file), working("Simulating") as show:
+        work = {"done": 0.0, "all": 0.0}
+
+        def predicted(core_s: float, all_of_it: float) -> None:
+            work["all"] = all_of_it
+            if sys.stderr.isatty():
+                click.echo(f"At most about {math.ceil(core_s)} core-seconds", err=True)
+
+        def step(part: float) -> None:
+            work["done"] += part
+            show(round(work["done"]), max(round(work["all"]), 1))
+
         promise = plan_study(
-            study, goal, participants=participants, assurance=assurance, seed=seed, spread=spread
+            people,
+            goal,
+            participants=participants,
+            trials_per_side=trials or None,
+            blanks=blanks or None,
+            placed=levels == "placed",
+            assurance=assurance,
+            seed=seed,
+            spread=spread,
+            predicted=predicted,
+            step=step,
         )
     click.echo(told_as_json(promise) if as_json else text(promise))
-    if not promise.reachable:
+    if figure is not None:
+        from analysis.power.figure import write_figure
+
+        write_figure(promise, figure)
+    if promise.best is None:
         raise CommandError(promise.why_not, exit_code=ANSWER_IS_NO)
+
+
+def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:
+    """Return the people of a pilot, of the study, or of the literature."""
+    from analysis.power.population import literature_people, pilot_people, stated_people
+    from analysis.reading.load import read_trials
+
+    if pilot is not None and whose != "stated":
+        raise CommandError("--pilot and --people literature exclude each other; got both")
+    if pilot is not None:
+        return pilot_people(study, read_trials([pilot]), str(pilot))
+    return literature_people(study) if whose == "literature" else stated_people(study, goal)
 
 
 @contextmanager

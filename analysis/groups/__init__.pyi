@@ -9,6 +9,7 @@ from .group import (
     compare_conditions,
     difference_on_axis,
     fit_group,
+    group_draws,
     threshold_on_axis,
 )
 from .population import PopulationThreshold, population_thresholds
@@ -28,6 +29,7 @@ __all__ = [
     "difference_on_axis",
     "difference_table",
     "fit_group",
+    "group_draws",
     "group_function",
     "group_table",
     "person_function",

@@ -199,6 +199,18 @@ def threshold_on_axis(
     return _told(tables, ruler, hierarchy(tables.surfaces(ruler), ruler), statuses)
 
 
+def group_draws(
+    tables: PeopleTables, number: int, rng: np.random.Generator
+) -> tuple[Floats, Floats, Floats]:
+    """Draw the middle and the spread of a group on a logarithmic axis, and S of ln(sigma).
+
+    From their posterior, anywhere between its nodes; in log10 units.
+    """
+    ruler = Ruler.of(tables.x[tables.presented > 0], "log10")
+    middle, spread, log_sigma = hierarchy(tables.surfaces(ruler), ruler).drawn(number, rng)
+    return middle * ruler.step, spread * ruler.step, log_sigma + math.log(ruler.step)
+
+
 def compare_conditions(
     levels_vpp: ArrayLike,
     detected_a: ArrayLike,

@@ -70,6 +70,17 @@ class Hierarchy:
         normal = np.exp(-0.5 * z * z) / self.spread
         return np.asarray(quantiles((normal * weight).sum(axis=(1, 2))[None], mu)[0])
 
+    def drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
+        """Draw M, tau and S, anywhere between the nodes."""
+        axes = (self.middle, self.spread, self.log_sigma)
+        weight = self.cells * np.einsum("i,j,k->ijk", *(trapezoid(axis) for axis in axes))
+        chosen = rng.choice(weight.size, number, p=weight.ravel() / weight.sum())
+        middle, spread, log_sigma = (
+            np.interp(at + rng.uniform(-0.5, 0.5, number), np.arange(len(axis)), axis)
+            for at, axis in zip(np.unravel_index(chosen, weight.shape), axes, strict=True)
+        )
+        return middle, spread, log_sigma
+
 
 def normal_weights(x: Floats, middle: Floats, spread: Floats) -> Floats:
     """Return the weights by which values at nodes x are averaged over normal distributions.

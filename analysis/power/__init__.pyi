@@ -1,5 +1,17 @@
+from .figure import write_figure
 from .goals import Goal
 from .planning import plan_study
+from .population import People, literature_people, pilot_people, stated_people
 from .promise import as_json, text
 
-__all__ = ["Goal", "as_json", "plan_study", "text"]
+__all__ = [
+    "Goal",
+    "People",
+    "as_json",
+    "literature_people",
+    "pilot_people",
+    "plan_study",
+    "stated_people",
+    "text",
+    "write_figure",
+]

@@ -170,10 +170,16 @@ _JUDGES: Final = {
 
 
 def _tables(people: Sequence[Counts]) -> PeopleTables:
+    shape = (len(people), max(len(one.levels_vpp) for one in people))
+    levels_vpp, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
+    for row, one in enumerate(people):
+        used = slice(len(one.levels_vpp))
+        levels_vpp[row, used] = one.levels_vpp
+        detected[row, used], presented[row, used] = one.detected, one.presented
     return PeopleTables(
-        x=np.log10([one.levels_vpp for one in people]),
-        detected=np.array([one.detected for one in people], dtype=np.float64),
-        presented=np.array([one.presented for one in people], dtype=np.float64),
+        x=np.log10(levels_vpp),
+        detected=detected,
+        presented=presented,
         guesses=[one.guess for one in people],
         x_scale="log10",
     )

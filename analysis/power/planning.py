@@ -2,74 +2,113 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+import hashlib
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
 
-from analysis.power.population import require_spread, stated_people
+import numpy as np
+
 from analysis.power.promise import Promise
-from analysis.power.search import Trials, smallest
-from analysis.power.studies import Chunk, Point, gains_text
+from analysis.power.search import Trials, levers, most_work, slower, smallest
+from analysis.power.studies import Point, plan_text
 from experiment.study.physics import study_gains
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from analysis.power.goals import Goal
+    from analysis.power.population import People
     from analysis.power.search import Spread
     from experiment.study.study import Study
 
 
-def one_after_another(
-    function: Callable[[Chunk], dict[str, Any]], chunks: list[Chunk]
-) -> Iterator[tuple[Chunk, dict[str, Any]]]:
-    """Work through chunks in this process."""
-    for chunk in chunks:
-        yield chunk, function(chunk)
+LEVELS_PLACED: Final = 5
+_RUNGS: Final = 4
+"""Numbers of trials, or of blanks, between the least and the most that are asked for."""
 
 
 def plan_study(
-    study: Study,
+    people: People,
     goal: Goal,
     *,
     participants: tuple[int, int],
+    trials_per_side: tuple[int, int] | None,
+    blanks: tuple[int, int] | None,
+    placed: bool,
     assurance: float,
     seed: int,
-    spread: Spread = one_after_another,
+    spread: Spread,
+    predicted: Callable[[float, float], object],
+    step: Callable[[float], object],
 ) -> Promise:
-    """Return how many people, from one number to another, reach a goal as often as is asked for."""
-    require_spread(study)
-    require_goal(study, goal)
-    trials = Trials(
-        study=study.canonical,
-        gains=gains_text(study_gains(study)),
-        goal=json.dumps(asdict(goal)),
-        seed=seed,
-        spread=spread,
-    )
-    design = study.design
+    """Return how many people, from one number to another, reach a goal as often as is asked for.
 
-    def at(number: int) -> Point:
-        return Point(
-            participants=number,
-            trials_per_side=design.trials_per_side,
-            blanks=design.blank_trials,
-        )
-
-    answer = smallest(trials, at, participants, assurance)
+    Before the search starts `predicted` is told the processor time that it takes at most, in s,
+    and its amount of work; `step` then how much of this is done.
+    """
+    study = people.study
+    points = _points(study, goal, trials_per_side, blanks, placed=placed)
+    plan = plan_text(study, study_gains(study), goal, people.draws)
+    trials = Trials(plan=plan, seed=seed, spread=spread, step=step)
+    work = most_work(points, participants)
+    core_s = work * slower(trials, replace(points[0], participants=participants[1]))
+    predicted(core_s, work)
+    answers = tuple(smallest(trials, point, participants, assurance) for point in points)
+    levels = LEVELS_PLACED if placed else len(study.design.levels_vpp)
+    first = next((one for one in answers if one.participants is not None), answers[0])
+    found = levers(trials, first, participants, goal.kind, levels)
     return Promise(
         study=study.name,
         goal=goal,
         assurance=assurance,
         participants=participants,
-        answers=(answer,),
+        answers=answers,
         tried=tuple(trials.all()),
-        people=stated_people(study),
+        levers=found,
+        people=people,
         seed=seed,
+        most_core_s=core_s,
+        plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
     )
 
 
-def require_goal(study: Study, goal: Goal) -> None:
+def _points(
+    study: Study,
+    goal: Goal,
+    trials_per_side: tuple[int, int] | None,
+    blanks: tuple[int, int] | None,
+    *,
+    placed: bool,
+) -> list[Point]:
+    """Return the designs that are tried, but for the number of people."""
+    design = study.design
+    levels = LEVELS_PLACED if placed else len(design.levels_vpp)
+    whole = levels if design.order == "balanced" or trials_per_side else 1
+    most_blanks = design.blank_trials if blanks is None else blanks[1]
+    if most_blanks and "none" not in design.responses:
+        raise ValueError("--blanks needs the answer none in design.responses; got a forced choice")
+    require_goal(study, goal, most_blanks, placed=placed)
+    return [
+        Point(participants=1, trials_per_side=trials, blanks=blank, placed=placed)
+        for trials in _ladder(trials_per_side or (design.trials_per_side,) * 2, whole)
+        for blank in _ladder(blanks or (design.blank_trials,) * 2, 1)
+    ]
+
+
+def _ladder(ends: tuple[int, int], whole: int) -> list[int]:
+    """Return numbers from one to another, evenly on the logarithm, multiples of some number.
+
+    >>> _ladder((75, 75), 5), _ladder((10, 80), 5), _ladder((0, 0), 1)
+    ([75], [10, 20, 40, 80], [0])
+    """
+    least, most = ends
+    if least == most:
+        return [whole * -(-least // whole)]
+    rungs = np.geomspace(max(least, 1), most, _RUNGS)
+    return sorted({whole * max(1, round(rung / whole)) for rung in rungs.tolist()})
+
+
+def require_goal(study: Study, goal: Goal, blanks: int, *, placed: bool) -> None:
     """Refuse a goal that the study's design cannot have."""
     design = study.design
     if goal.kind == "difference" and len(study.conditions) == 1:
@@ -83,7 +122,11 @@ def require_goal(study: Study, goal: Goal) -> None:
             f"goal detection must be at one of design.levels_vpp, {levels} V; got "
             f"{goal.level_vpp:g} V"
         )
-    if goal.kind == "false-alarms" and not design.blank_trials:
-        raise ValueError("goal false-alarms needs design.blank_trials > 0; got 0")
-    if goal.kind == "half-width" and len(design.levels_vpp) == 1:
-        raise ValueError("goal half-width needs two levels or more in design.levels_vpp; got 1")
+    if goal.kind == "detection" and placed:
+        raise ValueError("goal detection needs --levels fixed: placed ones differ between people")
+    if goal.kind == "false-alarms" and not blanks:
+        raise ValueError(
+            "goal false-alarms needs design.blank_trials > 0, or --blanks LEAST MOST; got 0"
+        )
+    if goal.kind in {"half-width", "difference"} and len(design.levels_vpp) == 1 and not placed:
+        raise ValueError(f"goal {goal.kind} needs two levels or more in design.levels_vpp; got 1")

@@ -1,4 +1,4 @@
-"""The people of a study to come: what is stated of them, and where it is from."""
+"""The people of a study to come: what is stated of them, and where every number is from."""
 
 from __future__ import annotations
 
@@ -6,62 +6,237 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from analysis.groups.group import FEW, PeopleTables, group_draws
+from analysis.thresholds.people import people_of
 from experiment.study.sections.table import stated_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import pandas as pd
+
+    from analysis.power.goals import Goal
+    from analysis.thresholds.people import PersonCounts
+    from experiment.study.sections.simulation import Simulation
     from experiment.study.study import Study
     from experiment.terms.gains import FingerGains
-    from experiment.terms.observer import Observer
 
 
 SPREAD: Final = "threshold_sd_db"
+DIFFERENCE_SPREAD: Final = "difference_sd_db"
+_NODES: Final = 31
 _ALWAYS: Final = (
     "threshold_um", "threshold_vpp", SPREAD, "sigma", "lapse_rate", "false_alarm_rate",
 )  # fmt: skip
+_OF_DIFFERENCE: Final = ("difference_db",)
+"""Keys that the goal decides on, and the study does not."""
+_GRUND: Final = "Grund et al. 2022, electrical pulses, docs/model.md, section 4"
+_NOBODYS: Final = "assumed: no source was found"
+LITERATURE: Final[dict[str, tuple[float, str]]] = {
+    SPREAD: (3.0, _NOBODYS),
+    "sigma": (0.1, "assumed: the middle of what the analysis expects"),
+    "sigma_spread": (0.4, _NOBODYS),
+    DIFFERENCE_SPREAD: (1.0, _NOBODYS),
+    "false_alarm_rate": (0.06, _GRUND),
+}
+"""What is taken of people of whom nothing is stated, with its source."""
+_WITH_NONE: Final[dict[str, tuple[float, str]]] = {
+    "block_drift_db": (1.1, _GRUND),
+    "wander_db": (1.4, _GRUND),
+    "wander_trials": (11.0, _GRUND),
+    "last_answer_db": (0.35, _GRUND),
+}
+"""The same where "none" can be answered: forced choice need not follow."""
+_DRAWS: Final = 400
+"""Of a pilot's posterior."""
+_OMEGA: Final = 0.4
+"""Of ln sigma between people: the middle one of the group's fit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """A number of the population: its key in [simulation], its value, and whose it is."""
+    """A number of the population: its key in [simulation], its value, and its source."""
 
     key: str
     value: float
     source: str
 
 
-def require_spread(study: Study) -> None:
-    """Refuse a study that does not state how much people differ: everything hangs on it."""
-    keys = stated_of(study.simulation).keys
-    if keys is not None and SPREAD in keys:
-        return
-    raise ValueError(
-        f"simulation.{SPREAD} must be stated, how much thresholds differ between people in dB: "
-        "in the study, from a pilot (--pilot DIR), or as assumed (--people literature); got none"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class People:
+    """Whom the simulated studies draw from.
+
+    Attributes
+    ----------
+    study : Study
+        With the population in its [simulation].
+    numbers : tuple of Stated
+    draws : tuple of dict
+        Keys of [simulation] that take turns from study to study; none where they are known.
+    warnings : tuple of str
+    """
+
+    study: Study
+    numbers: tuple[Stated, ...]
+    draws: tuple[dict[str, float], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def stated_people(study: Study, goal: Goal) -> People:
+    """Return the people that a study states; refuse it without what everything hangs on."""
+    needed = [SPREAD] + [DIFFERENCE_SPREAD] * (goal.kind == "difference")
+    keys = stated_of(study.simulation).keys or {}
+    for key in needed if goal.kind != "false-alarms" else ():
+        if key not in keys:
+            raise ValueError(
+                f"simulation.{key} must be stated, {_MEANT[key]}, in dB: in the study, from a "
+                "pilot (--pilot DIR) or as assumed (--people literature); got none"
+            )
+    return People(study=study, numbers=_numbers(study, {}))
+
+
+_MEANT: Final = {
+    SPREAD: "how much thresholds differ between people",
+    DIFFERENCE_SPREAD: "how much the difference itself differs between people",
+}
+
+
+def literature_people(study: Study) -> People:
+    """Return people as the literature has them, where the study does not state them."""
+    keys = stated_of(study.simulation).keys or {}
+    known = LITERATURE | (_WITH_NONE if "none" in study.design.responses else {})
+    taken = {key: told for key, told in known.items() if key not in keys}
+    section = asdict(study.simulation) | {key: value for key, (value, _) in taken.items()}
+    assumed = [key for key, (_, source) in taken.items() if source.startswith("assumed")]
+    return People(
+        study=study.changed(simulation=section),
+        numbers=_numbers(study.changed(simulation=section), dict(taken), keys),
+        warnings=(_without_source(assumed),) if assumed else (),
     )
 
 
-def stated_people(study: Study) -> tuple[Stated, ...]:
-    """Return the numbers of [simulation] that a study's people are drawn from, with their source.
+def _without_source(keys: Iterable[str]) -> str:
+    return (
+        f"of {', '.join(keys)} no source was found: the answer is no better than they are; state "
+        "them in [simulation], or run a pilot"
+    )
 
-    Those that always count, and the others that are used.
+
+def pilot_people(study: Study, trials: pd.DataFrame, where: str) -> People:
+    """Return people as a pilot's group tells them: draws of its posterior take turns.
+
+    Threshold, spread and slope are the group fit's; false alarms those of the pilot's blanks; the
+    rest is what the study has.
     """
-    section = study.simulation
-    stated = stated_of(section)
-    keys = stated.keys or {}
+    people = people_of(trials)
+    conditions = sorted({condition for condition, _ in people.names})
+    name = study.conditions[0].name
+    name = name if name in conditions or len(conditions) != 1 else conditions[0]
+    rows = [i for i, (condition, _) in enumerate(people.names) if condition == name]
+    if len(rows) < 2:  # noqa: PLR2004
+        raise ValueError(
+            f"--pilot must hold two people or more in condition {name}; got {len(rows)} in {where}"
+        )
+    draws = _pilot_draws(people.at(rows), trials, name)
+    source = f"pilot of {len(rows)} people in {where}, median of {_DRAWS} draws"
+    told = {key: (float(np.median([one[key] for one in draws])), source) for key in draws[0]}
+    section = asdict(study.simulation) | {"threshold_um": None}
+    changed = study.changed(simulation=section | {key: value for key, (value, _) in told.items()})
+    keys = stated_of(study.simulation).keys or {}
+    return People(
+        study=changed,
+        numbers=_numbers(changed, told, keys),
+        draws=tuple(draws),
+        warnings=_few(len(rows)),
+    )
+
+
+def _few(number: int) -> tuple[str, ...]:
+    if number >= FEW:
+        return ()
+    told = f"a pilot of {number} people tells little of how they differ: with fewer than {FEW}"
+    return (f"{told} that is mostly the analysis' prior",)
+
+
+def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[dict[str, float]]:
+    tables = PeopleTables(
+        x=np.log10(people.level_vpp),
+        detected=people.detected,
+        presented=people.presented,
+        guesses=[one.rate for one in people.guesses],
+        x_scale="log10",
+    )
+    rng = np.random.default_rng(0)
+    middle, spread, log_sigma = group_draws(tables, _DRAWS, rng)
+    blank = trials[trials["kind"].eq("blank") & trials["condition"].eq(name)]
+    blank = blank[blank["reason"].eq("")]
+    alarms = int(blank["response"].isin(["left", "right", "both"]).sum())
+    rates = rng.beta(0.5 + alarms, 0.5 + len(blank) - alarms, _DRAWS)
+    return [
+        {
+            "threshold_vpp": float(np.clip(10 ** middle[i], 0.1, 1000)),
+            SPREAD: float(min(20 * spread[i], 40)),
+            "sigma": float(min(math.exp(log_sigma[i]), 10)),
+            "sigma_spread": _OMEGA,
+        }
+        | ({"false_alarm_rate": float(rates[i])} if len(blank) else {})
+        for i in range(_DRAWS)
+    ]
+
+
+def _numbers(
+    study: Study, taken: dict[str, tuple[float, str]], stated: Iterable[str] | None = None
+) -> tuple[Stated, ...]:
+    """Return the numbers of [simulation] that people are drawn from, and the source of each."""
+    keys = (stated_of(study.simulation).keys or {}) if stated is None else {*stated}
     return tuple(
         Stated(
             key=key,
             value=float(value),
-            source="stated in the study" if key in keys else "assumed by tactstrip",
+            source=taken[key][1]
+            if key in taken
+            else "stated in the study"
+            if key in keys
+            else "assumed by tactstrip",
         )
-        for key, value in asdict(section).items()
-        if (key in _ALWAYS or key in keys) and isinstance(value, int | float)
+        for key, value in asdict(study.simulation).items()
+        if (key in _ALWAYS or key in keys or key in taken)
+        and isinstance(value, int | float)
+        and key not in _OF_DIFFERENCE
     )
 
 
-def threshold_vpp(person: Observer, gains: FingerGains) -> float:
-    """Return the level that a person feels half of the time, in the middle of both fingers."""
-    if person.threshold_vpp is not None:
-        return person.threshold_vpp
-    assert person.threshold_um is not None  # one of the two is given
-    return person.threshold_um / math.sqrt(gains.left[0] * gains.right[1])
+def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
+    """Return the level that the median person feels half of the time, in the middle of fingers."""
+    if population.threshold_vpp is not None:
+        return population.threshold_vpp
+    assert population.threshold_um is not None  # one of the two is given
+    return population.threshold_um / math.sqrt(gains.left[0] * gains.right[1])
+
+
+def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGains) -> float:
+    """Return what an analysis of endless data would find for a goal.
+
+    log10 of the threshold, dB, or a probability, the mean over people whose thresholds differ.
+    """
+    if goal.kind == "half-width":
+        return math.log10(threshold_vpp(population, gains))
+    if goal.kind == "difference":
+        return goal.size
+    responses, window_s = study.design.responses, study.design.response_window_s
+    median = population.median
+    if goal.kind == "false-alarms":
+        p = median.answer_probabilities(0.0, 0.0, responses, window_s, gains=gains)
+        return sum(share for one, share in zip(responses, p, strict=True) if one != "none")
+    level_vpp = goal.level_vpp or 0.0
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+    felt = [
+        median.answer_probabilities(
+            *levels, responses, window_s, gains=gains, shift_db=(shift_db, shift_db)
+        )[responses.index(side)]
+        for shift_db in (population.threshold_sd_db * nodes).tolist()
+        for side, levels in (("left", (level_vpp, 0.0)), ("right", (0.0, level_vpp)))
+    ]
+    return float(np.repeat(weights, 2) @ felt / (2 * weights.sum()))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.power.goals import Goal
-    from analysis.power.population import Stated
-    from analysis.power.search import Answer, Tried
+    from analysis.power.population import People
+    from analysis.power.search import Answer, Lever, Tried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,11 +29,17 @@ class Promise:
     participants : tuple of int
         The least and most people that were tried.
     answers : tuple of Answer
-        The first at the study's own number of trials, if this was tried.
+        One for each number of trials and blanks that was tried.
     tried : tuple of Tried
-    people : tuple of Stated
+    levers : tuple of Lever
+        The largest first.
+    people : People
         The population, with the source of every number.
     seed : int
+    most_core_s : float
+        What was predicted.
+    plan_sha256 : str
+        Of what was simulated: study, gains, goal, people.
     """
 
     study: str
@@ -42,44 +48,85 @@ class Promise:
     participants: tuple[int, int]
     answers: tuple[Answer, ...]
     tried: tuple[Tried, ...]
-    people: tuple[Stated, ...]
+    levers: tuple[Lever, ...]
+    people: People
     seed: int
+    most_core_s: float
+    plan_sha256: str
 
     @property
-    def reachable(self) -> bool:
-        """Whether any number of trials has an answer."""
-        return any(one.participants is not None for one in self.answers)
+    def best(self) -> Answer | None:
+        """The answer with the fewest trials of all people together, if there is one."""
+        found = [one for one in self.answers if one.participants is not None]
+        return min(found, key=_trials, default=None)
 
     @property
     def sentence(self) -> str:
         """Say the answer."""
-        first = next((one for one in self.answers if one.participants is not None), None)
-        wanted = f"{self.goal.words}, in {self.assurance:.0%} of studies"
-        if first is None:
-            return f"Not within the bounds: {wanted}."
-        return (
-            f"{_people(first.participants)} ({_interval(first)}), "
-            f"{first.trials_per_side} trials of each side: {wanted}."
-        )
+        if self.best is None:
+            return f"No number within the bounds: {self.wanted}."
+        return f"{_people(self.best)}, {_design(self.best)}: {self.wanted}."
+
+    @property
+    def wanted(self) -> str:
+        """Say what was asked for."""
+        return f"{self.goal.words}, in {self.assurance:.0%} of studies"
 
     @property
     def why_not(self) -> str:
         """Say that no number within the bounds does, and what comes closest."""
-        best = max(self.tried, key=lambda one: (one.assurance, -one.point.participants))
+        searched = {replace(one.point, participants=0) for one in self.answers}
+        closest = max(
+            (one for one in self.tried if replace(one.point, participants=0) in searched),
+            key=lambda one: (one.assurance, -one.point.participants),
+        )
+        best = self.levers[0]
         return (
-            f"{self.goal.words} is not reached in {self.assurance:.0%} of studies by "
-            f"{self.participants[0]} to {self.participants[1]} participants: at most in "
-            f"{best.assurance:.0%}, with {best.point.participants} and "
-            f"{best.point.trials_per_side} trials of each side; try --participants, --trials or "
-            "--levels placed"
+            f"{self.goal.words}: not in {self.assurance:.0%} of studies with "
+            f"{self.participants[0]} to {self.participants[1]} participants, at most in "
+            f"{closest.assurance:.0%}, with {closest.point.participants}; of other designs of "
+            f"{best.after.point.participants} the best: {best.change}, {best.after.assurance:.0%}"
+        )
+
+    @property
+    def ethics(self) -> str:
+        """Return a paragraph for the form of an ethics committee."""
+        if self.best is None:
+            return ""
+        number = max((one.studies for one in self.tried), default=0)
+        covered = sum(one.covered * one.studies for one in self.tried)
+        covered /= sum(one.studies for one in self.tried)
+        people = ", ".join(f"{one.key} = {one.value:g}" for one in self.people.numbers)
+        return (
+            f"The number of participants was chosen by simulation (tactstrip power, seed "
+            f"{self.seed}). With {_people(self.best)}, {_design(self.best)}, {self.goal.words} is "
+            f"expected in {self.assurance:.0%} of such studies. Near this number {number} studies "
+            "were simulated at each point and analysed as the recorded data will be; of all "
+            f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
+            f"{people}. People who leave or are left out are not counted in this number."
         )
 
 
 def text(promise: Promise) -> str:
     """Return a promise for a terminal: the answer first."""
-    lines = [promise.sentence, "", *_table(promise.tried), "", "People:"]
-    lines += [f"  {one.key} = {one.value:g} ({one.source})" for one in promise.people]
-    return "\n".join(lines)
+    lines = [promise.sentence]
+    if len(promise.answers) > 1:
+        lines += ["", "For each design:"]
+        lines += [f"  {_people(one)}, {_design(one)}" for one in promise.answers]
+    lines += ["", *_table(promise.tried, promise.goal)]
+    if promise.levers:
+        base = promise.levers[0].before
+        told = f"{base.point.participants} participants ({base.assurance:.0%} reach it)"
+        lines += ["", f"Levers, with {told}, the largest first:"]
+        lines += [f"  {one.change}: {_percent(one.after)}" for one in promise.levers]
+    lines += ["", "People:"]
+    lines += [f"  {one.key} = {one.value:g} ({one.source})" for one in promise.people.numbers]
+    lines += [f"Warning: {one}" for one in promise.people.warnings]
+    if promise.ethics:
+        lines += ["", "For the ethics form:", promise.ethics]
+    core_s = math.ceil(promise.most_core_s)
+    last = f"Seed {promise.seed}; predicted to take at most {core_s} core-seconds"
+    return "\n".join([*lines, "", last])
 
 
 def as_json(promise: Promise) -> str:
@@ -90,47 +137,83 @@ def as_json(promise: Promise) -> str:
         "goal": asdict(promise.goal),
         "assurance": promise.assurance,
         "seed": promise.seed,
-        "reachable": promise.reachable,
-        "answers": [asdict(one) for one in promise.answers],
-        "tried": [
-            {
-                **asdict(one.point),
-                "studies": one.studies,
-                "reached": one.reached,
-                "assurance": one.assurance,
-                "low": one.limits[0],
-                "high": one.limits[1],
-                "median": one.median if math.isfinite(one.median) else None,
-                "covered": one.covered,
-            }
-            for one in promise.tried
+        "answer": _answer(promise.best) if promise.best else None,
+        "answers": [_answer(one) for one in promise.answers],
+        "tried": [_row(one) for one in promise.tried],
+        "levers": [
+            {"change": one.change, "before": _row(one.before), "after": _row(one.after)}
+            for one in promise.levers
         ],
-        "people": [asdict(one) for one in promise.people],
+        "people": [asdict(one) for one in promise.people.numbers],
+        "warnings": list(promise.people.warnings),
+        "ethics": promise.ethics,
+        "most_core_s": promise.most_core_s,
+        "plan_sha256": promise.plan_sha256,
     }
     return json.dumps(told, indent=2, ensure_ascii=False)
 
 
-def _table(tried: Sequence[Tried]) -> list[str]:
-    lines = ["participants  trials a side  blanks  levels  studies  reached (95 %)         median"]
-    for one in tried:
-        low, high = one.limits
-        lines.append(
-            f"{one.point.participants:12d}  {one.point.trials_per_side:13d}  "
-            f"{one.point.blanks:6d}  {'placed' if one.point.placed else 'fixed ':6s}  "
-            f"{one.studies:7d}  {one.assurance:6.1%} ({low:.1%}-{high:.1%})  {_number(one.median)}"
-        )
-    return lines
+def _answer(one: Answer) -> dict[str, Any]:
+    return asdict(one.point) | {
+        "participants": one.participants,
+        "participants_low": one.low,
+        "participants_high": one.high,
+    }
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "open"
+def _row(one: Tried) -> dict[str, Any]:
+    low, high = one.limits
+    return {
+        **asdict(one.point),
+        "studies": one.studies,
+        "reached": one.reached,
+        "assurance": one.assurance,
+        "low": low,
+        "high": high,
+        "median": one.median if math.isfinite(one.median) else None,
+        "covered": one.covered,
+    }
 
 
-def _people(number: int | None) -> str:
-    return "1 participant" if number == 1 else f"{number} participants"
+def _table(tried: Sequence[Tried], goal: Goal) -> list[str]:
+    head = {"half-width": "half-width", "difference": "found", "detection": "half-width",
+            "false-alarms": "limit"}[goal.kind]  # fmt: skip
+    first = "participants  trials a side  blanks  levels  studies  reached (95 %)    "
+    rows = [
+        f"{one.point.participants:12d}  {one.point.trials_per_side:13d}  "
+        f"{one.point.blanks:6d}  {'placed' if one.point.placed else 'fixed':6s}  "
+        f"{one.studies:7d}  {_percent(one):18s}  {_number(one.median, goal):>{7 + len(head)}}"
+        f"  {one.covered:7.0%}"
+        for one in tried
+    ]
+    return [f"{first}  median {head}  covered", *rows]
 
 
-def _interval(answer: Answer) -> str:
-    if answer.high is None:
-        return f"{answer.low} or more"
-    return f"{answer.low} to {answer.high}" if answer.low != answer.high else "by all simulations"
+def _percent(one: Tried) -> str:
+    low, high = one.limits
+    return f"{one.assurance:.0%} ({low:.0%} to {high:.0%})"
+
+
+def _number(value: float, goal: Goal) -> str:
+    if not math.isfinite(value):
+        return "open"
+    return f"{value:.2f} dB" if goal.kind in {"half-width", "difference"} else f"{value:.1%}"
+
+
+def _trials(one: Answer) -> int:
+    return (one.participants or 0) * (2 * one.point.trials_per_side + one.point.blanks)
+
+
+def _people(one: Answer) -> str:
+    if one.participants is None:
+        return "no number of participants"
+    told = "1 participant" if one.participants == 1 else f"{one.participants} participants"
+    if one.high is None:
+        return f"{told} (at least {one.low} by the simulation)"
+    return told if one.low == one.high else f"{told} ({one.low} to {one.high} by the simulation)"
+
+
+def _design(one: Answer) -> str:
+    blanks = f", {one.point.blanks} blanks" if one.point.blanks else ""
+    placed = ", levels placed for each" if one.point.placed else ""
+    return f"{one.point.trials_per_side} trials of each side{blanks}{placed}"

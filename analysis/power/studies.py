@@ -9,22 +9,36 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.power.counts import Presented, draw_counts
+from analysis.power.counts import draw_counts
 from analysis.power.goals import Goal, judged
-from analysis.power.population import threshold_vpp
+from analysis.power.population import truth_of
+from analysis.thresholds.levels import LevelsError, pilot_function, placed
 from experiment.study.read import study_from_canonical
+from experiment.study.sections.simulation import Simulation
 from experiment.terms.gains import gains_from_json
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from analysis.power.counts import Counts
+    from analysis.power.goals import Outcome
+    from experiment.study.sections.design import Design
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains, FingerGains
+    from experiment.terms.observer import Observer
+
+
+_PILOT_LEVELS: Final = 10
+_PILOT_RANGE: Final = 10.0
+"""A pilot's levels lie evenly on the logarithm, from the ceiling down to this part of it."""
+_PILOT_PER_SIDE: Final = 20
+_PILOT_BLANKS: Final = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -41,29 +55,68 @@ class Point:
 class Chunk:
     """Some studies of one point: all that a process needs to know, as plain values."""
 
-    study: str
-    """Canonical JSON."""
-    gains: str
-    """Its gain matrices, JSON."""
-    goal: str
-    """JSON of `Goal`."""
+    plan: str
+    """From `plan_text`."""
     point: Point
     first: int
     number: int
     seed: int
 
 
-def gains_text(gains: tuple[ConditionGains, ...]) -> str:
-    """Return gain matrices as `Chunk` has them."""
-    return json.dumps([asdict(one) for one in gains])
+def plan_text(
+    study: Study,
+    gains: Sequence[ConditionGains],
+    goal: Goal,
+    draws: Sequence[dict[str, float]] = (),
+) -> str:
+    """Return what all chunks of a search share, as JSON.
+
+    `draws` are keys of [simulation] that take turns: what a pilot leaves open of the people.
+    """
+    return json.dumps(
+        {
+            "study": study.canonical,
+            "gains": [asdict(one) for one in gains],
+            "goal": asdict(goal),
+            "draws": list(draws),
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Plan:
+    study: Study
+    gains: FingerGains
+    goal: Goal
+    populations: tuple[Simulation, ...]
+    truths: tuple[float, ...]
+
+
+@lru_cache(maxsize=4)
+def _read(plan: str) -> _Plan:
+    told = json.loads(plan)
+    study, goal = study_from_canonical(told["study"]), Goal(**told["goal"])
+    gains = gains_from_json(told["gains"][0]).fingers()
+    keys = json.loads(study.canonical)["simulation"]
+    populations: tuple[Simulation, ...] = (study.simulation,)
+    if told["draws"]:
+        keys |= {"threshold_um": None}
+        populations = tuple(Simulation(**(keys | draw)) for draw in told["draws"])
+    return _Plan(
+        study=study,
+        gains=gains,
+        goal=goal,
+        populations=populations,
+        truths=tuple(truth_of(goal, one, study, gains) for one in populations),
+    )
 
 
 def simulate(chunk: Chunk) -> dict[str, Any]:
     """Return whether each study of a chunk reached its goal, its number, and its coverage."""
-    study, gains = _read(chunk.study, chunk.gains)
-    goal = Goal(**json.loads(chunk.goal))
+    plan = _read(chunk.plan)
+    design = design_of(plan.study.design, chunk.point)
     outcomes = [
-        _outcome(study, gains, goal, chunk.point, (chunk.seed, number))
+        _outcome(plan, design, chunk.point, (chunk.seed, number))
         for number in range(chunk.first, chunk.first + chunk.number)
     ]
     return {
@@ -73,47 +126,64 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
     }
 
 
-@lru_cache(maxsize=4)
-def _read(study: str, gains: str) -> tuple[Study, tuple[FingerGains, ...]]:
-    matrices = tuple(gains_from_json(one).fingers() for one in json.loads(gains))
-    return study_from_canonical(study), matrices
+def design_of(design: Design, point: Point) -> Design:
+    """Return the design of a point."""
+    levels_vpp = design.levels_vpp
+    return replace(
+        design,
+        trials_per_side=point.trials_per_side,
+        blank_trials=point.blanks,
+        # placed levels are told per person
+        order="random" if point.trials_per_side % len(levels_vpp) else design.order,
+    )
 
 
-def _outcome(
-    study: Study,
-    gains: tuple[FingerGains, ...],
-    goal: Goal,
-    point: Point,
-    seeds: tuple[int, int],
-) -> Any:
-    people = [_person(study, gains, goal, point, (*seeds, i)) for i in range(point.participants)]
-    by_condition = list(zip(*people, strict=True))
-    return judged(goal, by_condition, _truth(study, gains[0], goal))
+def _outcome(plan: _Plan, design: Design, point: Point, seeds: tuple[int, int]) -> Outcome:
+    people = [_person(plan, design, point, (*seeds, i)) for i in range(point.participants)]
+    turn = seeds[1] % len(plan.populations)
+    return judged(plan.goal, list(zip(*people, strict=True)), plan.truths[turn])
 
 
-def _person(
-    study: Study,
-    gains: tuple[FingerGains, ...],
-    goal: Goal,
-    point: Point,
-    seeds: tuple[int, int, int],
-) -> list[Counts]:
+def _person(plan: _Plan, design: Design, point: Point, seeds: tuple[int, int, int]) -> list[Counts]:
     """Draw a person and their counts, in the conditions that the goal asks about."""
     root, number, i = seeds
     rng = np.random.default_rng(np.random.SeedSequence(root, spawn_key=(number, i)))
-    left, right = study.actuators[:2]
+    left, right = plan.study.actuators[:2]
     apart_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
-    person = study.simulation.draw(apart_mm, rng)
-    shown = Presented.of(study.design, trials_per_side=point.trials_per_side, blanks=point.blanks)
-    return [
-        draw_counts(person, shown, gains[0], rng, shift_db=shift_db)
-        for shift_db in ((0.0, goal.size) if goal.kind == "difference" else (0.0,))
-    ]
+    person = plan.populations[number % len(plan.populations)].draw(apart_mm, rng)
+    if point.placed:
+        design = _with_placed_levels(plan, design, person, rng)
+    shifts_db = [0.0]
+    if plan.goal.kind == "difference":
+        shifts_db.append(person.difference_db + plan.goal.size)
+    return draw_counts(person, design, plan.gains, rng, shifts_db=shifts_db)
 
 
-def _truth(study: Study, gains: FingerGains, goal: Goal) -> float:
-    if goal.kind == "half-width":
-        return math.log10(threshold_vpp(study.simulation.median, gains))
-    if goal.kind == "difference":
-        return goal.size
-    return math.nan
+def _with_placed_levels(
+    plan: _Plan, design: Design, person: Observer, rng: np.random.Generator
+) -> Design:
+    """Place levels after a pilot session, as `tactstrip levels` does; where it cannot, the study's.
+
+    The pilot has 40 stimuli, and 12 blanks where they can be answered.
+    """
+    ceiling_vpp = plan.study.device.ceiling_vpp
+    levels_vpp = np.geomspace(ceiling_vpp / _PILOT_RANGE, ceiling_vpp, _PILOT_LEVELS)
+    pilot = replace(
+        design,
+        levels_vpp=tuple(np.round(levels_vpp, 1).tolist()),
+        trials_per_side=_PILOT_PER_SIDE,
+        blank_trials=_PILOT_BLANKS if "none" in design.responses else 0,
+        order="balanced",
+        break_every=0,
+    )
+    (counts,) = draw_counts(person, pilot, plan.gains, rng)
+    levels, detected, shown = (
+        np.array(one, dtype=np.float64)
+        for one in (counts.levels_vpp, counts.detected, counts.presented)
+    )
+    try:
+        found = placed(pilot_function(levels, detected, shown, counts.guess).function, ceiling_vpp)
+    except LevelsError:
+        return design
+    order = "random" if design.trials_per_side % len(found) else plan.study.design.order
+    return replace(design, levels_vpp=found, order=order)

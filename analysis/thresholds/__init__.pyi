@@ -12,9 +12,9 @@ from .fit import (
     status_of,
 )
 from .grid import Surface, rates_of, surfaces
-from .levels import ExpectedError, LevelsError, Placement, place_levels
+from .levels import ExpectedError, LevelsError, Placement, pilot_function, place_levels, placed
 from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, guessing, people_in
+from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, guessing, people_in, people_of
 from .posterior import within_levels
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
@@ -47,7 +47,10 @@ __all__ = [
     "kind_prior",
     "levels_of",
     "people_in",
+    "people_of",
+    "pilot_function",
     "place_levels",
+    "placed",
     "probit_mle",
     "quantiles",
     "rates_of",

@@ -147,10 +147,52 @@ def place_levels(
 def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placement:
     condition, participant = people.names[i]
     whose = f"the pilot of participant {participant} in condition {condition}"
-    used = people.presented[i] > 0
-    level_vpp = people.level_vpp[i, used]
-    counts = (people.detected[None, i, used], people.presented[None, i, used])
-    guess, x = people.guesses[i].rate, np.log10(level_vpp)[None]
+    guess = people.guesses[i].rate
+    table = (people.level_vpp[i], people.detected[i], people.presented[i])
+    pilot = pilot_function(*table, guess, whose)
+    function, (low, high) = pilot.function, pilot.threshold_limits_vpp
+    levels_vpp = placed(function, study.device.ceiling_vpp)
+    design = study.design
+    drawn = _draws(pilot.surface, pilot.ruler, guess.mean, np.random.default_rng(seed))
+    error, fixed_error = (
+        expected_error(drawn, levels, 2 * design.trials_per_side, seed=seed)
+        for levels in (levels_vpp, design.levels_vpp)
+    )
+    return Placement(
+        participant=participant,
+        condition=condition,
+        function=function,
+        threshold_limits_vpp=(low, high),
+        levels_vpp=levels_vpp,
+        felt=tuple(float(share) for share in _felt(function, levels_vpp)),
+        trials=2 * design.trials_per_side,
+        error=error,
+        fixed_error=fixed_error,
+        fixed_levels_vpp=design.levels_vpp,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PilotFunction:
+    """What a pilot tells of a person's function, as far as levels can be placed on it."""
+
+    function: Function
+    threshold_limits_vpp: tuple[float, float]
+    surface: Surface
+    ruler: Ruler
+
+
+def pilot_function(
+    level_vpp: NDArray[np.float64],
+    detected: NDArray[np.float64],
+    presented: NDArray[np.float64],
+    guess: GuessRate,
+    whose: str = "the pilot",
+) -> PilotFunction:
+    """Return the function of a table of counts; LevelsError where it cannot place levels."""
+    used = presented > 0
+    level_vpp, counts = level_vpp[used], (detected[None, used], presented[None, used])
+    x = np.log10(level_vpp)[None]
     fit = fit_many(x, *counts, guesses=[guess])[0]
     if fit.status not in WITH_THRESHOLD:
         words = printed(fit, level_vpp, VOLTS)
@@ -174,24 +216,8 @@ def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placeme
         lapse_rate=float(known.lapse_rate[0]),
         guess_rate=guess.mean,
     )
-    levels_vpp = placed(function, study.device.ceiling_vpp)
-    design = study.design
-    drawn = _draws(surface, ruler, guess.mean, np.random.default_rng(seed))
-    error, fixed_error = (
-        expected_error(drawn, levels, 2 * design.trials_per_side, seed=seed)
-        for levels in (levels_vpp, design.levels_vpp)
-    )
-    return Placement(
-        participant=participant,
-        condition=condition,
-        function=function,
-        threshold_limits_vpp=(low, high),
-        levels_vpp=levels_vpp,
-        felt=tuple(float(share) for share in _felt(function, levels_vpp)),
-        trials=2 * design.trials_per_side,
-        error=error,
-        fixed_error=fixed_error,
-        fixed_levels_vpp=design.levels_vpp,
+    return PilotFunction(
+        function=function, threshold_limits_vpp=(low, high), surface=surface, ruler=ruler
     )
 
 

@@ -164,6 +164,13 @@ def _shifts_db(study: Study, observer: Observer, plan: Plan) -> dict[int, tuple[
         name: (known.shift_db(left), known.shift_db(right))
         for name, (left, right) in vibrations(study).items()
     }
+    if observer.difference_db and len(study.conditions) > 1:
+        second = study.conditions[1].name
+        left_db, right_db = of_condition.get(second, (0.0, 0.0))
+        of_condition[second] = (
+            left_db + observer.difference_db,
+            right_db + observer.difference_db,
+        )
     courses = (observer.drift_db, observer.block_drift_db, observer.wander_db)
     if not of_condition and not any(courses):
         return {}

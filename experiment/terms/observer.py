@@ -80,6 +80,8 @@ class Observer:
         How much longer than that to what cannot be felt than to what is always felt.
     finger_difference_db : float
         Threshold of the left finger above that of the right one; half of it on either side.
+    difference_db : float
+        Thresholds in a study's second condition above those in its first, whatever the stimuli do.
     masking_slope : float or None
         By how many dB a finger's threshold rises for each dB by which the other finger gets more
         than its own threshold; ``None`` for the rule of section V.
@@ -122,6 +124,7 @@ class Observer:
     reaction_time_least_s: float = FASTEST_ANSWER_S
     reaction_time_doubt: float = 2.0
     finger_difference_db: float = 0.0
+    difference_db: float = 0.0
     masking_slope: float | None = None
     drift_db: float = 0.0
     block_drift_db: float = 0.0
@@ -226,16 +229,6 @@ class Observer:
         """Return how often `answer` gives each of the responses; what is left to 1 is too late.
 
         Parameters and errors are those of `answer`; nothing is drawn.
-
-        Examples
-        --------
-        >>> from experiment.study.read import paper_study
-        >>> person = paper_study().simulation.median
-        >>> offered = ("left", "right", "both")
-        >>> found = person.answer_probabilities(0.0, 0.0, offered, 60.0, gains=FingerGains(
-        ...     left=(0.02, 0.0), right=(0.0, 0.02), basis="measured"))
-        >>> [round(one, 3) for one in found]  # guesses, and lapses to all of the three
-        [0.495, 0.495, 0.01]
         """
         _require_responses(responses)
         amplitudes, chances = self._felt(level_left_vpp, level_right_vpp, gains, shift_db)

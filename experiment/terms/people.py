@@ -22,6 +22,8 @@ def draw_observer(
     *,
     finger_difference_sd_db: float = 0.0,
     swapped_keys: float = 0.0,
+    sigma_spread: float = 0.0,
+    difference_sd_db: float = 0.0,
 ) -> Observer:
     """Draw one participant of a simulated population.
 
@@ -39,6 +41,10 @@ def draw_observer(
         Standard deviation of the difference between the two fingers.
     swapped_keys : float
         Share of people who confuse left and right.
+    sigma_spread : float
+        Standard deviation of ln(sigma).
+    difference_sd_db : float
+        Standard deviation of the difference between the first two conditions.
 
     Examples
     --------
@@ -55,7 +61,16 @@ def draw_observer(
     if finger_difference_sd_db:
         difference_db = finger_difference_sd_db * rng.standard_normal()
         person = replace(person, finger_difference_db=difference_db)
-    return replace(person, swapped=rng.random() < swapped_keys) if swapped_keys else person
+    if swapped_keys:
+        person = replace(person, swapped=rng.random() < swapped_keys)
+    if sigma_spread:
+        person = replace(
+            person, sigma=person.sigma * math.exp(sigma_spread * rng.standard_normal())
+        )
+    if difference_sd_db:
+        moved_db = person.difference_db + difference_sd_db * rng.standard_normal()
+        person = replace(person, difference_db=moved_db)
+    return person
 
 
 def threshold_course_db(

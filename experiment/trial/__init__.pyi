@@ -1,5 +1,5 @@
 from . import events as events
-from .draw import block_count, block_lengths, block_words, draw_plan
+from .draw import block_count, block_lengths, block_words, draw_plan, shuffled_blocks
 from .engine import step, upcoming
 from .events import EndTrial, Event, Happening, Key, Phase, SessionState, Task
 from .order import order_count
@@ -26,6 +26,7 @@ __all__ = [
     "events",
     "order_count",
     "plan_from_json",
+    "shuffled_blocks",
     "step",
     "upcoming",
 ]

@@ -236,21 +236,26 @@ def _draw_trials(
     yield from _practice(design, conditions[0], rng)
     next_block = 1
     for condition in conditions:
-        blocks = _BLOCKS_OF[design.order](design, rng)
-        for block, stimuli in enumerate(blocks, start=next_block):
-            for place in rng.permutation(len(stimuli)):
-                yield _trial(design, condition, block, stimuli[place], rng)
-        next_block += len(blocks)
+        for stimuli in shuffled_blocks(design, rng):
+            for stimulus in stimuli:
+                yield _trial(design, condition, next_block, stimulus, rng)
+            next_block += 1
     yield from _off_plate(design, conditions, next_block, design.control_trials, off_plate)
 
 
-_Stimulus = tuple[str, str, float | None]
+Stimulus = tuple[str, str, float | None]
 """Kind, side and level of one trial to come."""
 
 
-def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[_Stimulus]]:
+def shuffled_blocks(design: Design, rng: np.random.Generator) -> Iterator[list[Stimulus]]:
+    """Draw the stimuli of one condition, block by block, in their order."""
+    for stimuli in _BLOCKS_OF[design.order](design, rng):
+        yield [stimuli[place] for place in rng.permutation(len(stimuli))]
+
+
+def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[Stimulus]]:
     """Draw every level independently, as in the paper, and cut the shuffled list into blocks."""
-    stimuli: list[_Stimulus] = [
+    stimuli: list[Stimulus] = [
         ("single", side, float(rng.choice(design.levels_vpp)))
         for side in ("left", "right")
         for _ in range(design.trials_per_side)
@@ -263,11 +268,11 @@ def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[_Stimu
     return [shuffled[i : i + length] for i in range(0, len(shuffled), length)]
 
 
-def _balanced_blocks(design: Design, rng: np.random.Generator) -> list[list[_Stimulus]]:
+def _balanced_blocks(design: Design, rng: np.random.Generator) -> list[list[Stimulus]]:
     """Give every block the same number of each side and level, the rest as evenly as possible."""
     count = block_count(design)
     repeats = design.trials_per_side // len(design.levels_vpp) // count
-    each: list[_Stimulus] = [
+    each: list[Stimulus] = [
         ("single", side, level) for side in ("left", "right") for level in design.levels_vpp
     ]
     blocks = [each * repeats for _ in range(count)]
@@ -280,13 +285,13 @@ def _balanced_blocks(design: Design, rng: np.random.Generator) -> list[list[_Sti
 _BLOCKS_OF = {"random": _random_blocks, "balanced": _balanced_blocks}
 
 
-def _both(design: Design, rng: np.random.Generator) -> list[_Stimulus]:
+def _both(design: Design, rng: np.random.Generator) -> list[Stimulus]:
     levels = [design.both_level_vpp or float(rng.choice(design.levels_vpp))
               for _ in range(design.both_trials)]  # fmt: skip
     return [("both", "both", level) for level in levels]
 
 
-def _blank(design: Design) -> list[_Stimulus]:
+def _blank(design: Design) -> list[Stimulus]:
     return [("blank", "none", None)] * design.blank_trials
 
 
@@ -331,7 +336,7 @@ def _trial(
     design: Design,
     condition: Condition,
     block: int,
-    stimulus: _Stimulus,
+    stimulus: Stimulus,
     rng: np.random.Generator,
 ) -> Trial:
     kind, side, level_vpp = stimulus

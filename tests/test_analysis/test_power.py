@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,9 +15,9 @@ from scipy.stats import binom
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import power
 from analysis.power.goals import Goal
-from analysis.power.planning import one_after_another
 from analysis.power.search import Trials
-from analysis.power.studies import Chunk, Point, gains_text, simulate
+from analysis.power.studies import Chunk, Point, plan_text, simulate
+from analysis.workers.chunks import spread
 from experiment.study.read import study_from_text
 from experiment.terms.gains import ConditionGains
 
@@ -41,11 +41,9 @@ def study_of(design: str, people: str = "threshold_vpp = 80.0\nthreshold_sd_db =
 
 def trials_of(study: Study, goal: str, seed: int = 1) -> Trials:
     return Trials(
-        study=study.canonical,
-        gains=gains_text((ALONE,)),
-        goal=json.dumps(asdict(Goal.parse(goal))),
+        plan=plan_text(study, (ALONE,), Goal.parse(goal)),
         seed=seed,
-        spread=one_after_another,
+        spread=spread,
     )
 
 
@@ -85,9 +83,7 @@ def test_one_level_of_one_person_is_known_as_often_as_exact_sums_say() -> None:
 def test_results_do_not_depend_on_how_studies_are_cut_into_chunks() -> None:
     study = study_of('both_trials = 0\nblank_trials = 30\nresponses = ["left", "right", "none"]')
     whole = Chunk(
-        study=study.canonical,
-        gains=gains_text((ALONE,)),
-        goal=json.dumps(asdict(Goal.parse("false-alarms=10%"))),
+        plan=plan_text(study, (ALONE,), Goal.parse("false-alarms=10%")),
         point=Point(participants=3, trials_per_side=5, blanks=30),
         first=0,
         number=12,
@@ -113,14 +109,14 @@ def test_results_do_not_depend_on_how_studies_are_cut_into_chunks() -> None:
         ("half-width=0dB", "", "goal half-width must be > 0 and at most 40 dB; got 0"),
         ("difference=1dB", "", "goal difference needs two conditions"),
         ("detection=10%@61V", "", "goal detection must be at one of design.levels_vpp, 60 95"),
-        ("false-alarms=5%", "", "goal false-alarms needs design.blank_trials > 0; got 0"),
+        ("false-alarms=5%", "", "goal false-alarms needs design.blank_trials > 0, or --blanks"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_one_line(
     goal: str, study: str, told: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "study.toml"
-    path.write_text(study or "[simulation]\nthreshold_sd_db = 2.0")
+    path.write_text(study or "[simulation]\nthreshold_sd_db = 2.0\ndifference_sd_db = 1.0")
     done = CliRunner().invoke(power, [str(path), "--goal", goal])
     assert done.exit_code == 2
     assert done.stderr.count("\n") == 1

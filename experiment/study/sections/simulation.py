@@ -53,6 +53,9 @@ class Simulation:
     sigma: float = Field(
         default=0.1, gt=0, le=10, description="width of the psychometric function, log10 units"
     )
+    sigma_spread: float | None = Field(
+        default=None, ge=0, le=2, description="between people, standard deviation of ln(sigma)"
+    )
     lapse_rate: float = Field(
         default=0.03, ge=0, le=1, description="answers at random, whatever was felt"
     )
@@ -92,6 +95,12 @@ class Simulation:
     )
     finger_difference_sd_db: float | None = Field(
         default=None, ge=0, le=20, description="between people, of left threshold above right"
+    )
+    difference_db: float | None = Field(
+        default=None, ge=-40, le=40, description="threshold of the second condition above the first"
+    )
+    difference_sd_db: float | None = Field(
+        default=None, ge=0, le=20, description="between people, of that difference"
     )
     masking_slope: float | None = Field(
         default=None,
@@ -177,4 +186,6 @@ class Simulation:
             rng,
             finger_difference_sd_db=self.finger_difference_sd_db or 0.0,
             swapped_keys=self.swapped_keys or 0.0,
+            sigma_spread=self.sigma_spread or 0.0,
+            difference_sd_db=self.difference_sd_db or 0.0,
         )

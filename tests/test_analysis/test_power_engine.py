@@ -1,0 +1,90 @@
+"""Counts drawn at once are distributed as those of sessions through the engine and the files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from analysis.power.counts import draw_counts
+from analysis.reading.load import read_trials
+from experiment.session.simulate import simulate_study
+from experiment.study.physics import study_gains
+from experiment.study.read import study_from_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+PEOPLE = """
+[design]
+levels_vpp = [50.0, 65.0, 90.0]
+trials_per_side = 24
+both_trials = 6
+blank_trials = 24
+responses = ["left", "right", "both", "none"]
+response_window_s = 1.2
+order = "{order}"
+break_every = 0
+[simulation]
+threshold_sd_db = 3.0
+sigma = 0.12
+lapse_rate = 0.05
+false_alarm_rate = 0.2
+side_bias = 0.6
+guess_both = 0.1
+finger_difference_sd_db = 1.0
+difference_db = 2.0
+difference_sd_db = 1.0
+sigma_spread = 0.3
+{more}
+[[condition]]
+name = "a"
+[[condition]]
+name = "b"
+"""
+COURSE = "drift_db = 4.0\nwander_db = 1.4\nwander_trials = 11.0\nlast_answer_db = 2.0"
+
+
+def moments(rows: Floats) -> tuple[Floats, Floats]:
+    """Return the mean of rows of counts and its covariance."""
+    return rows.mean(axis=0), np.cov(rows.T) / len(rows)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("order", "more"), [("balanced", ""), ("random", COURSE)])
+def test_counts_are_those_of_the_engine(order: str, more: str, tmp_path: Path) -> None:
+    study = study_from_text(PEOPLE.format(order=order, more=more), "study.toml")
+    gains = study_gains(study)
+    people = 150
+    for _ in simulate_study(study, tmp_path, participants=people, seed=5, gains=gains):
+        pass
+    trials = read_trials([tmp_path])
+    single = trials[trials["kind"].eq("single")]
+    hit = single["response"].astype(str).eq(single["side"].astype(str))
+    table = single.assign(hit=hit).groupby(["participant", "condition", "level_vpp"])["hit"].sum()
+    engine = table.unstack(["condition", "level_vpp"], fill_value=0).sort_index(axis=1)
+    blank = trials[trials["kind"].eq("blank")]
+    false = blank["response"].isin(["left", "right", "both"])
+    alarms = false.groupby([blank["participant"], blank["condition"]]).sum().unstack()
+    through = np.hstack([engine.to_numpy(), alarms.to_numpy()])
+    drawn = []
+    for i in range(4 * people):
+        rng = np.random.default_rng((9, i))
+        person = study.simulation.draw(140.0, rng)
+        both = draw_counts(
+            person, study.design, gains[0].fingers(), rng, shifts_db=(0.0, person.difference_db)
+        )
+        hits = [count for one in both for count in one.detected]
+        drawn.append(np.array([*hits, *(one.false_alarms for one in both)]))
+    # means, and the spread between people, which drifts and dependent answers widen
+    found = np.array(drawn)
+    for pair in ((through, found), *[tuple((a - a.mean(axis=0)) ** 2 for a in (through, found))]):
+        (one, its), (two, theirs) = (moments(rows) for rows in pair)
+        statistic = float((one - two) @ np.linalg.solve(its + theirs, one - two))
+        assert chi2.sf(statistic, len(one)) > 0.001
