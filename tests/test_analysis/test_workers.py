@@ -317,6 +317,11 @@ def power(folder: Path, *arguments: str) -> Result:
     return CliRunner().invoke(main, ["power", str(folder / "study.toml"), *ASKED, *arguments])
 
 
+def answer(result: Result) -> str:
+    """What power told, but for the time that it predicts after a few measured studies."""
+    return re.sub(r".*core-seconds\n", "", result.stdout)
+
+
 @pytest.mark.slow
 def test_power_goes_on_from_its_file_with_its_seed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -332,11 +337,11 @@ def test_power_goes_on_from_its_file_with_its_seed(
         assert power(tmp_path).exit_code == 130
         first = power(tmp_path, "--keep", str(kept), "--seed", "5")
     assert (first.exit_code, first.stdout) == (4, "")
-    assert first.stderr == f"error: interrupted; the same command goes on from {kept}\n"
+    assert first.stderr.endswith(f"error: interrupted; the same command goes on from {kept}\n")
     before = kept.read_bytes()
     again, alone = power(tmp_path, "--keep", str(kept)), power(tmp_path, "--seed", "5")
     assert again.exit_code == alone.exit_code == 0
-    assert again.output == alone.output
+    assert answer(again) == answer(alone) != ""
     assert kept.read_bytes().startswith(before)
     other = power(tmp_path, "--keep", str(kept), "--seed", "6")
     assert (other.exit_code, other.stderr.count("\n")) == (2, 1)
@@ -346,10 +351,10 @@ def test_power_goes_on_from_its_file_with_its_seed(
 def test_power_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     alone = power(tmp_path, "--seed", "5")
     assert alone.exit_code == 0
-    assert power(tmp_path, "--seed", "5", "--workers", "2").output == alone.output
+    assert answer(power(tmp_path, "--seed", "5", "--workers", "2")) == answer(alone)
     with scheduler() as (address, process), worker(address), worker(address):
         found = power(tmp_path, "--seed", "5", "--scheduler", address)
-        assert found.stdout == alone.stdout
+        assert answer(found) == answer(alone)
         process.kill()
         process.wait()
         gone = power(tmp_path, "--scheduler", address)
