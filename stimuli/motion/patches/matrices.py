@@ -35,13 +35,13 @@ _ORDERS: Final = ((0, 0), (1, 1), (2, 2), (0, 2), (2, 0))
 
 
 class Matrices(NamedTuple):
-    """Of all functions: springs along the edges, stiffness with these, mass.
+    """Of all functions: springs along the edges, if any, stiffness with these, mass.
 
     `overlap` are the integrals over the plate of the patches' functions with all; those of the
     plate are orthonormal.
     """
 
-    springs: Real
+    springs: Real | None
     stiffness: Real
     mass: Real
     overlap: Real
@@ -55,24 +55,28 @@ def matrices(strip: Strip, functions: Functions) -> Matrices:
     for one in functions.around:
         blocks.append(_Block(functions, one, size))
         size = blocks[-1].end
-    springs, stiffness, mass = (np.zeros((size, size)) for _ in range(3))
-    held_n = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
+    stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
     along, across = functions.along, functions.across
-    whole, one_y = np.eye(len(along.series)), np.eye(len(across.series))
-    slopes = across.values(np.array([-1.0, 1.0]), 1)
-    springs[:n, :n] = _both([(held_n * whole, slopes.T @ slopes)], functions.pairs, functions.pairs)
     terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
-    terms[VALUE] = (whole, one_y)  # orthonormal, but for rounding
+    terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
     stiffness[:n, :n] = _both(_bending(terms, bare), functions.pairs, functions.pairs)
     np.fill_diagonal(mass[:n, :n], bare.mass_kg_m2)
     for block in blocks:
         block.add_plate(stiffness, mass, bare)
-        block.add_springs(springs, held_n)
     overlap = mass[:, n:] / bare.mass_kg_m2
     for block, one in zip(blocks, functions.around, strict=True):
         block.add_patch(stiffness, mass, bare, laminate([plate, *one.patch.layers]))
-    stiffness += springs
-    for matrix in (springs, stiffness, mass):
+    springs = None
+    if isinstance(strip.edge, ElasticEdge):
+        springs = np.zeros((size, size))
+        slopes = across.values(np.array([-1.0, 1.0]), 1)
+        held = strip.edge.stiffness_n * terms[VALUE][0], slopes.T @ slopes
+        springs[:n, :n] = _both([held], functions.pairs, functions.pairs)
+        for block in blocks:
+            block.add_springs(springs, strip.edge.stiffness_n)
+        springs[n:, :n] = springs[:n, n:].T
+        stiffness += springs
+    for matrix in (stiffness, mass):
         matrix[n:, :n] = matrix[:n, n:].T
     return Matrices(springs=springs, stiffness=stiffness, mass=mass, overlap=overlap)
 
@@ -130,7 +134,7 @@ class _Block:
         """Add what springs along the edges hold of functions that turn there."""
         rings, width_m = self._around.rings[1], 2 * self._functions.across.half_m
         edges_m = [y_m for y_m, ring in zip((0.0, width_m), rings, strict=True) if ring.free]
-        if not held_n or not edges_m:
+        if not edges_m:
             return
         places_m, weights = self._around.line(0, self._n_nodes(0), inside=False)
         along = self._factors(0, places_m, weights, 0)

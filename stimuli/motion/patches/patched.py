@@ -141,20 +141,24 @@ def _modes(
     plate, local = np.split(np.arange(len(of_all.mass)), [functions.n_plate])
     if fewer_rad_m is not None:
         plate, local = functions.fewer(fewer_rad_m)
-    kept = _independent(of_all.overlap[:, local - functions.n_plate], plate, local)
-    springs, stiffness, mass = (_taken(one, plate, local, kept) for one in of_all[:3])
+        of_all = _some(of_all, plate, local)
+    kept = _independent(of_all.overlap, plate.size)
+    stiffness, mass = (_kept(one, plate.size, kept) for one in (of_all.stiffness, of_all.mass))
     factor = cholesky(stiffness, lower=True, check_finite=False)
     squared, vectors = eigh(
-        stiffness,
-        mass,
+        stiffness.T,  # as LAPACK has its columns
+        mass.T,
         subset_by_value=(-math.inf, (2 * math.pi * highest_hz) ** 2),
         overwrite_a=True,
         overwrite_b=True,
         check_finite=False,
     )
+    bent = np.diag(squared)
+    if of_all.springs is not None:
+        bent -= vectors.T @ _kept(of_all.springs, plate.size, kept) @ vectors
     return PatchedModes(
         squared=squared,
-        bent=np.diag(squared) - vectors.T @ springs @ vectors,
+        bent=bent,
         functions=functions,
         plate=plate,
         local=local,
@@ -164,17 +168,34 @@ def _modes(
     )
 
 
-def _independent(overlap: Real, plate: NDArray[np.intp], local: NDArray[np.intp]) -> Real:
+def _some(of_all: Matrices, plate: NDArray[np.intp], local: NDArray[np.intp]) -> Matrices:
+    """Return the matrices of some functions."""
+    every = np.append(plate, local)
+    both = np.ix_(every, every)
+    n_plate = of_all.overlap.shape[0] - of_all.overlap.shape[1]
+    return Matrices(
+        springs=None if of_all.springs is None else of_all.springs[both],
+        stiffness=of_all.stiffness[both],
+        mass=of_all.mass[both],
+        overlap=of_all.overlap[np.ix_(every, local - n_plate)],
+    )
+
+
+def _independent(overlap: Real, n_plate: int) -> Real:
     """Return combinations of functions of patches without those that the plate's nearly are."""
-    crossed, own = overlap[plate], overlap[local]
+    crossed, own = overlap[:n_plate], overlap[n_plate:]
     scale = 1 / np.sqrt(np.diag(own))
     share, vectors = np.linalg.eigh(scale[:, np.newaxis] * (own - crossed.T @ crossed) * scale)
     kept = share > _DEPENDENT
     return np.asarray(scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(share[kept]))
 
 
-def _taken(matrix: Real, plate: NDArray[np.intp], local: NDArray[np.intp], kept: Real) -> Real:
+def _kept(matrix: Real, n_plate: int, kept: Real) -> Real:
     """Return a matrix of all functions as one of the plate's and the combinations kept."""
-    crossed = matrix[np.ix_(plate, local)] @ kept
-    own = kept.T @ matrix[np.ix_(local, local)] @ kept
-    return np.block([[matrix[np.ix_(plate, plate)], crossed], [crossed.T, own]])
+    size = n_plate + kept.shape[1]
+    found = np.empty((size, size))
+    found[:n_plate, :n_plate] = matrix[:n_plate, :n_plate]
+    found[:n_plate, n_plate:] = matrix[:n_plate, n_plate:] @ kept
+    found[n_plate:, :n_plate] = found[:n_plate, n_plate:].T
+    found[n_plate:, n_plate:] = kept.T @ matrix[n_plate:, n_plate:] @ kept
+    return found
