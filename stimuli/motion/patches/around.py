@@ -233,10 +233,15 @@ def _steps(place: Real, rings: Sequence[Ring], order: int, *, odd: bool | None) 
 
 def _side(place: Real, ring: Ring, order: int) -> Real:
     """Return what belongs to the rim at 1."""
-    inner, outer = _side_series(ring, order)
-    beyond = (place - 1) / (ring.reach or 1.0)
-    outside = (place > _RIM) & (beyond <= _RIM) & (ring.reach > 0)
-    return _polynomials(place, np.abs(place) <= _RIM, inner) + _polynomials(beyond, outside, outer)
+    inner, outer = _side_series(ring.reach > 0, ring.free, order)
+    inside = _polynomials(place, np.abs(place) <= _RIM, inner)
+    if not ring.reach:
+        return inside
+    beyond = (place - 1) / ring.reach
+    there = (place > _RIM) & (beyond <= _RIM)
+    scale = np.full(outer.shape[1], ring.reach**-order)
+    scale[1] *= ring.reach  # the slope at the rim is 1 on both sides
+    return inside + _polynomials(beyond, there, outer * scale)
 
 
 def _polynomials(place: Real, there: NDArray[np.bool_], series: Real) -> Real:
@@ -255,19 +260,21 @@ def _hump_series(n_humps: int, order: int, odd: bool | None) -> Real:  # noqa: F
 
 
 @lru_cache(maxsize=64)
-def _side_series(ring: Ring, order: int) -> tuple[Real, Real]:
-    """Return the functions of a side inside, and outside, in powers of the place there."""
+def _side_series(has_ring: bool, free: int, order: int) -> tuple[Real, Real]:  # noqa: FBT001 - a key
+    """Return the functions of a side inside, and outside, in powers of the place there.
+
+    The place outside goes from 0 to 1.
+    """
     s, none = Polynomial([0, 1]), Polynomial([0])
     value, slope = (1 + s) ** 2 * (2 - s) / 4, (1 + s) ** 2 * (s - 1) / 4
-    reach, free = ring
     pieces = [(slope, none), (value, none)][:free]
-    if reach:
+    if has_ring:
         ends = [s**2 * (s - 1), s**2 * (3 - 2 * s)][:free]
         humps = [16 * s**2 * (1 - s) ** 2 * (2 * s - 1) ** n for n in range(_HUMPS)]
-        pieces = [(value, (1 - s) ** 2 * (1 + 2 * s)), (slope, reach * s * (1 - s) ** 2)]
+        pieces = [(value, (1 - s) ** 2 * (1 + 2 * s)), (slope, s * (1 - s) ** 2)]
         pieces += [(none, one) for one in (*ends, *humps)]
     inner, outer = (_series([piece[part] for piece in pieces], order) for part in (0, 1))
-    return inner, outer / (reach or 1.0) ** order
+    return inner, outer
 
 
 def _series(functions: Sequence[Polynomial], order: int) -> Real:
