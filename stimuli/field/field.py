@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
@@ -38,8 +37,8 @@ _SHARED: Final = 8
 
 _AT_CUTOFF: Final = 4e-15
 
-_LOW: Final = 0.01
-"""Part of the first cut-off that is low enough to tell the static field."""
+_LOW: Final = 1e-4
+"""Part of the first cut-off at which inertia moves a plate by 1e-8 more than at rest."""
 
 _CAUTION: Final = 3.0
 """What the first coefficient left out of a sweep is multiplied with."""
@@ -117,14 +116,11 @@ def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) ->
 def at_rest(scene: Scene, rtol: float) -> Real:
     """Return the static displacement of a strip without loss: (n_loads, n_points).
 
-    U is a series in the square of the frequency, of which two low ones leave the fourth power:
-    a sixth of the work of `displacement` at 0 Hz, and within 1e-6 of it down to its floor.
+    U is a series in the square of the frequency, of which a very low one leaves nothing: a ninth of
+    the work of `displacement` at 0 Hz, and within 1e-7 of its largest value.
     """
     low_hz = _LOW * scene.strip.cutoff_hz()
-    lower, higher = solve(
-        scene, np.array([low_hz, math.sqrt(2) * low_hz], dtype=np.complex128), rtol
-    ).value
-    return np.asarray((2 * lower - higher).real)
+    return np.asarray(solve(scene, np.array([low_hz], dtype=np.complex128), rtol).value[0].real)
 
 
 def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Response:

@@ -27,6 +27,7 @@ from stimuli import (
     SampledDrive,
     Scene,
     Strip,
+    displacement,
     felt,
     felt_work,
     level_db,
@@ -427,6 +428,16 @@ def test_what_rings_after_a_slow_burst_is_found_without_looking_all_the_time(
 
 
 # --- long plates
+
+
+@pytest.mark.parametrize("length_m", [None, 0.12])
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, K_2500, CLAMPED])
+def test_a_very_low_frequency_moves_a_plate_as_at_rest(edge: Any, length_m: float | None) -> None:
+    strip = plate(edge, length_m=length_m)
+    load = MomentDisc(x_m=-0.03, y_m=0.0115, radius_m=0.005)
+    scene = Scene(strip=strip, loads=(load,), points_m=((-0.03, 0.0115), (0.03, 0.009)))
+    exact = displacement(scene, [0.0], 1e-9)[0].real
+    assert np.max(abs(at_rest(scene, 1e-9) - exact)) < 1e-7 * np.max(abs(exact))
 
 
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, K_2500, CLAMPED])
