@@ -234,9 +234,9 @@ def distribution() -> list[str]:
 
 
 REASONS: Final = """\
-What takes more than wanted: **patches** need functions of their own, and where they are not mirror
-images or not centred, all functions at once, in two sizes, as nothing else tells the error: the
-matrices and eigenvalue problems of 700 to 1700 functions take 0.3 to 2 s. **Plates of metres with
+What takes more than wanted: **patches** of plates ten and more widths long that are neither mirror
+images nor centred, which need all functions at once, in two sizes, as nothing else tells the error:
+700 to 1100 functions, a third of the time in `eigh`. **Plates of metres with
 little loss**, whose echoes count, have 1000 to 1600 modes, which take half a second and more;
 fingers couple all of them. **Plates of 2 mm** have a cut-off of a hundred kilohertz and more:
 what rings after a corner is looked at thousands of times in each millisecond until it has

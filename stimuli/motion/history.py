@@ -141,7 +141,7 @@ def transient_work(
     return TransientWork(
         bins_asked=0,
         bins_skipped=0,
-        frequencies_solved=2,  # for 0 Hz
+        frequencies_solved=1,  # for 0 Hz
         pairs_asked=of_scene.pairs_asked,
         pairs_solved=of_scene.pairs_solved,
         step_hz=0.0,
