@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 ANSWER_HEAD: Final = ("What", "Value (95 % interval)", "From")
-_DOUBTS: Final = {SWAPPED: "sides look swapped", GUESSING: "answers look like guesses"}
+_DOUBTS: Final = {SWAPPED: "sides look swapped", GUESSING: "answers cannot be told from guesses"}
 _MEDIAN: Final = "(posterior median, 95 % interval "
 REASONS: Final = {
     "practice": "practice",

@@ -168,7 +168,8 @@ def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
     if any(not {one.a, one.b} <= {*rates} for one in pairs):
         yield f"a difference may be one of criterion, of which only blank trials can tell{beside}"
     elif any(rates[one.a] != rates[one.b] for one in pairs):
-        yield f"false alarms differ, too, so that a difference may be one of criterion{beside}"
+        often = "false alarms were not equally frequent"  # which need not be a difference
+        yield f"{often}, so that a difference may be one of criterion{beside}"
 
 
 def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:

@@ -318,7 +318,7 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
-    r"false alarms differ, too, so that a difference may be one of criterion"
+    r"false alarms were not equally frequent, so that a difference may be one of criterion"
     r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
@@ -354,8 +354,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     ),
     r"\d+ sessions?, lost after recording, took no part": is_true(lambda one: one.lost),
     r"(?:participants? (?P<who>.+)|(?P<number>\d+) participants) counts?"
-    r"(?: in condition (?P<condition>\S+))?, though their (?P<what>sides look swapped|answers look "
-    r"like guesses) \(see the warnings\)": doubted,
+    r"(?: in condition (?P<condition>\S+))?, though their (?P<what>sides look swapped|answers "
+    r"cannot be told from guesses) \(see the warnings\)": doubted,
     r"without .+? the threshold of the group(?: in condition (?P<condition>\S+))? "
     r"(?P<said>(?:is|cannot be told:) .+)": unswapped,
 }  # fmt: skip
@@ -747,5 +747,5 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
         differences=pd.DataFrame([row | apart], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
     )  # fmt: skip
     found = answer(analysis)
-    assert found.statements[1].lower().count("false alarms differ, too") == times
+    assert found.statements[1].lower().count("false alarms were not equally frequent") == times
     assert not any("neither" in of for _, _, of in found.rows)
