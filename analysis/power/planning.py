@@ -51,8 +51,7 @@ def plan_study(
     plan = plan_text(study, study_gains(study), goal, people.draws)
     trials = Trials(plan=plan, seed=seed, spread=spread, step=step)
     work = most_work(points, participants)
-    core_s = work * slower(trials, replace(points[0], participants=participants[1]))
-    predicted(core_s, work)
+    predicted(work * slower(trials, replace(points[0], participants=participants[1])), work)
     answers = tuple(smallest(trials, point, participants, assurance) for point in points)
     levels = LEVELS_PLACED if placed else len(study.design.levels_vpp)
     first = next((one for one in answers if one.participants is not None), answers[0])
@@ -67,7 +66,6 @@ def plan_study(
         levers=found,
         people=people,
         seed=seed,
-        most_core_s=core_s,
         plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
     )
 

@@ -36,8 +36,6 @@ class Promise:
     people : People
         The population, with the source of every number.
     seed : int
-    most_core_s : float
-        What was predicted.
     plan_sha256 : str
         Of what was simulated: study, gains, goal, people.
     """
@@ -51,7 +49,6 @@ class Promise:
     levers: tuple[Lever, ...]
     people: People
     seed: int
-    most_core_s: float
     plan_sha256: str
 
     @property
@@ -124,9 +121,7 @@ def text(promise: Promise) -> str:
     lines += [f"Warning: {one}" for one in promise.people.warnings]
     if promise.ethics:
         lines += ["", "For the ethics form:", promise.ethics]
-    core_s = math.ceil(promise.most_core_s)
-    last = f"Seed {promise.seed}; predicted to take at most {core_s} core-seconds"
-    return "\n".join([*lines, "", last])
+    return "\n".join([*lines, "", f"Seed {promise.seed}"])
 
 
 def as_json(promise: Promise) -> str:
@@ -147,7 +142,6 @@ def as_json(promise: Promise) -> str:
         "people": [asdict(one) for one in promise.people.numbers],
         "warnings": list(promise.people.warnings),
         "ethics": promise.ethics,
-        "most_core_s": promise.most_core_s,
         "plan_sha256": promise.plan_sha256,
     }
     return json.dumps(told, indent=2, ensure_ascii=False)

@@ -115,6 +115,8 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
     """Return whether each study of a chunk reached its goal, its number, and its coverage."""
     plan = _read(chunk.plan)
     design = design_of(plan.study.design, chunk.point)
+    if plan.goal.kind == "false-alarms":  # single stimuli tell nothing of them
+        design = replace(design, levels_vpp=design.levels_vpp[:1])
     outcomes = [
         _outcome(plan, design, chunk.point, (chunk.seed, number))
         for number in range(chunk.first, chunk.first + chunk.number)
@@ -128,13 +130,12 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
 
 def design_of(design: Design, point: Point) -> Design:
     """Return the design of a point."""
-    levels_vpp = design.levels_vpp
+    levels = len(design.levels_vpp)
     return replace(
         design,
         trials_per_side=point.trials_per_side,
         blank_trials=point.blanks,
-        # placed levels are told per person
-        order="random" if point.trials_per_side % len(levels_vpp) else design.order,
+        order="random" if point.trials_per_side % levels else design.order,
     )
 
 

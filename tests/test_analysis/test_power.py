@@ -15,9 +15,12 @@ from scipy.stats import binom
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import power
 from analysis.power.goals import Goal
+from analysis.power.population import literature_people, pilot_people
 from analysis.power.search import Trials
 from analysis.power.studies import Chunk, Point, plan_text, simulate
+from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
+from experiment.session.simulate import simulate_study
 from experiment.study.read import study_from_text
 from experiment.terms.gains import ConditionGains
 
@@ -66,6 +69,7 @@ def test_false_alarms_are_bounded_as_often_as_exact_sums_say() -> None:
     assert within_error(found.assurance, exact, 1000)
 
 
+@pytest.mark.slow
 def test_one_level_of_one_person_is_known_as_often_as_exact_sums_say() -> None:
     study = study_of(
         'levels_vpp = [80.0]\norder = "balanced"',
@@ -95,6 +99,83 @@ def test_results_do_not_depend_on_how_studies_are_cut_into_chunks() -> None:
     }
     assert simulate(whole) == joined
     assert json.loads(json.dumps(joined)) == joined
+
+
+BLANKS = """
+[design]
+both_trials = 0
+blank_trials = 20
+responses = ["left", "right", "none"]
+[simulation]
+threshold_vpp = 60.0
+false_alarm_rate = 0.01
+"""
+
+
+@pytest.mark.slow
+def test_the_answer_is_the_smallest_number_that_exact_sums_allow(tmp_path: Path) -> None:
+    path, figure = tmp_path / "study.toml", tmp_path / "curve.svg"
+    path.write_text(BLANKS + "lapse_rate = 0.0\nreaction_time_spread = 0.0\n")
+    told = ["--goal", "false-alarms=5%", "--participants", "5", "10", "--seed", "3"]
+    done = CliRunner().invoke(power, [str(path), *told, "--json", "--figure", str(figure)])
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    exact = {}
+    for people in range(4, 11):
+        k = np.arange(20 * people + 1)
+        bounded = proportion_ci(k, 20 * people)[1] <= 0.05
+        exact[people] = float(binom.pmf(k, 20 * people, 0.01)[bounded].sum())
+    for one in found["tried"]:
+        if one["blanks"] == 20:
+            assert within_error(one["assurance"], exact[one["participants"]], one["studies"])
+    number = found["answer"]["participants"]
+    assert exact[number] > 0.77
+    assert exact[number - 1] < 0.83
+    assert found["levers"][0]["change"] == "40 blanks instead of 20"
+    assert "false alarms bounded" in found["ethics"]
+    assert figure.read_text().startswith("<?xml")
+
+
+@pytest.mark.slow
+def test_a_goal_out_of_reach_ends_in_one_line_and_keeps_what_was_tried(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(BLANKS)
+    told = ["--goal", "false-alarms=1%", "--participants", "1", "2", "--seed", "3"]
+    done = CliRunner().invoke(power, [str(path), *told])
+    assert done.exit_code == 1
+    assert done.stderr.startswith("error: false alarms bounded at 1 % (95 %): not in 80% of")
+    assert done.stderr.count("\n") == 1
+    assert "No number within the bounds" in done.stdout
+    assert "    200  0% (0% to 2%)" in done.stdout
+
+
+def test_people_of_the_literature_are_named_as_such() -> None:
+    study = study_of('responses = ["left", "right", "none"]\nboth_trials = 0', "sigma = 0.2")
+    people = literature_people(study)
+    sources = {one.key: (one.value, one.source) for one in people.numbers}
+    assert sources["sigma"] == (0.2, "stated in the study")
+    assert sources["threshold_sd_db"] == (3.0, "assumed: no source was found")
+    assert "Grund" in sources["wander_db"][1]
+    assert "threshold_sd_db" in people.warnings[0]
+    assert people.study.simulation.wander_db == 1.4
+
+
+@pytest.mark.slow
+def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
+    true = study_of(
+        "levels_vpp = [40.0, 60.0, 80.0, 110.0, 150.0]\ntrials_per_side = 100",
+        "threshold_vpp = 80.0\nthreshold_sd_db = 3.0",
+    )
+    for _ in simulate_study(true, tmp_path, participants=12, seed=4):
+        pass
+    people = pilot_people(study_of(""), read_trials([tmp_path]), str(tmp_path))
+    assert not people.warnings
+    thresholds = 20 * np.log10([one["threshold_vpp"] / 80 for one in people.draws])
+    assert abs(np.median(thresholds)) < 3 * 3 / math.sqrt(12)
+    assert 0.5 < np.std(thresholds) < 1.5
+    low, high = np.quantile([one["threshold_sd_db"] for one in people.draws], (0.025, 0.975))
+    assert low < 3.0 < high
+    assert "pilot of 12 people" in people.numbers[0].source
 
 
 @pytest.mark.parametrize(
