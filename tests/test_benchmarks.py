@@ -17,6 +17,7 @@ from benchmarks import (
     groups,
     hard_cases,
     people,
+    power,
     precision,
     screen,
     single,
@@ -214,3 +215,14 @@ def test_a_section_of_people_tells_who_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(people, "SESSIONS", 3)
     rows = people.section().splitlines()
     assert "| the paper's, 150 | sides swapped | 3 | 0 | 0 |" in rows
+
+
+@pytest.mark.slow
+def test_a_plan_of_power_is_held_against_fresh_studies_and_sessions() -> None:
+    plan = power.Plan(goal="false-alarms=9%", spread_db=1.5, trials=5, blanks=20, most=8,
+                      false_alarms=0.01)  # fmt: skip
+    (row,) = power.rows([plan], fresh=200, whole=4)
+    cells = row.strip("| ").split(" | ")
+    assert len([*power.plans()]) == power.PLANS
+    assert cells[:2] == ["false-alarms=9%", "1.5 dB"]
+    assert [float(cell.split("%")[0]) >= 60 for cell in cells[5:8]] == [True] * 3
