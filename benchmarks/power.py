@@ -1,8 +1,9 @@
 """What `tactstrip power` promises, against what fresh studies attain.
 
-By hand, as it takes hours: ``python -m benchmarks.power [PLANS [FRESH [WHOLE]]]`` prints a row for
-each plan; by default 40 plans, 1000 fresh studies each, and 100 through the whole chain (sessions
-on the engine, their files, the analysis) of every eighth.
+By hand, as it takes hours, and on one thread, as the program does: ``OPENBLAS_NUM_THREADS=1 python
+-m benchmarks.power [PLANS [FRESH [WHOLE]]]`` prints a row for each plan; by default 40 plans, 1000
+fresh studies each, and 100 through the whole chain (sessions on the engine, their files, the
+analysis) of every eighth.
 """
 
 from __future__ import annotations
