@@ -118,7 +118,7 @@ class StimulusOut:
             self.delivery = self._device.fire(self._token)
         except RefusedError as error:
             self._journal.append("fault", fault_facts(error))  # synced with the trial's end
-            return Event.NOT_FIRED
+            return self._disarmed()
         except DeviceError as error:
             return self.fail(error)
         finally:  # by the latest that it may have begun: the order may have gone out again
@@ -127,6 +127,14 @@ class StimulusOut:
             self._rested_s = now_s + self._interval_s
         self.onset_s = (self.delivery.host_before_s + self.delivery.host_after_s) / 2
         return _EVENT_OF[self.delivery.outcome]
+
+    def _disarmed(self) -> Event:
+        """Let go of a token whose FIRE was refused: the next trial's level is refused meanwhile."""
+        try:
+            self._device.disarm(self._token)
+        except DeviceError as error:
+            return self.fail(error)
+        return Event.NOT_FIRED
 
     def fail(self, error: DeviceError) -> Event:
         """Note that the device cannot go on."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import pytest
 
 from device.clock import VirtualClock
+from device.core.reports import Health
 from device.driver import LinkError, Outcome, Refusal, rejection
 from experiment.apparatus.noise import NoiseError, NoiseHealth
 from experiment.apparatus.rig import NoDeviceError, mock_device
@@ -371,6 +372,29 @@ def test_a_refused_fire_is_a_device_error_and_the_trial_comes_again(lab: Lab) ->
 
     lab.patch.setattr(lab.device, "arm", arm_and_dawdle)
     assert lab.begin().finished
+    assert lab.statuses()[0] == (1, 1, "device_error")
+    assert len(lab.device.emitted) == 5
+
+
+def test_what_was_not_fired_for_an_open_switch_is_not_left_armed(lab: Lab) -> None:
+    arm, set_levels = lab.device.arm, lab.device.set_levels
+    armed: list[int] = []
+
+    def arm_and_open(token: int, slot: int, *, time_to_live_s: float) -> None:
+        arm(token, slot, time_to_live_s=time_to_live_s)
+        armed.append(token)
+        lab.device.sense(Health(switch_closed=len(armed) > 1))
+
+    def close_and_set_levels(left_vpp: float, right_vpp: float) -> None:
+        lab.device.sense(Health(switch_closed=True))
+        set_levels(left_vpp, right_vpp)
+
+    lab.patch.setattr("experiment.session.outputs.ARM_TO_FIRE_S", 10.0)
+    lab.patch.setattr(lab.device, "arm", arm_and_open)
+    lab.patch.setattr(lab.device, "set_levels", close_and_set_levels)
+    assert lab.begin().finished
+    (fault,) = lab.entries("fault")
+    assert "its safety switch is open" in str(fault.facts["message"])
     assert lab.statuses()[0] == (1, 1, "device_error")
     assert len(lab.device.emitted) == 5
 
