@@ -205,7 +205,7 @@ class InputMonitor:
         )
         flat = Fault.CLIPPED in faults
         peaks = [
-            one.largest if not peak else max(one.top if flat else one.amplitude, 0.0)
+            one.largest if not peak else max(min(one.tops)[0] if flat else one.amplitude, 0.0)
             for peak, one in zip(planned.peaks, found, strict=True)
         ]
         sounding = [

@@ -15,6 +15,8 @@ import numpy as np
 from scipy import signal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from device.driver import FloatArray
 
 _TOP: Final = 0.9
@@ -42,9 +44,9 @@ class Found:
     ----------
     amplitude, amplitude_sd : float
         By which the shape fits best, and the standard deviation that noise gives it.
-    top, top_sd : float
+    tops : tuple of tuple of float
         The amplitude of the samples at its top alone, less than `amplitude` of a clipped burst,
-        and the standard deviation of the difference.
+        and the standard deviation of the difference: of all its tops, and of those of one sign.
     onset : float
         Frame at which it begins, counted from the end of the quiet part.
     onset_uncertainty : float
@@ -65,8 +67,7 @@ class Found:
 
     amplitude: float
     amplitude_sd: float
-    top: float
-    top_sd: float
+    tops: tuple[tuple[float, float], ...]
     onset: float
     onset_uncertainty: float
     correlation: float
@@ -142,9 +143,13 @@ class Template:
             if amplitude > 0:
                 step = float((part - amplitude * here) @ slope) / (amplitude * self._slope_energy)
                 at -= min(max(step, -0.5), 0.5)
-        weights = _of_top(here)
-        top = float(weights @ part)
-        top_sd = sure * _spread(x[:quiet], noise, weights - here / self.energy)
+        tops = tuple(
+            (
+                float(weights @ part),
+                sure * _spread(x[:quiet], noise, weights - here / self.energy),
+            )
+            for weights in _of_tops(here)
+        )
         correlation, correlation_sd = self._correlation(part, amplitude, x[:quiet])
         x[first : first + size] -= amplitude * here
         second = np.abs(signal.correlate(x[quiet - _MARGIN :], self.shape, "valid")) / self.energy
@@ -152,8 +157,7 @@ class Template:
         return Found(
             amplitude=amplitude,
             amplitude_sd=amplitude_sd,
-            top=top,
-            top_sd=top_sd,
+            tops=tops,
             onset=at + _MARGIN - quiet,
             onset_uncertainty=_COVERS_95 * onset_sd / amplitude if amplitude > 0 else math.inf,
             correlation=correlation,
@@ -185,11 +189,15 @@ def _spread(quiet: FloatArray, noise: float, weights: FloatArray) -> float:
     return max(noise * float(np.linalg.norm(weights)), math.sqrt(float(np.mean(sums**2))))
 
 
-def _of_top(here: FloatArray) -> FloatArray:
-    """Return the weights that tell the amplitude by the samples at a shape's top alone."""
-    high = np.abs(here) >= _TOP * np.max(np.abs(here))
-    sign: FloatArray = np.where(high, np.sign(here), 0.0)
-    return sign / float(sign @ here)
+def _of_tops(here: FloatArray) -> Iterator[FloatArray]:
+    """Yield the weights that tell the amplitude by the samples at a shape's tops alone.
+
+    Of all, then of either sign: a supply that is too low on one side clips only there.
+    """
+    high = np.where(np.abs(here) >= _TOP * np.max(np.abs(here)), np.sign(here), 0.0)
+    for sign in (high, np.maximum(high, 0.0), np.minimum(high, 0.0)):
+        if sign.any():
+            yield sign / float(sign @ here)
 
 
 def _vertex(values: FloatArray, k: int) -> float:

@@ -251,6 +251,8 @@ _SURE: Final = 3.5
 nothing pass that is beyond it; and by as much again outside of what a good burst is taken for."""
 _SURE_OF_TOP: Final = 4.5
 """The same of a flat top, which no threshold keeps clear of noise: a top may be two samples."""
+_FLAT: Final = (0.5, 1.0, 1.0)
+"""Parts of the peak's tolerance: of all tops; of one sign's, which a slow drift moves, too."""
 _FOUND: Final = 6.0
 """Standard deviations: what is above them is no noise, wherever in a record it is looked for."""
 _AGAIN_BY_MOTION: Final = 0.7
@@ -359,19 +361,16 @@ def _of_size(part: float, one: Found, full: float, tolerances: Tolerances) -> li
         faults.append(Fault.WEAK)
     if part > 1 + margin:
         faults.append(Fault.STRONG)
-    flat = max(tolerances.peak / 2, _SURE_OF_TOP * one.top_sd / one.amplitude)
-    if one.top < (1 - flat) * one.amplitude:
-        faults.append(Fault.CLIPPED)
+    for (top, sd), share in zip(one.tops, _FLAT, strict=False):  # a shape may have one sign
+        flat = max(share * tolerances.peak * one.amplitude, _SURE_OF_TOP * sd)
+        faults += [Fault.CLIPPED] * (one.amplitude - top > flat)
     if one.correlation < tolerances.correlation + _SURE * one.correlation_sd:
         faults.append(Fault.DISTORTED)
     return faults
 
 
 def _again(
-    planned: Planned,
-    found: tuple[Found, Found],
-    tap: Tap,
-    tolerances: Tolerances,
+    planned: Planned, found: tuple[Found, Found], tap: Tap, tolerances: Tolerances
 ) -> list[Fault]:
     frames = len(planned.shape)
     for peak, full, one in zip(planned.peaks, planned.burst, found, strict=True):
