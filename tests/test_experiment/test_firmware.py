@@ -20,6 +20,7 @@ import pytest
 from device.emulate.faults import Faults, FaultScript
 from device.wire.codec import Kind
 from device.wire.frames import Decoder
+from device.wire.serial import identify
 from tests.test_device.firmware import FIRMWARE, make, require_tools
 from tests.test_experiment.sessions import COMMAND, Sessions
 from tests.test_experiment.test_links import (
@@ -259,6 +260,23 @@ def test_what_came_back_of_each_burst_verifies_it_and_not_behind_an_open_switch(
     board = start(kind, truth, "--adc", ADC, "--switch-stdin", *more)
     sessions = Sessions(tmp_path / "host", MEASURED)
     require_cut_told_and_mended(sessions, truth, board.process, board.port, sensed=sensed)
+
+
+def test_a_reset_does_not_close_a_switch_that_was_opened(tmp_path: Path, start: Start) -> None:
+    truth = tmp_path / "truth.jsonl"
+    board = start("qemu", truth, "--switch-stdin")
+    assert board.process.stdin is not None
+    board.process.stdin.write("open\n")
+    board.process.stdin.flush()
+    give_up_s = time.monotonic() + 5.0
+    while events_of(truth)[-1:] == [] or events_of(truth)[-1]["event"] != "switch":
+        assert time.monotonic() < give_up_s
+        time.sleep(TICK_S)
+    board.reset()
+    found = identify(board.port)
+    assert found is not None
+    assert found[2].switch_closed is False
+    assert [event["event"] for event in events_of(truth)] == ["boot", "switch", "boot"]
 
 
 @pytest.mark.parametrize("kind", ["native", "qemu"])

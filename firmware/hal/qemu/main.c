@@ -44,6 +44,7 @@
 #define GIVEN_DELAY_US REGISTER(0x20000014U)
 #define GIVEN_NOISE_MV REGISTER(0x20000018U)
 #define GIVEN_SENSES REGISTER(0x2000001CU)
+#define SWITCH_OPEN REGISTER(0x20000020U) /* a reset does not move the amplifier's switch either */
 
 static struct emulated emulated;
 static volatile uint8_t ring[RING];
@@ -95,6 +96,7 @@ void truth_put(const char *text, size_t size) {
 static void hear_words(uint64_t now_us) {
     while ((REGISTER(UART2 + UART_STATE) & UART_RX_FULL) != 0U) {
         emulated_hear(&emulated, now_us, (char)REGISTER(UART2 + UART_DATA));
+        SWITCH_OPEN = emulated.loop.is_open ? 1U : 0U;
     }
 }
 
@@ -149,6 +151,7 @@ int main(void) {
     emulated.loop.gain_ppm = GIVEN_GAIN_PPM;
     emulated.loop.delay_us = GIVEN_DELAY_US;
     emulated.loop.noise_mv = GIVEN_NOISE_MV;
+    emulated.loop.is_open = SWITCH_OPEN != 0U;
     emulated.senses = GIVEN_SENSES != 0U;
     emulated_init(&emulated, &about, 0);
     for (;;) {
