@@ -70,6 +70,7 @@ class Sound:
         self.count = FrameCount()
         self._called_s = time.monotonic()
         self._flags = 0
+        self.over = False  # whoever opened it closes it: PortAudio hangs if two do
         self.pairs = [Pair(self, db, seed=i) for i, db in enumerate(noises_db)]
         channels = 2 + 2 * len(self.pairs)
         self._stream = sounddevice.Stream(
@@ -89,7 +90,7 @@ class Sound:
 
     @property
     def active(self) -> bool:
-        return bool(self._stream.active)
+        return not self.over and bool(self._stream.active)
 
     @property
     def stalled_s(self) -> float:
@@ -179,14 +180,14 @@ class Pair:
         while True:
             self.clock.wait(SETTLED_S)
             if self.clock.now_s() > give_up_s:  # it is called, and hears nothing
-                self._sound.close()
+                self._sound.over = True
             if not self._sound.active or self._sound.stalled_s > GONE_S:
                 raise LinkError("PortAudio has given the stream up")
             if self._sound.count.steady_for() > SETTLED_S / 2 * 48e3:
                 break
         self._lag = self._sound.count.torn[-1].lag
         if self._lag > LONGEST_LAG_S * 48e3:
-            self._sound.close()
+            self._sound.over = True
             raise LinkError("the way is longer than a delay may be")
         self.monitor = InputMonitor(
             self.recorder,
@@ -207,7 +208,7 @@ class Pair:
         try:
             yield
         except AssertionError:
-            self._sound.close()
+            self._sound.over = True
             raise
 
     def measure(self, side: str) -> Heard:
