@@ -276,13 +276,9 @@ def judge(
     faults = [Fault.CLIPPED] if any(one.overloaded for one in found) else []
     for peak, full, one in zip(planned.peaks, planned.burst, found, strict=True):
         sized = peak and tap is not Tap.MOTION
-        why = _too_noisy(
-            20 * math.log10(full * rms / one.noise_rms),
-            one,
-            full,
-            finest=tolerances if sized else None,
-            silence=tolerances.silence,
-        )
+        snr_db = 20 * math.log10(full * rms / one.noise_rms)
+        finest = tolerances if sized else None
+        why = _too_noisy(snr_db, one, full, finest=finest, silence=tolerances.silence)
         if why:
             return tuple(faults), why
     heard = [
@@ -328,6 +324,11 @@ def _too_noisy(
     return f"{told} are needed"
 
 
+def _no_silence(one: Found, full: float, silence: float) -> float:
+    """Return the part of a burst from which a channel was not silent, whatever noise took off."""
+    return max(silence - _SURE * one.amplitude_sd / full, _FOUND * one.amplitude_sd / full)
+
+
 def _of_channels(
     planned: Planned,
     found: tuple[Found, Found],
@@ -345,7 +346,7 @@ def _of_channels(
             return [Fault.SWAPPED]
     for peak, full, one, part in sides:
         if not peak:
-            if part >= tolerances.silence:
+            if part >= _no_silence(one, full, tolerances.silence):
                 faults.append(Fault.STRAY)
         elif part < tolerances.silence:
             faults.append(Fault.SILENT)
@@ -378,7 +379,7 @@ def _again(
             again = abs(one.second_at) > frames and one.second > _AGAIN_BY_MOTION * one.amplitude
             again = again and one.second > tolerances.silence * full
         else:
-            again = one.second > tolerances.silence * full
+            again = one.second > _no_silence(one, full, tolerances.silence) * full
         if peak and again:
             return [Fault.DOUBLED]
     return []

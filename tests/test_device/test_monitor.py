@@ -202,6 +202,17 @@ def test_a_fault_above_its_tolerance_is_caught(name: str) -> None:
         assert set(measured.faults) & faults
 
 
+@pytest.mark.slow
+def test_what_is_just_above_silence_is_told_in_noise_and_what_is_half_of_it_is_not() -> None:
+    rig = Rig(noise_db=20)
+    for part, faults in ((0.205, (Fault.STRAY,)), (0.1, ())):
+        rig.card.line.path = lambda past, part=part: past + part * past[:, ::-1]  # type: ignore[misc]
+        assert [rig.measure().faults for _ in range(6)] == [faults] * 6
+    for part, faults in ((0.205, (Fault.DOUBLED,)), (0.1, ())):
+        rig.card.line.path = again(2000, part)
+        assert [rig.measure().faults for _ in range(6)] == [faults] * 6
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_burst_clipped_on_one_side_alone_is_told_and_a_slow_drift_is_not(sign: int) -> None:
     rig, most = Rig(), LEVEL_VPP / 2 / FULL_SCALE_V
