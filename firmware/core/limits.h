@@ -62,7 +62,8 @@ static_assert(SLOTS >= 1U && SLOTS <= 255U, "how many there are is told in one b
 static_assert(DATA_WINDOW >= 1U && DATA_WINDOW <= 255U,
               "how many there are is told in one byte");
 static_assert(HISTORY >= 1U, "the last token is remembered");
-static_assert(LONGEST_WAVEFORM >= 1U && LONGEST_WAVEFORM <= 1048576U, "sums of codes fit 64 bits");
+static_assert(LONGEST_WAVEFORM >= 1U && LONGEST_WAVEFORM <= 65536U,
+              "a correlation of codes fits 64 bits");
 static_assert(MEMORY_SAMPLES >= LONGEST_WAVEFORM, "one waveform of the longest has room");
 
 #endif

@@ -84,7 +84,7 @@ static bool end_lag(struct monitor *monitor) {
     left->product = 0;
     right->product = 0;
     monitor->lag++;
-    return monitor->lag > monitor->count - monitor->samples || monitor->lag == LAGS;
+    return monitor->lag > LAGS || monitor->lag > monitor->count - monitor->samples;
 }
 
 /* Go on, once all samples of a channel were looked at, with the other or with what comes next.
