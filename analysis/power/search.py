@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis.answers.intervals import proportion_ci
 from analysis.power.studies import Chunk, Point, simulate
+from analysis.workers import CHUNK_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -28,7 +29,6 @@ FEW: Final = 200
 MANY: Final = 1000
 _STRIDE: Final = 1.6
 """From one number of people to the next, before the answer is between two."""
-_CHUNK_S: Final = 2.0
 _STUDY_S: Final = 0.008
 _PERSON_S: Final = 0.0012
 """About what a study takes, and each of its people: it only sizes the chunks."""
@@ -131,7 +131,7 @@ class Trials:
     def _missing(self, point: Point, studies: int) -> Iterator[Chunk]:
         """Cut what is missing into chunks, always at the same places: a kept one is found again."""
         known = self._found.get(point, {})
-        size = max(1, round(_CHUNK_S / work_of(point, 1)))
+        size = max(1, round(CHUNK_S / work_of(point, 1)))
         for start, stop in ((0, FEW), (FEW, MANY)):
             for first in range(start, min(stop, studies), size):
                 if first not in known:

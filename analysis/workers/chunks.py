@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import nullcontext
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
@@ -137,18 +136,6 @@ class _UnderWay(Generic[_Chunk]):
         if self._kept is not None:
             self._kept[chunk] = result
         yield chunk, result
-
-
-def many_a_chunk(one_s: float) -> int:
-    """Return how many things of so many seconds make a chunk: a power of 2, at least 1.
-
-    So a prediction that differs a little, in another version or for a neighbour, cuts the work at
-    the same places, and what a file has kept is found again.
-
-    >>> many_a_chunk(0.008), many_a_chunk(0.007), many_a_chunk(30.0)
-    (256, 256, 1)
-    """
-    return int(2 ** max(0, round(math.log2(CHUNK_S / one_s))))
 
 
 def _crew(workers: int, scheduler: object) -> AbstractContextManager[Crew]:
