@@ -1,10 +1,12 @@
 from .batch import InputFile
 from .load import LoadedTrials, no_search_for_circles, read_inputs, read_trials
 from .plans import contacts, read_plan
+from .reasons import NEVER_ANSWERED
 from .sources import TABLE, InputTable, find_sources, read_regular, unreadable
 from .text import ResultFileError, TextFormat, named, one_line, shown, text_chunks
 
 __all__ = [
+    "NEVER_ANSWERED",
     "TABLE",
     "InputFile",
     "InputTable",

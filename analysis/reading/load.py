@@ -17,7 +17,7 @@ from analysis.reading.foreign.counts import read_counted
 from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
 from analysis.reading.plans import PLAN, left_out
-from analysis.reading.reasons import with_reasons
+from analysis.reading.reasons import with_reasons, without_silence
 from analysis.reading.rows import UNNUMBERED, no_rows, offered_to_all
 from analysis.reading.sources import TABLE, find_sources, unchanged
 from analysis.reading.text import ResultFileError, one_line
@@ -214,7 +214,7 @@ def read_inputs(
     planned = frozenset(str(table.path) for table in tables if table.plan)
     unit = None if columns is None else columns.units.get("rt_s", "s")
     trials, changed = in_seconds(trials, planned=planned, unit=unit)
-    trials = with_reasons(trials)
+    trials = without_silence(with_reasons(trials))
     check_together(trials, hint="" if columns is None else _NUMBERED_ANEW)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
     return LoadedTrials(

@@ -6,6 +6,8 @@ import numpy as np
 import pandas as pd
 
 _NEVER_COUNTED = ("practice", "control")
+NEVER_ANSWERED = "never_answered"
+"""Reason of a participant's trials in a condition where every one that would count timed out."""
 
 
 def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
@@ -40,3 +42,21 @@ def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
     return trials.assign(
         **{name: pd.Series(text, index=trials.index, dtype=object) for name, text in told.items()}
     )
+
+
+def without_silence(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return trials `with_reasons`, those of a silent participant in a condition left out, too.
+
+    A time-out among answers is a stimulus that was not detected. Without a single answer it may as
+    well be a dead keyboard, which tells nothing of a threshold.
+
+    >>> trials = without_silence(pd.DataFrame({"participant": list("aabb"), "condition": "main",
+    ...     "response": ["left", *["timeout"] * 3], "reason": ["", "", "", "voided"]}))
+    >>> trials["reason"].tolist()
+    ['', '', 'never_answered', 'voided']
+    """
+    counts = trials["reason"].eq("")
+    answered = counts & trials["response"].astype(object).ne("timeout")
+    key = [trials[name].astype(object) for name in ("participant", "condition")]
+    silent = counts & ~answered.groupby(key).transform("any")
+    return trials.assign(reason=trials["reason"].mask(silent, NEVER_ANSWERED))

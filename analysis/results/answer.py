@@ -14,6 +14,7 @@ from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import rounded, with_limits
 from analysis.groups.group import FEW
 from analysis.reading.foreign import FORCED
+from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import (
     SPELLED,
     compared,
@@ -43,6 +44,7 @@ REASONS: Final = {
     "anticipated": "answered too early",
     "unmasked": "without masking noise",
     "unverified": "not measured as planned",
+    "never_answered": "nothing but time-outs in a condition",
     "device_error": "device failed",
     "indeterminate": "perhaps not felt",
     "aborted": "cut off",
@@ -87,7 +89,10 @@ def answer(analysis: Analysis) -> Answer:
 
 
 def _where(analysis: Analysis, condition: object, before: str = " in") -> str:
-    return f"{before} condition {isolated(condition)}" if analysis.counts.conditions > 1 else ""
+    # Totals of blank trials have no condition where those of one condition count alone.
+    if analysis.counts.conditions == 1 or condition is None:
+        return ""
+    return f"{before} condition {isolated(condition)}"
 
 
 def _people(analysis: Analysis, number: int) -> str:
@@ -167,8 +172,19 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
         yield f"{where} {subject} {_predicate(row)}{when}".lstrip()
         told_of = who, names
         seen |= names
+    yield from _silent(analysis)
     yield from _doubted(analysis)
     yield from _remarks(analysis)
+
+
+def _silent(analysis: Analysis) -> Iterator[str]:
+    """Name the conditions without a threshold, for nobody answered there."""
+    trials, told = analysis.trials, {*analysis.groups["condition"]}
+    silent = trials.loc[trials["reason"].eq(NEVER_ANSWERED), "condition"].unique()
+    without = [str(name) for name in sorted({*silent} - told)] if told else []
+    if without:
+        which = "conditions" if len(without) > 1 else "condition"
+        yield f"there is no threshold in {which} {_and(without)}, where nobody answered"
 
 
 def _names(analysis: Analysis, condition: str) -> set[str]:

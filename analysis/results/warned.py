@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
+from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def warnings_of(
     if len(stated) > 1:
         told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
         yield f"force and contact of the fingers are not the same in all sessions: {told}"
+    yield from _silent(trials)
     yield from _about_none(counted)
     yield from map(str, doubts)
 
@@ -116,6 +118,18 @@ def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
 
 def _session(participant: object, session: object) -> str:
     return f"participant {participant}, session {session}"
+
+
+def _silent(trials: pd.DataFrame) -> Iterator[str]:
+    key = ["participant", "condition"]
+    silent = trials.loc[trials["reason"].eq(NEVER_ANSWERED), key].astype(object)
+    several = len({*trials["condition"]}) > 1
+    for row in silent.groupby(key).size().reset_index(name="number").itertuples():
+        where = f" in condition {row.condition}" if several else ""
+        yield (
+            f"participant {row.participant} gave no answer{where}: {row.number} of {row.number} "
+            "trials timed out, and none of them counts: a dead keyboard, or the task misunderstood?"
+        )
 
 
 def _about_none(counted: pd.DataFrame) -> Iterator[str]:

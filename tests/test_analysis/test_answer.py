@@ -34,6 +34,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LEVELS = [60.0, 95.0, 130.0, 200.0]
+SILENT = LEAST.replace("participant", "participant,condition") + "".join(
+    f"{who},{where},left,{level},{answer if where == 'felt' else 'timeout'}\n"
+    f"{who},{where},none,0,{'none' if where == 'felt' else 'timeout'}\n"
+    for who in "ab"
+    for where in ("dead", "felt", "mute")
+    for level, answer in ((60, "none"), (95, "left"), (130, "none"), (200, "left"))
+)
+"""Two people who answer in one condition of three."""
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
 END = rf"(?:(?:below|above) )?{NUMBER}"
 
@@ -252,6 +260,13 @@ def unswapped(found: re.Match[str], analysis: Analysis) -> None:
     check_value(found["said"], row)
 
 
+def silent(found: re.Match[str], analysis: Analysis) -> None:
+    answers = analysis.trials.groupby("condition")["response"].unique()
+    which = re.split(", | and ", found["which"])
+    assert which == [name for name in answers.index if [*answers[name]] == ["timeout"]]
+    assert not {*which} & {*analysis.thresholds["condition"], *analysis.differences["condition_a"]}
+
+
 def rates(analysis: Analysis) -> dict[str, float]:
     table = totals(analysis)
     return dict(zip(table["condition"], table["p"], strict=True)) if "condition" in table else {}
@@ -358,6 +373,7 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"cannot be told from guesses) \(see the warnings\)": doubted,
     r"without .+? the threshold of the group(?: in condition (?P<condition>\S+))? "
     r"(?P<said>(?:is|cannot be told:) .+)": unswapped,
+    r"there is no threshold in conditions? (?P<which>.+), where nobody answered": silent,
 }  # fmt: skip
 
 
@@ -552,7 +568,7 @@ def test_every_sentence_is_true_of_the_tables(least: Analysis) -> None:
 
 
 @pytest.mark.slow
-def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis) -> None:
+def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis, tmp_path: Path) -> None:
     used = set()
     for seed in range(14, 200):
         made = Made(seed)
@@ -560,6 +576,8 @@ def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis) -> None:
         used |= checked(answer(analysis), analysis)
     nothing = replace(least, groups=least.groups[:0], thresholds=least.thresholds[:0])
     used |= checked(answer(nothing), nothing)
+    mute = analyse(loaded(tmp_path, SILENT))
+    used |= checked(answer(mute), mute)
     assert [one for one in SENTENCES if one not in used] == []
 
 

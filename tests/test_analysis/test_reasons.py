@@ -14,7 +14,7 @@ from analysis.reading import load
 from analysis.reading.foreign.columns import ColumnMap
 from analysis.reading.reasons import with_reasons
 from analysis.results.tables import Analysis, analyse
-from tests.test_analysis.shared import put
+from tests.test_analysis.shared import loaded, put
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,3 +100,41 @@ def test_every_table_goes_by_the_reason(tmp_path: Path) -> None:
     assert lost.excluded.to_numpy().tolist() == [["0", "voided", 6]]
     assert all(t.empty for t in (lost.levels, lost.both, lost.blank, lost.confusion, lost.control))
     assert level_table(loaded.trials)["presented"].tolist() == [1]
+
+
+@pytest.mark.slow
+def test_who_never_answers_in_a_condition_counts_there_for_nothing(tmp_path: Path) -> None:
+    levels = [60, 95, 130] * 8
+    felt = [
+        f"{who},felt,left,{level},{'timeout' if level == 60 else 'left'}\n"
+        for who in ("01", "02", "سمر, 3")
+        for level in levels
+    ]
+    felt += [f"{who},felt,none,0,{answer}\n" for who in ("01", "02") for answer in ("none", "left")]
+    mute = [
+        f"{who},mute,left,{level},{'right' if who == '02' and level == 60 else 'timeout'}\n"
+        for who in ("01", "02")
+        for level in levels
+    ]
+    rows = [row.replace("سمر, 3", '"سمر, 3"') for row in [*felt, *mute]]
+    head = "participant,condition,side,level_vpp,response\n"
+    found = analyse(loaded(tmp_path, head + "".join(rows)))
+    people = [*zip(found.thresholds["condition"], found.thresholds["participant"], strict=True)]
+    assert people == [("felt", "01"), ("felt", "02"), ("felt", "سمر, 3"), ("mute", "02")]
+    assert found.excluded.to_numpy().tolist() == [["01", "never_answered", 24]]
+    assert found.levels.query("condition == 'mute'")["presented"].tolist() == [8, 8, 8]
+    assert [*found.differences["participant"]] == ["02", "all"]
+    (words,) = [one for one in found.warnings if "no answer" in one]
+    told = "participant 01 gave no answer in condition mute: 24 of 24 trials timed out, and none"
+    assert words.startswith(told)
+    # Where nobody is left the other condition is as if it stood alone, its false alarms included.
+    silent = [row.replace("right", "timeout") for row in rows]
+    both, alone = (
+        analyse(loaded(tmp_path, head + "".join(some))) for some in (silent, rows[: len(felt)])
+    )
+    assert both.differences.empty
+    for name in ("levels", "thresholds", "groups", "blank", "detected_any"):
+        pd.testing.assert_frame_equal(getattr(both, name), getattr(alone, name))
+    nobody = analyse(loaded(tmp_path, head + "".join(silent[len(felt) :])))
+    assert nobody.groups.empty
+    assert "participant 01 gave no answer: 24 of 24 trials" in " ".join(nobody.warnings)
