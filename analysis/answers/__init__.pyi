@@ -11,7 +11,7 @@ from .counting import (
     uncounted,
 )
 from .detection import cells, level_table
-from .doubts import GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
+from .doubts import DRIFTING, GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
 from .dprime import sensitivity_table, z_of
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
@@ -21,6 +21,7 @@ __all__ = [
     "AUDIBILITY",
     "CONTROL_COLUMNS",
     "COUNTED_KINDS",
+    "DRIFTING",
     "GUESSING",
     "SWAPPED",
     "Choices",

@@ -175,12 +175,15 @@ def test_of_very_many_people_one_page_has_those_to_look_at_first() -> None:
     thresholds.loc[55:, "deviance_p"] = np.nan  # nothing to fit, as of who felt everything
     (page,) = draw_participants(analysis_of(
         participants=thresholds, thresholds=thresholds, doubts=[
+            Doubt(kind="guessing", words="", participant="21"),
             Doubt(kind="drifting", words="", participant="58"),
-            Doubt(kind="guessing", words="", participant="31"),
+            Doubt(kind="drifting", words="", participant="31"),
+            Doubt(kind="guessing", words="", participant="08"),
+            Doubt(kind="swapped", words="", participant="59"),
         ],
     ))  # fmt: skip
     assert page.title == "Participants to look at first"
-    assert "31, 58, 07, 09, 20, 21, 22, 23, in panels" in page.alt
+    assert "59, 31, 58, 21, 08, 07, 09, 20, in panels" in page.alt
     assert "The first 8 of 60 are shown" in page.caption
     assert "thresholds.csv and participants.csv" in page.caption
 

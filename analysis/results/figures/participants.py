@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from analysis.answers.doubts import DRIFTING, GUESSING, SWAPPED
 from analysis.results.figures.composed import DEVIANCE, draw_panel, name_parts
 from analysis.results.figures.curves import conditions_of, look_of, person_curves
 from analysis.results.figures.drawing import WIDTH_IN, Sheet, short
@@ -25,10 +26,12 @@ COLUMNS, ROWS = 2, 4
 MOST_SHEETS: Final = 6
 """Of eight people each; of more people one sheet has those to look at first."""
 _CHOSEN: Final = (
-    " The first {} of {} are shown: whom a warning names, then who has no threshold, then who has "
-    "the least misfit p. The numbers of all stand in the table of their thresholds, and in "
-    "thresholds.csv and participants.csv."
+    " The first {} of {} are shown: whom a warning names (swapped sides, then a drift, then "
+    "guesses), then who has no threshold, then who has the least misfit p. The numbers of all "
+    "stand in the table of their thresholds, and in thresholds.csv and participants.csv."
 )
+_KINDS: Final = (SWAPPED, DRIFTING, GUESSING)
+"""Of doubts, in the order of `_CHOSEN`: a high threshold alone may look like guesses."""
 _PANEL_IN, _ROW_IN = 1.45, 0.09
 _LEFT_IN, _BETWEEN_IN, _BELOW_IN = 0.62, 0.28, 0.26
 _NAME_IN, _LINE_IN = 0.17, 0.1
@@ -69,11 +72,13 @@ def sheets(analysis: Analysis) -> list[Sheet]:
 
 def _first_to_see(analysis: Analysis) -> list[str]:
     """Return the participants, in the order of `_CHOSEN`."""
-    table, doubted = analysis.thresholds, {one.participant for one in analysis.doubts}
+    table = analysis.thresholds
+    of_kind = [{one.participant for one in analysis.doubts if one.kind == kind} for kind in _KINDS]
     order = table.assign(
-        sure=~table["participant"].isin(doubted), told=~table["status"].isin(_SHORT)
+        **{kind: ~table["participant"].isin(of) for kind, of in zip(_KINDS, of_kind, strict=True)},
+        told=~table["status"].isin(_SHORT),
     )
-    order = order.sort_values(["sure", "told", "deviance_p", "participant"])
+    order = order.sort_values([*_KINDS, "told", "deviance_p", "participant"])
     return list(order["participant"].unique())
 
 
