@@ -33,6 +33,8 @@ SWAPPED_P: Final = 1e-3
 """Who is right as seldom as this by guessing has the sides swapped; who feels anything is safer."""
 GUESSED_P: Final = 0.05
 """What guessing makes more probable than this cannot be told from guessing."""
+_FEWER_P: Final = 0.01
+"""Who is right as seldom as this by guessing felt something, or answers by another rule."""
 FEWEST: Final = 20
 """Fewer stimuli tell of nobody that they only guess."""
 
@@ -206,17 +208,18 @@ def _p_of_guesses(row: Counts, blanks: Counts | None, alternatives: int) -> floa
 def _guess_words(cells: Counts, blanks: Counts | None, alternatives: int) -> str:
     row, parts = cells.sum(axis=0), []
     sides = _sides(row, alternatives)
+    why = "levels too low, the task misunderstood, or an actuator that does not move?"
     if sides.tells:
         parts.append(sides.words)
+        if sides.below < _FEWER_P:
+            parts.append(f"fewer than by chance, p = {short_p(sides.below)}")
+            why = "sides swapped, or the task misunderstood?"
     if blanks is not None:
         parts.append(
             f"something felt in {row[_FELT]} of {row[_ALL]} single stimuli and in "
             f"{blanks[0, _FELT]} of {blanks[0, _ALL]} blanks"
         )
-    return (
-        f"answers cannot be told from guessing at any level ({', '.join(parts)}): levels too low, "
-        "the task misunderstood, or an actuator that does not move?"
-    )
+    return f"answers cannot be told from guessing at any level ({', '.join(parts)}): {why}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,22 @@ def test_who_always_answers_the_rarer_side_has_not_swapped_them() -> None:
     assert "cannot be told from guessing at any level (the side was right in 30 of 120" in words
 
 
+@pytest.mark.parametrize(("right", "why"), [(17, "sides swapped"), (22, "levels too low")])
+def test_fewer_right_than_by_chance_is_no_matter_of_the_levels(right: int, why: str) -> None:
+    own = [("left", "left"), ("right", "right")] * right
+    other = [("left", "right"), ("right", "left")] * (50 - right)
+    pairs = np.random.default_rng(1).permutation([*own, *other])  # in another order it is a drift
+    sides, answers = pairs.T
+    (words,) = named(trials(sides, answers))
+    assert f"right in {2 * right} of 100 left or right answers" in words
+    assert ("fewer than by chance, p = 1e-3" in words) == (right == 17)
+    assert f"): {why}, " in words
+    table = pd.DataFrame({"condition": "main", "participant": "a", "level_vpp": [60.0, 90.0]})
+    counts = table.assign(detected=[right, right + 1], presented=50, none_offered=False)
+    (words,) = map(str, doubtful_counts(counts, None, 2))
+    assert f"): {why}, " in words
+
+
 def test_guesses_are_told_by_one_level_and_by_blanks() -> None:
     sides = ["left", "right"] * 50
     guesses = ["left"] * 50 + ["right"] * 50
