@@ -225,6 +225,14 @@ def test_a_table_without_what_a_map_names_is_refused(tmp_path: Path, text: str, 
     assert f"{path}:1: {words}" in str(refused(path, columns=MAP))
 
 
+def test_our_name_of_a_column_in_a_group_is_told_the_table_s_own(tmp_path: Path) -> None:
+    columns = replace(MAP, columns={"participant": "subj", "level_vpp": "level"})
+    path = put(tmp_path / "t.csv", "subj,vibration,level,k,n\nA,0,60,1,2\n")
+    told = str(refused(path, columns=columns))
+    assert "no column 'participant', named by [table]; it has subj, vibration" in told
+    assert told.endswith(". [table] takes the table's own names, here 'subj'")
+
+
 def test_a_table_of_counts_is_never_overwritten(tmp_path: Path) -> None:
     path = put(tmp_path / "levels.csv", HEADER + "A,0,60,1,10\n")
     with pytest.raises(ValueError, match="out_dir must not hold what is analysed"):

@@ -140,6 +140,9 @@ def _typed(text: pd.DataFrame, file: str, columns: ColumnMap, counts: CountColum
             message = (
                 f"no column {shown(name)}, named by [table]; it has {', '.join(map(str, text))}"
             )
+            theirs = columns.columns.get(name, "")
+            if theirs and theirs in text:
+                message += f". [table] takes the table's own names, here {shown(theirs)}"
             raise ResultFileError(file, 1, message)
     ours = columns.ours(text, file)
     if rest := columns.conditions():
