@@ -89,7 +89,7 @@ class Refusal(IntEnum):
     EXPIRED = 16, "that token's time to live is over"
     ABORTED = 17, "that token was disarmed"
     ALREADY_ARMED = 18, "a token is armed: fire or disarm it first"
-    BUSY = 19, "a burst is still playing"
+    BUSY = 19, "a burst is still playing, or being measured"
     LEAST_INTERVAL = 20, "the last burst ended too short a time ago"
     DUTY = 21, "the duty limit asks for a longer rest"
     BAD_TIME_TO_LIVE = 22, "the time to live is out of range"

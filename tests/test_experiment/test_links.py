@@ -106,7 +106,10 @@ def over(driver: str, port: str, *more: str) -> list[str]:
 
 def events_of(truth: Path) -> list[dict[str, Any]]:
     lines = truth.read_text(encoding="utf-8").splitlines(keepends=True) if truth.exists() else []
-    return [json.loads(line) for line in lines if line.endswith("\n")]
+    whole = [line for line in lines if line.endswith("\n")]
+    # A reset may tear the line of a burst that has ended; the next one then tells of the start.
+    torn = [one for one, after in pairwise(whole) if not one.endswith("}\n") and '"boot"' in after]
+    return [json.loads(line) for line in whole if line not in torn]
 
 
 def bursts_of(truth: Path) -> list[dict[str, Any]]:

@@ -45,6 +45,7 @@
 #define GIVEN_NOISE_MV REGISTER(0x20000018U)
 #define GIVEN_SENSES REGISTER(0x2000001CU)
 #define SWITCH_OPEN REGISTER(0x20000020U) /* a reset does not move the amplifier's switch either */
+#define TRUTH_IS_TORN REGISTER(0x20000024U) /* a reset came in the middle of a line */
 
 static struct emulated emulated;
 static volatile uint8_t ring[RING];
@@ -90,6 +91,7 @@ void truth_put(const char *text, size_t size) {
             }
         }
         REGISTER(UART1 + UART_DATA) = (uint8_t)text[i];
+        TRUTH_IS_TORN = text[i] != '\n' ? 1U : 0U;
     }
 }
 
@@ -153,6 +155,9 @@ int main(void) {
     emulated.loop.noise_mv = GIVEN_NOISE_MV;
     emulated.loop.is_open = SWITCH_OPEN != 0U;
     emulated.senses = GIVEN_SENSES != 0U;
+    if (TRUTH_IS_TORN != 0U) {
+        truth_put("\n", 1);
+    }
     emulated_init(&emulated, &about, 0);
     for (;;) {
         sleep_until_something_came();
