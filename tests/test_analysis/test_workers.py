@@ -44,8 +44,8 @@ def dask(*arguments: str, path: Path = ROOT) -> Iterator[subprocess.Popen[str]]:
     command = [sys.executable, "-m", "dask", *arguments, "--host", "127.0.0.1", "--no-dashboard"]
     environment = os.environ | {"PYTHONPATH": f"{path}{os.pathsep}{ROOT}"}
     with subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env=environment, cwd=ROOT
-    ) as process:
+        command, stderr=subprocess.PIPE, text=True, env=environment, cwd=path
+    ) as process:  # where it runs comes first on its path, before PYTHONPATH
         try:
             yield process
         finally:
