@@ -92,7 +92,7 @@ sounddevice.Stream = lambda **settings: lowest(**settings | {"latency": 0.1})
 main()
 """
 """A busy machine's sound server loses less with a larger buffer than `run` asks for."""
-MOST_SITTINGS = 5
+MOST_SITTINGS = 10
 LONGEST_S = 300.0
 
 
