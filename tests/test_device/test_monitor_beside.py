@@ -132,7 +132,7 @@ class Noted(Recorder):
 
 
 @pytest.mark.parametrize("wanted", [25, pytest.param(400, marks=pytest.mark.long)])
-def test_an_onset_on_another_clock_is_known_as_well_as_is_told(
+def test_an_onset_on_another_clock_is_told_with_its_uncertainty(
     null_sink: NullSink, emulate: Emulate, wanted: int
 ) -> None:
     wanted = math.ceil(wanted * (SHARE if wanted > 100 else 1))
