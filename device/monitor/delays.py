@@ -1,4 +1,4 @@
-"""A way's delay, which may jump within its tolerance where frames were lost."""
+"""A way's delay: what nobody has stated, and a jump within its tolerance where frames were lost."""
 
 from __future__ import annotations
 
@@ -23,3 +23,36 @@ class Delays:
         """Tell whether a delay, known by so much with 95 %, is another; and keep it."""
         before, self._before = self._before, (late_s, known_s)
         return before is not None and abs(late_s - before[0]) > SAME_S + known_s + before[1]
+
+
+class OwnDelay:
+    """The delay of a stream, where nobody states it: that of its bursts before.
+
+    A burst is at its time where the last was that was at its time, or where the burst before was:
+    after frames were lost all come later, and only the first of them is blamed.
+
+    >>> own, off_s = OwnDelay(), []
+    >>> for late_s in (0.04, 0.04, 0.06, 0.06, 0.04):
+    ...     off_s.append(round(late_s - own.near(late_s, within_s=0.001), 3))
+    ...     own.keep(late_s, good=abs(off_s[-1]) <= 0.001)
+    >>> off_s
+    [0.0, 0.0, 0.02, 0.0, -0.02]
+    """
+
+    def __init__(self) -> None:
+        self._good_s: float | None = None
+        self._before_s: float | None = None
+
+    def near(self, late_s: float, *, within_s: float) -> float:
+        """Return the delay that a burst of this one is to be compared with; its own at first."""
+        if self._good_s is None:
+            return late_s
+        if self._before_s is not None and abs(late_s - self._before_s) <= within_s:
+            return self._before_s
+        return self._good_s
+
+    def keep(self, late_s: float, *, good: bool) -> None:
+        """Note the delay of a burst that was found, and whether all else was as planned."""
+        self._before_s = late_s
+        if good:
+            self._good_s = late_s

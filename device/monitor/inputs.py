@@ -11,7 +11,7 @@ from scipy import signal
 
 from device.checks import require_real
 from device.driver import LinkError
-from device.monitor.delays import Delays
+from device.monitor.delays import Delays, OwnDelay
 from device.monitor.matching import Template
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, judge, void
 
@@ -31,7 +31,11 @@ _QUIET_SHAPES: Final = 40
 LEAST_QUIET_S: Final = 0.02
 SEARCHED_S: Final = 0.1
 """So long after its time a burst is waited for."""
+_LONGEST_OWN_S: Final = 0.3
+"""The same where no delay is stated: as long as a sound server's may be."""
 _PATIENCE_S: Final = 1.0
+_SETTLES_S: Final = 10.0
+"""A sound server has been seen to need 3.5 s, on an idle machine."""
 _POLL_S: Final = 0.002
 _FULL: Final = 32768
 _LIMIT: Final = 32766 / _FULL
@@ -46,8 +50,9 @@ class Calibration:
     per_unit : tuple of float
         At the tap, in its unit, for the record's full scale, left and right; less than 0 where a
         channel is inverted.
-    delay_s : tuple of float
-        From the onset that the driver tells to the one that is heard.
+    delay_s : tuple of float or None
+        From the onset that the driver tells to the one that is heard, left and right; None where
+        nobody has measured it, so that each stream's first burst tells it.
 
     Raises
     ------
@@ -56,12 +61,12 @@ class Calibration:
     """
 
     per_unit: tuple[float, float]
-    delay_s: tuple[float, float] = (0.0, 0.0)
+    delay_s: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         for one in self.per_unit:
             require_real("per_unit", abs(one), least=1e-12, most=1e12)
-        for one in self.delay_s:
+        for one in self.delay_s or ():
             require_real("delay_s", one, least=-1.0, most=1.0)
 
 
@@ -95,7 +100,8 @@ class InputMonitor:
         self._stream: Stream | None = None
         self._first = self._gaps = self._over = 0
         self._planned: Planned | None = None
-        self._delays = Delays()
+        self._delays, self._own = Delays(), OwnDelay()
+        self._opened = recorder.opened
 
     @property
     def unseen(self) -> str:
@@ -103,13 +109,24 @@ class InputMonitor:
         return self.tap.unseen
 
     def open(self) -> None:
-        """Open the inputs, also anew; the driver's own are open."""
+        """Open the inputs, also anew; the driver's own are open. Wait until they run steadily."""
         self._over = 0
-        if self._connect is None:
-            return
-        self.close()
-        self._recorder.restart()
-        self._stream = self._connect(self._recorder)
+        if self._connect is not None:
+            self.close()
+            self._recorder.restart()
+            self._stream = self._connect(self._recorder)
+        if self._opened != self._recorder.opened:  # with another delay, it may be
+            self._opened = self._recorder.opened
+            self._delays, self._own = Delays(), OwnDelay()
+        give_up_s = self._clock.now_s() + _SETTLES_S
+        while not self._recorder.settled:
+            if self._clock.now_s() > give_up_s:
+                raise LinkError(
+                    f"the inputs of the sound card did not run for a second without a gap in "
+                    f"{_SETTLES_S:g} s: {self._recorder.frames} frames came, with "
+                    f"{self._recorder.gaps} gaps"
+                )
+            self._clock.wait(_POLL_S)
 
     def close(self) -> None:
         """Close them."""
@@ -148,13 +165,14 @@ class InputMonitor:
         """Wait until all of the burst must have been heard; return why it was not."""
         recorder = self._recorder
         rate_hz = recorder.sample_rate_hz
-        later_s = SEARCHED_S + max(self._calibration.delay_s)
+        delay_s = self._calibration.delay_s
+        later_s = _LONGEST_OWN_S if delay_s is None else SEARCHED_S + max(delay_s)
         began = None if self._played is None else self._played()
-        give_up_s = self._clock.now_s() + _PATIENCE_S + len(template.shape) / rate_hz
+        give_up_s = self._clock.now_s() + _PATIENCE_S + later_s + len(template.shape) / rate_hz
         asked = recorder.frames
         while not self._heard_all(len(template.shape), began, onset_s, later_s):
             if self._clock.now_s() > give_up_s:
-                if recorder.frames < asked + _PATIENCE_S / 2 * rate_hz:
+                if began is not None or recorder.frames < asked + _PATIENCE_S / 2 * rate_hz:
                     return "nothing comes from the inputs"
                 break  # it is the word of the sound system's latency that is wrong
             self._clock.wait(_POLL_S)
@@ -189,18 +207,24 @@ class InputMonitor:
         frames = [self._first + one.onset for one in found]
         times = [self._recorder.time_of(frame) for frame in frames]
         began = None if self._played is None else self._played()
+        stated_s = self._calibration.delay_s or (0.0, 0.0)
         late_s = [
             (at_s - told_s if began is None else (frame - began) / rate_hz) - delay_s
-            for frame, (at_s, _), delay_s in zip(
-                frames, times, self._calibration.delay_s, strict=True
-            )
+            for frame, (at_s, _), delay_s in zip(frames, times, stated_s, strict=True)
         ]
+        sounding = [
+            i for i in range(2) if found[i].amplitude >= self._tolerances.silence * planned.burst[i]
+        ]
+        main = min(sounding, key=lambda i: frames[i], default=None)
+        near_s = 0.0
+        if self._calibration.delay_s is None and main is not None:
+            near_s = self._own.near(late_s[main], within_s=self._tolerances.onset_s)
         faults, noisy = judge(
             planned,
             found,
             tap=self.tap,
             tolerances=self._tolerances,
-            late_s=(late_s[0], late_s[1]),
+            late_s=(late_s[0] - near_s, late_s[1] - near_s),
             sample_rate_hz=rate_hz,
         )
         flat = Fault.CLIPPED in faults
@@ -208,12 +232,10 @@ class InputMonitor:
             one.largest if not peak else max(min(one.tops)[0] if flat else one.amplitude, 0.0)
             for peak, one in zip(planned.peaks, found, strict=True)
         ]
-        sounding = [
-            i for i in range(2) if found[i].amplitude >= self._tolerances.silence * planned.burst[i]
-        ]
-        main = min(sounding, key=lambda i: frames[i], default=None)
         if noisy:
             main = None
+        if main is not None and not {*faults} - {Fault.EARLY, Fault.LATE}:
+            self._own.keep(late_s[main], good=not faults)
         voided = void(faults, self.tap)
         noted = tuple(one for one in faults if one not in voided)
         if main is not None and not voided:

@@ -20,6 +20,9 @@ _OUTSIDE: Final = 0.025
 """Of the marks on either side: 95 % of them say how far their word is to be trusted."""
 _LONGEST_DELAY_S: Final = 1.0
 """A sound system that tells of a longer one tells nonsense."""
+_SETTLED_S: Final = 1.0
+_ABOVE_LATENCY_S: Final = 0.1
+"""A sound server that has just begun tells of half a second, and is wrong."""
 
 
 class InputTiming(Protocol):
@@ -30,23 +33,25 @@ class InputTiming(Protocol):
 
 
 class InputStatus(Protocol):
-    """What PortAudio tells a callback of trouble."""
+    """What PortAudio tells a callback of trouble: frames were lost, or put in as zeros."""
 
     input_overflow: bool
+    input_underflow: bool
 
 
 class Recorder:
     """The callback of an input stream: two of its channels, in a ring.
 
     It takes no lock and waits for nothing. Frames are counted from the opening of the stream;
-    `first` is the first that is there without a gap up to the last, `frames - 1`.
+    `first` is the first that is there without a gap up to the last, `frames - 1`. `opened` counts
+    the streams, `latency_s` is what PortAudio states of this one's inputs.
 
     >>> from types import SimpleNamespace
     >>> from device.clock import VirtualClock
     >>> recorder = Recorder(VirtualClock(), 48e3)
     >>> recorder.take(np.array([[1, 2], [3, 4]], dtype=np.int16),
     ...               SimpleNamespace(currentTime=1.0, inputBufferAdcTime=0.9),
-    ...               SimpleNamespace(input_overflow=False))
+    ...               SimpleNamespace(input_overflow=False, input_underflow=False))
     >>> recorder.frames, recorder.part(0, 2).tolist()
     (2, [[1, 2], [3, 4]])
     """
@@ -61,14 +66,25 @@ class Recorder:
         self._size = round(KEPT_S * sample_rate_hz)
         self._apart = _MARK_EVERY_S * sample_rate_hz
         self._ring = np.zeros((self._size, 2), dtype=np.int16)
+        self.opened = 0
         self.restart()
 
     def restart(self) -> None:
         """Count anew: a stream is opened."""
+        self.opened += 1
+        self.latency_s = 0.0
         self.frames = self.first = 0
-        self.gaps = 0
+        self.gaps = self._whole_from = 0
         self._held_from: int | None = None
-        self._marks: tuple[tuple[int, float], ...] = ()
+        self._marks: tuple[tuple[int, float, float], ...] = ()
+
+    @property
+    def settled(self) -> bool:
+        """Whether a second has come without a gap, at times that can be meant."""
+        last = self.frames - _SETTLED_S * self.sample_rate_hz
+        most_s = self.latency_s + _ABOVE_LATENCY_S
+        meant = all(delay_s <= most_s for first, _, delay_s in self._marks if first >= last)
+        return self._whole_from <= last and meant
 
     def hold(self, first: int) -> None:
         """Keep what comes from a frame on, and no more than fits in, until it is held anew."""
@@ -87,10 +103,11 @@ class Recorder:
         if not 0 < delay_s < _LONGEST_DELAY_S:
             delay_s = count / self.sample_rate_hz
         if not self._marks or self.frames >= self._marks[-1][0] + self._apart:
-            mark = self.frames, self._clock.now_s() - delay_s
+            mark = self.frames, self._clock.now_s() - delay_s, delay_s
             self._marks = (*self._marks[1 - _MARKS :], mark)
-        if status.input_overflow:
+        if status.input_overflow or status.input_underflow:
             self.gaps += 1
+            self._whole_from = self.frames + count
         held = self._held_from
         room = count if held is None else max(0, min(count, held + self._size - self.frames))
         if room:
@@ -111,10 +128,11 @@ class Recorder:
     def time_of(self, frame: float) -> tuple[float, float]:
         """Return when a frame was heard on the host's clock, and by how much that is known.
 
-        It is a half-width of 95 %, the drift of the two clocks within the marks included.
+        It is a half-width of 95 %: what the sound system's word of its inputs' latency varies by,
+        the drift of the two clocks included, and the latency itself, as nobody has measured it.
         """
-        told = [at_s + (frame - first) / self.sample_rate_hz for first, at_s in self._marks]
+        told = [at_s + (frame - first) / self.sample_rate_hz for first, at_s, _ in self._marks]
         if not told:
             return self._clock.now_s(), _LONGEST_DELAY_S
         least, middle, most = np.quantile(told, (_OUTSIDE, 0.5, 1 - _OUTSIDE))
-        return float(middle), float(max(middle - least, most - middle))
+        return float(middle), float(max(middle - least, most - middle)) + self.latency_s

@@ -54,7 +54,7 @@ def open_stream(
     The card is a name, or a part of it that no other has, as `sounddevice` lists them; empty for
     the system's default. A `LinkError` says that PortAudio is missing, or cannot open or start it.
     """
-    return _started(
+    stream: Stream = _started(
         "OutputStream",
         card,
         samplerate=sample_rate_hz,
@@ -62,6 +62,7 @@ def open_stream(
         latency=latency,
         callback=callback,
     )
+    return stream
 
 
 def open_duplex(
@@ -81,6 +82,7 @@ def open_duplex(
         latency="low",
         callback=both,
     )
+    recorder.latency_s = float(stream.latency[0])
     return _Duplex(stream)
 
 
@@ -111,7 +113,7 @@ def open_inputs(recorder: Recorder, *, card: str) -> Stream:
     def heard(frames: Frames, _: int, timing: Any, status: Any) -> None:
         recorder.take(frames, timing, status)
 
-    return _started(
+    stream: Stream = _started(
         "InputStream",
         card,
         samplerate=recorder.sample_rate_hz,
@@ -119,9 +121,11 @@ def open_inputs(recorder: Recorder, *, card: str) -> Stream:
         latency="low",
         callback=heard,
     )
+    recorder.latency_s = stream.latency
+    return stream
 
 
-def _started(kind: str, card: str, **settings: Any) -> Stream:
+def _started(kind: str, card: str, **settings: Any) -> Any:
     try:
         import sounddevice
     except (ImportError, OSError) as error:
@@ -140,8 +144,7 @@ def _started(kind: str, card: str, **settings: Any) -> Stream:
     except sounddevice.PortAudioError as error:
         stream.close()
         raise LinkError(f"cannot start the sound card {card or 'default'}: {error}") from error
-    started: Stream = stream
-    return started
+    return stream
 
 
 def sound_cards() -> tuple[str, ...]:

@@ -62,7 +62,7 @@ def make_monitor(
 
     tap = Tap(settings.tap)
     per_unit = (1.0, 1.0) if settings.per_unit is None else settings.per_unit
-    delay_s = settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3
+    delay_s = settings.delay_ms and (settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3)
     tolerances = Tolerances(
         peak=settings.peak_tolerance,
         onset_s=settings.onset_tolerance_ms * 1e-3,
@@ -71,7 +71,12 @@ def make_monitor(
     )
     if isinstance(device, HostDriver) and settings.source == "device":
         return DeviceMonitor(
-            device, clock, tap=tap, per_unit=per_unit, delay_s=delay_s, tolerances=tolerances
+            device,
+            clock,
+            tap=tap,
+            per_unit=per_unit,
+            delay_s=delay_s or (0.0, 0.0),
+            tolerances=tolerances,
         )
     calibration = Calibration(per_unit=per_unit, delay_s=delay_s)
     if recorder is not None:

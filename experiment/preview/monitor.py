@@ -43,8 +43,8 @@ class MonitorCalibration:
     @property
     def delay_ms(self) -> float | None:
         """The key delay_ms of this side with which it had come out when it was told."""
-        late_s = self.measured.late_s
-        return None if late_s is None else self.settings.delay_ms[self._at] + late_s * 1e3
+        late_s, stated_ms = self.measured.late_s, self.settings.delay_ms or (0.0, 0.0)
+        return None if late_s is None else stated_ms[self._at] + late_s * 1e3
 
     @property
     def _at(self) -> int:

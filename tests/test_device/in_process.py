@@ -238,18 +238,25 @@ class SoundCard(VirtualClock):
 
 
 class LoopCard(SoundCard):
-    """A sound card whose outputs are led back to its inputs, by a `Line`."""
+    """A sound card whose outputs are led back to its inputs, by a `Line`.
+
+    The next buffer's frames are `put_in`; `word_s` is the latency of its inputs that it tells.
+    """
 
     def __init__(self, *, seed: int = 1) -> None:
         super().__init__()
         self.recorder = Recorder(self, 48_000.0)
         self.line = Line(seed=seed)
+        self.put_in = False
+        self.word_s = self.buffer / 48e3
         self._due_s = 0.0
 
     def take(self, callback: Callback, *, underflow: bool = False) -> Frames:
-        timing = SimpleNamespace(currentTime=1.0, inputBufferAdcTime=1.0 - self.buffer / 48e3)
+        timing = SimpleNamespace(currentTime=1.0, inputBufferAdcTime=1.0 - self.word_s)
         heard = self.line.heard(self.buffer, ahead=self.buffer)
-        self.recorder.take(heard, timing, SimpleNamespace(input_overflow=False))
+        status = SimpleNamespace(input_overflow=False, input_underflow=self.put_in)
+        self.recorder.take(heard, timing, status)
+        self.put_in = False
         out = super().take(callback, underflow=underflow)
         self.line.put(out)
         return out

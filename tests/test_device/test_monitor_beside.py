@@ -35,8 +35,9 @@ AHEAD_S: Final = 0.35
 """So long after a burst of the emulator's truth the bridge has the sound card play it."""
 DRIFT: Final = 50e-6
 TOLERANCE_S: Final = 0.1
-SETTLED_S: Final = 4.0
-"""After its start a sound server's word of a latency is half a second wrong for some time."""
+WIDEST_S: Final = 0.03
+AFTER_S: Final = 4.0
+"""So long the truth's line goes on after the last burst."""
 MOST_PLAYS: Final = 4
 
 
@@ -117,7 +118,7 @@ class Noted(Recorder):
     def take(self, heard: Any, timing: Any, status: Any) -> None:
         self.count.note(heard[:, :2], self.frames)
         super().take(heard, timing, status)
-        self.calls.append(self._marks[-1])
+        self.calls.append(self._marks[-1][:2])
 
     def truly_at(self, frame: float) -> float:
         """Return when a frame was heard: by a line through all calls of its stretch, later too."""
@@ -154,7 +155,6 @@ def test_an_onset_on_another_clock_is_told_with_its_uncertainty(
     told: list[Measured] = []
     with wide_sink(null_sink, 4), closing(Bridge(truth)) as bridge:
         monitor.open()
-        clock.wait(SETTLED_S)
         ready(device, LEVEL_VPP)
         for token in range(1, MOST_PLAYS * wanted):
             if len(told) >= wanted:
@@ -170,7 +170,7 @@ def test_an_onset_on_another_clock_is_told_with_its_uncertainty(
                 continue
             one = monitor.end(delivery)
             told += [one] if delivery.outcome is Outcome.FIRED and one.onset_s is not None else []
-        clock.wait(SETTLED_S)
+        clock.wait(AFTER_S)
         monitor.close()
     device.close()
     errors_s, known_s = [], []
@@ -188,6 +188,5 @@ def test_an_onset_on_another_clock_is_told_with_its_uncertainty(
     worst_s, usual_s = max(map(abs, errors_s)), float(np.median(known_s))
     print(f"{words}which is {usual_s * 1e3:.2f} ms (median); {worst_s * 1e3:.2f} ms off at most")
     assert len(errors_s) >= wanted // 2
-    # How many are covered is told, not asserted: a stream whose server is wrong about its own
-    # latency has all its onsets off by the same few milliseconds (docs/monitor.md).
-    assert worst_s < TOLERANCE_S
+    assert covered >= 0.95 * len(errors_s), words
+    assert usual_s < WIDEST_S

@@ -120,8 +120,10 @@ class MonitorSettings:
     )
     measured_by: Line | None = Field(default=None, description="both, by whom")
     measured_on: Line | None = Field(default=None, description="... and when, such as 2026-05-04")
-    delay_ms: tuple[_Delay, _Delay] = Field(
-        default=(0.0, 0.0), strict=False, description="from the onset as told to that measured"
+    delay_ms: tuple[_Delay, _Delay] | None = Field(
+        default=None,
+        strict=False,
+        description="from the onset as told to that measured; left out: as the first burst has it",
     )
     peak_tolerance: float = Field(
         default=0.1, ge=0.01, le=0.5, description="part of the planned peak"
