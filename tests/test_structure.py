@@ -41,7 +41,7 @@ LATER = {
     ),
     *("field/parted.py", "solver/leading.py", "ends/reflection.py"),
     *("study/origins.py", "study/stated.py", "results/protocol.py", "results/answer.py"),
-    *("power", "workers", "commands/power.py", "terms/people.py"),
+    *("power", "workers", "commands/power.py", "terms/people.py", "terms/chances.py"),
     *("study/simulated.py", "terms/curves.py", "results/compared.py"),
     *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
     *("monitor", "sound/recorder.py"),

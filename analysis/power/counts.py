@@ -1,9 +1,9 @@
-"""The counts of one simulated person, drawn without a session.
+"""The counts of simulated people, drawn without their sessions.
 
-How often each stimulus gets each answer is told by the simulated participant itself
-(`experiment.terms.observer`), from the gain matrix, masking and guesses. Where thresholds stay as
-they are the counts are drawn at once; where they drift or hang on the last answer, trial by trial
-in the order of a plan. Either way they are distributed as those of a session through the engine.
+How often each stimulus gets each answer is told in closed form (`experiment.terms.chances`), from
+the gain matrix, masking and guesses. Where thresholds stay as they are the counts are drawn at
+once; where they drift or hang on the last answer, trial by trial in the order of a plan. Either way
+they are distributed as those of sessions through the engine.
 """
 
 from __future__ import annotations
@@ -15,17 +15,21 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.thresholds.people import GuessRate, guessing
+from experiment.terms.chances import answer_probabilities
 from experiment.terms.people import threshold_course_db
 from experiment.trial.draw import shuffled_blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
     from experiment.study.sections.design import Design
     from experiment.terms.gains import FingerGains
     from experiment.terms.observer import Observer
+
+    Floats = NDArray[np.float64]
+    Integers = NDArray[np.int64]
 
 
 _SIDES: Final = ("left", "right")
@@ -43,92 +47,158 @@ class Counts:
     guess: GuessRate
 
 
-def draw_counts(
-    person: Observer,
-    design: Design,
-    gains: FingerGains,
-    rng: np.random.Generator,
-    *,
-    shifts_db: Sequence[float] = (0.0,),
-) -> list[Counts]:
-    """Draw a person's counts in conditions whose thresholds lie higher by `shifts_db`."""
-    if any((person.drift_db, person.block_drift_db, person.wander_db, person.last_answer_db)):
-        return _by_trial(person, design, gains, rng, shifts_db)
-    return [_at_once(person, design, gains, rng, shift_db) for shift_db in shifts_db]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Session:
+    """A simulated person, the design of their session, and the generator of its chances."""
+
+    person: Observer
+    design: Design
+    rng: np.random.Generator
+    shifts_db: tuple[float, ...] = (0.0,)
+    """By how much the thresholds lie higher in each condition."""
 
 
-def _at_once(
-    person: Observer,
-    design: Design,
-    gains: FingerGains,
-    rng: np.random.Generator,
-    shift_db: float,
-) -> Counts:
-    levels_vpp, responses = design.levels_vpp, design.responses
-    shift = (shift_db, shift_db)
+def draw_counts(sessions: Sequence[Session], gains: FingerGains) -> list[list[Counts]]:
+    """Draw the counts of each session in each condition.
 
-    def answers(left_vpp: float, right_vpp: float) -> tuple[float, ...]:
-        return person.answer_probabilities(
-            left_vpp, right_vpp, responses, design.response_window_s, gains=gains, shift_db=shift
+    The designs may have levels of their own and are alike in all else.
+    """
+    one = sessions[0].person
+    if any((one.drift_db, one.block_drift_db, one.wander_db, one.last_answer_db)):
+        return _by_trial(sessions, gains)
+    return _at_once(sessions, gains)
+
+
+def _at_once(sessions: Sequence[Session], gains: FingerGains) -> list[list[Counts]]:
+    most = max(len(one.design.levels_vpp) for one in sessions)
+    levels_vpp = np.zeros((len(sessions), most))
+    for i, one in enumerate(sessions):
+        levels_vpp[i, : len(one.design.levels_vpp)] = one.design.levels_vpp
+    silent, responses = np.zeros((len(sessions), 1)), sessions[0].design.responses
+    places = [responses.index(side) for side in _SIDES]
+    found: list[list[Counts]] = [[] for _ in sessions]
+    for shift_db in zip(*(one.shifts_db for one in sessions), strict=True):
+        left, right, blank = (
+            _probabilities(sessions, levels, gains, np.array(shift_db)[:, None])
+            for levels in ((levels_vpp, silent), (silent, levels_vpp), (silent, silent))
         )
+        hits = np.minimum(np.stack([left[..., places[0]], right[..., places[1]]], axis=1), 1.0)
+        for row, one in enumerate(sessions):
+            found[row].append(_drawn(one, hits[row], blank[row, 0]))
+    return found
 
-    detected, presented = np.zeros((2, len(levels_vpp)), dtype=np.int64)
-    for side in _SIDES:
-        place = responses.index(side)
-        hit = [answers(*_at(side, level_vpp))[place] for level_vpp in levels_vpp]
+
+def _probabilities(
+    sessions: Sequence[Session], levels_vpp: tuple[Floats, Floats], gains: FingerGains, db: Floats
+) -> Floats:
+    design = sessions[0].design
+    return answer_probabilities(
+        [one.person for one in sessions], levels_vpp, design.responses, design.response_window_s,
+        gains=gains, shift_db=(db, db),
+    )  # fmt: skip
+
+
+def _drawn(session: Session, hits: Floats, blank: Floats) -> Counts:
+    """Draw a condition's counts by how often levels of each side are hit, and blanks answered."""
+    design, rng = session.design, session.rng
+    levels = len(design.levels_vpp)
+    detected, presented = np.zeros((2, levels), dtype=np.int64)
+    for p in hits:
         of_side = _spread(design, rng)
         presented += of_side
-        detected += rng.binomial(of_side, np.minimum(hit, 1.0))
-    blank = Counter[str | None]()
+        detected += rng.binomial(of_side, p[:levels])
+    answered = Counter[str | None]()
     if design.blank_trials:
-        p = answers(0.0, 0.0)
-        drawn = rng.multinomial(design.blank_trials, [*p, max(0.0, 1 - sum(p))]).tolist()
-        blank.update(dict(zip((*responses, None), drawn, strict=True)))
-    return _counts(design, detected.tolist(), presented.tolist(), blank)
+        number = rng.multinomial(design.blank_trials, [*blank, max(0.0, 1 - blank.sum())]).tolist()
+        answered.update(dict(zip((*design.responses, None), number, strict=True)))
+    return _counts(design, detected.tolist(), presented.tolist(), answered)
 
 
-def _by_trial(
-    person: Observer,
-    design: Design,
-    gains: FingerGains,
-    rng: np.random.Generator,
-    shifts_db: Sequence[float],
-) -> list[Counts]:
-    order = rng.permutation(len(shifts_db)).tolist()
-    blocks = [(place, block) for place in order for block in shuffled_blocks(design, rng)]
-    number = [i for i, (_, block) in enumerate(blocks) for _ in block]
-    course_db = iter(threshold_course_db(person, number, rng))
-    chance = iter(rng.random(len(number)).tolist())
-    responses, none_offered = design.responses, "none" in design.responses
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Course:
+    """The trials of a session in their order, over all of its conditions."""
+
+    condition: Integers
+    left_vpp: Floats
+    right_vpp: Floats
+    level: Integers  # place of a single stimulus' level, -1 of all others
+    blank: NDArray[np.bool_]
+    shift_db: Floats
+    chance: Floats
+
+
+def _course(session: Session) -> _Course:
+    design, rng = session.design, session.rng
     place_of = {level_vpp: i for i, level_vpp in enumerate(design.levels_vpp)}
-    found = [([0] * len(place_of), [0] * len(place_of), Counter[str | None]()) for _ in shifts_db]
-    half_db, last_db = person.last_answer_db / 2, 0.0
-    for place, block in blocks:
-        detected, presented, blank = found[place]
-        for kind, side, level_vpp in block:
-            now_db = shifts_db[place] + next(course_db) + last_db
-            levels = (level_vpp or 0.0,) * 2 if kind == "both" else _at(side, level_vpp or 0.0)
-            p = person.answer_probabilities(
-                *levels, responses, design.response_window_s, gains=gains, shift_db=(now_db, now_db)
+    order = rng.permutation(len(session.shifts_db)).tolist()
+    blocks = [(place, block) for place in order for block in shuffled_blocks(design, rng)]
+    trials = [(place, number, *stimulus)
+              for number, (place, block) in enumerate(blocks) for stimulus in block]  # fmt: skip
+    condition, block_of, kind, side, level_vpp = zip(*trials, strict=True)
+    told_vpp = np.array([one or 0.0 for one in level_vpp])
+    is_side = {one: np.array(side) == one for one in _SIDES}
+    both, single = np.array(kind) == "both", np.array(kind) == "single"
+    shift_db = np.array(session.shifts_db)[list(condition)]
+    return _Course(
+        condition=np.array(condition),
+        left_vpp=told_vpp * (is_side["left"] | both),
+        right_vpp=told_vpp * (is_side["right"] | both),
+        level=np.array([place_of[one] if is_single and one is not None else -1
+                        for one, is_single in zip(level_vpp, single, strict=True)]),
+        blank=np.array(kind) == "blank",
+        shift_db=shift_db + threshold_course_db(session.person, block_of, rng),
+        chance=rng.random(len(trials)),
+    )  # fmt: skip
+
+
+def _by_trial(sessions: Sequence[Session], gains: FingerGains) -> list[list[Counts]]:
+    courses = [_course(one) for one in sessions]
+    left_vpp, right_vpp, shift_db, chance = (
+        np.array([getattr(one, name) for one in courses])
+        for name in ("left_vpp", "right_vpp", "shift_db", "chance")
+    )
+    responses = sessions[0].design.responses
+    half_db = sessions[0].person.last_answer_db / 2 if "none" in responses else 0.0
+    # What would be answered after nothing, after "none", and after any other answer.
+    answers = [
+        (
+            np.cumsum(
+                _probabilities(sessions, (left_vpp, right_vpp), gains, shift_db + after_db), axis=2
             )
-            answer = _chosen(responses, p, next(chance))
-            if none_offered:
-                last_db = {None: 0.0, "none": half_db}.get(answer, -half_db)
-            if kind == "single":
-                assert level_vpp is not None
-                presented[place_of[level_vpp]] += 1
-                detected[place_of[level_vpp]] += answer == side
-            elif kind == "blank":
-                blank[answer] += 1
-    return [_counts(design, *one) for one in found]
+            <= chance[..., None]
+        ).sum(axis=2)
+        for after_db in ((0.0, half_db, -half_db) if half_db else (0.0,))
+    ]
+    answer = answers[0]
+    if half_db:
+        after = np.full(len(responses) + 1, 2)  # by the answer's place, the last of them too late
+        after[responses.index("none")], after[-1] = 1, 0
+        rows, state = np.arange(len(sessions)), np.zeros(len(sessions), dtype=np.int64)
+        every = np.stack(answers)
+        for trial in range(answer.shape[1]):
+            answer[:, trial] = every[state, rows, trial]
+            state = after[answer[:, trial]]
+    return [_counted(*one, responses) for one in zip(sessions, courses, answer, strict=True)]
 
 
-def _chosen(responses: Sequence[str], p: Iterable[float], chance: float) -> str | None:
-    for response, share in zip(responses, p, strict=True):
-        chance -= share
-        if chance < 0:
-            return response
-    return None
+def _counted(
+    session: Session, course: _Course, answer: Integers, responses: Sequence[str]
+) -> list[Counts]:
+    levels = len(session.design.levels_vpp)
+    sided = np.where(course.left_vpp > 0, responses.index("left"), responses.index("right"))
+    found = []
+    for condition in range(len(session.shifts_db)):
+        single = (course.condition == condition) & (course.level >= 0)
+        presented, detected = (
+            np.bincount(course.level[which], minlength=levels)
+            for which in (single, single & (answer == sided))
+        )
+        blank = answer[(course.condition == condition) & course.blank]
+        words = Counter(dict(zip((*responses, None),
+                                 np.bincount(blank, minlength=len(responses) + 1).tolist(),
+                                 strict=True)))  # fmt: skip
+        found.append(_counts(session.design, detected.tolist(), presented.tolist(), words))
+    return found
 
 
 def _counts(
@@ -150,11 +220,7 @@ def _counts(
     )
 
 
-def _at(side: str, level_vpp: float) -> tuple[float, float]:
-    return (level_vpp, 0.0) if side == "left" else (0.0, level_vpp)
-
-
-def _spread(design: Design, rng: np.random.Generator) -> NDArray[np.int64]:
+def _spread(design: Design, rng: np.random.Generator) -> Integers:
     """Return how many trials of one side have each level, as the plan draws them."""
     levels = len(design.levels_vpp)
     if design.order == "balanced":

@@ -11,6 +11,7 @@ import numpy as np
 from analysis.groups.group import FEW, PeopleTables, group_draws
 from analysis.thresholds.people import people_of
 from experiment.study.sections.table import stated_of
+from experiment.terms.chances import answer_probabilities
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -228,15 +229,14 @@ def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGain
     responses, window_s = study.design.responses, study.design.response_window_s
     median = population.median
     if goal.kind == "false-alarms":
-        p = median.answer_probabilities(0.0, 0.0, responses, window_s, gains=gains)
-        return sum(share for one, share in zip(responses, p, strict=True) if one != "none")
-    level_vpp = goal.level_vpp or 0.0
+        p = answer_probabilities([median], ([0.0], [0.0]), responses, window_s, gains=gains)[0, 0]
+        return float(sum(share for one, share in zip(responses, p, strict=True) if one != "none"))
     nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+    shift_db, level_vpp = population.threshold_sd_db * nodes, goal.level_vpp or 0.0
     felt = [
-        median.answer_probabilities(
-            *levels, responses, window_s, gains=gains, shift_db=(shift_db, shift_db)
-        )[responses.index(side)]
-        for shift_db in (population.threshold_sd_db * nodes).tolist()
+        answer_probabilities(
+            [median], levels, responses, window_s, gains=gains, shift_db=(shift_db, shift_db)
+        )[0, :, responses.index(side)]
         for side, levels in (("left", (level_vpp, 0.0)), ("right", (0.0, level_vpp)))
     ]
-    return float(np.repeat(weights, 2) @ felt / (2 * weights.sum()))
+    return float(np.mean(felt, axis=0) @ weights / weights.sum())

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.power.counts import draw_counts
+from analysis.power.counts import Session, draw_counts
 from analysis.power.goals import Goal, judged
 from analysis.power.population import truth_of
-from analysis.thresholds.levels import LevelsError, pilot_function, placed
+from analysis.thresholds.levels import LevelsError, pilot_functions, placed
 from experiment.study.read import study_from_canonical
 from experiment.study.sections.simulation import Simulation
 from experiment.terms.gains import gains_from_json
@@ -26,12 +26,10 @@ from experiment.terms.gains import gains_from_json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analysis.power.counts import Counts
-    from analysis.power.goals import Outcome
+    from analysis.thresholds.levels import PilotFunction
     from experiment.study.sections.design import Design
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains, FingerGains
-    from experiment.terms.observer import Observer
 
 
 _PILOT_LEVELS: Final = 10
@@ -117,9 +115,20 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
     design = design_of(plan.study.design, chunk.point)
     if plan.goal.kind == "false-alarms":  # single stimuli tell nothing of them
         design = replace(design, levels_vpp=design.levels_vpp[:1])
+    studies = range(chunk.first, chunk.first + chunk.number)
+    number = chunk.point.participants
+    sessions = [_session(plan, design, chunk.seed, study, i)
+                for study in studies for i in range(number)]  # fmt: skip
+    if chunk.point.placed:
+        sessions = _with_placed_levels(plan, sessions)
+    counts = draw_counts(sessions, plan.gains)
     outcomes = [
-        _outcome(plan, design, chunk.point, (chunk.seed, number))
-        for number in range(chunk.first, chunk.first + chunk.number)
+        judged(
+            plan.goal,
+            list(zip(*counts[place * number : (place + 1) * number], strict=True)),
+            plan.truths[study % len(plan.truths)],
+        )
+        for place, study in enumerate(studies)
     ]
     return {
         "reached": [int(one.reached) for one in outcomes],
@@ -139,35 +148,24 @@ def design_of(design: Design, point: Point) -> Design:
     )
 
 
-def _outcome(plan: _Plan, design: Design, point: Point, seeds: tuple[int, int]) -> Outcome:
-    people = [_person(plan, design, point, (*seeds, i)) for i in range(point.participants)]
-    turn = seeds[1] % len(plan.populations)
-    return judged(plan.goal, list(zip(*people, strict=True)), plan.truths[turn])
-
-
-def _person(plan: _Plan, design: Design, point: Point, seeds: tuple[int, int, int]) -> list[Counts]:
-    """Draw a person and their counts, in the conditions that the goal asks about."""
-    root, number, i = seeds
-    rng = np.random.default_rng(np.random.SeedSequence(root, spawn_key=(number, i)))
+def _session(plan: _Plan, design: Design, root: int, study: int, i: int) -> Session:
+    """Draw a person, in the conditions that the goal asks about."""
+    rng = np.random.default_rng(np.random.SeedSequence(root, spawn_key=(study, i)))
     left, right = plan.study.actuators[:2]
     apart_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
-    person = plan.populations[number % len(plan.populations)].draw(apart_mm, rng)
-    if point.placed:
-        design = _with_placed_levels(plan, design, person, rng)
+    person = plan.populations[study % len(plan.populations)].draw(apart_mm, rng)
     shifts_db = [0.0]
     if plan.goal.kind == "difference":
         shifts_db.append(person.difference_db + plan.goal.size)
-    return draw_counts(person, design, plan.gains, rng, shifts_db=shifts_db)
+    return Session(person=person, design=design, rng=rng, shifts_db=tuple(shifts_db))
 
 
-def _with_placed_levels(
-    plan: _Plan, design: Design, person: Observer, rng: np.random.Generator
-) -> Design:
+def _with_placed_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Session]:
     """Place levels after a pilot session, as `tactstrip levels` does; where it cannot, the study's.
 
     The pilot has 40 stimuli, and 12 blanks where they can be answered.
     """
-    ceiling_vpp = plan.study.device.ceiling_vpp
+    ceiling_vpp, design = plan.study.device.ceiling_vpp, sessions[0].design
     levels_vpp = np.geomspace(ceiling_vpp / _PILOT_RANGE, ceiling_vpp, _PILOT_LEVELS)
     pilot = replace(
         design,
@@ -177,13 +175,26 @@ def _with_placed_levels(
         order="balanced",
         break_every=0,
     )
-    (counts,) = draw_counts(person, pilot, plan.gains, rng)
-    levels, detected, shown = (
-        np.array(one, dtype=np.float64)
-        for one in (counts.levels_vpp, counts.detected, counts.presented)
+    pilots = draw_counts(
+        [replace(one, design=pilot, shifts_db=(0.0,)) for one in sessions], plan.gains
     )
+    levels, detected, shown = (
+        np.array([getattr(counts, name) for (counts,) in pilots], dtype=np.float64)
+        for name in ("levels_vpp", "detected", "presented")
+    )
+    guesses = [counts.guess for (counts,) in pilots]
+    found = pilot_functions(levels, detected, shown, guesses)
+    return [
+        replace(one, design=_placed(plan, design, pilot))
+        for one, pilot in zip(sessions, found, strict=True)
+    ]
+
+
+def _placed(plan: _Plan, design: Design, pilot: PilotFunction | LevelsError) -> Design:
+    if isinstance(pilot, LevelsError):
+        return design
     try:
-        found = placed(pilot_function(levels, detected, shown, counts.guess).function, ceiling_vpp)
+        found = placed(pilot.function, plan.study.device.ceiling_vpp)
     except LevelsError:
         return design
     order = "random" if design.trials_per_side % len(found) else plan.study.design.order

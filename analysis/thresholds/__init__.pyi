@@ -12,7 +12,15 @@ from .fit import (
     status_of,
 )
 from .grid import Surface, rates_of, surfaces
-from .levels import ExpectedError, LevelsError, Placement, pilot_function, place_levels, placed
+from .levels import (
+    ExpectedError,
+    LevelsError,
+    PilotFunction,
+    Placement,
+    pilot_functions,
+    place_levels,
+    placed,
+)
 from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
 from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, guessing, people_in, people_of
 from .posterior import within_levels
@@ -34,6 +42,7 @@ __all__ = [
     "Guessing",
     "LevelsError",
     "PersonCounts",
+    "PilotFunction",
     "Placement",
     "PsychometricFit",
     "Ruler",
@@ -48,7 +57,7 @@ __all__ = [
     "levels_of",
     "people_in",
     "people_of",
-    "pilot_function",
+    "pilot_functions",
     "place_levels",
     "placed",
     "probit_mle",

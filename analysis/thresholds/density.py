@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -123,17 +123,26 @@ class Axes:
 
 def over_prior(ruler: Ruler, rates: Floats, nodes: Nodes) -> Axes:
     """Lay axes over all that the prior allows."""
-    # Of one level, or of levels next to each other, the nodes lie at least as far as a step around.
-    middle, half = (ruler.low + ruler.high) / 2, max((ruler.high - ruler.low) / 2, 1.0)
-    between = np.linspace(middle - half, middle + half, nodes.between)
-    steps = np.cumsum(_growing(nodes.outside) * REACH)
-    mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
-    log_sigma = np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
+    mu, log_sigma = _mu_and_log_sigma(ruler, nodes)
     lapse, lapse_weight = lapses(0.0, MOST_LAPSES, nodes.lapse)
     return Axes(
         mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=rates,
         guess_weight=np.ones(len(rates)),
     )  # fmt: skip
+
+
+@lru_cache(maxsize=64)
+def _mu_and_log_sigma(ruler: Ruler, nodes: Nodes) -> tuple[Floats, Floats]:
+    """Return these two axes, the same arrays for people with levels of their own on one ruler.
+
+    What is made once for an axis, such as the weights of a hierarchy, is then made for all.
+    """
+    # Of one level, or of levels next to each other, the nodes lie at least as far as a step around.
+    middle, half = (ruler.low + ruler.high) / 2, max((ruler.high - ruler.low) / 2, 1.0)
+    between = np.linspace(middle - half, middle + half, nodes.between)
+    steps = np.cumsum(_growing(nodes.outside) * REACH)
+    mu = np.concatenate([between[0] - steps[::-1], between, between[-1] + steps])
+    return mu, np.linspace(LOG_SIGMA[0], LOG_SIGMA[1], nodes.log_sigma)
 
 
 @cache

@@ -257,10 +257,12 @@ def _logarithms(u: Floats, axes: Axes) -> Floats:
     z = (u[:, None, None] - axes.mu[:, None]) * np.exp(-axes.log_sigma)
     gamma, lapse = axes.guess[:, None, None, None], axes.lapse[:, None, None]
     rest = 1 - gamma - lapse
-    p = gamma + rest * ndtr(z)[:, None, None]
-    q = lapse + rest * ndtr(-z)[:, None, None]
-    both = np.where(rest < 0, 0.0, np.concatenate([p, q])).reshape(2 * len(u), -1)
-    return np.asarray(np.log(np.maximum(both, _TINY, out=both), out=both))
+    both = np.empty((2, len(u), *np.broadcast_shapes(rest.shape, z.shape[1:])))
+    for i, (least, at) in enumerate(((gamma, z), (lapse, -z))):
+        np.multiply(rest, ndtr(at)[:, None, None], out=both[i])
+        both[i] += least
+    both[:, :, rest[:, :, 0, 0] < 0] = 0.0
+    return np.log(np.maximum(both, _TINY, out=both), out=both).reshape(2 * len(u), -1)
 
 
 @dataclass(frozen=True, slots=True)

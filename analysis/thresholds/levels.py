@@ -148,8 +148,10 @@ def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placeme
     condition, participant = people.names[i]
     whose = f"the pilot of participant {participant} in condition {condition}"
     guess = people.guesses[i].rate
-    table = (people.level_vpp[i], people.detected[i], people.presented[i])
-    pilot = pilot_function(*table, guess, whose)
+    table = (people.level_vpp[[i]], people.detected[[i]], people.presented[[i]])
+    (pilot,) = pilot_functions(*table, [guess], whose)
+    if isinstance(pilot, LevelsError):
+        raise pilot
     function, (low, high) = pilot.function, pilot.threshold_limits_vpp
     levels_vpp = placed(function, study.device.ceiling_vpp)
     design = study.design
@@ -182,43 +184,52 @@ class PilotFunction:
     ruler: Ruler
 
 
-def pilot_function(
+def pilot_functions(
     level_vpp: NDArray[np.float64],
     detected: NDArray[np.float64],
     presented: NDArray[np.float64],
-    guess: GuessRate,
+    guesses: Sequence[GuessRate],
     whose: str = "the pilot",
-) -> PilotFunction:
-    """Return the function of a table of counts; LevelsError where it cannot place levels."""
-    used = presented > 0
-    level_vpp, counts = level_vpp[used], (detected[None, used], presented[None, used])
-    x = np.log10(level_vpp)[None]
-    fit = fit_many(x, *counts, guesses=[guess])[0]
-    if fit.status not in WITH_THRESHOLD:
-        words = printed(fit, level_vpp, VOLTS)
-        raise LevelsError(
-            f"{whose} cannot place levels: {fit.status} ({words}); "
+) -> list[PilotFunction | LevelsError]:
+    """Return the function of each table, (tables, levels), or why it cannot place levels."""
+    x = np.log10(level_vpp)
+    fits = fit_many(x, detected, presented, guesses=guesses)
+    tell = [i for i, fit in enumerate(fits) if fit.status in WITH_THRESHOLD]
+    rulers = [Ruler.of(x[i][presented[i] > 0], "log10") for i in tell]
+    step = np.array([one.step for one in rulers])[:, None]
+    some = surfaces(
+        x[tell] / step, detected[tell], presented[tell],
+        rulers=rulers, guesses=[guesses[i] for i in tell],
+    )  # fmt: skip
+    known = posterior(some, rulers)
+    found: list[PilotFunction | LevelsError] = [
+        LevelsError(
+            f"{whose} cannot place levels: {fit.status} "
+            f"({printed(fit, level_vpp[i][presented[i] > 0], VOLTS)}); "
             "run another one over a wider range or with more trials"
         )
-    ruler = Ruler.of(x[0], "log10")
-    (surface,) = surfaces(x / ruler.step, *counts, rulers=[ruler], guesses=[guess])
-    known = posterior([surface], [ruler])
-    low, middle, high = (float(value) for value in 10 ** (known.mu[0] * ruler.step))
-    width_db = 20 * math.log10(high / low)
-    if width_db > _WIDEST_DB:
-        raise LevelsError(
-            f"{whose} knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB; "
-            f"at most {_WIDEST_DB:g} dB place levels: run more trials"
+        for i, fit in enumerate(fits)
+    ]
+    for row, i in enumerate(tell):
+        low, middle, high = (10 ** (known.mu[row] * step[row])).tolist()
+        width_db = 20 * math.log10(high / low)
+        if width_db > _WIDEST_DB:
+            found[i] = LevelsError(
+                f"{whose} knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB;"
+                f" at most {_WIDEST_DB:g} dB place levels: run more trials"
+            )
+            continue
+        function = Function(
+            threshold_vpp=middle,
+            sigma=float(step[row, 0] * np.exp(known.log_sigma[row, 1])),
+            lapse_rate=float(known.lapse_rate[row]),
+            guess_rate=guesses[i].mean,
         )
-    function = Function(
-        threshold_vpp=middle,
-        sigma=float(ruler.step * np.exp(known.log_sigma[0, 1])),
-        lapse_rate=float(known.lapse_rate[0]),
-        guess_rate=guess.mean,
-    )
-    return PilotFunction(
-        function=function, threshold_limits_vpp=(low, high), surface=surface, ruler=ruler
-    )
+        found[i] = PilotFunction(
+            function=function, threshold_limits_vpp=(low, high), surface=some[row],
+            ruler=rulers[row],
+        )  # fmt: skip
+    return found
 
 
 def _draws(

@@ -1,4 +1,5 @@
 from . import responder as responder
+from .chances import answer_probabilities
 from .checks import (
     NAME,
     NAME_RULE,
@@ -90,6 +91,7 @@ __all__ = [
     "SessionPart",
     "TrialRow",
     "Vibration",
+    "answer_probabilities",
     "draw_observer",
     "format_value",
     "gains_from_json",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING
 
 from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains
@@ -23,8 +22,8 @@ Source: paper, section V, after Kim et al. 2012.
 FASTEST_ANSWER_S = 0.15
 """No one answers a vibration sooner than this after its onset."""
 
-_MASKING_RATIO: float = 10.0 ** (MASKING_DB / 20)
-_ROUNDING = 1.0 + 1e-12
+MASKING_RATIO: float = 10.0 ** (MASKING_DB / 20)
+ROUNDING = 1.0 + 1e-12
 """Amplitudes that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
 _SQRT_2 = math.sqrt(2.0)
 _OTHER = {"left": "right", "right": "left"}
@@ -216,51 +215,6 @@ class Observer:
             response = _OTHER.get(response, response)
         return ObserverAnswer(response=response, rt_s=rt_s)
 
-    def answer_probabilities(
-        self,
-        level_left_vpp: float,
-        level_right_vpp: float,
-        responses: tuple[str, ...],
-        response_window_s: float,
-        *,
-        gains: FingerGains = OWN_FINGER_ONLY,
-        shift_db: tuple[float, float] = (0.0, 0.0),
-    ) -> tuple[float, ...]:
-        """Return how often `answer` gives each of the responses; what is left to 1 is too late.
-
-        Parameters and errors are those of `answer`; nothing is drawn.
-        """
-        _require_responses(responses)
-        amplitudes, chances = self._felt(level_left_vpp, level_right_vpp, gains, shift_db)
-        if self.masking_slope is None:
-            left, right = amplitudes
-            heard = (
-                chances[0] * (not _masked(left, right)),
-                chances[1] * (not _masked(right, left)),
-            )
-        else:
-            heard = chances
-        found = dict.fromkeys(responses, self.lapse_rate / len(responses))
-        for felt_left, felt_right in product((True, False), repeat=2):
-            share = (1 - self.lapse_rate) * (heard[0] if felt_left else 1 - heard[0])
-            share *= heard[1] if felt_right else 1 - heard[1]
-            told = self._told(felt_left, felt_right, amplitudes, responses)
-            if told is not None:
-                found[told] += share
-                continue
-            if not felt_left and "none" in responses:
-                found["none"] += share * (1 - self.false_alarm_rate)
-                share *= self.false_alarm_rate
-            if "both" in responses:
-                found["both"] += share * self.guess_both
-                share *= 1 - self.guess_both
-            found["left"] += share * self.side_bias
-            found["right"] += share * (1 - self.side_bias)
-        if self.swapped:
-            found["left"], found["right"] = found["right"], found["left"]
-        in_time = self._in_time(max(chances), response_window_s)
-        return tuple(in_time * share for share in found.values())
-
     def _felt(
         self,
         level_left_vpp: float,
@@ -274,13 +228,13 @@ class Observer:
         if self.crosstalk_db is not None:
             gains = gains.with_crosstalk(self.crosstalk_db)
         amplitudes = gains.amplitudes(level_left_vpp, level_right_vpp)
-        thresholds = self._raised(amplitudes, _shifted(self._thresholds(gains), shift_db))
+        thresholds = self._raised(amplitudes, _shifted(self.thresholds(gains), shift_db))
         return amplitudes, (
             self.felt_probability(amplitudes[0] / thresholds[0]),
             self.felt_probability(amplitudes[1] / thresholds[1]),
         )
 
-    def _thresholds(self, gains: FingerGains) -> tuple[float, float]:
+    def thresholds(self, gains: FingerGains) -> tuple[float, float]:
         """Return the thresholds of the left and the right finger, in the unit of the gains."""
         half_db = self.finger_difference_db / 2
         if self.threshold_vpp is not None:
@@ -359,16 +313,6 @@ class Observer:
         doubt = self.reaction_time_doubt - (self.reaction_time_doubt - 1.0) * clarity
         return (self.reaction_time_s - self.reaction_time_least_s) * doubt
 
-    def _in_time(self, clarity: float, response_window_s: float) -> float:
-        """Return how often `_reaction_time_s` is within the window."""
-        left_s = response_window_s - self.reaction_time_least_s
-        if left_s <= 0:
-            return 0.0
-        late = math.log(left_s / self._median_s(clarity))
-        if self.reaction_time_spread == 0:
-            return float(late >= 0)
-        return 0.5 * math.erfc(-late / (self.reaction_time_spread * _SQRT_2))
-
 
 def _shifted(thresholds: tuple[float, float], shift_db: tuple[float, float]) -> tuple[float, float]:
     """Return thresholds that lie higher by some dB."""
@@ -380,7 +324,7 @@ def _shifted(thresholds: tuple[float, float], shift_db: tuple[float, float]) -> 
 
 def _masked(amplitude: float, other: float) -> bool:
     """Tell whether a finger feels nothing because the other gets `MASKING_DB` more."""
-    return amplitude * _MASKING_RATIO <= other * _ROUNDING
+    return amplitude * MASKING_RATIO <= other * ROUNDING
 
 
 def _require_responses(responses: tuple[str, ...]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis.power.counts import draw_counts
+from analysis.power.counts import Session, draw_counts
 from analysis.reading.load import read_trials
 from experiment.session.simulate import simulate_study
 from experiment.study.physics import study_gains
@@ -73,15 +73,18 @@ def test_counts_are_those_of_the_engine(order: str, more: str, tmp_path: Path) -
     false = blank["response"].isin(["left", "right", "both"])
     alarms = false.groupby([blank["participant"], blank["condition"]]).sum().unstack()
     through = np.hstack([engine.to_numpy(), alarms.to_numpy()])
-    drawn = []
+    sessions = []
     for i in range(4 * people):
         rng = np.random.default_rng((9, i))
         person = study.simulation.draw(140.0, rng)
-        both = draw_counts(
-            person, study.design, gains[0].fingers(), rng, shifts_db=(0.0, person.difference_db)
-        )
-        hits = [count for one in both for count in one.detected]
-        drawn.append(np.array([*hits, *(one.false_alarms for one in both)]))
+        shifts_db = (0.0, person.difference_db)
+        sessions.append(Session(person=person, design=study.design, rng=rng, shifts_db=shifts_db))
+    drawn = [
+        np.array([
+            *(count for one in both for count in one.detected), *(one.false_alarms for one in both)
+        ])
+        for both in draw_counts(sessions, gains[0].fingers())
+    ]  # fmt: skip
     # means, and the spread between people, which drifts and dependent answers widen
     found = np.array(drawn)
     for pair in ((through, found), *[tuple((a - a.mean(axis=0)) ** 2 for a in (through, found))]):

@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from experiment.study.physics import study_gains
 from experiment.study.read import paper_study
+from experiment.terms.chances import answer_probabilities
 from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains
 from experiment.terms.observer import FASTEST_ANSWER_S, NO_ANSWER, Observer
 from experiment.terms.people import draw_observer
@@ -331,7 +332,9 @@ def test_answers_are_as_frequent_as_their_probabilities(
     rng = np.random.default_rng(3)
     statistic, free = 0.0, 0
     for levels_vpp in ((80.0, 0.0), (0.0, 110.0), (90.0, 90.0), (200.0, 70.0), (0.0, 0.0)):
-        p = person.answer_probabilities(*levels_vpp, responses, 1.0, shift_db=(1.0, -1.0))
+        p = answer_probabilities(
+            [person], levels_vpp, responses, 1.0, gains=OWN_FINGER_ONLY, shift_db=(1.0, -1.0)
+        ).ravel()
         expected = 1500 * np.array([*p, 1 - sum(p)])
         drawn = [
             person.answer(*levels_vpp, responses, rng, 1.0, shift_db=(1.0, -1.0)).response
