@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.power.promise import Promise
-from analysis.power.search import Trials, levers, most_work, slower, smallest
+from analysis.power.search import Trials, answers, levers, most_work, slower, smallest
 from analysis.power.studies import Point, plan_text
 from experiment.study.physics import study_gains
 
@@ -52,18 +52,18 @@ def plan_study(
     trials = Trials(plan=plan, seed=seed, spread=spread, step=step)
     work = most_work(points, participants)
     predicted(work * slower(trials, replace(points[0], participants=participants[1])), work)
-    answers = tuple(smallest(trials, point, participants, assurance) for point in points)
+    found = answers(trials, [smallest(trials, point, participants, assurance) for point in points])
     levels = LEVELS_PLACED if placed else len(study.design.levels_vpp)
-    first = next((one for one in answers if one.participants is not None), answers[0])
-    found = levers(trials, first, participants, goal.kind, levels)
+    first = next((one for one in found if one.participants is not None), found[0])
+    changes = levers(trials, first, participants, goal.kind, levels)
     return Promise(
         study=study.name,
         goal=goal,
         assurance=assurance,
         participants=participants,
-        answers=answers,
+        answers=found,
         tried=tuple(trials.all()),
-        levers=found,
+        levers=changes,
         people=people,
         seed=seed,
         plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),

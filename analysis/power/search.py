@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Generator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -25,13 +27,22 @@ if TYPE_CHECKING:
     ]
 
 
+PROBE: Final = 40
+"""Studies of each number of a ladder, all together: enough to rule most of them out."""
 FEW: Final = 200
 MANY: Final = 1000
+_CLEAR: Final = 3.0
+"""Standard errors from the assurance, from which a number of people is ruled out, or in."""
 _STRIDE: Final = 1.6
 """From one number of people to the next, before the answer is between two."""
-_STUDY_S: Final = 0.008
-_PERSON_S: Final = 0.0012
-"""About what a study takes, and each of its people: it only sizes the chunks."""
+_STEP: Final = 0.05
+"""From one number to the next, as a part of it, where the answer's neighbours are looked at."""
+_PARTS: Final = 4
+"""Into which the numbers between are cut, to be tried together."""
+_STUDY_S: Final = 0.005
+_PERSON_S: Final = 0.001
+_PLACED_S: Final = 0.002
+"""About what a study takes, each of its people, and placing levels for one: it sizes the chunks."""
 _TIMED: Final = 3
 _FEWER: Final = 0.6
 """Of the people of the answer, where levers are tried: at the answer itself little is left."""
@@ -59,6 +70,15 @@ class Tried:
     def limits(self) -> tuple[float, float]:
         """Its 95 % interval by the number of simulated studies (Wilson)."""
         return proportion_ci(self.reached, self.studies)
+
+    def clear(self, assurance: float) -> int:
+        """Tell whether more studies could change on which side of it the point lies.
+
+        1 where it clearly reaches the assurance, -1 where it clearly does not, 0 between.
+        """
+        error = math.sqrt(assurance * (1 - assurance) / self.studies)
+        apart = self.assurance - assurance
+        return 0 if abs(apart) <= _CLEAR * error else (1 if apart > 0 else -1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,15 +122,21 @@ class Trials:
     def run(self, points: Iterable[Point], studies: int = FEW) -> list[Tried]:
         """Return each point with so many studies at least; only missing ones are simulated."""
         wanted = list(points)
-        distinct = dict.fromkeys(wanted)
-        chunks = [one for point in distinct for one in self._missing(point, studies)]
+        self.ask([(point, studies) for point in wanted])
+        return [self.tried(point) for point in wanted]
+
+    def ask(self, wanted: Iterable[tuple[Point, int]]) -> None:
+        """Have points simulated with so many studies each at least, all of them at once."""
+        most: dict[Point, int] = {}
+        for point, studies in wanted:
+            most[point] = max(studies, most.get(point, 0))
+        chunks = [one for point, studies in most.items() for one in self._missing(point, studies)]
         for chunk, result in self.spread(simulate, chunks):
             of_point = self._found.setdefault(chunk.point, {})
             values = zip(result["reached"], result["number"], result["covered"], strict=True)
             for i, (reached, number, covered) in enumerate(values, start=chunk.first):
                 of_point[i] = (reached, math.inf if number is None else number, covered)
             self.step(work_of(chunk.point, chunk.number))
-        return [self.tried(point) for point in wanted]
 
     def tried(self, point: Point) -> Tried:
         """Return what is known of a point."""
@@ -132,7 +158,7 @@ class Trials:
         """Cut what is missing into chunks, always at the same places: a kept one is found again."""
         known = self._found.get(point, {})
         size = max(1, round(CHUNK_S / work_of(point, 1)))
-        for start, stop in ((0, FEW), (FEW, MANY)):
+        for start, stop in ((0, PROBE), (PROBE, FEW), (FEW, MANY)):
             for first in range(start, min(stop, studies), size):
                 if first not in known:
                     yield Chunk(
@@ -148,52 +174,136 @@ def _in_table(point: Point) -> tuple[bool, int, int, int]:
     return point.placed, point.blanks, point.trials_per_side, point.participants
 
 
-def smallest(trials: Trials, at: Point, participants: tuple[int, int], assurance: float) -> Answer:
+_Asked = list[tuple[Point, int]]
+Search = Generator[_Asked, None, Answer]
+"""Asks for points with a number of studies, goes on when they are simulated, ends with its answer.
+
+What it asks for hangs on what it found, never on who computes it or how fast.
+"""
+
+
+def answers(trials: Trials, searches: Iterable[Search]) -> tuple[Answer, ...]:
+    """Return the answers of searches, which are simulated together: none waits for another."""
+    going = dict(enumerate(searches))
+    found: dict[int, Answer] = {}
+    while going:
+        wanted: list[tuple[Point, int]] = []
+        for i, search in [*going.items()]:
+            try:
+                wanted += next(search)
+            except StopIteration as end:
+                found[i] = end.value
+                del going[i]
+        trials.ask(wanted)
+    return tuple(found[i] for i in sorted(found))
+
+
+def smallest(trials: Trials, at: Point, participants: tuple[int, int], assurance: float) -> Search:
     """Find the smallest number of people, from one to another, that reaches the assurance.
 
     All else is as in the point `at`.
     """
-    least, most = participants
-
-    def share(number: int, studies: int = FEW) -> Tried:
-        return trials.run([replace(at, participants=number)], studies)[0]
-
-    number = _first_guess(share, participants, assurance)
-    # With more studies the answer may be a neighbour.
-    while share(number).limits[1] >= assurance > share(number, MANY).assurance and number < most:
-        number += 1
-    while number > least and share(number - 1, MANY).assurance >= assurance:
-        number -= 1
-    if share(number).assurance < assurance:
+    numbers = _Numbers(trials, at, *participants, assurance)
+    number = yield from numbers.first()
+    if number is None:
         return Answer(point=at, participants=None)
-    # Its interval: numbers whose own intervals hold the assurance.
-    step = max(1, round(0.06 * number))
-    low, high = number, number
-    while low > least and share(max(least, low - step), MANY).limits[1] >= assurance:
-        low = max(least, low - step)
-    while share(high, MANY).limits[0] < assurance and high < most:
-        high = min(most, high + step)
-    known = share(high, MANY).limits[0] >= assurance
-    return Answer(point=at, participants=number, low=low, high=high if known else None)
+    low, high = yield from numbers.around(number)
+    return Answer(point=at, participants=number, low=low, high=high)
 
 
-def _first_guess(
-    share: Callable[[int], Tried], participants: tuple[int, int], assurance: float
-) -> int:
-    """Return the least number by few studies of each; the most where none of them reaches it."""
-    failing, passing = participants[0] - 1, participants[0]
-    while share(passing).assurance < assurance:
-        if passing == participants[1]:
-            return passing
-        failing = passing
-        passing = min(participants[1], max(passing + 1, round(passing * _STRIDE)))
-    while passing - failing > 1:
-        middle = (passing + failing) // 2
-        if share(middle).assurance < assurance:
-            failing = middle
-        else:
-            passing = middle
-    return passing
+@dataclass(frozen=True, slots=True)
+class _Numbers:
+    """Numbers of people of one design."""
+
+    trials: Trials
+    at: Point
+    least: int
+    most: int
+    assurance: float
+
+    def of(self, number: int) -> Tried:
+        """Return what is known of a number."""
+        return self.trials.tried(replace(self.at, participants=number))
+
+    def reaches(self, number: int) -> bool:
+        """Tell whether it reaches the assurance; one below the least does not."""
+        return number >= self.least and self.of(number).assurance >= self.assurance
+
+    def asked(self, numbers: Iterable[int], studies: int) -> _Asked:
+        """Ask for those within the bounds."""
+        inside = sorted({number for number in numbers if self.least <= number <= self.most})
+        return [(replace(self.at, participants=number), studies) for number in inside]
+
+    def first(self) -> Generator[_Asked, None, int | None]:
+        """Find the least number that reaches the assurance."""
+        # Many workers have something to do where all of a ladder is asked for at once.
+        ladder = _ladder(self.least, self.most)
+        yield self.asked(ladder, PROBE)
+        clear = {number: self.of(number).clear(self.assurance) for number in ladder}
+        if clear[self.most] < 0:
+            yield self.asked([self.most], FEW)
+            return None
+        failing = max((one for one in ladder if clear[one] < 0), default=self.least - 1)
+        passing = min(one for one in ladder if one > failing and (clear[one] or one == self.most))
+        number = yield from self.first_between(failing, passing, FEW)
+        # With more studies the answer may be a neighbour.
+        yield self.asked([number - 1, number], MANY)
+        failing, passing = number - 1, number
+        while not self.reaches(passing):
+            if passing == self.most:
+                return None
+            failing, passing = passing, min(self.most, passing + _step(number))
+            yield self.asked([passing], MANY)
+        while self.reaches(failing):
+            failing, passing = max(self.least - 1, failing - _step(number)), failing
+            yield self.asked([failing], MANY)
+        return (yield from self.first_between(failing, passing, MANY))
+
+    def first_between(
+        self, failing: int, passing: int, studies: int
+    ) -> Generator[_Asked, None, int]:
+        """Find the first that reaches it between one that does not and one that does."""
+        while passing - failing > 1:
+            gap = passing - failing
+            between = sorted({failing + max(1, gap * i // _PARTS) for i in range(1, _PARTS)})
+            yield self.asked(between, studies)
+            passing = min([passing, *(one for one in between if self.reaches(one))])
+            failing = max([failing, *(one for one in between if one < passing)])
+        return passing
+
+    def around(self, number: int) -> Generator[_Asked, None, tuple[int, int | None]]:
+        """Find the interval of the answer: numbers whose own intervals hold the assurance."""
+        low, high, searching = number, number, True
+        while searching:
+            below, above = (
+                max(self.least, low - _step(number)),
+                min(self.most, high + _step(number)),
+            )
+            ends = {below, above}
+            yield self.asked(ends, FEW)
+            # What a few studies rule out, or in, needs no more.
+            yield self.asked((one for one in ends if not self.of(one).clear(self.assurance)), MANY)
+            lower = below < low and self.of(below).limits[1] >= self.assurance
+            higher = above > high and self.of(high).limits[0] < self.assurance
+            low, high = below if lower else low, above if higher else high
+            searching = lower or higher
+        return low, high if self.of(high).limits[0] >= self.assurance else None
+
+
+def _step(number: int) -> int:
+    return max(1, round(_STEP * number))
+
+
+def _ladder(least: int, most: int) -> list[int]:
+    """Return numbers of people from one to another, ever farther apart.
+
+    >>> _ladder(2, 40)
+    [2, 3, 5, 8, 13, 21, 34, 40]
+    """
+    ladder = [least]
+    while ladder[-1] < most:
+        ladder.append(min(most, max(ladder[-1] + 1, round(ladder[-1] * _STRIDE))))
+    return ladder
 
 
 def levers(
@@ -224,7 +334,8 @@ def levers(
     if kind in {"half-width", "difference"}:
         told = "the study's levels" if base.placed else "levels placed for each person"
         changes[f"{told} instead"] = replace(base, placed=not base.placed)
-    before, *after = trials.run([base, *changes.values()])
+    studies = PROBE if answer.participants is None else FEW
+    before, *after = trials.run([base, *changes.values()], studies)
     found = (
         Lever(change=change, before=before, after=one)
         for change, one in zip(changes, after, strict=True)
@@ -234,21 +345,20 @@ def levers(
 
 def most_work(at: Iterable[Point], participants: tuple[int, int]) -> float:
     """Return what a search takes at most, in the unit of `work_of`."""
-    least, most = participants
-    ladder = [least]
-    while ladder[-1] < most:
-        ladder.append(min(most, max(ladder[-1] + 1, round(ladder[-1] * _STRIDE))))
-    few = ladder + [most] * math.ceil(math.log2(max(2, most - ladder[-2] if ladder[1:] else 2)))
+    ladder = _ladder(*participants)
+    gap = max([last - first for first, last in pairwise(ladder)], default=1)
+    rounds = math.ceil(math.log(gap, _PARTS)) if gap > 1 else 0
     return sum(
-        sum(work_of(replace(point, participants=number), FEW) for number in few)
-        + 4 * work_of(replace(point, participants=most), MANY - FEW)
+        sum(work_of(replace(point, participants=number), PROBE) for number in ladder)
+        + work_of(replace(point, participants=ladder[-1]), (_PARTS - 1) * rounds * FEW + 4 * MANY)
         for point in at
     )
 
 
 def work_of(point: Point, studies: int) -> float:
     """Return about how much processor time studies take, on a machine like ours, in s."""
-    return studies * (_STUDY_S + _PERSON_S * point.participants)
+    person_s = _PERSON_S + _PLACED_S * point.placed
+    return studies * (_STUDY_S + person_s * point.participants)
 
 
 def slower(trials: Trials, point: Point) -> float:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _Chunk = TypeVar("_Chunk", bound="DataclassInstance")
-CHUNK_S: Final = 2.0
+CHUNK_S: Final = 0.5
 """Processor time of a chunk: long beside the milliseconds of handing it over, little to lose."""
 MOST_LOST: Final = 3
 """So often a chunk is computed again after the process that had it was lost; Dask's own number."""

@@ -16,7 +16,7 @@ from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import power
 from analysis.power.goals import Goal
 from analysis.power.population import literature_people, pilot_people
-from analysis.power.search import Trials
+from analysis.power.search import MANY, Trials, answers, smallest
 from analysis.power.studies import Chunk, Point, plan_text, simulate
 from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
@@ -25,6 +25,7 @@ from experiment.study.read import study_from_text
 from experiment.terms.gains import ConditionGains
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from experiment.study.study import Study
@@ -84,21 +85,67 @@ def test_one_level_of_one_person_is_known_as_often_as_exact_sums_say() -> None:
     assert within_error(found.assurance, exact, 1000)
 
 
-def test_results_do_not_depend_on_how_studies_are_cut_into_chunks() -> None:
-    study = study_of('both_trials = 0\nblank_trials = 30\nresponses = ["left", "right", "none"]')
+@pytest.mark.parametrize(
+    ("goal", "more", "placed"),
+    [
+        ("false-alarms=10%", "", False),
+        pytest.param("half-width=3dB", "", True, marks=pytest.mark.slow),
+        ("false-alarms=10%", "wander_db = 1.0\nwander_trials = 9.0\nlast_answer_db = 2.0", False),
+    ],
+)
+def test_results_do_not_depend_on_how_studies_are_cut_into_chunks(
+    goal: str, more: str, *, placed: bool
+) -> None:
+    study = study_of(
+        'both_trials = 0\nblank_trials = 30\nresponses = ["left", "right", "none"]',
+        f"threshold_vpp = 80.0\nthreshold_sd_db = 2.0\n{more}",
+    )
     whole = Chunk(
-        plan=plan_text(study, (ALONE,), Goal.parse("false-alarms=10%")),
-        point=Point(participants=3, trials_per_side=5, blanks=30),
+        plan=plan_text(study, (ALONE,), Goal.parse(goal)),
+        point=Point(participants=3, trials_per_side=5, blanks=30, placed=placed),
         first=0,
-        number=12,
+        number=6,
         seed=7,
     )
-    parts = [simulate(replace(whole, first=first, number=4)) for first in (8, 0, 4)]
+    parts = [simulate(replace(whole, first=first, number=2)) for first in (4, 0, 2)]
     joined: dict[str, list[Any]] = {
         key: [*parts[1][key], *parts[2][key], *parts[0][key]] for key in parts[0]
     }
     assert simulate(whole) == joined
     assert json.loads(json.dumps(joined)) == joined
+
+
+@pytest.mark.parametrize("bounds", [(2, 40), (1, 1000), (7, 9)])
+@pytest.mark.parametrize("assurance", [0.5, 0.8, 0.95])
+def test_the_search_finds_the_smallest_number_in_few_rounds(
+    bounds: tuple[int, int], assurance: float
+) -> None:
+    def share(participants: int, middle: float) -> float:
+        return 0.5 + 0.5 * math.tanh(2 * math.log(participants / middle))
+
+    luck = np.random.default_rng(4).random(MANY)
+    for middle in (0.5, 2.0, 8.0, 8.4, 30.0, 500.0):
+        asked: list[int] = []
+
+        def known(_: object, chunks: Iterable[Chunk], middle: float = middle) -> Iterator[Any]:
+            some = [*chunks]
+            asked.append(len(some))  # noqa: B023
+            for one in reversed(some):  # whatever comes first
+                found = luck[one.first : one.first + one.number]
+                reached = (found < share(one.point.participants, middle)).tolist()
+                yield one, dict.fromkeys(("reached", "number", "covered"), reached)
+
+        trials = Trials(plan="", seed=1, spread=known)
+        at = Point(participants=1, trials_per_side=75, blanks=0)
+        (found,) = answers(trials, [smallest(trials, at, bounds, assurance)])
+        inside = range(bounds[0], bounds[1] + 1)
+        assert found.participants == next(
+            (n for n in inside if (luck < share(n, middle)).mean() >= assurance), None
+        )
+        assert len(asked) <= 16
+        if found.participants is not None and found.high is not None:
+            assert found.low is not None
+            assert found.low <= found.participants <= found.high
 
 
 BLANKS = """
