@@ -1,9 +1,9 @@
 """What `tactstrip power` promises, against what fresh studies attain.
 
 By hand, as it takes hours, and on one thread, as the program does: ``OPENBLAS_NUM_THREADS=1 python
--m benchmarks.power [PLANS [FRESH [WHOLE]]]`` prints a row for each plan; by default 40 plans, 1000
-fresh studies each, and 100 through the whole chain (sessions on the engine, their files, the
-analysis) of every eighth.
+-m benchmarks.power FILE`` keeps what it computes in FILE, goes on from there when it is started
+again, and prints a row for each of 40 plans: 1000 fresh studies of each; and then, of those with
+the fewest people, 100 through the whole chain (sessions on the engine, their files, the analysis).
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -26,19 +27,18 @@ from analysis.power.goals import Goal
 from analysis.power.planning import plan_study
 from analysis.power.population import stated_people
 from analysis.power.search import Trials
-from analysis.power.studies import design_of, plan_text
+from analysis.power.studies import plan_text
 from analysis.reading.load import read_trials
 from analysis.thresholds.people import people_of
 from analysis.thresholds.table import thresholds_of
 from analysis.workers.chunks import spread
-from experiment.commands.init import _REALISTIC
+from analysis.workers.kept import Kept
+from experiment.commands.init import REALISTIC
 from experiment.session.simulate import simulate_study
 from experiment.study.physics import study_gains
 from experiment.study.read import study_from_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     import pandas as pd
 
     from analysis.power.search import Answer
@@ -46,13 +46,17 @@ if TYPE_CHECKING:
 
 
 ASSURANCE: Final = 0.8
-PLANS, FRESH, WHOLE, EVERY = 40, 1000, 100, 8
+FRESH, WHOLE = 1000, 100
+_MOST_WHOLE: Final = 10
+"""People of a plan, so that a hundred of its studies are through in minutes."""
+_WHOLE_AT_ONCE: Final = 5
 _SEED: Final = 20_000
 _STUDY: Final = """
 [burst]
 window = "hann"
 [design]
-levels_vpp = [49.0, 57.0, 64.0, 73.0, 91.0]
+levels_vpp = [38.0, 49.0, 62.0, 79.0, 100.0]
+order = "balanced"
 trials_per_side = {trials}
 both_trials = 0
 blank_trials = {blanks}
@@ -65,8 +69,6 @@ difference_sd_db = 1.0
 false_alarm_rate = {false_alarms}
 [[condition]]
 name = "a"
-[[condition]]
-name = "b"
 """
 
 
@@ -75,17 +77,18 @@ class Plan:
     """A study, its goal, and the numbers of people that are tried."""
 
     goal: str
-    spread_db: float
-    trials: int
+    spread_db: float = 2.0
+    trials: int = 50
     blanks: int = 0
     false_alarms: float = 0.05
+    placed: bool = False
     most: int = 24
 
     def study(self) -> Study:
         """Return the study."""
         words = '"left", "right", "none"' if self.blanks else '"left", "right", "both"'
         return study_from_text(
-            _STUDY.format(
+            (_STUDY + '[[condition]]\nname = "b"\n' * self.goal.startswith("difference")).format(
                 trials=self.trials,
                 blanks=self.blanks,
                 responses=f"[{words}]",
@@ -96,49 +99,63 @@ class Plan:
         )
 
 
-def plans() -> Iterator[Plan]:
-    """Yield forty plans, the four kinds of goals in turn."""
-    sizes = product((1.5, 2.5), (0, 30))
-    for size, (spread_db, trials) in product((0, 1, 2, 3, 4), sizes):
-        yield Plan(
-            goal=f"half-width={(1.5, 2.0, 2.5, 3.0, 3.5)[size]:g}dB",
-            spread_db=spread_db, trials=50 + trials,
-        )  # fmt: skip
-        if size % 2:
-            yield Plan(goal=f"difference={1.5 + 0.5 * size:g}dB", spread_db=spread_db,
-                       trials=50 + trials, blanks=20)  # fmt: skip
-        elif trials:
-            yield Plan(goal=f"detection={8 + 2 * size}%@64V", spread_db=spread_db, trials=50)
-        else:
-            yield Plan(goal=f"false-alarms={4 + size}%", spread_db=spread_db, trials=1,
-                       blanks=20, false_alarms=0.01)  # fmt: skip
+def plans() -> list[Plan]:
+    """Return forty plans, ten of each of the four kinds of goals."""
+    spreads = ((1.5, (1.25, 1.5, 2.0, 2.5, 3.0)), (2.5, (1.75, 2.0, 2.5, 3.0, 3.5)))
+    return [
+        *(Plan(goal=f"false-alarms={size:g}%", trials=5, blanks=blanks, false_alarms=rate,
+               most=80)
+          for (rate, size), blanks in product(
+              ((0.01, 4.5), (0.01, 5), (0.02, 6), (0.02, 7), (0.05, 10)), (20, 40))),
+        *(Plan(goal=f"detection={size}%@62V", spread_db=spread_db)
+          for spread_db, sizes in ((1.5, (8, 9, 10, 12, 15)), (2.5, (10, 11, 12, 14, 16)))
+          for size in sizes),
+        *(Plan(goal=f"difference={size:g}dB", trials=trials, blanks=blanks, placed=not blanks)
+          for size, (trials, blanks) in product((1.25, 1.5, 2.0, 2.5, 3.0), ((80, 20), (50, 0)))),
+        *(Plan(goal=f"half-width={size:g}dB", spread_db=spread_db, trials=50 + 30 * (i % 2),
+               placed=i > 2)
+          for spread_db, sizes in spreads for i, size in enumerate(sizes)),
+    ]  # fmt: skip
 
 
-def attained(study: Study, goal: Goal, answer: Answer, number: int) -> tuple[int, int]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Whole:
+    """Some studies of a plan through the whole chain, as plain values."""
+
+    plan: Plan
+    participants: int
+    seed: int
+    first: int
+
+
+def attained(
+    study: Study, goal: Goal, answer: Answer, number: int, *, seed: int, spread: Any
+) -> tuple[int, int]:
     """Return in how many of so many fresh studies the goal is reached."""
     point = replace(answer.point, participants=answer.participants or 0)
     plan = plan_text(study, study_gains(study), goal)
-    trials = Trials(plan=plan, seed=_SEED, spread=spread)
-    (found,) = trials.run([point], number)
+    (found,) = Trials(plan=plan, seed=seed, spread=spread).run([point], number)
     return found.reached, found.studies
 
 
-def through_the_chain(study: Study, goal: Goal, answer: Answer, number: int) -> tuple[int, int]:
-    """Return the same of studies by sessions, files and the analysis' tables."""
-    design = design_of(study.design, answer.point)
+def through_the_chain(chunk: Whole) -> int:
+    """Return in how many studies the goal is reached by sessions, files and analysis' tables."""
+    study, goal = chunk.plan.study(), Goal.parse(chunk.plan.goal)
     difference_db = goal.size if goal.kind == "difference" else 0.0
-    simulation = replace(study.simulation, difference_db=difference_db)
-    study = study.changed(design=design, simulation=simulation)
+    study = study.changed(simulation=replace(study.simulation, difference_db=difference_db))
     gains, reached = study_gains(study), 0
-    for i in range(number):
+    for i in range(chunk.first, chunk.first + _WHOLE_AT_ONCE):
         with TemporaryDirectory() as folder:
-            people = answer.participants or 0
             for _ in simulate_study(
-                study, Path(folder), participants=people, seed=_SEED + i, gains=gains
+                study,
+                Path(folder),
+                participants=chunk.participants,
+                seed=chunk.seed + i,
+                gains=gains,
             ):
                 pass
             reached += _reached(read_trials([Path(folder)]), goal)
-    return reached, number
+    return reached
 
 
 def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
@@ -159,30 +176,43 @@ def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
     return bool(blank_table(first)["high"].iloc[-1] <= goal.size)
 
 
-def rows(chosen: list[Plan], fresh: int = FRESH, whole: int = WHOLE) -> Iterator[str]:
-    """Yield a row for each plan."""
-    for i, plan in enumerate(chosen):
-        study, goal = plan.study(), Goal.parse(plan.goal)
-        promise = plan_study(
-            stated_people(study, goal), goal, participants=(2, plan.most), trials_per_side=None,
-            blanks=None, placed=False, assurance=ASSURANCE, seed=i, spread=spread,
-            predicted=lambda *_: None, step=lambda _: None,
-        )  # fmt: skip
-        answer = promise.best
-        head = f"| {plan.goal} | {plan.spread_db:g} dB | {plan.trials} | {plan.blanks} |"
-        if answer is None:
-            yield f"{head} none to {plan.most} | - | - | - | - |"
-            continue
-        people = f"{answer.participants} ({answer.low} to {answer.high or 'more'})"
-        point = replace(answer.point, participants=answer.participants or 0)
-        promised = next(one.assurance for one in promise.tried if one.point == point)
-        chain = through_the_chain(study, goal, answer, whole) if whole and i % EVERY == 0 else None
-        keys = {key: value for key, value in _REALISTIC.items() if not key.startswith("threshold")}
-        simulation = replace(study.simulation, **keys)
-        real = attained(study.changed(simulation=simulation), goal, answer, fresh)
-        told = [attained(study, goal, answer, fresh), chain, real]
-        shares = " | ".join("-" if one is None else share(*one) for one in told)
-        yield f"{head} {people} | {promised:.1%} | {shares} |"
+def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = WHOLE) -> str:
+    """Return the row of a plan, with so many studies through the whole chain or without."""
+    study, goal = plan.study(), Goal.parse(plan.goal)
+    promise = plan_study(
+        stated_people(study, goal), goal, participants=(2, plan.most), trials_per_side=None,
+        blanks=None, placed=plan.placed, assurance=ASSURANCE, seed=seed, spread=spread,
+        predicted=lambda *_: None, step=lambda _: None,
+    )  # fmt: skip
+    answer = promise.best
+    levels = "placed" if plan.placed else "fixed"
+    head = f"| {plan.goal} | {plan.spread_db:g} dB | {plan.trials} | {plan.blanks} | {levels} |"
+    if answer is None:
+        return f"{head} none to {plan.most} | - | - | - | - |"
+    number = answer.participants or 0
+    people = f"{number} ({answer.low} to {answer.high or 'more'})"
+    point = replace(answer.point, participants=number)
+    promised = next(one.assurance for one in promise.tried if one.point == point)
+    kept = {"threshold_at_hz", "threshold_at_s", "threshold_at_cm2"}
+    if goal.kind == "false-alarms":  # whose rate is what the plan states
+        kept.add("false_alarm_rate")
+    keys = {key: value for key, value in REALISTIC.items() if key not in kept}
+    real = study.changed(simulation=replace(study.simulation, **keys))
+    others = {"seed": _SEED + 1000 * seed, "spread": spread}
+    told: list[tuple[int, int] | None] = [
+        attained(study, goal, answer, fresh, **others),
+        None,
+        attained(real, goal, answer, fresh, **others),
+    ]
+    if whole and number <= _MOST_WHOLE and not plan.placed:
+        chunks = [Whole(plan=plan, participants=number, seed=_SEED + 1000 * seed, first=first)
+                  for first in range(0, whole, _WHOLE_AT_ONCE)]  # fmt: skip
+        told[1] = (
+            sum(reached for _, reached in spread(through_the_chain, chunks)),
+            _WHOLE_AT_ONCE * len(chunks),
+        )
+    shares = " | ".join("-" if one is None else share(*one) for one in told)
+    return f"{head} {people} | {promised:.1%} | {shares} |"
 
 
 def share(reached: int, studies: int) -> str:
@@ -195,15 +225,17 @@ def share(reached: int, studies: int) -> str:
     return f"{reached / studies:.1%} ({low:.1%} to {high:.1%})"
 
 
-def main(numbers: list[str]) -> None:
-    """Print the table."""
-    print("| goal | between people | trials a side | blanks | people | promised | attained | "
-          "whole chain | realistic people |")  # fmt: skip
-    print("|---" * 9 + "|")
-    count, *others = [*map(int, numbers)] or [PLANS]
-    for row in rows([*plans()][:count], *others):
-        print(row, flush=True)
+def main(path: str) -> None:
+    """Print the table, first without the whole chain."""
+    with Kept(Path(path), {"benchmark": "power"}) as kept:
+        of_kept = partial(spread, kept=kept)
+        for whole in (0, WHOLE):
+            print("| goal | between people | trials a side | blanks | levels | people | promised | "
+                  "attained | whole chain | realistic people |")  # fmt: skip
+            print("|---" * 10 + "|")
+            for i, plan in enumerate(plans()):
+                print(row(plan, i, of_kept, whole=whole), flush=True)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main(*sys.argv[1:])

@@ -32,7 +32,7 @@ _RECOMMENDED: Final = {
     "responses": ["left", "right", "both", "none"],
     "break_every": 43,
 }
-_REALISTIC: Final = {
+REALISTIC: Final = {
     "false_alarm_rate": 0.06,
     "reaction_time_s": 0.58,
     "reaction_time_spread": 0.45,
@@ -66,7 +66,7 @@ _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
         "study": {"name": "realistic"},
         "burst": {"window": "hann"},
         "design": _RECOMMENDED,
-        "simulation": _REALISTIC,
+        "simulation": REALISTIC,
     },
 }
 PLATE: Final = "plate"
