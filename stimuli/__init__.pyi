@@ -8,8 +8,8 @@ from .field.scene import Scene, Work
 from .field.synthesis import TransientWork
 from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from .fingers.fingertip import Fingertip, causal, felt
+from .fingers.impedance import Impedance
 from .fingers.level import WindowChoice, level_db, shortest_window
-from .fingers.pressed import Impedance
 from .fingers.work import FeltWork, felt_work
 from .load import (
     ForceRectangle,

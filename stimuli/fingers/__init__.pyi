@@ -1,7 +1,7 @@
 from .actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
 from .fingertip import Fingertip, causal, felt, felt_error
+from .impedance import Impedance
 from .level import WindowChoice, level_db, shortest_window
-from .pressed import Impedance
 from .work import FeltWork, felt_work
 
 __all__ = [

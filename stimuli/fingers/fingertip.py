@@ -12,12 +12,11 @@ import numpy as np
 from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
-from stimuli.fingers.pressed import Impedance, Pressed, pressed_peaks, pressing
-from stimuli.fingers.unpressed import by_modes
+from stimuli.fingers.impedance import Impedance, Pressed, pressing
+from stimuli.fingers.pressed import pressed_peaks
+from stimuli.fingers.unpressed import by_modes, by_patched_modes
 from stimuli.load import LOADS, Load
 from stimuli.motion.history import by_spectra
-from stimuli.motion.motion import motions
-from stimuli.motion.peaks import patched_peaks, wait_of
 from stimuli.strip.patch import cutoff_factor
 from stimuli.strip.strip import Strip
 
@@ -211,12 +210,11 @@ def felt(
     True
     """
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    pressed, wait_s = pressed_of(strip, fingertips, drive), wait_of(strip, far_m)
+    pressed = pressed_of(strip, fingertips, drive)
     if pressed:
         return pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)[0].peak_m
     if strip.patches:
-        sizes = motions(scene, drive)
-        return patched_peaks(strip, sizes, places, drive, wait_s=wait_s).peak_m
+        return by_patched_modes(scene, places, drive, rtol, far_m)[0].peak_m
     found = by_modes(scene, places, drive, rtol, far_m)
     return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
 
@@ -233,11 +231,10 @@ def felt_error(
     ValueError as for `felt`.
     """
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    pressed, wait_s = pressed_of(strip, fingertips, drive), wait_of(strip, far_m)
+    pressed = pressed_of(strip, fingertips, drive)
     if pressed:
         return pressed_peaks(scene, places, drive, pressed, rtol=RTOL, far_m=far_m)[0].error_m
-    found = motions(scene, drive)
-    return patched_peaks(strip, found, places, drive, wait_s=wait_s).error_m
+    return by_patched_modes(scene, places, drive, RTOL, far_m)[0].error_m
 
 
 def pressed_of(strip: Strip, tips: Sequence[Fingertip], drive: Drive) -> tuple[Pressed, ...]:

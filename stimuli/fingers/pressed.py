@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from stimuli.checks import finite
 from stimuli.fingers.dampers import Dampers, coupled_poles, turned
 from stimuli.load import PointForce, PressureDisc
 from stimuli.motion.motion import (
@@ -26,7 +25,7 @@ from stimuli.motion.motion import (
 )
 from stimuli.motion.oscillators import Oscillators
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
-from stimuli.motion.section import ECHOED, echoless
+from stimuli.motion.section import ECHOED, echoless, repeated, unpatched
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from stimuli.arrays import Real
     from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
+    from stimuli.fingers.impedance import Pressed
     from stimuli.motion.motion import Bare
     from stimuli.motion.peaks import Peaks
     from stimuli.strip.strip import Strip
@@ -50,8 +50,6 @@ _DIGITS: Final = 12
 _APART: Final = 1e-6
 """Areas whose means differ by less, as a part of what the upper modes give, are the same."""
 
-_ROUNDING_M: Final = 1e-12
-
 _MORE: Final = 1.4
 """Up to so much higher a frequency modes are kept, which fingers couple, and in the end once more,
 as nobody else can be asked."""
@@ -62,79 +60,6 @@ _QUIET: Final = 3e-3
 
 MOST_COUPLED: Final = 800
 """Modes that fingers may couple: their poles take a few seconds then."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Impedance:
-    """What a fingertip opposes to the plate: Z = damping - i w mass + i stiffness / w.
-
-    Attributes
-    ----------
-    mass_kg : float
-        Mass that goes with the plate, from 1e-7 to 1 kg.
-    stiffness_n_m : float
-        Spring between the plate and what does not move, from 0 to 1e8 N/m.
-    damping_n_s_m : float
-        Damper beside it, from 0 to 1e5 N s/m.
-    holds_up_to_hz : float
-        Upper end of the band in which these values were found, from 1e-3 to 1e6 Hz. They are
-        left out of the answer to a drive whose band at half power reaches above it.
-
-    Raises
-    ------
-    ValueError
-        If a value is not a number in its range.
-
-    Notes
-    -----
-    There are no values by default. They depend on the direction, the force and the posture, and
-    such a lumped model holds in a band: above it less and less of a finger goes with the plate,
-    while the force on a mass grows with the square of the frequency.
-
-    Examples
-    --------
-    A spring alone is not to be had, but a mass that does not count is:
-
-    >>> Impedance(mass_kg=0.0, stiffness_n_m=500.0, damping_n_s_m=1.0, holds_up_to_hz=800.0)
-    Traceback (most recent call last):
-    ValueError: mass_kg must be a finite number >= 1e-07 and <= 1, got 0.0
-    >>> spring = Impedance(
-    ...     mass_kg=1e-7, stiffness_n_m=500.0, damping_n_s_m=0.0, holds_up_to_hz=800.0
-    ... )
-    """
-
-    mass_kg: float
-    stiffness_n_m: float
-    damping_n_s_m: float
-    holds_up_to_hz: float
-
-    def __post_init__(self) -> None:
-        ranges = {
-            "mass_kg": (1e-7, 1.0),
-            "stiffness_n_m": (0.0, 1e8),
-            "damping_n_s_m": (0.0, 1e5),
-            "holds_up_to_hz": (1e-3, 1e6),
-        }
-        for name, (least, most) in ranges.items():
-            value = finite(name, getattr(self, name), least=least, most=most)
-            object.__setattr__(self, name, value)
-
-    def holds_for(self, drive: Drive) -> bool:
-        """Tell whether a drive's band at half power lies within that of the values."""
-        return drive.band_hz()[1] <= self.holds_up_to_hz
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pressed:
-    """An impedance on the mean displacement of an area: that of its pressure, or a point."""
-
-    over: PressureDisc | PointForce
-    impedance: Impedance
-
-    @property
-    def area_m2(self) -> float:
-        """What turns a force into the load's unit."""
-        return 1.0 if isinstance(self.over, PointForce) else math.pi * self.over.radius_m**2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,21 +82,6 @@ class Loaded:
     rest_m: Real
 
 
-def pressing(strip: Strip, place_m: tuple[float, float], radius_m: float, z: Impedance) -> Pressed:
-    """Return an impedance on a disc or a point of a strip; ValueError if it is not wholly on it."""
-    x_m, y_m = place_m
-    end_m = math.inf if strip.length_m is None else strip.length_m / 2
-    room_m = min(end_m - abs(x_m), y_m, strip.width_m - y_m)
-    if radius_m > room_m + _ROUNDING_M:
-        raise ValueError(
-            "fingertips with an impedance must lie wholly on the strip, radius_m at most "
-            f"{room_m:g} at {place_m}, got {radius_m!r}"
-        )
-    if not radius_m:
-        return Pressed(over=PointForce(x_m=x_m, y_m=y_m), impedance=z)
-    return Pressed(over=PressureDisc(x_m=x_m, y_m=y_m, radius_m=radius_m), impedance=z)
-
-
 def pressed_peaks(
     scene: Scene,
     groups: Sequence[NDArray[np.intp]],
@@ -186,21 +96,22 @@ def pressed_peaks(
     ValueError where they are not known to `rtol`, or the plate is not one for fingers: only modes
     know them.
     """
-    if scene.strip.patches:
-        found, wait_s = list(pressed_motions(scene, drive, pressed)), wait_of(scene.strip, far_m)
-        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1], scene
 
     def quickly(section: Scene) -> Real | None:
-        reference_hz = reference_of(section, drive)
-        if not is_enough(section.strip, ECHOED * reference_hz):
+        bare, reference_hz = unpatched(section), reference_of(section, drive)
+        if not is_enough(bare.strip, ECHOED * reference_hz):
             return None
         there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
-        motion = pressed_motion(section, reference_hz, ECHOED, there)
+        endless, period_m = repeated(bare, scene)
+        motion = pressed_motion(endless, reference_hz, ECHOED, there, period_m=period_m)
         return peaks_of(motion, groups, drive, wait_s=wait_s, with_error=False).peak_m
 
     section = echoless(scene, quickly, rtol, _QUIET)
     there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
-    for motion in pressed_motions(section, drive, there):
+    if scene.strip.patches:
+        found = list(pressed_motions(section, drive, there))
+        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1], section
+    for motion in pressed_motions(section, drive, there, repeated(section, scene)):
         peaks = peaks_of(motion, groups, drive, wait_s=wait_s)
         counts_m = np.maximum(peaks.peak_m, _QUIET * np.max(peaks.peak_m, axis=0))
         if np.all(peaks.error_m <= rtol * counts_m):
@@ -217,15 +128,26 @@ def _moved_to(section: Scene, scene: Scene, pressed: tuple[Pressed, ...]) -> tup
     return tuple(moved(one, over=moved(one.over, x_m=one.over.x_m + by_m)) for one in pressed)
 
 
-def pressed_motions(scene: Scene, drive: Drive, pressed: tuple[Pressed, ...]) -> Iterator[Motion]:
-    """Yield a scene with fingers as oscillators for a drive, then with more of them."""
+def pressed_motions(
+    scene: Scene,
+    drive: Drive,
+    pressed: tuple[Pressed, ...],
+    endless: tuple[Scene, float | None] | None = None,
+) -> Iterator[Motion]:
+    """Yield a scene with fingers as oscillators for a drive, then with more of them.
+
+    `endless` is the same without ends and its period, where no echo counts.
+    """
+    alike, period_m = endless or (scene, None)
     reference_hz = reference_of(scene, drive)
     first, second = multiples_of(drive, reference_hz, scene.strip)
     more = [_MORE * first, _MORE * second, _MORE * second**2 / first]
     asked = [first, second] if scene.strip.patches else more
     multiples = enough_of(scene.strip, reference_hz, asked)
     for multiple in multiples:
-        yield pressed_motion(scene, reference_hz, multiple, pressed, multiples[-1])
+        yield pressed_motion(
+            alike, reference_hz, multiple, pressed, most=multiples[-1], period_m=period_m
+        )
 
 
 @lru_cache(maxsize=4)
@@ -234,7 +156,9 @@ def pressed_motion(
     reference_hz: float,
     multiple: float,
     pressed: tuple[Pressed, ...],
+    *,
     most: float | None = None,
+    period_m: float | None = None,
 ) -> Motion:
     """Return a scene with fingers as oscillators, whatever the symmetry of its modes, (90), (91).
 
@@ -250,23 +174,27 @@ def pressed_motion(
         The fingers, all at once.
     most : float, optional
         The largest multiple that is going to be asked for.
+    period_m : float, optional
+        After which length an endless strip is taken to repeat itself.
 
     Raises
     ------
     ValueError
-        If the strip is endless or has too many modes, or two fingers press on one place.
+        If the strip is endless without a period or has too many modes, or two fingers press on one
+        place.
     """
     strip, highest_hz = scene.strip, multiple * reference_hz
-    if strip.length_m is None:
+    if strip.length_m is None and period_m is None:
         raise ValueError(f"length_m must be a number where fingers press, got {strip!r}")
     lossless = dataclasses.replace(scene, strip=without_loss(strip))
     sought = with_areas(lossless, pressed), highest_hz, (most or multiple) * reference_hz
-    bare = bare_of(*sought)
-    n_modes = sum(group.squared.size for group in bare.groups)
+    bare = bare_of(*sought, period_m)
+    n_modes = sum(moved.shape[0] * moved.shape[2] for moved in bare.moved)
     if n_modes > MOST_COUPLED:
         raise ValueError(
             f"length_m must be one whose modes below {highest_hz:.6g} Hz are at most "
-            f"{MOST_COUPLED} where fingers press, got {strip.length_m!r} and {n_modes} modes"
+            f"{MOST_COUPLED} where fingers press, got {strip.length_m or period_m!r} and "
+            f"{n_modes} modes"
         )
 
     def up_to(upper_hz: float, *coarser: Callable[[], Motion]) -> Motion:
@@ -291,14 +219,14 @@ def _coupled(
     """Return the oscillators that the modes up to a frequency are with fingers on the plate."""
     from scipy.linalg import block_diag
 
-    squared = np.concatenate([group.squared for group in bare.groups])
+    squared, bents, moved, pushed = bare.alone()
     kept = squared <= (2 * math.pi * highest_hz) ** 2
     viscous_s = strip.material.viscous_time_s
     damping: Real | Dampers = Dampers(viscous_s, np.zeros((0, 0)), np.zeros(0))
     if not springs_lose(strip):
-        bents = [np.diag(g.bent) if g.bent.ndim == 1 else g.bent for g in bare.groups]
-        damping = viscous_s * block_diag(*bents)[np.ix_(kept, kept)]
-    moved, pushed = (np.concatenate(x, axis=2)[0][:, kept] for x in (bare.moved, bare.pushed))
+        squares = [np.diag(one) if one.ndim == 1 else one for one in bents]
+        damping = viscous_s * block_diag(*squares)[np.ix_(kept, kept)]
+    moved, pushed = moved[:, kept], pushed[:, kept]
     plate = Loaded(
         squared=squared[kept],
         damping=damping,

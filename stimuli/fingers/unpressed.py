@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
-from stimuli.motion.peaks import peaks_of, wait_of
-from stimuli.motion.section import ECHOED, echoless, repeated
+from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
+from stimuli.motion.section import ECHOED, echoless, repeated, unpatched
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
     from stimuli.motion.motion import Motion
+    from stimuli.motion.peaks import Peaks
 
 
 _QUIET: Final = 1e-3
@@ -33,17 +34,7 @@ def by_modes(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> tuple[Real, Motion, Scene] | None:
     """Return the greatest absolute values and whose modes they are of; none if none are enough."""
-
-    def quickly(section: Scene) -> Real | None:
-        reference_hz = reference_of(section, drive)
-        if not is_enough(section.strip, ECHOED * reference_hz):
-            return None
-        endless, period_m = repeated(section, scene)
-        motion = motion_of(endless, reference_hz, ECHOED, period_m=period_m)
-        wait_s, some = wait_of(section.strip, far_m), [place[::_ECHO_POINTS] for place in places]
-        return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m
-
-    section = echoless(scene, quickly, rtol, _QUIET)
+    section = heard(scene, places, drive, rtol, far_m)
     wait_s = wait_of(section.strip, far_m)
     endless, period_m = repeated(section, scene)
     for motion in motions(endless, drive, period_m):
@@ -54,3 +45,29 @@ def by_modes(
         if np.all(error_m <= rtol * counts_m):
             return found.peak_m, motion, section
     return None
+
+
+def by_patched_modes(
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
+) -> tuple[Peaks, Motion, Scene]:
+    """Return the same of a plate with patches; ValueError if their modes are too many."""
+    section = heard(scene, places, drive, rtol, far_m)
+    found, wait_s = list(motions(section, drive)), wait_of(section.strip, far_m)
+    return patched_peaks(scene.strip, found, places, drive, wait_s=wait_s), found[-1], section
+
+
+def heard(
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
+) -> Scene:
+    """Return the part of a plate whose echoes count, which its patches hardly change."""
+
+    def quickly(section: Scene) -> Real | None:
+        bare, reference_hz = unpatched(section), reference_of(section, drive)
+        if not is_enough(bare.strip, ECHOED * reference_hz):
+            return None
+        endless, period_m = repeated(bare, scene)
+        motion = motion_of(endless, reference_hz, ECHOED, period_m=period_m)
+        wait_s, some = wait_of(section.strip, far_m), [place[::_ECHO_POINTS] for place in places]
+        return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m
+
+    return echoless(scene, quickly, rtol, _QUIET)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from stimuli.fingers.fingertip import RTOL, asked, pressed_of
 from stimuli.fingers.pressed import pressed_peaks
-from stimuli.fingers.unpressed import by_modes
-from stimuli.motion.motion import motions
+from stimuli.fingers.unpressed import by_modes, by_patched_modes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -75,8 +74,7 @@ def felt_work(
     if pressed:
         _, motion, section = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
     elif strip.patches:
-        *_, motion = motions(scene, drive)
-        section = scene
+        _, motion, section = by_patched_modes(scene, places, drive, rtol, far_m)
     else:
         found = by_modes(scene, places, drive, rtol, far_m)
         if found is None:

@@ -23,7 +23,7 @@ from .peaks import (
     peaks_of,
     wait_of,
 )
-from .section import ECHOED, echoless, repeated
+from .section import ECHOED, echoless, repeated, unpatched
 
 __all__ = [
     "ECHOED",
@@ -53,6 +53,7 @@ __all__ = [
     "steady",
     "transient",
     "transient_work",
+    "unpatched",
     "wait_of",
     "without_loss",
 ]

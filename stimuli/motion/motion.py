@@ -19,7 +19,7 @@ from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
-from stimuli.motion.section import ECHOED, without_far_ends
+from stimuli.motion.section import ECHOED, nearby, without_far_ends
 from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
@@ -215,7 +215,7 @@ def steady(scene: Scene, frequency_hz: float) -> Complex:
 
     ValueError where the plate has a mode below, or too many.
     """
-    omega = 2 * math.pi * frequency_hz
+    omega, scene = 2 * math.pi * frequency_hz, nearby(scene, frequency_hz)
     material = scene.strip.material
     viscous_s = material.viscous_time_s + material.loss_factor / omega
     viscous = dataclasses.replace(material, loss_factor=0.0, viscous_time_s=viscous_s)
@@ -245,6 +245,24 @@ class Bare(NamedTuple):
     moved: list[Real]  # of each group the modes at the points, (n_copies, n_points, n_modes)
     pushed: list[Real]  # what the loads do to them, (n_copies, n_loads, n_modes)
     static_m: Real  # (n_loads, n_points)
+
+    def alone(self) -> tuple[Real, list[Real], Real, Real]:
+        """Return all modes in a row, cosines and sines of endless strips as modes of their own.
+
+        Their squares, what each group bends, and modes at points and under loads: (n, n_modes).
+        """
+        copies = [len(moved) for moved in self.moved]
+        both = list(zip(self.groups, copies, strict=True))
+        moved, pushed = (
+            np.concatenate([np.concatenate([*one], axis=1) for one in every], axis=1)
+            for every in (self.moved, self.pushed)
+        )
+        return (
+            np.concatenate([np.tile(group.squared, n) for group, n in both]),
+            [np.tile(g.bent, n) if g.bent.ndim == 1 else g.bent for g, n in both],
+            moved,
+            pushed,
+        )
 
 
 @lru_cache(maxsize=4)

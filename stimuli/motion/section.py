@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from stimuli.field.scene import Scene
 
 
-_BEYOND: Final = 20.0
+_BEYOND: Final = 9.0
 """A section ends so many widths beyond the outermost point or load, if the plate goes on there."""
 
 _LONGER: Final = 1.5
@@ -31,9 +31,16 @@ _DIGITS: Final = 12
 
 _ROUNDING: Final = 1e-9
 
+_NEARBY, _FAR_BELOW = 4.0, 0.5
+"""Below such a part of the first cut-off an end so many widths away is not felt: what comes back
+has fallen off by exp(-5 pi) at least."""
+
 AGREED: Final = 0.5
 """Part of a wanted error by which two sections may differ: with the longer one, whose ends are half
 as far away again, less is left."""
+
+_LOUD, _LOUDLY = 1e-2, 0.25
+"""The same of what is more than such a part of the largest: it decides whether a burst is fit."""
 
 ECHOED: Final = 4.0
 """Echoes are of waves up to so many times the reference: few modes tell whether they count."""
@@ -48,14 +55,11 @@ def sections(scene: Scene) -> Iterator[Scene]:
     >>> strip = Strip(width_m=0.1, thickness_m=5e-4, length_m=9.0, material=ALUMINIUM, edge=CLAMPED)
     >>> load = PointForce(x_m=3.5, y_m=0.05)
     >>> scene = Scene(strip=strip, loads=(load,), points_m=((4.0, 0.05),))
-    >>> [(one.strip.length_m, one.points_m[0][0]) for one in sections(scene)]
-    [(3.0, 1.0), (4.0, 1.5), (5.5, 2.25), (7.75, 3.375), (9.0, 4.0)]
+    >>> [(round(one.strip.length_m, 2), round(one.points_m[0][0], 2)) for one in sections(scene)]
+    [(1.9, 0.45), (2.35, 0.67), (3.03, 1.01), (4.04, 1.52), (5.56, 2.28), (7.83, 3.42), (9.0, 4.0)]
     """
-    strip = scene.strip
+    strip, places = scene.strip, _places_m(scene)
     half_m = math.inf if strip.length_m is None else strip.length_m / 2
-    places = [x for x, _ in scene.points_m]
-    for one in (*scene.loads, *strip.patches):
-        places += [one.x_m - one.half_size_m[0], one.x_m + one.half_size_m[0]]
     for step in count():
         beyond_m = _BEYOND * _LONGER**step * strip.width_m
         start_m, end_m = min(places) - beyond_m, max(places) + beyond_m
@@ -63,6 +67,27 @@ def sections(scene: Scene) -> Iterator[Scene]:
             break
         yield _section(scene, max(start_m, -half_m), min(end_m, half_m), places)
     yield scene
+
+
+def nearby(scene: Scene, frequency_hz: float) -> Scene:
+    """Return a scene on the part of its plate that counts at a frequency, where that is short.
+
+    On one that is not, all modes may as well be those of the whole plate, which others ask for.
+    """
+    strip, places = scene.strip, _places_m(scene)
+    beyond_m, half_m = _NEARBY * strip.width_m, (strip.length_m or 0.0) / 2
+    start_m, end_m = max(min(places) - beyond_m, -half_m), min(max(places) + beyond_m, half_m)
+    if frequency_hz > _FAR_BELOW * strip.cutoff_hz() or end_m - start_m > half_m:
+        return scene
+    return _section(scene, start_m, end_m, places)
+
+
+def _places_m(scene: Scene) -> list[float]:
+    """Return where points, loads and patches are along the strip, and where these end."""
+    places = [x for x, _ in scene.points_m]
+    for one in (*scene.loads, *scene.strip.patches):
+        places += [one.x_m - one.half_size_m[0], one.x_m + one.half_size_m[0]]
+    return places
 
 
 def _section(scene: Scene, start_m: float, end_m: float, places: list[float]) -> Scene:
@@ -87,13 +112,10 @@ def unpatched(scene: Scene) -> Scene:
 def without_far_ends(scene: Scene) -> Scene:
     """Return a scene without ends, its first point at 0, if these are not felt at rest."""
     strip = scene.strip
-    if strip.length_m is None or strip.patches:
+    if strip.patches:
         return scene
-    reach_m = max(
-        *(abs(x) for x, _ in scene.points_m),
-        *(abs(load.x_m) + load.half_size_m[0] for load in scene.loads),
-    )
-    if strip.length_m / 2 - reach_m < _FELT * strip.width_m:
+    reach_m = max(abs(x) for x in _places_m(scene))
+    if strip.length_m and strip.length_m / 2 - reach_m < _FELT * strip.width_m:
         return scene
     first_m = scene.points_m[0][0]
     return dataclasses.replace(
@@ -147,8 +169,10 @@ def echoless(
         found = quickly(section)
         if found is None:
             break
-        counts = np.maximum(found, quiet * np.max(found, axis=0))
-        if shorter is not None and np.all(np.abs(found - shorter[1]) <= AGREED * rtol * counts):
+        largest = np.max(found, axis=0)
+        part = np.where(found > _LOUD * largest, _LOUDLY, AGREED)
+        most = part * rtol * np.maximum(found, quiet * largest)
+        if shorter is not None and np.all(np.abs(found - shorter[1]) <= most):
             return shorter[0]
         shorter = section, found
     return scene

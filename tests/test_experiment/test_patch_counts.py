@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from experiment.preview.check import check_study
@@ -180,7 +181,18 @@ def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
     said = "length_mm = 3000 and width_mm = 25 has too many modes .* patch_counts = false"
     for each in (MEASURED + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
         with pytest.raises(StudyError, match=said):
-            study_gains(study(each, "[strip]\nlength_mm = 3000\n" + load))
+            study_gains(study(each, "[strip]\nlength_mm = 3000\nloss_factor = 0.0002\n" + load))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("load", ["", LOAD])
+def test_of_a_long_plate_with_patches_no_more_counts_than_its_echoes(load: str) -> None:
+    both = [
+        study_gains(study(head=f"[strip]\nlength_mm = {mm}\nloss_factor = 0.03\n{load}"))
+        for mm in (900, 3000)
+    ]
+    short, long = (np.array(gains[0].per_vpp) for gains in both)
+    np.testing.assert_allclose(short, long, rtol=2e-3)
 
 
 @pytest.mark.slow

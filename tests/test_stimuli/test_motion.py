@@ -475,20 +475,25 @@ def test_beside_one_end_of_a_long_plate_the_other_does_not_count() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("loss_factor", [1e-3, 1e-2])
 @pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
-def test_what_two_sections_differ_by_is_more_than_what_is_left(edge: Any) -> None:
+def test_sections_that_agree_leave_no_more_than_they_differ_by(
+    edge: Any, loss_factor: float
+) -> None:
     loads, _ = pair()
     near = [dataclasses.replace(load, x_m=load.x_m + 49.95) for load in loads]
-    scene = scene_of(plate(edge, 1e-3, 100.0), burst(), near)
+    scene = scene_of(plate(edge, loss_factor, 100.0), burst(), near)
     groups = [np.array([0]), np.array([1])]
     found = [
         peaks_of(motion_of(one, 6e3, 3.0), groups, burst(), wait_s=0.05).peak_m
-        for one in itertools.islice(sections(scene), 5)
+        for one in itertools.islice(sections(scene), 9)
     ]
     left = [np.max(np.abs(one / found[-1] - 1)) for one in found[1:-1]]
     apart = [np.max(np.abs(one / less - 1)) for less, one in itertools.pairwise(found[:-1])]
-    assert apart[0] > 1e-3 > apart[-1]
-    assert all(here <= 1.1 * there + 2e-4 for here, there in zip(left, apart, strict=True))
+    assert apart[0] > 1e-2 > apart[-1]
+    agree = [pair for pair in zip(left, apart, strict=True) if pair[1] < 0.01]
+    # modes end elsewhere on each section, which is 3e-4 of the quiet finger
+    assert all(here <= 1.1 * there + 4e-4 for here, there in agree)
 
 
 def test_an_end_that_is_no_round_number_carries_a_finger() -> None:

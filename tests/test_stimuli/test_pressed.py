@@ -30,7 +30,8 @@ from stimuli import (
 )
 from stimuli.fingers.dampers import Dampers, coupled_poles
 from stimuli.fingers.fingertip import causal
-from stimuli.fingers.pressed import Pressed, pressed_motion
+from stimuli.fingers.impedance import Pressed
+from stimuli.fingers.pressed import pressed_motion
 from stimuli.motion.motion import motion_of
 from stimuli.motion.peaks import peaks_of
 from tests.test_stimuli.plates import CYCLE, DISCS, FIRM, HANN, SOFT, TIPS, W, on
