@@ -1,6 +1,6 @@
 PYTHON := .venv/bin/python
 
-.PHONY: help setup test check long size bench
+.PHONY: help setup test check long size bench docs
 
 help:  ## say what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 10
@@ -16,7 +16,7 @@ test:  ## the fast lane: tests and doctests in under a minute
 check:  ## format, lint, types, import directions, all tests but the long ones
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
-	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens firmware/hal/qemu .ci
+	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens docs/_ext firmware/hal/qemu .ci
 	.venv/bin/lint-imports
 	$(PYTHON) -m pytest -q -n 2 -m "not process and not firmware and not long"
 	$(PYTHON) -m pytest -q -m "process and not firmware and not long"
@@ -29,3 +29,6 @@ size:  ## code lines and modules of the packages
 
 bench:  ## run the benchmarks and write docs/benchmarks.md
 	$(PYTHON) -m benchmarks
+
+docs:  ## build the site in site/; a warning is an error
+	$(PYTHON) -m sphinx -q -W --keep-going docs site

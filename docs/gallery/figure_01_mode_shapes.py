@@ -1,4 +1,5 @@
-"""Figure 1: the shapes across the plate of its first five propagation modes.
+"""Figure 1: the shapes across the plate of its first five propagation modes
+=========================================================================
 
 The paper shows sin(n pi y / W) on simple supports, equation (7); it says "index 0 to 5", but mode 0
 is zero everywhere. Ours are `Strip.mode_shape` on the same edges, with their cut-offs, and beside

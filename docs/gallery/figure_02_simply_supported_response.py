@@ -1,4 +1,5 @@
-"""Figure 2: response of the simply supported plate, at the actuator and beside it.
+"""Figure 2: response of the simply supported plate, at the actuator and beside it
+===============================================================================
 
 The paper draws equation (13) with A_n = 1 at the centre of the actuator and 20 mm away along x, W/6
 off the centre line. Literally that is 1 - 1 + 1 - ... at the centre, whatever the frequency: the

@@ -1,4 +1,5 @@
-"""Figure 4: response of the first built plate, at its disc and 20 mm away.
+"""Figure 4: response of the first built plate, at its disc and 20 mm away
+=======================================================================
 
 The paper measures a plate glued into a frame and finds that nothing propagates below 2.9 kHz; there
 the centre of the disc moves "about 30 dB" more than the rest. Ours takes the 2.9 kHz for the edge

@@ -1,4 +1,5 @@
-"""Figure 5: displacement of the first built plate at 300 Hz, one disc at 50 V peak-to-peak.
+"""Figure 5: displacement of the first built plate at 300 Hz, one disc at 50 V peak-to-peak
+========================================================================================
 
 The paper measures 1 um above the disc and next to nothing elsewhere. Ours predicts the disc's
 moment from its layers (data of the ceramic assumed, see paper_plate.py), which is good to a factor

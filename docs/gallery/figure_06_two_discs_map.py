@@ -1,4 +1,5 @@
-"""Figure 6: displacement of the first built plate at 300 Hz, two discs at 100 V peak-to-peak.
+"""Figure 6: displacement of the first built plate at 300 Hz, two discs at 100 V peak-to-peak
+==========================================================================================
 
 The paper finds 2.6 um above either disc, 70 mm apart, and rest elsewhere. Ours predicts the moment
 of the discs as in figure 5, fits nothing, and leaves out the plate's ends: the second disc's

@@ -1,4 +1,5 @@
-"""Figure 8: response of the second built plate, at an actuator and 20 mm away.
+"""Figure 8: response of the second built plate, at an actuator and 20 mm away
+===========================================================================
 
 As figure 4, on the plate of section III-C: nothing propagates below 2.5 kHz, and there the centre
 moves "about 30 dB" more than the place 20 mm along. The paper does not say which of the plate's

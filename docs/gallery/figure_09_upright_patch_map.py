@@ -1,4 +1,5 @@
-"""Figure 9: displacement at 700 Hz, patch of 18 x 6 mm across the plate, 100 V peak-to-peak.
+"""Figure 9: displacement at 700 Hz, patch of 18 x 6 mm across the plate, 100 V peak-to-peak
+=========================================================================================
 
 The paper measures 2.8 um at the centre of the patch, falling along the plate. Ours predicts the
 moment of the patch from PI Ceramic's data for PIC255, 0.25 mm thick, by equal free curvature on the

@@ -1,4 +1,5 @@
-"""Figure 10: displacement at 700 Hz, patch of 10 x 3 mm along the plate, 100 V peak-to-peak.
+"""Figure 10: displacement at 700 Hz, patch of 10 x 3 mm along the plate, 100 V peak-to-peak
+=========================================================================================
 
 The paper measures 1.0 um at the centre and notes that the whole width moves though the patch covers
 3 mm of it. Ours predicts the moment as in figure 9, from the same ceramic.

@@ -1,4 +1,5 @@
-"""Figure 11: displacement at 90 Hz, a vibration motor on 10 x 10 mm.
+"""Figure 11: displacement at 90 Hz, a vibration motor on 10 x 10 mm
+=================================================================
 
 The paper measures 0.5 um above the motor (Precision Microdrives 306-109 at 2 V). Neither the paper
 nor a data sheet we found tells its force, so ours asks the other way round: what force, spread

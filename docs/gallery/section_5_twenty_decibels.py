@@ -1,4 +1,5 @@
-"""Section V: how far from an actuator the vibration is 20 dB weaker.
+"""Section V: how far from an actuator the vibration is 20 dB weaker
+=================================================================
 
 The paper says that 1 cm is enough for the 20 dB at which masking sets in, and gives neither patch
 nor edge nor where one counts from. Ours follows the centre line at 500 Hz, for the disc and the

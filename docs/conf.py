@@ -1,0 +1,62 @@
+"""The site: `sphinx-build -W docs OUT` with the extra docs, without a network.
+
+What is read from the code (reference/) and what the gallery draws (figures/) is made anew by each
+build and kept out of git.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE / "_ext"), str(HERE / "gallery")]
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+project = "tactstrip"
+author = "The tactstrip developers"
+release = version = version_of("tactstrip")
+html_title = f"tactstrip {version}"
+
+extensions = ["myst_parser", "sphinx_gallery.gen_gallery", "drawn"]
+exclude_patterns = ["_ext", "gallery", "examples"]
+suppress_warnings = ["config.cache"]  # the gallery's scraper is an object; it is never cached
+nitpicky = True
+
+myst_heading_anchors = 4
+myst_enable_extensions = ["colon_fence"]
+
+sphinx_gallery_conf = {
+    "examples_dirs": "gallery",
+    "gallery_dirs": "figures",
+    "filename_pattern": r"/(figure|section)_",
+    "ignore_pattern": r"paper_plate\.py",
+    "image_scrapers": ("drawn.scraper",),
+    "reset_argv": "drawn.arguments",
+    "copyfile_regex": r"paper_plate\.py",
+    "download_all_examples": False,
+    "notebook_extensions": set(),
+    "show_signature": False,
+    "min_reported_time": 1e9,
+    "write_computation_times": False,
+    "abort_on_example_error": True,
+}
+
+html_theme = "pydata_sphinx_theme"
+html_static_path = ["_static"]
+html_css_files = ["tactstrip.css"]
+html_js_files = [("quiet.js", {"priority": 100})]
+html_context = {"default_mode": "auto"}
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "show_prev_next": True,
+    "navbar_end": ["theme-switcher"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+project_copyright = "The tactstrip developers, BSD-3-Clause licence"
