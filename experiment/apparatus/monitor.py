@@ -132,7 +132,9 @@ def monitor_words(settings: MonitorSettings) -> str:
     }
     tap = Tap(settings.tap)
     also = ALSO_UNSEEN if settings.source == "device" else ""
-    return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}{also}"
+    own = "; each stream's first burst tells its delay, as none is stated"
+    delay = own if settings.delay_ms is None and settings.source != "device" else ""
+    return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}{also}{delay}"
 
 
 def planned_burst(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from device.monitor.measured import Fault
+from device.monitor.measured import Fault, Planned
+from tests.test_device.bursts import BURST
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,6 +24,15 @@ LEVEL_VPP: Final = 100.0
 DELAY: Final = 240.0
 SIDES: Final = {"left": (0, 1, 0), "right": (1, 0, 1), "both": (2, 1, 1), "none": (3, 0, 0)}
 """Slot, and which channels sound."""
+
+
+def planned(side: str) -> Planned:
+    """Return what is planned of a burst of `LEVEL_VPP`."""
+    peak = LEVEL_VPP / 2
+    _, left, right = SIDES[side]
+    return Planned(
+        shape=BURST, sample_rate_hz=48e3, left=peak * left, right=peak * right, burst=(peak, peak)
+    )
 
 
 class Line:

@@ -13,7 +13,7 @@ from device.clock import VirtualClock
 from device.driver import LinkError, Outcome
 from device.monitor.inputs import Calibration, InputMonitor
 from device.monitor.matching import Template
-from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, void
+from device.monitor.measured import Fault, Measured, Tap, Tolerances, void
 from device.sound.recorder import Recorder
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.in_process import LoopCard, audio_on
@@ -26,6 +26,7 @@ from tests.test_device.loops import (
     SIDES,
     again,
     clean_gain,
+    planned,
     scaled,
 )
 
@@ -181,19 +182,10 @@ class Rig:
 
     def measure(self, side: str = "left", *, answer_s: float = 0.15) -> Measured:
         """Return what is measured of one burst."""
-        slot, left, right = SIDES[side]
         self._token += 1
-        peak = LEVEL_VPP / 2
-        planned = Planned(
-            shape=BURST,
-            sample_rate_hz=48e3,
-            left=peak * left,
-            right=peak * right,
-            burst=(peak, peak),
-        )
         self.card.wait(0.1)
-        self.monitor.begin(self._token, planned)
-        delivery = play(self.device, self._token, slot)
+        self.monitor.begin(self._token, planned(side))
+        delivery = play(self.device, self._token, SIDES[side][0])
         assert delivery.outcome is Outcome.FIRED
         self.card.wait(answer_s)
         return self.monitor.end(delivery)

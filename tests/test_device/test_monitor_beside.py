@@ -15,14 +15,14 @@ import pytest
 from device.clock import MonotonicClock
 from device.driver import DeviceError, Outcome
 from device.monitor.inputs import Calibration, InputMonitor
-from device.monitor.measured import Measured, Planned, Tap, Tolerances
+from device.monitor.measured import Measured, Tap, Tolerances
 from device.sound.recorder import Recorder
 from device.sound.stream import open_inputs
 from device.wire.serial import serial_device
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.counted import FrameCount, wide_sink
 from tests.test_device.in_process import LIMITS
-from tests.test_device.loops import FULL_SCALE_V, LEVEL_VPP, SHARE
+from tests.test_device.loops import FULL_SCALE_V, LEVEL_VPP, SHARE, planned
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -150,8 +150,6 @@ def test_an_onset_on_another_clock_is_told_with_its_uncertainty(
         source="null sink",
         connect=lambda heard: open_inputs(heard, card="pulse"),
     )
-    peak = LEVEL_VPP / 2
-    planned = Planned(shape=BURST, sample_rate_hz=RATE_HZ, left=peak, right=0.0, burst=(peak, peak))
     told: list[Measured] = []
     with wide_sink(null_sink, 4), closing(Bridge(truth)) as bridge:
         monitor.open()
@@ -160,7 +158,7 @@ def test_an_onset_on_another_clock_is_told_with_its_uncertainty(
             if len(told) >= wanted:
                 break
             clock.wait(0.1)
-            monitor.begin(token, planned)
+            monitor.begin(token, planned("left"))
             try:
                 delivery = play(device, token)
             except DeviceError:  # a busy machine sent no heart beat, or had no answer, for too long

@@ -15,9 +15,9 @@ import pytest
 
 from device.clock import MonotonicClock
 from device.driver import LinkError, Outcome
-from device.monitor.inputs import Calibration, InputMonitor
+from device.monitor.inputs import QUIET_S, Calibration, InputMonitor
 from device.monitor.matching import Template
-from device.monitor.measured import Measured, Planned, Tap, Tolerances
+from device.monitor.measured import Measured, Tap, Tolerances
 from device.sound.audio import AudioDevice
 from device.sound.recorder import Recorder
 from tests.test_device.bursts import BURST, play, ready
@@ -32,6 +32,7 @@ from tests.test_device.loops import (
     SIDES,
     Line,
     clean_gain,
+    planned,
     scaled,
 )
 
@@ -215,17 +216,9 @@ class Pair:
         """Play a burst, and return what was measured of it."""
         slot, left, right = SIDES[side]
         self._token += 1
-        peak = LEVEL_VPP / 2
-        planned = Planned(
-            shape=BURST,
-            sample_rate_hz=48e3,
-            left=peak * left,
-            right=peak * right,
-            burst=(peak, peak),
-        )
         before, flags = self._sound.count.torn[-1], self._sound.flags
-        self.clock.wait(0.1)
-        self.monitor.begin(self._token, planned)
+        self.clock.wait(QUIET_S)  # what is heard of the noise in a session, too
+        self.monitor.begin(self._token, planned(side))
         delivery = play(self.device, self._token, slot)
         self.clock.wait(0.06)
         measured = self.monitor.end(delivery)
