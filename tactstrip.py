@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
+    "demo": ("analysis", "Show what a session is, in two minutes."),
     "init": ("experiment", "Write a commented study file."),
     "check": ("experiment", "Check a study's stimuli against its strip."),
     "dry-run": ("analysis", "Simulate participants and analyze them."),
@@ -42,13 +43,27 @@ COMMANDS = {
 """
 
 
+FIRST_STEPS = """\
+tactstrip runs left / right / both detection experiments on narrow plates.
+
+Try it out, without a device:
+  tactstrip demo                         two minutes at this terminal
+  tactstrip dry-run                      the paper's study on simulated people
+Run a study:
+  tactstrip init study.toml              then check, power, run, verify, analyze
+Analyze a table made elsewhere:
+  tactstrip columns table.csv --write map.toml
+  tactstrip analyze table.csv --columns map.toml
+
+tactstrip --help lists all commands; each has --help, with an example.
+"""
+"""What `tactstrip` alone says."""
+
 PACKAGES = ("stimuli", "device", "experiment", "analysis")
 """Ours, beside this file."""
 
 BAD_INPUT = 2
 """Exit code, as `experiment.terms.exits` has it, which may be hidden."""
-INTERRUPTED = 130
-"""Exit code after Ctrl-C outside a session, as shells have it."""
 
 
 class _FrontDoor(click.Group):
@@ -65,6 +80,18 @@ class _FrontDoor(click.Group):
         command = getattr(import_module(f"{package}.commands.{name}"), name)
         assert isinstance(command, click.Command)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name.lower().replace("_", "-"), COMMANDS, n=1)
+            hint = f" Did you mean {near[0]}?" if near else ""
+            ctx.fail(f"No such command {name!r}.{hint}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -104,7 +131,7 @@ def _hidden_package() -> str | None:
 @contextmanager
 def _one_line(command: str) -> Iterator[None]:
     """Say what is wrong with a command line, or that it was interrupted, in one line."""
-    from experiment.terms.exits import CommandError
+    from experiment.terms.exits import INTERRUPTED, CommandError
 
     try:
         yield
@@ -118,6 +145,11 @@ def _one_line(command: str) -> Iterator[None]:
 @click.group(
     cls=_FrontDoor,
     invoke_without_command=True,
+    epilog="""\b
+    Tab completes words after this line in ~/.bashrc (in ~/.zshrc: zsh_source):
+      eval "$(_TACTSTRIP_COMPLETE=bash_source tactstrip)"
+
+    Example: tactstrip demo""",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="tactstrip")
@@ -129,7 +161,7 @@ def main(ctx: click.Context) -> None:
     4 stopped early, can be resumed.
     """
     if ctx.invoked_subcommand is None:
-        click.echo(ctx.get_help())
+        click.echo(FIRST_STEPS, nl=False)
 
 
 if __name__ == "__main__":

@@ -48,6 +48,7 @@ LATER = {
     *("monitor", "sound/recorder.py"),
     *("core/reports.py", "emulate/amplifier.py", "wire/dialogue.py"),
     "wire/forms.py",
+    "commands/demo.py",
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(
         "session/markers.py",

@@ -7,10 +7,12 @@ import json
 import math
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
@@ -29,12 +31,14 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(main, [str(argument) for argument in arguments])
 
 
-def python(*arguments: str, folder: Path, path: Path | None = None) -> tuple[int, str, str]:
+def python(
+    *arguments: str, folder: Path, path: Path | None = None, more: dict[str, str] | None = None
+) -> tuple[int, str, str]:
     """Run Python in a folder: its exit code, output and error."""
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=folder,
-        env=os.environ | ({} if path is None else {"PYTHONPATH": str(path)}),
+        env=os.environ | ({} if path is None else {"PYTHONPATH": str(path)}) | (more or {}),
         capture_output=True,
         text=True,
         check=False,
@@ -77,6 +81,7 @@ def test_every_command_is_listed_with_its_help() -> None:
     [
         "nonsense",
         "--nonsense",
+        "demo",
         "run",
         "run study.toml --participant 01 --driver none",
         "analyze",
@@ -139,10 +144,83 @@ def test_two_dry_runs_with_one_seed_give_the_same_sessions_and_the_same_analysis
     assert summary["seed"] == 7
 
 
-def test_the_command_alone_shows_its_help() -> None:
+def test_the_command_alone_says_what_one_does_with_it() -> None:
     result = run()
     assert result.exit_code == 0
-    assert "Commands:" in result.stdout
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line for line in lines if line.endswith(":")] == [
+        "Try it out, without a device:",
+        "Run a study:",
+        "Analyze a table made elsewhere:",
+    ]
+    told = re.findall(r"^  tactstrip ([\w-]+)", result.stdout, re.MULTILINE)
+    assert set(told) <= set(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("anlyze", "analyze"), ("dry_run", "dry-run"), ("Check", "check"), ("analyse", "analyze")],
+)
+def test_of_an_unknown_command_the_nearest_is_named(typed: str, meant: str) -> None:
+    told = f"error: No such command {typed!r}. Did you mean {meant}? See "
+    assert run(typed).stderr.startswith(told)
+    assert "mean" not in run("xyzzy").stderr
+
+
+def example_of(command: str) -> list[str]:
+    """Return the arguments of the example with which a command's help ends."""
+    last = run(command, "--help").output.splitlines()[-1]
+    assert last.startswith("  Example: tactstrip "), last
+    return last.split()[2:]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_ends_with_an_example_of_it(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name, *arguments = example_of(command)
+    assert name == command
+    monkeypatch.chdir(tmp_path)
+    Path("results").mkdir()
+    context = click.Context(main)
+    found = main.get_command(context, command)
+    assert found is not None
+    found.make_context(command, arguments)  # which refuses what it does not know
+
+
+@pytest.mark.slow
+def test_the_examples_work_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for command in ("init", "check", "field", "dry-run"):
+        assert run(*example_of(command)).exit_code == 0, command
+    Path("dry-run-1").rename("results")
+    shutil.copy(ROOT / "docs" / "examples" / "paper-table1.csv", "table.csv")
+    for command in ("verify", "analyze", "levels", "export", "audit"):
+        result = run(*example_of(command))
+        # of the paper's table some rows are impossible, and audit says so
+        assert result.exit_code == (command == "audit"), (command, result.stderr)
+    shutil.copy(ROOT / "docs" / "examples" / "psychopy-trials.csv", "table.csv")
+    assert run(*example_of("columns")).exit_code == 0
+    assert CliRunner().invoke(main, example_of("withdraw"), input="01\n").exit_code == 0
+    assert not Path("results/sub-01").exists()
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(("typed", "offered"), [("ver", "verify"), ("check st --js", "--json")])
+def test_a_shell_completes_words(typed: str, offered: str, tmp_path: Path) -> None:
+    words = f"tactstrip {typed}"
+    asked = {
+        "_TACTSTRIP_COMPLETE": "bash_complete",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(len(words.split()) - 1),
+    }
+    program = "from tactstrip import main; main(prog_name='tactstrip')"
+    ended, out, _ = python("-c", program, folder=tmp_path, more=asked)
+    assert (ended, out.splitlines()) == (0, [f"plain,{offered}"])
+    assert "_TACTSTRIP_COMPLETE=bash_source" in run("--help").output
 
 
 @pytest.mark.slow

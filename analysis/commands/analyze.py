@@ -115,7 +115,7 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
     return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip analyze results")
 @click.argument(
     "paths", nargs=-1, required=True, metavar="PATH...", type=click.Path(path_type=Path)
 )

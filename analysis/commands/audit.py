@@ -201,7 +201,7 @@ def _fitting(line: str) -> str:
     return textwrap.fill(printable, _WIDTH, subsequent_indent=indent)
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip audit table.csv")
 @click.argument("table", metavar="TABLE.csv", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 @refusals

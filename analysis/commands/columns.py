@@ -10,7 +10,7 @@ from experiment.archive.disk import DISK, write_new
 from experiment.terms.exits import CommandError, refusals
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip columns table.csv --write map.toml")
 @click.argument("table", metavar="TABLE", type=click.Path(path_type=Path))
 @click.option(
     "--write",

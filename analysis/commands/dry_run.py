@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 MOST_PARTICIPANTS = 10_000
 
 
-@click.command("dry-run")
+@click.command("dry-run", epilog="Example: tactstrip dry-run study.toml --seed 7")
 @click.argument("study_file", metavar="[STUDY]", required=False, type=click.Path(path_type=Path))
 @click.option(
     "--participants",
@@ -72,7 +72,7 @@ def dry_run(
     with working("Checking"), told_by_file(study_file):
         study = paper_study() if study_file is None else read_study(study_file)
         check = require_fit(study)
-    folder = _new_folder(out)
+    folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
     for words in unmeasured(study):
@@ -96,7 +96,8 @@ def _print_levels(study: Study, folder: Path) -> None:
             click.echo(f"  {one if isinstance(one, LevelsError) else line(one)}")
 
 
-def _new_folder(out: Path | None) -> Path:
+def new_folder(out: Path | None) -> Path:
+    """Make the folder asked for, else the next dry-run-1, -2, ...; refuse one with files."""
     if out is None:
         return next(path for n in count(1) if _made(path := Path(f"dry-run-{n}")))
     if out.exists() and any(out.iterdir()):

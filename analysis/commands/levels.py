@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip levels results --participant 01 --write levels-01.toml")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--participant", required=True, metavar="ID", help="Whose pilot session.")
 @click.option(

@@ -27,7 +27,7 @@ _MOST_PEOPLE = 1000
 _MOST_TRIALS = 10_000
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip power study.toml --people literature")
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
     "--goal",
@@ -131,13 +131,10 @@ def power(
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    r"""Tell how many people a study needs, before the first one comes.
+    """Tell how many people a study needs, before the first one comes.
 
     Studies of the people that [simulation] states are simulated and analyzed as `analyze` does it,
     docs/power.md. The exit code is 1 if no number within the bounds reaches the goal.
-
-    \b
-    tactstrip power study.toml --goal half-width=1.5dB --levels placed --participants 4 40
     """
     from analysis.power.goals import Goal
     from analysis.power.planning import plan_study

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from device.wire.channels import LineSettings
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip devices")
 @click.argument("ports", metavar="[PORT]...", nargs=-1)
 @click.option(
     "--baud",

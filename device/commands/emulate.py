@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from device.emulate.lines import Line
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip emulate --pty --truth truth.jsonl")
 @emulator_options
 @click.pass_context
 def emulate(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip check study.toml")
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 @click.option(

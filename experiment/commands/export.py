@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from experiment.integrity.places import FoundSessions
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip export results --bids bids")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(
     "--bids",

@@ -23,7 +23,7 @@ _ENDINGS: Final = (".png", ".svg", ".csv")
 _MOVING_ENDINGS: Final = (".gif", ".mp4")
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip field study.toml --band 100 5000 --out band.svg")
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
     "--frequency-hz",

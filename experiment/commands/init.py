@@ -251,7 +251,7 @@ def _told(study: Study, found: ConditionCheck | None) -> None:
         click.echo(f"{heading:8}{words}")
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip init study.toml")
 @click.argument(
     "file", metavar="[FILE]", type=click.Path(path_type=Path), default=Path("study.toml")
 )

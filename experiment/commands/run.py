@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from experiment.trial.plan import Plan
 
 
-@click.command()
+@click.command(
+    epilog="Example: tactstrip run study.toml --participant 01 --practice-without-device"
+)
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option("--participant", required=True, metavar="ID", help="1 to 32 letters or digits.")
 @click.option("--session", default="01", show_default=True, metavar="ID", help="Likewise.")

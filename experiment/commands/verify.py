@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from experiment.integrity.sessions import Examined
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip verify results")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path, exists=True))
 @refusals
 def verify(*, folder: Path) -> None:

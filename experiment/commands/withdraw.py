@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from experiment.archive.withdraw import Person
 
 
-@click.command()
+@click.command(epilog="Example: tactstrip withdraw results --participant 01")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--participant", required=True, metavar="ID", help="Whose data are to be removed.")
 @click.option(

@@ -14,7 +14,7 @@ from .checks import (
     unknown_key,
 )
 from .curves import KnownFor, Vibration
-from .exits import ANSWER_IS_NO, DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
+from .exits import ANSWER_IS_NO, DEVICE_FAILED, INTERRUPTED, STOPPED_EARLY, CommandError, refusals
 from .gains import (
     OWN_FINGER_ONLY,
     OWN_FINGERS,
@@ -62,6 +62,7 @@ __all__ = [
     "DEVICE_FAILED",
     "ESCAPE",
     "FASTEST_ANSWER_S",
+    "INTERRUPTED",
     "KINDS",
     "NAME",
     "NAME_RULE",

@@ -21,6 +21,8 @@ DEVICE_FAILED: Final = 3
 """Exit code: device failure."""
 STOPPED_EARLY: Final = 4
 """Exit code: stopped early, can be resumed."""
+INTERRUPTED: Final = 130
+"""Exit code after Ctrl-C outside a session, as shells have it."""
 
 _FULL: Final = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _Parameters = ParamSpec("_Parameters")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
-from analysis.commands.dry_run import _new_folder
+from analysis.commands.dry_run import new_folder
 from analysis.commands.levels import write_levels
 from device.driver import LinkError
 from experiment.archive.bids import export_bids
@@ -143,7 +143,7 @@ def test_a_file_that_is_written_is_on_the_disk_as_a_whole(tmp_path: Path, disk: 
         assert disk.holds(tmp_path) == {"table.csv": text.encode()}
 
 
-def test_a_new_folder_is_on_the_disk_with_those_above_it(tmp_path: Path, disk: LossyDisk) -> None:
+def test_anew_folder_is_on_the_disk_with_those_above_it(tmp_path: Path, disk: LossyDisk) -> None:
     make_folder(tmp_path / "study" / "sub-01" / "ses-01", disk)
     write_atomically(tmp_path / "study" / "sub-01" / "ses-01" / "plan.json", "{}", disk=disk)
     assert disk.holds(tmp_path) == {"study/sub-01/ses-01/plan.json": b"{}"}
@@ -411,7 +411,7 @@ def test_the_folder_that_a_dry_run_names_itself_gives_others_no_right(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("dry-run-1", "dry-run-2"):
-        folder = _new_folder(None)
+        folder = new_folder(None)
         assert folder == Path(name)
         assert stat.S_IMODE(folder.stat().st_mode) == 0o770 & ~umask
 

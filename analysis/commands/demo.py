@@ -1,0 +1,202 @@
+"""The command ``demo``: a session at the terminal, cut off and resumed, told as it goes.
+
+Each step is a command as a user would give it, in a process of its own: so one can be killed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from analysis.commands.dry_run import new_folder
+from experiment.terms.exits import INTERRUPTED, STOPPED_EARLY, CommandError, refusals
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+STUDY: Final = '''\
+# The paper's plate, burst and answers; six trials instead of 155.
+[study]
+name = "demo"
+
+[design]
+levels_vpp = [60, 130, 200]
+trials_per_side = 3
+both_trials = 0
+responses = ["left", "right"]
+foreperiod_s = [0.8, 1.5]
+response_window_s = 10
+
+[masking]
+noise = "none"
+
+[texts]
+welcome = "Two fingers rest on a plate, above one actuator each."
+instructions = """
+Now and then one of them is driven for 2 ms, and you say which: {left} or {right}.
+Here nothing moves, so guess."""
+placement = "This is where you would lay your fingers on the plate."
+'''
+SESSION: Final = ("run", "study.toml", "--participant", "01", "--practice-without-device")
+CUT_IN_TRIAL: Final = 3
+_SHOWN_OF_CHECK: Final = ("strip", "cut-off", "burst", "above", "left", "right", "verdict")
+_SHOWN_OF_TRIALS: Final = ("trial", "attempt", "kind", "side", "level_vpp", "response", "status")
+_WATCHED_EVERY_S: Final = 0.02
+_QUESTION_SEEN_S: Final = 0.15
+"""The question is on the screen by then, and nobody has answered it yet."""
+
+
+@click.command(epilog="Example: tactstrip demo --out demo")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    metavar="DIR",
+    help="A new folder, which is kept.  [default: a temporary one, removed at the end]",
+)
+@refusals
+def demo(*, out: Path | None) -> None:
+    """Show what a session is, in two minutes at this terminal.
+
+    A burst is checked, six trials are answered with the arrow keys, the session is killed in its
+    midst and resumed, its record is verified, and simulated people are analyzed. Nothing is opened,
+    no device, no sound, no window, and nothing moves.
+    """
+    if os.name != "posix" or not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise CommandError(
+            "demo needs a terminal (on Linux or macOS) to ask at; tactstrip dry-run needs none"
+        )
+    with _folder(out) as folder:
+        (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+        click.echo(f"A study in {folder}: the paper's plate, six trials. No device is opened.")
+        _tell(folder)
+    click.echo(
+        "\nThat was a session. Yours begins with\n"
+        "  tactstrip init study.toml          and tactstrip --help lists the rest.\n"
+        + (f"The files are in {out}." if out else "The files are removed; --out DIR keeps them.")
+    )
+
+
+@contextlib.contextmanager
+def _folder(out: Path | None) -> Iterator[Path]:
+    if out is not None:
+        yield new_folder(out)
+        return
+    with tempfile.TemporaryDirectory(prefix="tactstrip-demo-") as folder:
+        yield Path(folder)
+
+
+def _tell(folder: Path) -> None:
+    """Run the steps, with what each shows."""
+    _head("1. Does the burst stay where the finger is?")
+    lines = _told(folder, "check", "study.toml").splitlines()
+    for line in lines:
+        if line.split()[:1] and line.split()[0] in _SHOWN_OF_CHECK:
+            click.echo(line)
+    click.echo("A burst that would spread along the plate is refused before it is felt.")
+
+    _head("2. A session. It will be cut off in its midst.")
+    with _own_terminal():
+        _attend(folder, *SESSION, cut=True)
+    click.echo(
+        "\n\nKilled, as by a power cut. Each answer was on the disk before the next burst. Of the "
+        "burst\nthat was under way nobody can say whether it was felt. The same command goes on:"
+    )
+
+    _head("3. The session, resumed.")
+    with _own_terminal():
+        _attend(folder, *SESSION, "--resume", cut=False)
+
+    _head("4. The record: no trial is lost, and none is repeated in silence.")
+    _print_trials(folder / "results" / "sub-01" / "ses-01" / "trials.csv")
+    click.echo(_told(folder, "verify", "results").rstrip())
+
+    _head("5. An analysis: the answer of five simulated people, 775 trials.")
+    told = _told(folder, "dry-run", "--seed", "7", "--out", "simulated")
+    answer = told.split("\n\n")[:2]  # the sentences and their table; figures and report are files
+    click.echo("\n\n".join(answer))
+
+
+def _head(text: str) -> None:
+    click.echo()
+    click.secho(text, bold=True)
+
+
+def _command(*words: str) -> list[str]:
+    # not from the folder in which one is: a lab's own analysis.py may lie there
+    return [sys.executable, "-P", "-m", "tactstrip", *words]
+
+
+def _told(folder: Path, *words: str) -> str:
+    """Run a command and return what it prints."""
+    click.echo(f"$ tactstrip {' '.join(words)}")
+    done = subprocess.run(  # noqa: S603 - our own command
+        _command(*words),
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        raise CommandError(done.stderr.removeprefix("error: ").strip(), exit_code=done.returncode)
+    return done.stdout
+
+
+def _attend(folder: Path, *words: str, cut: bool) -> None:
+    """Run a session in front of the person who sits here; cut it off, unless it ends before."""
+    click.echo(f"$ tactstrip {' '.join(words)}")
+    journal = folder / "results" / "sub-01" / "ses-01" / "journal.jsonl"
+    with subprocess.Popen(_command(*words), cwd=folder) as session:  # noqa: S603 - our own
+        try:
+            while cut and session.poll() is None and _bursts(journal) < CUT_IN_TRIAL:
+                time.sleep(_WATCHED_EVERY_S)
+            if cut and session.poll() is None:
+                time.sleep(_QUESTION_SEEN_S)
+                session.kill()
+            ended = session.wait()
+        finally:
+            session.kill()
+    if ended == STOPPED_EARLY:
+        raise CommandError("the demo was stopped", exit_code=INTERRUPTED)
+    if ended > 0:  # it has said why
+        raise CommandError("the demo's session could not be held", exit_code=ended)
+
+
+def _bursts(journal: Path) -> int:
+    """Count the bursts that were sent, by a journal that grows meanwhile."""
+    try:
+        return journal.read_bytes().count(b'"stimulus_commanded"')
+    except FileNotFoundError:
+        return 0
+
+
+@contextlib.contextmanager
+def _own_terminal() -> Iterator[None]:
+    """Give the terminal back as it was, whatever ends a session; leave Ctrl-C to the session."""
+    import termios
+
+    settings = termios.tcgetattr(sys.stdin)
+    left_to_session: Any = signal.signal(signal.SIGINT, lambda *_: None)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, left_to_session)
+        termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, settings)
+
+
+def _print_trials(path: Path) -> None:
+    with path.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in (dict(zip(_SHOWN_OF_TRIALS, _SHOWN_OF_TRIALS, strict=True)), *rows):
+        click.echo("".join(f"{row[name]:<11}" for name in _SHOWN_OF_TRIALS).rstrip())
