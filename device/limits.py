@@ -49,8 +49,8 @@ class Limits:
     memory_samples : int
         Samples of one channel that all slots together hold.
     dc_tolerance : float
-        Largest |sum| / sum|.| of a waveform. A sine of whole cycles with 40 or more samples each
-        stays below 0.001 at any sample rate; a unipolar click has 1.
+        Largest ``|sum| / sum|.|`` of a waveform. A sine of whole cycles with 40 or more samples
+        each stays below 0.001 at any sample rate; a unipolar click has 1.
     longest_time_to_live_s : float
         Largest time to live of an armed token.
 
@@ -126,8 +126,8 @@ def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tupl
     """Check the waveforms of one slot and return the peak magnitude of each.
 
     Left and right, shape (n,) each: of one length, not too long, finite, in [-1, 1], 0 at both ends
-    and without a DC part, which is |sum| above `dc_tolerance` x sum|.|. Otherwise `Rejected` or
-    `LimitExceeded`.
+    and without a DC part, which is ``|sum|`` above `dc_tolerance` times ``sum|.|``. Otherwise
+    `Rejected` or `LimitExceeded`.
 
     >>> sine = np.sin(2 * np.pi * np.arange(97) / 96)
     >>> sine[-1] = 0.0

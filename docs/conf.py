@@ -20,18 +20,31 @@ author = "The tactstrip developers"
 release = version = version_of("tactstrip")
 html_title = f"tactstrip {version}"
 
-extensions = ["myst_parser", "sphinx_gallery.gen_gallery", "drawn"]
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx_gallery.gen_gallery",
+    "drawn",
+    "reference",
+]
 exclude_patterns = ["_ext", "gallery", "examples"]
 suppress_warnings = ["config.cache"]  # the gallery's scraper is an object; it is never cached
 nitpicky = True
+nitpick_ignore_regex = [("py:.*", ".*")]  # docstrings name types and modules, listed here or not
+default_role = "py:obj"
 
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
+
+autodoc_typehints = "none"  # the docstrings say it, with units
+numpydoc_show_class_members = False
 
 sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "figures",
     "filename_pattern": r"/(figure|section)_",
+    "within_subsection_order": "FileNameSortKey",
     "ignore_pattern": r"paper_plate\.py",
     "image_scrapers": ("drawn.scraper",),
     "reset_argv": "drawn.arguments",
@@ -47,12 +60,15 @@ sphinx_gallery_conf = {
 html_theme = "pydata_sphinx_theme"
 html_static_path = ["_static"]
 html_css_files = ["tactstrip.css"]
+html_extra_path = ["reference/_site"]
 html_js_files = [("quiet.js", {"priority": 100})]
 html_context = {"default_mode": "auto"}
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
     "show_prev_next": True,
+    "header_links_before_dropdown": 6,
+    "navigation_with_keys": False,
     "navbar_end": ["theme-switcher"],
     "footer_start": ["copyright"],
     "footer_end": [],

@@ -62,8 +62,8 @@ def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6
     times_s : array_like of float, shape (n_times,)
         Times in any order, from -1 to 1 s; by spectra those before 0 are computed like the others.
     rtol : float
-        Wanted error, from 1e-10 to 0.1, relative to the largest |u| of each pair of a load and a
-        point up to the last time, or to the end of the drive if that is later.
+        Wanted error, from 1e-10 to 0.1, relative to the largest ``|u|`` of each pair of a load
+        and a point up to the last time, or to the end of the drive if that is later.
 
     Returns
     -------

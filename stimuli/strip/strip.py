@@ -332,7 +332,7 @@ class Strip:
         ----------
         wavenumber_rad_m : complex
             One of `wavenumbers_rad_m` for this frequency and symmetry, of either sign, its
-            square exact to 1e-6 (|p|^2 + |k|^2).
+            square exact to 1e-6 ``(|p|^2 + |k|^2)``.
         frequency_hz : float
             Frequency, as in `wavenumbers_rad_m`.
         y_m : array_like of float
@@ -343,7 +343,7 @@ class Strip:
         Returns
         -------
         ndarray of complex128, shape of `y_m`
-            Shape with a mean of |U|^2 of 1/2 over the width, 0 on both edges; its phase makes
+            Shape with a mean of ``|U|^2`` of 1/2 over the width, 0 on both edges; its phase makes
             U' + (W / 2) U'' at y = 0 real and positive. Without loss a pair's are conjugate.
 
         Raises

@@ -1,0 +1,69 @@
+"""The reference, read from the program by each build of the site; nothing of it is kept by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from reference import commands, example, journal, python, refusals, shapes, study, tables
+from reference.sample import make_sample
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+SITE = "_site"
+"""Folder of what becomes a part of the site as it is."""
+_INDEX = """\
+# Reference
+
+Read from the program itself when this site was built: what stands here is what it does.
+
+```{toctree}
+:maxdepth: 1
+
+example
+study
+commands
+tables
+journal
+json
+refusals
+/glossary
+python
+```
+"""
+
+
+def write_reference(folder: Path) -> None:
+    """Write every page of the reference into a folder, and the files of its example."""
+    with TemporaryDirectory() as place:
+        sample = make_sample(Path(place))
+        texts = {
+            "index.md": _INDEX,
+            "study.md": study.page(),
+            "commands.md": commands.page(),
+            "tables.md": tables.page(sample),
+            "journal.md": journal.page(sample),
+            "json.md": shapes.page(sample),
+            "refusals.md": refusals.page(Path(place)),
+            "example.md": example.page(sample),
+            **python.pages(),
+        }
+        for name, text in texts.items():
+            put(folder / name, text.encode())
+        for path in (sample.analysis / "report.html", sample.field):
+            put(folder / SITE / "example" / path.name, path.read_bytes())
+
+
+def put(path: Path, data: bytes) -> None:
+    """Write a file; one that is as it should be is left alone, so that Sphinx need not read it."""
+    if not path.exists() or path.read_bytes() != data:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages before Sphinx looks for them."""
+    app.connect("config-inited", lambda app, _: write_reference(Path(app.srcdir) / "reference"))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
