@@ -1,0 +1,133 @@
+"""The built site in a real browser: silent, asks for nothing outside, fits; no link is dead.
+
+It is the site that `make docs` built, or that in the folder which TACTSTRIP_SITE names; without
+either these tests are skipped.
+"""
+
+from __future__ import annotations
+
+import os
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from tests.browser import REQUEST, SAID, Browser, keep_screenshot, opened
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = pytest.mark.process
+
+SITE = Path(os.environ.get("TACTSTRIP_SITE") or Path(__file__).parent.parent / "site").resolve()
+PAGES = [
+    page
+    for page in sorted(SITE.rglob("*.html"))
+    if not any(part.startswith("_") for part in page.relative_to(SITE).parts)
+]
+
+RESULTS = """
+new Promise((done) => {
+  const look = (tries) => {
+    const told = document.querySelector("#search-results").innerText;
+    told.includes("Keys of study.toml") || tries === 0
+      ? done(told)
+      : setTimeout(look, 50, tries - 1);
+  };
+  look(200);
+})
+"""
+"""Results come one by one; what is there after ten seconds is what the test gets."""
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if not PAGES:
+        pytest.skip(f"no site in {SITE}: make docs")
+    yield from opened(tmp_path_factory.mktemp("browser"))
+
+
+def show(browser: Browser, url: str, width_px: int, scheme: str) -> None:
+    browser.ask(
+        "Emulation.setDeviceMetricsOverride",
+        width=width_px, height=800, deviceScaleFactor=1, mobile=width_px < 600,
+    )  # fmt: skip
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser.ask("Emulation.setEmulatedMedia", media="screen", features=features)
+    browser.events.clear()
+    browser.ask("Page.navigate", url=url)
+    browser.wait_for("Page.loadEventFired")
+
+
+def value(browser: Browser, expression: str) -> object:
+    found = browser.ask("Runtime.evaluate", expression=expression, returnByValue=True)
+    told: object = found["result"]["value"]
+    return told
+
+
+@pytest.mark.parametrize(("width_px", "scheme"), [(360, "light"), (1280, "dark")])
+def test_every_page_is_silent_asks_for_nothing_outside_and_fits(
+    browser: Browser, width_px: int, scheme: str
+) -> None:
+    for page in PAGES:
+        name = page.relative_to(SITE).as_posix()
+        show(browser, page.as_uri(), width_px, scheme)
+        width = value(browser, "document.documentElement.scrollWidth")
+        assert isinstance(width, int), name
+        assert width <= width_px, name
+        asked = {e["params"]["request"]["url"] for e in browser.events if e["method"] == REQUEST}
+        assert not [u for u in asked if not u.startswith((SITE.as_uri(), "data:"))], name
+        said = [event for event in browser.events if event["method"] in SAID]
+        assert said == [], name
+        keep_screenshot(browser, f"{name.replace('/', '-')}-{scheme}-{width_px}")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_are_light_or_dark_as_the_screen_is(browser: Browser, scheme: str) -> None:
+    show(browser, (SITE / "index.html").as_uri(), 1280, scheme)
+    assert value(browser, "document.documentElement.dataset.theme") == scheme
+
+
+def test_the_search_finds_a_key_of_the_study(browser: Browser) -> None:
+    show(browser, f"{(SITE / 'search.html').as_uri()}?q=foreperiod_s", 1280, "light")
+    found = browser.ask(
+        "Runtime.evaluate", expression=RESULTS, awaitPromise=True, returnByValue=True
+    )
+    assert "Keys of study.toml" in found["result"]["value"]
+
+
+class _Links(HTMLParser):
+    """What a page links to, and the places in it that can be linked to."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.targets: set[str] = set()
+        self.places: set[str] = set()
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        for name, text in attrs:
+            if name == "id" and text:
+                self.places.add(text)
+            if name in {"href", "src"} and text and tag != "base":
+                self.targets.add(text)
+
+
+def test_no_link_is_dead() -> None:
+    if not PAGES:
+        pytest.skip(f"no site in {SITE}: make docs")
+    links = {page: _Links(page) for page in PAGES}
+    dead = []
+    for page, found in links.items():
+        for target in found.targets:
+            parts = urlsplit(target)
+            if parts.scheme:
+                continue
+            file = (page.parent / unquote(parts.path)).resolve() if parts.path else page
+            place = unquote(parts.fragment)
+            known = links[file].places if file in links else {place}
+            if not file.is_file() or (place and place not in known):
+                dead.append(f"{page.relative_to(SITE)}: {target}")
+    assert dead == []
