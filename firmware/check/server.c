@@ -55,7 +55,7 @@ static void switch_on(const uint8_t *at) {
 static void settle(uint64_t now_us) {
     const struct burst *last = &endpoint.device.last;
     device_advance(&endpoint.device, now_us);
-    if (last->is_over && !last->is_cut && last->start_us != settled_us) {
+    if (endpoint.device.state != STATE_FIRED && !last->is_cut && last->start_us != settled_us) {
         settled_us = last->start_us;
         if (has_reading) {
             device_measure(&endpoint.device, &reading);
@@ -123,13 +123,13 @@ static void take(uint8_t operation, uint64_t now_us, size_t size) {
     if (operation == 'M') {
         take_reading(input, size);
     } else if (operation == 'S') {
-        device_sense(&endpoint.device, now_us, input[0], input[1]);
+        device_sense(&endpoint.device, input[0], input[1]);
     } else if (operation == 'H') {
-        endpoint_hang_up(&endpoint, now_us);
+        endpoint_hang_up(&endpoint);
     } else if (operation == 'R') {
         for (size_t i = 0; i < size; i++) {
             uint8_t told[LONGEST_ANSWER];
-            const size_t told_size = endpoint_receive(&endpoint, now_us, input[i], told);
+            const size_t told_size = endpoint_receive(&endpoint, input[i], told);
             if (input[i] == 0U) {
                 memcpy(frames + frames_size, told, told_size);
                 frames_size += told_size;

@@ -6,128 +6,112 @@
 
 #define MILLION 1000000U
 
-enum step {
-    STEP_LOAD,
-    STEP_LEVEL,
-    STEP_ENABLE,
-    STEP_ARM,
-    STEP_FIRE,
-    STEP_DISARM,
-    STEP_EXPIRE,
-    STEP_FINISH,
-    STEP_STOP,
-    STEPS,
-};
-#define NONE 0xFFU
-#define STATES 6
-
-/* Every legal step: from the state of the row by the step of the column to the state in the cell.
- * LOAD and LEVEL stand here even where they change no state: while a token is armed or plays they
- * are illegal, lest something else is felt than was armed. Out of SAFE leads ENABLE alone. */
-static const uint8_t transitions[STATES][STEPS] = {
-    [STATE_IDLE] = {STATE_LOADED, STATE_IDLE, NONE, NONE, NONE, NONE, NONE, NONE, STATE_SAFE},
-    [STATE_LOADED] = {STATE_LOADED, STATE_LOADED, STATE_LIVE, NONE, NONE, NONE, NONE, NONE,
-                      STATE_SAFE},
-    [STATE_LIVE] = {STATE_LIVE, STATE_LIVE, STATE_LIVE, STATE_ARMED, NONE, NONE, NONE, NONE,
-                    STATE_SAFE},
-    [STATE_ARMED] = {NONE, NONE, NONE, NONE, STATE_FIRED, STATE_LIVE, STATE_LIVE, NONE, STATE_SAFE},
-    [STATE_FIRED] = {NONE, NONE, NONE, NONE, NONE, NONE, NONE, STATE_LIVE, STATE_SAFE},
-    [STATE_SAFE] = {STATE_SAFE, STATE_SAFE, STATE_LIVE, NONE, NONE, NONE, NONE, NONE, STATE_SAFE},
+/* The states in which a step is legal, as bits. Nothing is loaded and no level set while a token is
+ * armed or plays, lest something else is felt than was armed. Out of SAFE leads ENABLE alone. */
+enum legal {
+    LEGAL_ENABLE = 1U << STATE_LOADED | 1U << STATE_LIVE | 1U << STATE_SAFE,
+    LEGAL_LOAD = 1U << STATE_IDLE | LEGAL_ENABLE, /* and LEVEL */
+    LEGAL_ARM = 1U << STATE_LIVE,
+    LEGAL_FIRE = 1U << STATE_ARMED,
 };
 
-/* Why any other step is refused. */
-static const enum refusal illegal[STATES] = {
-    [STATE_IDLE] = NOTHING_LOADED, [STATE_LOADED] = NOT_ENABLED, [STATE_LIVE] = NOT_ARMED,
-    [STATE_ARMED] = ALREADY_ARMED, [STATE_FIRED] = BUSY,         [STATE_SAFE] = SAFE_STATE,
-};
-
-static enum refusal check_step(const struct device *device, enum step step) {
-    return transitions[device->state][step] == NONE ? illegal[device->state] : DONE;
+static enum refusal check_state(const struct device *device, enum legal legal) {
+    static const enum refusal reasons[] = {
+        [STATE_IDLE] = NOTHING_LOADED, [STATE_LOADED] = NOT_ENABLED, [STATE_LIVE] = NOT_ARMED,
+        [STATE_ARMED] = ALREADY_ARMED, [STATE_FIRED] = BUSY,         [STATE_SAFE] = SAFE_STATE,
+    };
+    return ((uint32_t)legal & (1U << device->state)) != 0U ? DONE : reasons[device->state];
 }
 
-static void go(struct device *device, enum step step) {
-    device->state = (enum state)transitions[device->state][step];
+/* Return the record of a token, or NULL. The newest comes first, so that the answer to FIRE takes
+ * no longer late in a session. */
+static const struct record *find(const struct device *device, uint64_t token) {
+    for (size_t age = 1; age <= HISTORY; age++) {
+        const size_t at = (device->next_record + HISTORY - age) % HISTORY;
+        if (device->records[at].token == token) {
+            return &device->records[at];
+        }
+    }
+    return NULL;
 }
 
-/* Put the token that is armed, if there is one, into the history: it has not fired. At least not
- * this time: of one that may have been forgotten since it fired, that is all that can be said. */
+/* Return what can be said of a token that has no record: it has not fired. At least not this time:
+ * of one that may have been forgotten since it fired nothing else is known. */
+static struct record unfired(const struct device *device, uint64_t token, enum fate fate) {
+    const bool is_known = token > device->dropped_up_to;
+    return (struct record){.token = token, .fate = is_known ? fate : FATE_UNKNOWN};
+}
+
+/* Add the record of a token that has none; the oldest makes room. */
+static void keep(struct device *device, struct record record) {
+    struct record *oldest = &device->records[device->next_record];
+    if (oldest->token > device->dropped_up_to) {
+        device->dropped_up_to = oldest->token;
+    }
+    *oldest = record;
+    device->next_record = (device->next_record + 1U) % HISTORY;
+}
+
+/* Put the token that is armed, if there is one, into the history. */
 static void resolve(struct device *device, enum fate fate) {
     if (device->armed != 0U) {
-        struct record record = tokens_absent(&device->tokens, device->armed);
-        if (record.fate != FATE_UNKNOWN) {
-            record.fate = fate;
-        }
-        tokens_keep(&device->tokens, &record);
+        keep(device, unfired(device, device->armed, fate));
         device->armed = 0;
     }
 }
 
-static void happen(struct device *device, uint64_t at_us, enum step step) {
+static void stop(struct device *device, uint64_t at_us) {
     if (device->state == STATE_FIRED) {
-        device->last.is_over = true;
-        device->last.is_cut = step == STEP_STOP;
+        device->last.is_cut = true;
         device->last.cut_us = at_us;
         device->measured_token = 0;
     }
-    resolve(device, step == STEP_EXPIRE ? FATE_EXPIRED : FATE_ABORTED);
-    go(device, step);
+    resolve(device, FATE_ABORTED);
+    device->state = STATE_SAFE;
 }
 
 void device_init(struct device *device, uint64_t boot_id, uint32_t sample_rate_mhz) {
     device->boot_id = boot_id;
     device->sample_rate_mhz = sample_rate_mhz;
-    device->last.is_over = true;
-}
-
-/* Tell what happens next by itself and when; false if nothing does. */
-static bool next_event(const struct device *device, uint64_t *at_us, enum step *step) {
-    if (!device_is_on(device)) {
-        return false;
-    }
-    *at_us = device->beat_us + WATCHDOG_US;
-    *step = STEP_STOP;
-    uint64_t own_us = *at_us;
-    if (device->state == STATE_ARMED) {
-        own_us = device->armed_until_us;
-    } else if (device->state == STATE_FIRED) {
-        own_us = device->last.start_us + device->last.duration_us;
-    } else {
-        return true;
-    }
-    if (own_us <= *at_us) {
-        *at_us = own_us;
-        *step = device->state == STATE_ARMED ? STEP_EXPIRE : STEP_FINISH;
-    }
-    return true;
 }
 
 void device_advance(struct device *device, uint64_t now_us) {
-    uint64_t at_us = 0;
-    enum step step = STEP_STOP;
-    while (next_event(device, &at_us, &step) && at_us <= now_us) {
-        happen(device, at_us, step);
+    const uint64_t silent_us = device->beat_us + WATCHDOG_US;
+    const uint64_t by_us = now_us < silent_us ? now_us : silent_us;
+    if (device->state == STATE_ARMED && device->armed_until_us <= by_us) {
+        resolve(device, FATE_EXPIRED);
+        device->state = STATE_LIVE;
+    }
+    if (device->state == STATE_FIRED &&
+        device->last.start_us + device->last.duration_us <= by_us) {
+        device->measured_token = 0;
+        device->state = STATE_LIVE;
+    }
+    if (device_is_on(device) && silent_us <= now_us) {
+        stop(device, silent_us);
     }
     device->now_us = now_us;
 }
 
-void device_sense(struct device *device, uint64_t now_us, uint8_t known, uint8_t set) {
-    device_advance(device, now_us);
+void device_sense(struct device *device, uint8_t known, uint8_t set) {
     const uint32_t latched = (uint32_t)device->set & OVER_CURRENT;
     const uint32_t reported = (uint32_t)known & (SWITCH_CLOSED | OVER_CURRENT);
     device->known = (uint8_t)(reported | latched);
     device->set = (uint8_t)((reported & set) | latched);
     if ((reported & set & OVER_CURRENT) != 0U) {
-        happen(device, now_us, STEP_STOP);
+        device_stop(device);
     }
 }
 
-void device_begin_measuring(struct device *device) {
-    device->is_measuring = device->last.is_over && !device->last.is_cut;
+static bool has_ended(const struct device *device) {
+    return device->state != STATE_FIRED && !device->last.is_cut;
 }
+
+void device_begin_measuring(struct device *device) { device->is_measuring = has_ended(device); }
 
 void device_measure(struct device *device, const struct measured *measured) {
     device->is_measuring = false;
-    if (device->last.is_over && !device->last.is_cut) {
+    if (has_ended(device)) {
         device->measured_token = device->last.token;
         device->measured = *measured;
     }
@@ -168,44 +152,34 @@ static enum refusal check_codes(const uint8_t *codes, uint32_t samples, uint32_t
     return dc * MILLION > magnitudes * DC_TOLERANCE_PPM ? DC : DONE;
 }
 
-/* Empty a slot; the waveforms behind it move together. */
-static void clear_slot(struct device *device, uint32_t slot) {
-    const uint32_t begin = device->slots[slot].begin;
-    const uint32_t size = CHANNELS * device->slots[slot].samples;
-    const uint32_t behind = CHANNELS * others(device, slot) - begin;
-    for (uint32_t i = 0; i < SLOTS; i++) {
-        if (device->slots[i].samples > 0U && device->slots[i].begin > begin) {
-            device->slots[i].begin -= size;
-        }
-    }
-    memmove(&device->memory[begin], &device->memory[begin + size], behind * sizeof(int16_t));
-    device->slots[slot].samples = 0;
-}
-
+/* Store codes behind those of all other slots; these move together where the slot had some. */
 static void store(struct device *device, uint32_t slot, uint32_t samples, const uint8_t *codes) {
-    if (device->slots[slot].samples > 0U) {
-        clear_slot(device, slot);
+    const uint32_t end = CHANNELS * others(device, slot);
+    const uint32_t size = CHANNELS * device->slots[slot].samples;
+    const uint32_t begin = size > 0U ? device->slots[slot].begin : end;
+    for (uint32_t i = 0; i < SLOTS; i++) {
+        device->slots[i].begin -= device->slots[i].begin > begin ? size : 0U;
     }
-    const uint32_t begin = CHANNELS * others(device, slot);
-    device->is_measuring = false;
+    memmove(&device->memory[begin], &device->memory[begin + size], 2U * (end - begin));
     for (uint32_t i = 0; i < CHANNELS * samples; i++) {
-        device->memory[begin + i] = (int16_t)read_u16(codes + 2U * (size_t)i);
+        device->memory[end + i] = (int16_t)read_u16(codes + 2U * (size_t)i);
     }
-    device->slots[slot].begin = begin;
+    device->slots[slot].begin = end;
     device->slots[slot].samples = samples;
+    device->is_measuring = false;
 }
 
 enum refusal device_load(struct device *device, uint32_t slot, uint32_t samples,
                          const uint8_t *codes) {
     uint32_t peaks[CHANNELS] = {0, 0};
-    enum refusal refusal = check_step(device, STEP_LOAD);
+    enum refusal refusal = check_state(device, LEGAL_LOAD);
     for (uint32_t i = 0; i < CHANNELS && refusal == DONE; i++) {
         refusal = check_codes(codes + 2U * (size_t)samples * i, samples, &peaks[i]);
     }
     if (refusal == DONE) {
         store(device, slot, samples, codes);
         memcpy(device->slots[slot].peaks, peaks, sizeof(peaks));
-        go(device, STEP_LOAD);
+        device->state = device->state == STATE_IDLE ? STATE_LOADED : device->state;
     }
     return refusal;
 }
@@ -227,30 +201,29 @@ enum refusal device_set_levels(struct device *device, uint32_t left_mvpp, uint32
     uint32_t peaks[CHANNELS] = {0, 0};
     for (uint32_t i = 0; i < SLOTS; i++) {
         for (uint32_t j = 0; j < CHANNELS; j++) {
-            const uint32_t peak = device->slots[i].samples > 0U ? device->slots[i].peaks[j] : 0U;
+            const uint32_t peak = device->slots[i].peaks[j];
             if (peak > 0U && (peaks[j] == 0U || peak < peaks[j])) {
                 peaks[j] = peak;
             }
         }
     }
-    enum refusal refusal = check_step(device, STEP_LEVEL);
+    enum refusal refusal = check_state(device, LEGAL_LOAD);
     if (refusal == DONE) {
         refusal = check_ceiling(peaks, levels_mvpp);
     }
     if (refusal == DONE) {
         memcpy(device->levels_mvpp, levels_mvpp, sizeof(levels_mvpp));
-        go(device, STEP_LEVEL);
     }
     return refusal;
 }
 
 /* The watchdog waits from here for its first beat. */
 enum refusal device_enable(struct device *device) {
-    const enum refusal refusal = check_step(device, STEP_ENABLE);
+    const enum refusal refusal = check_state(device, LEGAL_ENABLE);
     if (refusal == DONE) {
         device->beat_us = device->now_us;
         device->set &= (uint8_t)SWITCH_CLOSED;
-        go(device, STEP_ENABLE);
+        device->state = STATE_LIVE;
     }
     return refusal;
 }
@@ -263,7 +236,7 @@ static enum refusal check_amplifier(const struct device *device) {
 
 enum refusal device_arm(struct device *device, uint64_t token, uint32_t slot,
                         uint32_t time_to_live_us) {
-    enum refusal refusal = check_step(device, STEP_ARM);
+    enum refusal refusal = check_state(device, LEGAL_ARM);
     if (refusal == DONE) {
         refusal = check_amplifier(device);
     }
@@ -273,7 +246,7 @@ enum refusal device_arm(struct device *device, uint64_t token, uint32_t slot,
     if (time_to_live_us == 0U || time_to_live_us > LONGEST_TIME_TO_LIVE_US) {
         return BAD_TIME_TO_LIVE;
     }
-    if (tokens_find(&device->tokens, token) != NULL) {
+    if (find(device, token) != NULL) {
         return TOKEN_SPENT;
     }
     if (device->slots[slot].samples == 0U) {
@@ -284,7 +257,7 @@ enum refusal device_arm(struct device *device, uint64_t token, uint32_t slot,
         device->armed = token;
         device->armed_slot = slot;
         device->armed_until_us = device->now_us + time_to_live_us;
-        go(device, STEP_ARM);
+        device->state = STATE_ARMED;
     }
     return refusal;
 }
@@ -304,34 +277,39 @@ static enum refusal check_rest(const struct device *device) {
     return since_us < least_us ? DUTY : DONE;
 }
 
+/* Let the token that is armed play. */
 static void emit(struct device *device) {
     const struct slot *slot = &device->slots[device->armed_slot];
     const uint64_t samples_1e9 = (uint64_t)slot->samples * 1000U * MILLION;
-    struct burst *burst = &device->last;
-    device->is_measuring = false;
-    memset(burst, 0, sizeof(*burst));
-    burst->token = device->armed;
-    burst->start_us = device->now_us;
-    burst->duration_us =
-        (samples_1e9 + (device->sample_rate_mhz - 1U)) / device->sample_rate_mhz;
-    burst->slot = device->armed_slot;
+    struct record record = {
+        .token = device->armed, .start_us = device->now_us, .fate = FATE_FIRED};
     for (uint32_t i = 0; i < CHANNELS; i++) {
-        burst->levels_mvpp[i] = slot->peaks[i] > 0U ? device->levels_mvpp[i] : 0U;
+        record.levels_mvpp[i] = slot->peaks[i] > 0U ? device->levels_mvpp[i] : 0U;
     }
+    device->last = (struct burst){
+        .token = record.token,
+        .start_us = record.start_us,
+        .duration_us = (samples_1e9 + device->sample_rate_mhz - 1U) / device->sample_rate_mhz,
+        .slot = device->armed_slot,
+    };
+    memcpy(device->last.levels_mvpp, record.levels_mvpp, sizeof(record.levels_mvpp));
+    keep(device, record);
+    device->armed = 0;
+    device->is_measuring = false;
+    device->state = STATE_FIRED;
 }
 
 /* The history is asked before the state: a token that has fired is answered with its record in
  * every state, so that a FIRE whose answer was lost can be sent again at any time. */
-enum refusal device_fire(struct device *device, uint64_t token, struct record *record) {
-    const struct record *found = tokens_find(&device->tokens, token);
+enum refusal device_fire(struct device *device, uint64_t token) {
+    const struct record *found = token == device->armed ? NULL : find(device, token);
     if (found != NULL && found->fate == FATE_FIRED) {
-        *record = *found;
         return DONE;
     }
     if (found != NULL && device->state != STATE_SAFE) {
         return found->fate == FATE_EXPIRED ? EXPIRED : ABORTED;
     }
-    enum refusal refusal = check_step(device, STEP_FIRE);
+    enum refusal refusal = check_state(device, LEGAL_FIRE);
     if (refusal == DONE && token != device->armed) {
         refusal = WRONG_TOKEN;
     }
@@ -343,14 +321,6 @@ enum refusal device_fire(struct device *device, uint64_t token, struct record *r
     }
     if (refusal == DONE) {
         emit(device);
-        *record = (struct record){.token = token,
-                                  .start_us = device->last.start_us,
-                                  .left_mvpp = device->last.levels_mvpp[0],
-                                  .right_mvpp = device->last.levels_mvpp[1],
-                                  .fate = FATE_FIRED};
-        tokens_keep(&device->tokens, record);
-        device->armed = 0;
-        go(device, STEP_FIRE);
     }
     return refusal;
 }
@@ -359,34 +329,29 @@ enum refusal device_fire(struct device *device, uint64_t token, struct record *r
 void device_disarm(struct device *device, uint64_t token) {
     if (device->armed == token) {
         resolve(device, FATE_ABORTED);
-        go(device, STEP_DISARM);
-    } else if (tokens_find(&device->tokens, token) == NULL) {
-        const struct record record = tokens_absent(&device->tokens, token);
-        tokens_keep(&device->tokens, &record);
+        device->state = STATE_LIVE;
+    } else if (find(device, token) == NULL) {
+        keep(device, unfired(device, token, FATE_NEVER_ARMED));
     }
 }
 
 struct record device_query(const struct device *device, uint64_t token) {
-    const struct record *found = tokens_find(&device->tokens, token);
     if (device->armed == token) {
         return (struct record){.token = token, .fate = FATE_ARMED};
     }
-    return found != NULL ? *found : tokens_absent(&device->tokens, token);
+    const struct record *found = find(device, token);
+    return found != NULL ? *found : unfired(device, token, FATE_NEVER_ARMED);
 }
 
 enum refusal device_measured(const struct device *device, uint64_t token,
                              struct measured *measured) {
-    memset(measured, 0, sizeof(*measured));
-    if (token == device->last.token && (device->state == STATE_FIRED || device->is_measuring)) {
-        return BUSY;
-    }
-    if (token == device->measured_token) {
-        *measured = device->measured;
-    }
-    return DONE;
+    const bool is_known = token == device->measured_token;
+    *measured = is_known ? device->measured : (struct measured){.tap = TAP_NONE};
+    const bool is_waiting = device->state == STATE_FIRED || device->is_measuring;
+    return token == device->last.token && is_waiting ? BUSY : DONE;
 }
 
-void device_stop(struct device *device) { happen(device, device->now_us, STEP_STOP); }
+void device_stop(struct device *device) { stop(device, device->now_us); }
 
 void device_hear(struct device *device) { device->beat_us = device->now_us; }
 

@@ -1,15 +1,14 @@
 /* The device's own logic, without I/O and without a clock: states, tokens, watchdog, ceilings.
  *
- * Every call is given the device's time in microseconds, never less than the time before. What was
- * due by then happens first. A step that is refused has changed nothing else.
- */
+ * Everything takes place at the time of the last `device_advance`, in microseconds, never less than
+ * the time before. A step that is refused has changed nothing. */
 #ifndef DEVICE_H
 #define DEVICE_H
 
 #include "limits.h"
-#include "tokens.h"
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 /* By their numbers on the wire. */
@@ -54,6 +53,15 @@ enum refusal {
     MEMORY_FULL = 33,
 };
 
+enum fate {
+    FATE_UNKNOWN = 0,
+    FATE_NEVER_ARMED = 1,
+    FATE_ARMED = 2,
+    FATE_FIRED = 3,
+    FATE_EXPIRED = 4,
+    FATE_ABORTED = 5,
+};
+
 /* Bits of what is known of the amplifier. */
 enum health { AMPLIFIER_ENABLED = 1, SWITCH_CLOSED = 2, OVER_CURRENT = 4 };
 
@@ -79,6 +87,14 @@ struct slot {
     uint32_t peaks[CHANNELS];
 };
 
+/* What became of a token; onset and levels are 0 unless it fired. */
+struct record {
+    uint64_t token;
+    uint64_t start_us;
+    uint32_t levels_mvpp[CHANNELS];
+    enum fate fate;
+};
+
 /* One burst: what the converter has to play from `start_us` on, and until when if it was cut. */
 struct burst {
     uint64_t token;
@@ -87,7 +103,6 @@ struct burst {
     uint64_t cut_us;
     uint32_t levels_mvpp[CHANNELS]; /* 0 for a silent channel */
     uint32_t slot;
-    bool is_over;
     bool is_cut;
 };
 
@@ -107,7 +122,12 @@ struct device {
     bool is_measuring; /* MEASURED of the last burst is not known yet */
     uint8_t known; /* bits of `health` */
     uint8_t set;
-    struct tokens tokens;
+    /* The memory behind exactly-once. The danger is not to forget but to say "never armed" of what
+     * was forgotten: a burst that was felt would be presented again. Up to the largest token ever
+     * dropped absence means nothing; hosts count upwards, so that theirs lie above it. */
+    struct record records[HISTORY];
+    size_t next_record;
+    uint64_t dropped_up_to;
     struct slot slots[SLOTS];
     int16_t memory[CHANNELS * MEMORY_SAMPLES];
 };
@@ -119,14 +139,14 @@ void device_init(struct device *device, uint64_t boot_id, uint32_t sample_rate_m
 void device_advance(struct device *device, uint64_t now_us);
 
 /* Take what switch and amplifier report, whenever that changes; over-current stops. */
-void device_sense(struct device *device, uint64_t now_us, uint8_t known, uint8_t set);
+void device_sense(struct device *device, uint8_t known, uint8_t set);
 
 /* Have MEASURED of the burst that has ended wait, for as long as `is_measuring`: until
  * `device_measure` tells it, or its codes make room for others. */
 void device_begin_measuring(struct device *device);
 void device_measure(struct device *device, const struct measured *measured);
 
-/* The steps; each takes place at the time of the last `device_advance`. */
+/* The steps. */
 enum refusal device_check_room(const struct device *device, uint32_t slot, uint32_t samples);
 enum refusal device_load(struct device *device, uint32_t slot, uint32_t samples,
                          const uint8_t *codes);
@@ -134,7 +154,7 @@ enum refusal device_set_levels(struct device *device, uint32_t left_mvpp, uint32
 enum refusal device_enable(struct device *device);
 enum refusal device_arm(struct device *device, uint64_t token, uint32_t slot,
                         uint32_t time_to_live_us);
-enum refusal device_fire(struct device *device, uint64_t token, struct record *record);
+enum refusal device_fire(struct device *device, uint64_t token);
 void device_disarm(struct device *device, uint64_t token);
 struct record device_query(const struct device *device, uint64_t token);
 enum refusal device_measured(const struct device *device, uint64_t token,

@@ -22,6 +22,7 @@ enum kind {
     BEAT = 0x31,
 };
 
+#define HEAD_SIZE 18U /* of an answer */
 #define BOOT_ID_SIZE 8U
 #define LINE_SIZE (9U + 1U + NAME_SIZE + 1U + NAME_SIZE + 1U + 12U + 1U)
 static_assert(LINE_SIZE <= LONGEST_ANSWER, "the line of *IDN? has room where an answer has");
@@ -29,18 +30,16 @@ static_assert(VERSION < 10U && MINOR < 10U, "that line has a digit for each");
 
 void endpoint_init(struct endpoint *endpoint, const struct about *about) {
     endpoint->about = *about;
-    decoder_reset(&endpoint->decoder);
     device_init(&endpoint->device, about->boot_id, about->sample_rate_mhz);
 }
 
-void endpoint_hang_up(struct endpoint *endpoint, uint64_t now_us) {
-    device_advance(&endpoint->device, now_us);
+void endpoint_hang_up(struct endpoint *endpoint) {
     device_stop(&endpoint->device);
-    decoder_reset(&endpoint->decoder);
+    endpoint->decoder = (struct decoder){.size = 0};
     endpoint->upload.is_under_way = false;
 }
 
-/* --- answers: the head, and what follows it */
+/* --- what an answer tells behind its head */
 
 static uint8_t *write_text(uint8_t *at, const char *text, size_t size) {
     memcpy(at, text, size);
@@ -70,10 +69,10 @@ static uint8_t *write_health(uint8_t *at, const struct device *device) {
                     device->set | enabled);
 }
 
-static uint8_t *write_record(uint8_t *at, const struct record *record) {
-    at = write_u8(write_u64(at, record->token), (uint32_t)record->fate);
-    return write_u32(write_u32(write_u64(at, record->start_us), record->left_mvpp),
-                     record->right_mvpp);
+static uint8_t *write_record(uint8_t *at, struct record record) {
+    at = write_u8(write_u64(at, record.token), (uint32_t)record.fate);
+    at = write_u32(write_u64(at, record.start_us), record.levels_mvpp[0]);
+    return write_u32(at, record.levels_mvpp[1]);
 }
 
 static uint8_t *write_measured(uint8_t *at, uint64_t token, const struct measured *measured) {
@@ -83,33 +82,65 @@ static uint8_t *write_measured(uint8_t *at, uint64_t token, const struct measure
     return write_u16(write_u16(at, measured->correlation_left), measured->correlation_right);
 }
 
-static size_t respond(const struct endpoint *endpoint, const struct frame *question,
-                      enum refusal refusal, const uint8_t *body, size_t body_size,
-                      uint8_t answer[LONGEST_ANSWER]) {
-    const struct device *device = &endpoint->device;
-    struct frame frame = {.kind = (uint8_t)(question->kind | ANSWER),
-                          .sequence = question->sequence};
-    uint8_t *at = write_u8(write_u8(frame.payload, (uint32_t)refusal), (uint32_t)device->state);
-    at = write_u64(write_u64(at, device->boot_id), device->now_us);
-    if (refusal == DONE && body_size > 0U) {
-        at = write_text(at, (const char *)body, body_size);
+/* --- waveforms in pieces */
+
+static enum refusal upload_begin(struct endpoint *endpoint, uint16_t number, uint32_t slot,
+                                 uint32_t samples) {
+    struct upload *upload = &endpoint->upload;
+    if (samples == 0U) {
+        return WAVEFORM_EMPTY;
     }
-    frame.size = (size_t)(at - frame.payload);
-    return frame_encode(&frame, answer);
+    if (samples > LONGEST_WAVEFORM) {
+        return WAVEFORM_TOO_LONG;
+    }
+    const enum refusal refusal = device_check_room(&endpoint->device, slot, samples);
+    if (refusal == DONE) {
+        upload->is_under_way = true;
+        upload->number = number;
+        upload->slot = slot;
+        upload->samples = samples;
+        upload->size = 2U * CHANNELS * samples;
+        upload->missing = (upload->size + LONGEST_DATA - 1U) / LONGEST_DATA;
+        memset(upload->came, 0, sizeof(upload->came));
+    }
+    return refusal;
 }
 
-/* --- questions that obey the order */
+static enum refusal upload_add(struct upload *upload, uint16_t number, uint32_t offset,
+                               const uint8_t *bytes, size_t size) {
+    if (!upload->is_under_way || number != upload->number || offset % LONGEST_DATA != 0U ||
+        offset >= upload->size) {
+        return BAD_UPLOAD;
+    }
+    const uint32_t left = upload->size - offset;
+    if (size != (left < LONGEST_DATA ? left : LONGEST_DATA)) {
+        return BAD_UPLOAD;
+    }
+    const uint32_t piece = offset / LONGEST_DATA;
+    const uint8_t bit = (uint8_t)(1U << (piece % 8U));
+    if ((upload->came[piece / 8U] & bit) == 0U) {
+        upload->came[piece / 8U] |= bit;
+        upload->missing--;
+    }
+    memcpy(&upload->bytes[offset], bytes, size);
+    return DONE;
+}
 
-/* What a question asks: its content behind the boot id, and where the answer's body goes. */
-struct question {
-    const uint8_t *content;
-    size_t size;
-    uint16_t sequence;
-    uint8_t *body;
-};
+/* Store the waveform if all of it came and has this checksum; the upload is over in any case. */
+static enum refusal upload_finish(struct endpoint *endpoint, uint32_t slot, uint32_t crc) {
+    struct upload *upload = &endpoint->upload;
+    const bool is_whole = upload->is_under_way && upload->slot == slot && upload->missing == 0U;
+    upload->is_under_way = false;
+    if (!is_whole || crc32(0, upload->bytes, upload->size) != crc) {
+        return BAD_UPLOAD;
+    }
+    return device_load(&endpoint->device, slot, upload->samples, upload->bytes);
+}
 
-/* The form of a question's content: how long, how much longer it may be, where in it the slot is. A
- * token comes first, and slots and tokens are checked before the state is looked at. */
+/* --- questions; where one is done, `end` moves behind what its answer tells */
+
+/* The form of what is behind the boot id: how long, how much longer it may be, where in it the slot
+ * is. A token comes first, and slots and tokens are checked before the state is looked at. */
 struct form {
     uint8_t kind;
     uint8_t size;
@@ -128,53 +159,48 @@ static const struct form forms[] = {
     {FIRE, 8, 0, NO_SLOT, true},    {QUERY, 8, 0, NO_SLOT, true},
     {MEASURED, 8, 0, NO_SLOT, true},
 };
+#define FORMS (sizeof(forms) / sizeof(forms[0]))
 
-static enum refusal check_form(uint8_t kind, const struct question *question) {
-    for (size_t i = 0; i < sizeof(forms) / sizeof(forms[0]); i++) {
-        const struct form *form = &forms[i];
-        if (form->kind != kind) {
-            continue;
-        }
-        if (question->size < form->size || question->size > (size_t)form->size + form->rest) {
-            return BAD_MESSAGE;
-        }
-        if (form->has_token && read_u64(question->content) == 0U) {
-            return BAD_TOKEN;
-        }
-        const bool has_slot = form->slot_at != NO_SLOT;
-        return has_slot && question->content[form->slot_at] >= SLOTS ? BAD_SLOT : DONE;
+static enum refusal check_form(uint8_t kind, const uint8_t *content, size_t size) {
+    const struct form *form = forms;
+    while (form < forms + FORMS && form->kind != kind) {
+        form++;
     }
-    return BAD_MESSAGE;
+    if (form == forms + FORMS || size < form->size || size > (size_t)form->size + form->rest) {
+        return BAD_MESSAGE;
+    }
+    if (form->has_token && read_u64(content) == 0U) {
+        return BAD_TOKEN;
+    }
+    return form->slot_at != NO_SLOT && content[form->slot_at] >= SLOTS ? BAD_SLOT : DONE;
 }
 
-/* Do what a question asks, or say why not; `body` moves behind what is told. */
-static enum refusal perform(struct endpoint *endpoint, uint8_t kind, struct question *question) {
+static enum refusal perform(struct endpoint *endpoint, const struct frame *frame, uint8_t **end) {
     struct device *device = &endpoint->device;
-    struct upload *upload = &endpoint->upload;
-    const uint8_t *content = question->content;
-    const uint64_t token = question->size >= 8U ? read_u64(content) : 0U;
-    struct record record = {0};
-    struct measured measured = {0};
-    enum refusal refusal = DONE;
-    switch (kind) {
-    case PING:
-        break;
+    const uint8_t *content = frame->payload + BOOT_ID_SIZE;
+    const size_t size = frame->size - BOOT_ID_SIZE;
+    enum refusal refusal = check_form(frame->kind, content, size);
+    if (refusal != DONE) {
+        return refusal;
+    }
+    const uint64_t token = size >= 8U ? read_u64(content) : 0U;
+    struct measured measured;
+    switch (frame->kind) {
     case LIMITS:
-        question->body = write_limits(question->body, &endpoint->about);
+        *end = write_limits(*end, &endpoint->about);
         break;
     case HEALTH:
-        question->body = write_health(question->body, device);
+        *end = write_health(*end, device);
         break;
     case BEGIN:
-        refusal = upload_begin(upload, device, question->sequence, content[0],
-                               read_u32(content + 1));
+        refusal = upload_begin(endpoint, frame->sequence, content[0], read_u32(content + 1));
         break;
     case DATA:
-        refusal = upload_add(upload, read_u16(content), read_u32(content + 2), content + 6,
-                             question->size - 6U);
+        refusal = upload_add(&endpoint->upload, read_u16(content), read_u32(content + 2),
+                             content + 6, size - 6U);
         break;
     case COMMIT:
-        refusal = upload_finish(upload, device, content[0], read_u32(content + 1));
+        refusal = upload_finish(endpoint, content[0], read_u32(content + 1));
         break;
     case LEVEL:
         refusal = device_set_levels(device, read_u32(content), read_u32(content + 4));
@@ -189,42 +215,28 @@ static enum refusal perform(struct endpoint *endpoint, uint8_t kind, struct ques
         device_disarm(device, token);
         break;
     case FIRE:
-        refusal = device_fire(device, token, &record);
-        question->body = write_record(question->body, &record);
+        refusal = device_fire(device, token);
+        *end = write_record(*end, device_query(device, token));
         break;
     case QUERY:
-        record = device_query(device, token);
-        question->body = write_record(question->body, &record);
+        *end = write_record(*end, device_query(device, token));
         break;
     case MEASURED:
         refusal = device_measured(device, token, &measured);
-        question->body = write_measured(question->body, token, &measured);
+        *end = write_measured(*end, token, &measured);
         break;
-    default:
-        refusal = BAD_MESSAGE;
+    default: /* PING */
         break;
     }
     return refusal;
 }
 
-static size_t ask(struct endpoint *endpoint, uint64_t now_us, const struct frame *frame,
-                  enum refusal *refusal, uint8_t answer[LONGEST_ANSWER]) {
-    uint8_t body[LONGEST_PAYLOAD];
-    struct question question = {.sequence = frame->sequence, .body = body};
-    device_advance(&endpoint->device, now_us);
+static enum refusal ask(struct endpoint *endpoint, const struct frame *frame, uint8_t **end) {
     if (frame->size < BOOT_ID_SIZE) {
-        *refusal = BAD_MESSAGE;
-    } else if (read_u64(frame->payload) != endpoint->device.boot_id) {
-        *refusal = WRONG_BOOT;
-    } else {
-        question.content = frame->payload + BOOT_ID_SIZE;
-        question.size = frame->size - BOOT_ID_SIZE;
-        *refusal = check_form(frame->kind, &question);
-        if (*refusal == DONE) {
-            *refusal = perform(endpoint, frame->kind, &question);
-        }
+        return BAD_MESSAGE;
     }
-    return respond(endpoint, frame, *refusal, body, (size_t)(question.body - body), answer);
+    const bool is_ours = read_u64(frame->payload) == endpoint->device.boot_id;
+    return is_ours ? perform(endpoint, frame, end) : WRONG_BOOT;
 }
 
 /* --- the order of questions */
@@ -234,21 +246,14 @@ static bool is_newer(const struct endpoint *endpoint, uint16_t sequence) {
     return !endpoint->has_newest || (ahead > 0U && ahead < 0x8000U);
 }
 
+static void note_newest(struct endpoint *endpoint, uint16_t sequence) {
+    endpoint->newest = sequence;
+    endpoint->has_newest = true;
+}
+
 /* Whether a frame that carries nothing else is meant for this power cycle. */
 static bool is_meant(const struct endpoint *endpoint, const struct frame *frame) {
     return frame->size == BOOT_ID_SIZE && read_u64(frame->payload) == endpoint->device.boot_id;
-}
-
-/* Stop, whoever asks; no question from before may undo it, however late it comes. */
-static size_t stop(struct endpoint *endpoint, uint64_t now_us, const struct frame *frame,
-                   uint8_t answer[LONGEST_ANSWER]) {
-    device_advance(&endpoint->device, now_us);
-    device_stop(&endpoint->device);
-    if (is_newer(endpoint, frame->sequence) && is_meant(endpoint, frame)) {
-        endpoint->newest = frame->sequence;
-        endpoint->has_newest = true;
-    }
-    return respond(endpoint, frame, DONE, NULL, 0, answer);
 }
 
 static bool was_greeted(const struct endpoint *endpoint, uint64_t nonce) {
@@ -261,12 +266,9 @@ static bool was_greeted(const struct endpoint *endpoint, uint64_t nonce) {
 }
 
 /* Begin a connection; a HELLO that came before only gets its answer again. */
-static size_t greet(struct endpoint *endpoint, uint64_t now_us, const struct frame *frame,
-                    uint8_t answer[LONGEST_ANSWER]) {
-    uint8_t body[LONGEST_PAYLOAD];
-    device_advance(&endpoint->device, now_us);
+static enum refusal greet(struct endpoint *endpoint, const struct frame *frame, uint8_t **end) {
     if (frame->size != 8U) {
-        return respond(endpoint, frame, BAD_MESSAGE, NULL, 0, answer);
+        return BAD_MESSAGE;
     }
     const uint64_t nonce = read_u64(frame->payload);
     if (!was_greeted(endpoint, nonce)) {
@@ -275,49 +277,64 @@ static size_t greet(struct endpoint *endpoint, uint64_t now_us, const struct fra
         }
         endpoint->greetings[endpoint->n_greetings % GREETINGS] = nonce;
         endpoint->n_greetings++;
-        endpoint->newest = frame->sequence;
-        endpoint->has_newest = true;
-        endpoint->has_last = false;
+        note_newest(endpoint, frame->sequence);
+        endpoint->last_size = 0;
         endpoint->upload.is_under_way = false;
     } else if (nonce != endpoint->greetings[(endpoint->n_greetings - 1U) % GREETINGS]) {
-        return respond(endpoint, frame, STALE, NULL, 0, answer);
+        return STALE;
     }
-    const uint8_t *end = write_greeting(body, &endpoint->about, nonce);
-    return respond(endpoint, frame, DONE, body, (size_t)(end - body), answer);
+    *end = write_greeting(*end, &endpoint->about, nonce);
+    return DONE;
 }
 
-static size_t take(struct endpoint *endpoint, uint64_t now_us, const struct frame *frame,
+static bool is_repeated(const struct endpoint *endpoint, const struct frame *frame) {
+    const struct frame *last = &endpoint->last_question;
+    return endpoint->last_size > 0U && frame->kind == last->kind &&
+           frame->sequence == last->sequence && frame->size == last->size &&
+           memcmp(frame->payload, last->payload, last->size) == 0;
+}
+
+/* Do what a question asks, in its order; return the size of its answer. */
+static size_t take(struct endpoint *endpoint, const struct frame *frame,
                    uint8_t answer[LONGEST_ANSWER]) {
+    const struct device *device = &endpoint->device;
+    struct frame reply = {.kind = (uint8_t)(frame->kind | ANSWER), .sequence = frame->sequence};
+    uint8_t *end = reply.payload + HEAD_SIZE;
     enum refusal refusal = DONE;
-    if (frame->kind == BEAT) {
-        if (is_meant(endpoint, frame)) {
-            device_advance(&endpoint->device, now_us);
-            device_hear(&endpoint->device);
-        }
-        return 0;
-    }
-    if (frame->kind == STOP) {
-        return stop(endpoint, now_us, frame, answer);
-    }
-    if (frame->kind == HELLO) {
-        return greet(endpoint, now_us, frame, answer);
-    }
-    if (frame->kind == DATA) { /* only writes bytes to their place: done whatever its number */
-        return ask(endpoint, now_us, frame, &refusal, answer);
-    }
-    if (endpoint->has_last && frames_equal(frame, &endpoint->last_question)) {
+    bool is_in_order = false;
+    if (is_repeated(endpoint, frame)) {
         memcpy(answer, endpoint->last_answer, endpoint->last_size);
         return endpoint->last_size;
     }
-    if (!is_newer(endpoint, frame->sequence)) {
-        device_advance(&endpoint->device, now_us);
-        return respond(endpoint, frame, STALE, NULL, 0, answer);
+    switch (frame->kind) {
+    case BEAT:
+        if (is_meant(endpoint, frame)) {
+            device_hear(&endpoint->device);
+        }
+        return 0;
+    case STOP: /* whoever asks; no question from before may undo it, however late it comes */
+        device_stop(&endpoint->device);
+        if (is_newer(endpoint, frame->sequence) && is_meant(endpoint, frame)) {
+            note_newest(endpoint, frame->sequence);
+        }
+        break;
+    case HELLO:
+        refusal = greet(endpoint, frame, &end);
+        break;
+    case DATA: /* only writes bytes to their place: done whatever its number */
+        refusal = ask(endpoint, frame, &end);
+        break;
+    default:
+        refusal = is_newer(endpoint, frame->sequence) ? ask(endpoint, frame, &end) : STALE;
+        is_in_order = refusal != STALE && refusal != WRONG_BOOT;
+        break;
     }
-    const size_t size = ask(endpoint, now_us, frame, &refusal, answer);
-    if (refusal != WRONG_BOOT) {
-        endpoint->newest = frame->sequence;
-        endpoint->has_newest = true;
-        endpoint->has_last = true;
+    uint8_t *at = write_u8(write_u8(reply.payload, (uint32_t)refusal), (uint32_t)device->state);
+    at = write_u64(write_u64(at, device->boot_id), device->now_us);
+    reply.size = (size_t)((refusal == DONE ? end : at) - reply.payload);
+    const size_t size = frame_encode(&reply, answer);
+    if (is_in_order) {
+        note_newest(endpoint, frame->sequence);
         endpoint->last_question = *frame;
         endpoint->last_size = size;
         memcpy(endpoint->last_answer, answer, size);
@@ -340,12 +357,11 @@ static size_t tell_identity(const struct about *about, uint8_t answer[LONGEST_AN
     return (size_t)(at - answer);
 }
 
-size_t endpoint_receive(struct endpoint *endpoint, uint64_t now_us, uint8_t byte,
-                        uint8_t answer[LONGEST_ANSWER]) {
+size_t endpoint_receive(struct endpoint *endpoint, uint8_t byte, uint8_t answer[LONGEST_ANSWER]) {
     struct frame frame;
     const enum received received = decoder_feed(&endpoint->decoder, byte, &frame);
     if (received == FRAME && frame.kind < ANSWER) {
-        return take(endpoint, now_us, &frame, answer);
+        return take(endpoint, &frame, answer);
     }
     return received == IDENTITY ? tell_identity(&endpoint->about, answer) : 0U;
 }

@@ -5,7 +5,7 @@
  *     device_advance(device, now)      and device_sense where switch or amplifier report a change
  *     device_measure(device, ...)      where a burst has ended that a monitor saw, or
  *                                      device_begin_measuring, and this when that is done
- *     endpoint_receive(..., byte, answer) for a byte that arrived, at the same now
+ *     endpoint_receive(..., byte, answer) for a byte that arrived
  *     drive the converter by the state and `last`, the amplifier's enable by device_is_on
  *     send the answer
  *
@@ -16,7 +16,6 @@
 
 #include "device.h"
 #include "frames.h"
-#include "upload.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -26,6 +25,9 @@
 #define NAME_SIZE 16U
 #define FIRMWARE_SIZE 32U
 #define LONGEST_ANSWER LONGEST_FRAME
+#define LONGEST_DATA 32U /* bytes of a piece: longer frames seldom survive a bad line */
+#define LONGEST_UPLOAD (2U * CHANNELS * LONGEST_WAVEFORM)
+#define PIECES ((LONGEST_UPLOAD + LONGEST_DATA - 1U) / LONGEST_DATA)
 
 enum entropy { ENTROPY_NONE = 0, ENTROPY_SYSTEM = 1, ENTROPY_HARDWARE = 2, ENTROPY_GIVEN = 3 };
 
@@ -40,6 +42,18 @@ struct about {
     bool emulated;
 };
 
+/* A waveform on the wire: in pieces, in any order, stored only if it arrived whole. */
+struct upload {
+    bool is_under_way;
+    uint16_t number; /* of its BEGIN */
+    uint32_t slot;
+    uint32_t samples;
+    uint32_t size;
+    uint32_t missing; /* pieces */
+    uint8_t came[(PIECES + 7U) / 8U];
+    uint8_t bytes[LONGEST_UPLOAD];
+};
+
 struct endpoint {
     struct about about;
     struct decoder decoder;
@@ -47,9 +61,8 @@ struct endpoint {
     size_t n_greetings;
     bool has_newest;
     uint16_t newest;
-    bool has_last;
-    struct frame last_question;
-    size_t last_size;
+    struct frame last_question; /* in order, of this connection */
+    size_t last_size;           /* 0: none yet */
     uint8_t last_answer[LONGEST_ANSWER];
     struct upload upload;
     struct device device;
@@ -58,11 +71,10 @@ struct endpoint {
 /* Switch on. The endpoint must be zeroed memory. */
 void endpoint_init(struct endpoint *endpoint, const struct about *about);
 
-/* Take a byte at a device time; return how many bytes are to be sent back. */
-size_t endpoint_receive(struct endpoint *endpoint, uint64_t now_us, uint8_t byte,
-                        uint8_t answer[LONGEST_ANSWER]);
+/* Take a byte; return how many bytes are to be sent back. */
+size_t endpoint_receive(struct endpoint *endpoint, uint8_t byte, uint8_t answer[LONGEST_ANSWER]);
 
 /* Notice that the line is gone: the outputs go to zero. */
-void endpoint_hang_up(struct endpoint *endpoint, uint64_t now_us);
+void endpoint_hang_up(struct endpoint *endpoint);
 
 #endif

@@ -48,71 +48,44 @@ uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size) {
     return crc ^ 0xFFFFFFFFU;
 }
 
-bool frames_equal(const struct frame *one, const struct frame *other) {
-    return one->kind == other->kind && one->sequence == other->sequence &&
-           one->size == other->size && memcmp(one->payload, other->payload, one->size) == 0;
-}
-
 size_t frame_encode(const struct frame *frame, uint8_t coded[LONGEST_FRAME]) {
-    uint8_t body[LONGEST_BODY];
+    uint8_t *body = coded + 2; /* behind the delimiter and the first distance */
     uint8_t *end = write_u16(write_u8(write_u8(body, VERSION), frame->kind), frame->sequence);
     memcpy(end, frame->payload, frame->size);
     end += frame->size;
     end = write_u32(end, crc32(0, body, (size_t)(end - body)));
-    const size_t size = (size_t)(end - body);
 
-    size_t code_at = 1; /* where the distance to the next zero goes */
-    size_t put = 2;
-    coded[0] = 0;
-    for (size_t i = 0; i < size; i++) {
-        if (body[i] == 0U) {
-            coded[code_at] = (uint8_t)(put - code_at);
-            code_at = put;
-        } else {
-            coded[put] = body[i];
+    uint8_t *distance = coded + 1; /* to the next zero */
+    for (uint8_t *at = body; at < end; at++) {
+        if (*at == 0U) {
+            *distance = (uint8_t)(at - distance);
+            distance = at;
         }
-        put++;
     }
-    coded[code_at] = (uint8_t)(put - code_at);
-    coded[put] = 0;
-    return put + 1U;
+    *distance = (uint8_t)(end - distance);
+    coded[0] = 0;
+    *end = 0;
+    return (size_t)(end - coded) + 1U;
 }
 
-void decoder_reset(struct decoder *decoder) {
-    decoder->size = 0;
-    decoder->too_long = false;
-    decoder->is_text = true;
-    decoder->matched = 0;
-}
-
-/* Undo COBS; return the number of bytes, or 0 where a distance points beyond the end. */
-static size_t uncobs(const uint8_t *coded, size_t size, uint8_t body[LONGEST_CODED]) {
-    size_t put = 0;
+/* Undo COBS in place, which leaves a zero before the body: each distance to the next zero becomes
+ * the zero that it stands for. Return whether the last one points to the end. */
+static bool uncobs(uint8_t *coded, size_t size) {
     size_t at = 0;
     while (at < size) {
-        const size_t next = at + coded[at];
-        if (next > size) {
-            return 0;
-        }
-        for (at++; at < next; at++) {
-            body[put] = coded[at];
-            put++;
-        }
-        if (next < size) {
-            body[put] = 0;
-            put++;
-        }
+        const uint8_t distance = coded[at];
+        coded[at] = 0;
+        at += distance;
     }
-    return put;
+    return at == size;
 }
 
-static bool frame_read(const uint8_t *coded, size_t coded_size, struct frame *frame) {
-    uint8_t body[LONGEST_CODED];
-    const size_t size = uncobs(coded, coded_size, body);
-    if (size < SHORTEST_BODY || size > LONGEST_BODY) {
+static bool frame_read(uint8_t *coded, size_t coded_size, struct frame *frame) {
+    if (coded_size <= SHORTEST_BODY || coded_size > LONGEST_CODED || !uncobs(coded, coded_size)) {
         return false;
     }
-    const size_t content = size - CRC_SIZE;
+    const uint8_t *body = coded + 1;
+    const size_t content = coded_size - 1U - CRC_SIZE;
     if (read_u32(body + content) != crc32(0, body, content) || body[0] != VERSION) {
         return false;
     }
@@ -133,35 +106,32 @@ static bool is_space(uint8_t byte) { return byte == 0x20U || (byte >= 0x09U && b
  * no part of one. */
 static bool is_asked(struct decoder *decoder, uint8_t byte) {
     static const uint8_t question[QUESTION_SIZE] = {'*', 'I', 'D', 'N', '?'};
-    decoder->is_text = decoder->is_text && (is_space(byte) || (byte > 0x20U && byte < 0x7FU));
-    if (!decoder->is_text) {
+    const bool is_text = is_space(byte) || (byte > 0x20U && byte < 0x7FU);
+    decoder->is_binary = decoder->is_binary || !is_text;
+    if (decoder->is_binary) {
         return false;
     }
+    const size_t matched = decoder->matched;
     if (byte == 0x0AU) {
-        const bool asked = decoder->matched == QUESTION_SIZE;
         decoder->matched = 0;
-        return asked;
+        return matched == QUESTION_SIZE;
     }
-    if (decoder->matched < QUESTION_SIZE) {
-        decoder->matched = byte == question[decoder->matched] ? decoder->matched + 1U : OTHER;
-    } else if (!is_space(byte)) {
-        decoder->matched = OTHER;
+    if (matched != QUESTION_SIZE || !is_space(byte)) {
+        const bool goes_on = matched < QUESTION_SIZE && byte == question[matched];
+        decoder->matched = goes_on ? matched + 1U : OTHER;
     }
     return false;
 }
 
 enum received decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame) {
     if (byte != 0U) {
-        if (decoder->size < LONGEST_CODED) {
+        if (decoder->size < sizeof(decoder->piece)) {
             decoder->piece[decoder->size] = byte;
             decoder->size++;
-        } else {
-            decoder->too_long = true;
         }
         return is_asked(decoder, byte) ? IDENTITY : NOTHING;
     }
-    const bool whole = !decoder->too_long && decoder->size > 0U;
-    const bool is_frame = whole && frame_read(decoder->piece, decoder->size, frame);
-    decoder_reset(decoder);
+    const bool is_frame = frame_read(decoder->piece, decoder->size, frame);
+    *decoder = (struct decoder){.size = 0};
     return is_frame ? FRAME : NOTHING;
 }

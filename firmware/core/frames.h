@@ -25,13 +25,12 @@ struct frame {
     uint8_t payload[LONGEST_PAYLOAD];
 };
 
-/* Frames out of a stream that may hold anything; never more than one frame's bytes. In between,
- * `*IDN?` where everything since the last delimiter is text. */
+/* Frames out of a stream that may hold anything; in between, `*IDN?` where everything since the
+ * last delimiter is text. Of what is too long to be a frame one byte too many is kept. */
 struct decoder {
-    uint8_t piece[LONGEST_CODED];
+    uint8_t piece[LONGEST_CODED + 1U];
     size_t size;
-    bool too_long;
-    bool is_text;
+    bool is_binary;
     size_t matched; /* bytes of the question */
 };
 
@@ -49,12 +48,8 @@ uint8_t *write_u64(uint8_t *at, uint64_t value);
 /* Return the checksum of bytes that follow others with the checksum `crc`, 0 if there are none. */
 uint32_t crc32(uint32_t crc, const uint8_t *bytes, size_t size);
 
-bool frames_equal(const struct frame *one, const struct frame *other);
-
 /* Return the number of bytes of the coded frame, delimiters included. */
 size_t frame_encode(const struct frame *frame, uint8_t coded[LONGEST_FRAME]);
-
-void decoder_reset(struct decoder *decoder);
 
 /* Take a byte; a frame that it completes is then in `frame`. */
 enum received decoder_feed(struct decoder *decoder, uint8_t byte, struct frame *frame);

@@ -1,50 +1,12 @@
-/* What this device may do, compiled in: no message changes it (docs/protocol.md, Limits).
- *
- * A board defines what differs from the emulator on the compiler's command line. Whole numbers
- * only: host, emulator and firmware come to the same verdict to the last bit.
+/* What must hold of what a device may do, which is compiled in: no message changes it
+ * (docs/protocol.md, Limits; hal/limits.h has the numbers). Whole numbers only: host, emulator and
+ * firmware come to the same verdict to the last bit.
  */
 #ifndef LIMITS_H
 #define LIMITS_H
 
 #include <assert.h>
 #include <stdint.h>
-
-#ifndef CEILING_MVPP
-#define CEILING_MVPP 200000U /* at the actuator */
-#endif
-#ifndef RAIL_MVPP
-#define RAIL_MVPP CEILING_MVPP /* at the actuator, of the converter's full scale to both sides */
-#endif
-#ifndef LEAST_INTERVAL_US
-#define LEAST_INTERVAL_US 10000U /* from the end of a burst to the next onset */
-#endif
-#ifndef MAX_DUTY_PPM
-#define MAX_DUTY_PPM 500000U
-#endif
-#ifndef DC_TOLERANCE_PPM
-#define DC_TOLERANCE_PPM 10000U
-#endif
-#ifndef LONGEST_TIME_TO_LIVE_US
-#define LONGEST_TIME_TO_LIVE_US 10000000U
-#endif
-#ifndef BITS
-#define BITS 16U /* of the converter */
-#endif
-#ifndef SLOTS
-#define SLOTS 8U
-#endif
-#ifndef LONGEST_WAVEFORM
-#define LONGEST_WAVEFORM 16384U /* in samples of one channel */
-#endif
-#ifndef MEMORY_SAMPLES
-#define MEMORY_SAMPLES (2U * LONGEST_WAVEFORM) /* of one channel, over all slots */
-#endif
-#ifndef HISTORY
-#define HISTORY 1024U /* tokens remembered: exactly once reaches back as far */
-#endif
-#ifndef DATA_WINDOW
-#define DATA_WINDOW 8U /* DATA that may be on their way unanswered */
-#endif
 
 /* Five beats may be lost before the outputs go off, so that a busy host is not taken for a dead
  * one; longer must no actuator be driven that nobody watches. */

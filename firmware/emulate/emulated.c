@@ -169,9 +169,9 @@ static void note_state(struct emulated *emulated, const char *cause) {
     emulated->was_on = is_on;
 }
 
-static void sense(struct emulated *emulated, uint64_t now_us) {
+static void sense(struct emulated *emulated) {
     if (emulated->senses) {
-        device_sense(&emulated->endpoint.device, now_us, SWITCH_CLOSED | OVER_CURRENT,
+        device_sense(&emulated->endpoint.device, SWITCH_CLOSED | OVER_CURRENT,
                      emulated->loop.is_open ? 0U : SWITCH_CLOSED);
     }
 }
@@ -184,54 +184,73 @@ void emulated_init(struct emulated *emulated, const struct about *about, uint64_
     put(", \"began_s\": ");
     put_seconds(began_us);
     put("}\n");
-    sense(emulated, 0);
+    sense(emulated);
+}
+
+static void move_switch(struct emulated *emulated, uint64_t now_us, bool is_open) {
+    emulated_advance(emulated, now_us);
+    emulated->loop.is_open = is_open;
+    begin("switch", now_us);
+    put(is_open ? ", \"closed\": false}\n" : ", \"closed\": true}\n");
+    sense(emulated);
+}
+
+static bool is_word(const struct emulated *emulated, const char *word) {
+    return emulated->word_size == strlen(word) &&
+           memcmp(emulated->word, word, emulated->word_size) == 0;
 }
 
 void emulated_hear(struct emulated *emulated, uint64_t now_us, char byte) {
+    static const char rule[] = "the switch is open or closed, got '";
     if (byte != '\n') {
-        emulated->word = emulated->word != '\0' ? emulated->word : byte;
+        if (byte != '\r' && emulated->word_size < LONGEST_WORD) {
+            emulated->word[emulated->word_size] = byte;
+            emulated->word_size++;
+        }
         return;
     }
-    if (emulated->word == 'o' || emulated->word == 'c') {
-        emulated_advance(emulated, now_us);
-        emulated->loop.is_open = emulated->word == 'o';
-        begin("switch", now_us);
-        put(emulated->loop.is_open ? ", \"closed\": false}\n" : ", \"closed\": true}\n");
-        sense(emulated, now_us);
+    if (is_word(emulated, "open") || is_word(emulated, "closed")) {
+        move_switch(emulated, now_us, is_word(emulated, "open"));
+    } else {
+        complain(rule, sizeof(rule) - 1U);
+        complain(emulated->word, emulated->word_size);
+        complain("'\n", 2);
     }
-    emulated->word = '\0';
+    emulated->word_size = 0;
 }
 
-/* A slice at a time, as on a board. */
-static void measure(struct emulated *emulated) {
+void emulated_advance(struct emulated *emulated, uint64_t now_us) {
     struct device *device = &emulated->endpoint.device;
-    struct loop *loop = &emulated->loop;
-    struct measured measured;
-    if (device->last.token != loop->token && loop_record(loop, device)) {
+    device_advance(device, now_us);
+    note_burst(emulated);
+    note_state(emulated, "watchdog");
+    if (device->last.token != emulated->loop.token && loop_record(&emulated->loop, device)) {
         device_begin_measuring(device);
-    } else if (device->is_measuring && monitor_step(&loop->monitor)) {
-        monitor_tell(&loop->monitor, device->sample_rate_mhz, &measured);
+    }
+}
+
+void emulated_measure(struct emulated *emulated) {
+    struct device *device = &emulated->endpoint.device;
+    struct monitor *monitor = &emulated->loop.monitor;
+    struct measured measured;
+    if (device->is_measuring && monitor_step(monitor)) {
+        monitor_tell(monitor, device->sample_rate_mhz, &measured);
         device_measure(device, &measured);
     }
 }
 
-void emulated_advance(struct emulated *emulated, uint64_t now_us) {
-    device_advance(&emulated->endpoint.device, now_us);
-    note_burst(emulated);
-    note_state(emulated, "watchdog");
-    measure(emulated);
-}
-
 size_t emulated_receive(struct emulated *emulated, uint64_t now_us, uint8_t byte,
                         uint8_t answer[LONGEST_ANSWER]) {
-    const size_t size = endpoint_receive(&emulated->endpoint, now_us, byte, answer);
+    emulated_advance(emulated, now_us);
+    const size_t size = endpoint_receive(&emulated->endpoint, byte, answer);
     note_burst(emulated);
     note_state(emulated, "host");
     return size;
 }
 
 void emulated_hang_up(struct emulated *emulated, uint64_t now_us, const char *cause) {
-    endpoint_hang_up(&emulated->endpoint, now_us);
+    emulated_advance(emulated, now_us);
+    endpoint_hang_up(&emulated->endpoint);
     note_burst(emulated);
     note_state(emulated, cause);
 }

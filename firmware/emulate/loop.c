@@ -29,7 +29,7 @@ static uint32_t counts_of(struct loop *loop, int32_t step) {
 bool loop_record(struct loop *loop, const struct device *device) {
     const struct burst *burst = &device->last;
     const struct slot *slot = &device->slots[burst->slot];
-    if (!burst->is_over || burst->is_cut || loop->gain_ppm == 0U) {
+    if (device->state == STATE_FIRED || burst->is_cut || loop->gain_ppm == 0U) {
         return false;
     }
     const uint64_t late = (uint64_t)loop->delay_us * device->sample_rate_mhz / 1000000000U;

@@ -33,7 +33,7 @@ def require_tools(*tools: str) -> None:
 
 
 def make(folder: Path, target: str, *, sanitize: bool = False, **limits: int) -> Path:
-    """Make a target of firmware/Makefile in a folder, with limits of core/limits.h."""
+    """Make a target of firmware/Makefile in a folder, with limits of firmware/hal/limits.h."""
     subprocess.run(making(folder, target, sanitize=sanitize, **limits), check=True)
     return folder
 

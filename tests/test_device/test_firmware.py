@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import json
 import subprocess
+import threading
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,15 @@ import pytest
 
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
-from device.core.messages import to_codes
+from device.core.messages import AskMeasured, to_codes
 from device.driver import Refusal, RefusedError
 from device.limits import Limits
 from device.wire.channels import open_channel
+from device.wire.codec import ANSWER, HEAD, AnswerPayload, Kind
+from device.wire.dialogue import framed
+from device.wire.frames import Decoder, encode
 from device.wire.link import FrameLink
+from device.wire.upload import Data
 from tests.test_device.bursts import BURST, play, ready, sine
 from tests.test_device.differential import BEAT, KINDS, compare, small_server
 from tests.test_device.firmware import Server, limits_of, make, require_tools
@@ -33,8 +38,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from device.wire.channels import Channel
+
 pytestmark = pytest.mark.firmware
 
+LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 GOLDEN = json.loads(FILE.read_text(encoding="utf-8"))
 
 
@@ -180,8 +188,12 @@ def opened(native: Path, *options: str) -> Iterator[str]:
 
 def host_of(url: str) -> HostDriver:
     clock = MonotonicClock()
-    link = FrameLink(lambda: open_channel(url, clock), clock)
-    return HostDriver(link, limits=Limits(ceiling_vpp=200.0, least_interval_s=0.01), clock=clock)
+    return HostDriver(link_of(url), limits=LIMITS, clock=clock)
+
+
+def link_of(url: str) -> FrameLink:
+    clock = MonotonicClock()
+    return FrameLink(lambda: open_channel(url, clock), clock)
 
 
 LONG = sine(16_384, cycles=160)
@@ -217,6 +229,41 @@ def test_what_is_still_being_matched_is_busy_and_all_else_is_answered(
     assert (found.tap, found.onset_offset_us, found.correlation_right) == ("amplifier", 250, 0)
     assert found.left == pytest.approx(25_000, rel=0.03)
     assert found.correlation_left > 9_990
+
+
+def test_a_flood_of_questions_does_not_keep_a_burst_from_being_matched(native: Path) -> None:
+    """At most one frame is answered between two slices of the matching."""
+    n_slices, every = -(-(4 * (97 + 48) + 2 * (49 + 1) * 97) // 8), 50
+    with opened(native, "--rate", "1000", "--adc", "gain=0.5") as url:
+        link, channel = link_of(url), open_channel(url, MonotonicClock())
+        link._connect = lambda: channel
+        device = HostDriver(link, limits=LIMITS, clock=MonotonicClock())
+        boot_id = ready(device, 100.0).boot_id
+        number = next(link._numbers) + 9
+        piece = encode(framed(Data(upload=0, offset=0, octets=b"-"), 0, boot_id)) * (every - 1)
+        flood = b"".join(
+            piece + encode(framed(AskMeasured(token=1), number + i, boot_id)) for i in range(1000)
+        )
+        end_us = (play(device, 1).device_us or 0) + 97_000
+        flooding = threading.Thread(target=channel.write, args=(flood,))
+        flooding.start()
+        answers = answers_of(channel)
+        flooding.join()
+        device.close()
+    told = [
+        i for i, (kind, head) in enumerate(answers)
+        if kind == Kind.MEASURED | ANSWER and head.refusal is not Refusal.BUSY
+    ]  # fmt: skip
+    waited = answers[: told[0]] if told else answers
+    assert 0 < sum(head.device_us > end_us for _, head in waited) <= n_slices + every
+
+
+def answers_of(channel: Channel) -> list[tuple[int, AnswerPayload]]:
+    """Return the types and heads of answers until there are no more."""
+    decoder, answers = Decoder(), []
+    while some := channel.read(0.2):
+        answers += [(frame.kind, HEAD.read(frame.payload)) for frame in decoder.feed(some)]
+    return answers
 
 
 def is_busy(device: HostDriver, token: int) -> bool:

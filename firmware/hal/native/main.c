@@ -66,6 +66,8 @@ void truth_put(const char *text, size_t size) {
     }
 }
 
+void complain(const char *text, size_t size) { (void)fwrite(text, 1, size, stderr); }
+
 static void hear_words(uint64_t now_us) {
     char some[CHUNK];
     struct pollfd watched = {.fd = words, .events = POLLIN};
@@ -181,23 +183,32 @@ static void write_line(const struct line *line, const uint8_t *bytes, size_t siz
     }
 }
 
+/* What came, at most a frame in each turn: however much comes, what is measured goes on. */
 static void serve(struct line *line, uint64_t began_us) {
+    uint8_t bytes[CHUNK];
+    ssize_t size = 0;
+    ssize_t taken = 0;
     bool connected = false;
     while (asked_to_end == 0) {
-        uint8_t bytes[CHUNK];
-        const struct device *device = &emulated.endpoint.device;
-        const int tick_ms = device_is_on(device) ? TICK_MS : IDLE_TICK_MS;
-        const ssize_t size = read_line(line, bytes, device->is_measuring ? 0 : tick_ms);
+        if (taken >= size) {
+            const struct device *device = &emulated.endpoint.device;
+            const int tick_ms = device_is_on(device) ? TICK_MS : IDLE_TICK_MS;
+            size = read_line(line, bytes, device->is_measuring ? 0 : tick_ms);
+            taken = 0;
+        }
         const uint64_t now_us = clock_us() - began_us;
         hear_words(now_us);
         emulated_advance(&emulated, now_us);
+        emulated_measure(&emulated);
         if (size < 0 && connected) {
             emulated_hang_up(&emulated, now_us, "line");
         }
         connected = size >= 0;
-        for (ssize_t i = 0; i < size; i++) {
+        size_t told = 0;
+        for (uint32_t i = 0; i < LONGEST_FRAME && told == 0U && taken < size; i++) {
             uint8_t answer[LONGEST_ANSWER];
-            const size_t told = emulated_receive(&emulated, now_us, bytes[i], answer);
+            told = emulated_receive(&emulated, now_us, bytes[taken], answer);
+            taken++;
             if (told > 0U) {
                 (void)fflush(truth);
                 write_line(line, answer, told);
@@ -221,22 +232,37 @@ static long number(const char *option, const char *text, long least, long most) 
     return value;
 }
 
+/* Take `name=`, and digits with at most one point up to the next comma or the end. */
+static bool take_number(const char **text, const char *name, double *value) {
+    const size_t size = strlen(name);
+    if (strncmp(*text, name, size) != 0) {
+        return false;
+    }
+    const char *digits = *text + size;
+    const char *behind = digits + strspn(digits, "0123456789.");
+    char *end = NULL;
+    *value = strtod(digits, &end);
+    *text = behind;
+    return *digits >= '0' && *digits <= '9' && end == behind;
+}
+
 static void wire_inputs(const char *text) {
+    const char *rest = text;
     double gain = 0.0;
     double delay_us = 0.0;
     double noise = 0.0;
-    int end = 0;
-    (void)sscanf(text, "gain=%lf%n,delay_us=%lf%n,noise=%lf%n", &gain, &end, &delay_us, &end,
-                 &noise, &end);
-    if (end == 0 || text[end] != '\0' || !(gain >= 1e-6 && gain <= MOST_GAIN) ||
-        !(delay_us >= 0.0 && delay_us <= MOST_DELAY_US) ||
-        !(noise >= 0.0 && noise <= MOST_NOISE_MV)) {
+    const bool is_form = take_number(&rest, "gain=", &gain) &&
+                         (*rest == '\0' || take_number(&rest, ",delay_us=", &delay_us)) &&
+                         (*rest == '\0' || take_number(&rest, ",noise=", &noise)) &&
+                         *rest == '\0';
+    if (!is_form || gain < 1e-6 || gain > MOST_GAIN || delay_us > MOST_DELAY_US ||
+        noise > MOST_NOISE_MV) {
         (void)fprintf(stderr, "tactstrip-native: --adc: gain=G[,delay_us=US[,noise=MV]], "
                               "up to 100, 1000, 100000, got \"%s\"\n",
                       text);
         exit(2);
     }
-    emulated.loop.gain_ppm = (uint32_t)(gain * 1e6);
+    emulated.loop.gain_ppm = (uint32_t)(gain * 1e6 + 0.5);
     emulated.loop.delay_us = (uint32_t)delay_us;
     emulated.loop.noise_mv = (uint32_t)noise;
 }

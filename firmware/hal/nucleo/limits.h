@@ -1,4 +1,4 @@
-/* What differs on the board from core/limits.h, included before it; DEFINES overrides these too. */
+/* What this board may do; DEFINES overrides these too. */
 #ifndef NUCLEO_LIMITS_H
 #define NUCLEO_LIMITS_H
 
@@ -11,5 +11,7 @@
 #ifndef RAIL_MVPP
 #define RAIL_MVPP 230000U /* the pins reach 7/8 of the full scale: converter.c */
 #endif
+
+#include "../limits.h"
 
 #endif

@@ -172,7 +172,7 @@ static uint64_t clock_us(void) {
     return now_us;
 }
 
-static void sense(uint64_t now_us) {
+static void sense(void) {
     static uint8_t before = 0xFFU;
     const uint32_t pins = GPIOA_IDR;
     uint32_t set = (pins & (1U << PIN_SWITCH)) != 0U ? SWITCH_CLOSED : 0U;
@@ -182,7 +182,7 @@ static void sense(uint64_t now_us) {
     }
     if (set != before || (set & OVER_CURRENT) != 0U) { /* an OUTPUT does not end what goes on */
         before = (uint8_t)set;
-        device_sense(&endpoint.device, now_us, SWITCH_CLOSED | OVER_CURRENT, (uint8_t)set);
+        device_sense(&endpoint.device, SWITCH_CLOSED | OVER_CURRENT, (uint8_t)set);
     }
 }
 
@@ -228,15 +228,15 @@ static void enable_amplifier(void) {
 /* Let the outputs do what the device has decided. */
 static void drive(void) {
     static uint64_t prepared;
-    static bool is_over = true;
+    static bool plays;
     const struct device *device = &endpoint.device;
     const struct burst *last = &device->last;
     const bool is_on = device_is_on(device);
     if (!is_on) {
         GPIOA_BSRR = 1U << (PIN_ENABLE + 16U);
     }
-    if (!is_over && last->is_over) {
-        is_over = true;
+    if (plays && device->state != STATE_FIRED) {
+        plays = false;
         if (last->is_cut) {
             converter_stop();
         } else {
@@ -244,9 +244,9 @@ static void drive(void) {
             is_recording = true;
         }
     }
-    if (device->state == STATE_FIRED && is_over) {
+    if (!plays && device->state == STATE_FIRED) {
         converter_start();
-        is_over = false;
+        plays = true;
     }
     if (device->state != STATE_ARMED) {
         prepared = 0; /* a token that was forgotten may be armed with another slot */
@@ -267,7 +267,7 @@ static void drive(void) {
 /* What is due, then what arrived: so that the answer tells of nothing that has not happened. */
 static void turn(uint64_t now_us) {
     device_advance(&endpoint.device, now_us);
-    sense(now_us);
+    sense();
     if (endpoint.device.state == STATE_FIRED && converter_underran()) {
         device_stop(&endpoint.device);
     }
@@ -282,6 +282,19 @@ static void send(const uint8_t *bytes, size_t size) {
             turn(clock_us());
         }
         USART2_TDR = bytes[i];
+    }
+}
+
+/* What arrived, at most a frame: however much comes, what is measured goes on. */
+static void take_frame(void) {
+    size_t size = 0;
+    for (uint32_t i = 0; i < LONGEST_FRAME && size == 0U && received != taken; i++) {
+        uint8_t answer[LONGEST_ANSWER];
+        turn(clock_us());
+        size = endpoint_receive(&endpoint, ring[taken % RING], answer);
+        taken++;
+        drive();
+        send(answer, size);
     }
 }
 
@@ -311,15 +324,6 @@ int main(void) {
         __asm__ volatile("cpsie i" ::: "memory");
         turn(clock_us());
         measure(clock_us());
-        while (received != taken) {
-            uint8_t answer[LONGEST_ANSWER];
-            const uint64_t now_us = clock_us();
-            turn(now_us);
-            const uint8_t byte = ring[taken % RING];
-            const size_t size = endpoint_receive(&endpoint, now_us, byte, answer);
-            taken++;
-            drive();
-            send(answer, size);
-        }
+        take_frame();
     }
 }

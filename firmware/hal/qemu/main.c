@@ -95,6 +95,16 @@ void truth_put(const char *text, size_t size) {
     }
 }
 
+/* SYS_WRITEC of ARM's semihosting, which run.py has QEMU take; it writes to standard error. */
+void complain(const char *text, size_t size) {
+    for (size_t i = 0; i < size; i++) {
+        __asm__ volatile("mov r0, #3\n\tmov r1, %0\n\tbkpt 0xAB"
+                         :
+                         : "r"(&text[i])
+                         : "r0", "r1", "memory");
+    }
+}
+
 static void hear_words(uint64_t now_us) {
     while ((REGISTER(UART2 + UART_STATE) & UART_RX_FULL) != 0U) {
         emulated_hear(&emulated, now_us, (char)REGISTER(UART2 + UART_DATA));
@@ -163,12 +173,11 @@ int main(void) {
         sleep_until_something_came();
         hear_words(clock_us());
         emulated_advance(&emulated, clock_us());
-        while (received != taken) {
+        emulated_measure(&emulated);
+        size_t size = 0; /* at most a frame: however much comes, what is measured goes on */
+        for (uint32_t i = 0; i < LONGEST_FRAME && size == 0U && received != taken; i++) {
             uint8_t answer[LONGEST_ANSWER];
-            const uint64_t now_us = clock_us();
-            emulated_advance(&emulated, now_us);
-            const size_t size =
-                emulated_receive(&emulated, now_us, ring[taken % RING], answer);
+            size = emulated_receive(&emulated, clock_us(), ring[taken % RING], answer);
             taken++;
             send(UART0, answer, size);
         }
