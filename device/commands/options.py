@@ -67,7 +67,8 @@ _OPTIONS = (
     click.option(
         "--adc",
         metavar="WHAT",
-        help="It measures its bursts, such as tap=amplifier,gain=0.9,delay_us=40,noise=50.",
+        help="It measures its bursts at the amplifier, such as gain=0.9,delay_us=40,noise=50, or "
+        "with tap=line (current, motion) elsewhere; loss=P misses some.",
     ),
     click.option(
         "--amplifier-gain",

@@ -26,7 +26,7 @@ class Adc:
     Parameters
     ----------
     tap : str
-        Where: line, amplifier, current or motion.
+        Where: line, amplifier, current or motion; at the amplifier as the firmware has it.
     gain : float
         Of the peaks: mV, uA or nm for each mV at the actuator.
     delay_us : float
@@ -43,15 +43,15 @@ class Adc:
 
     Examples
     --------
-    >>> Adc.parse("tap=amplifier,gain=0.5").tap
-    'amplifier'
+    >>> Adc.parse("tap=current,gain=0.5").tap
+    'current'
     >>> Adc.parse("tap=ear")
     Traceback (most recent call last):
     ValueError: adc must be of tap, gain, delay_us, loss, noise, each once as name=value, with tap
     one of line, amplifier, current, motion; got 'tap=ear'
     """
 
-    tap: str = "line"
+    tap: str = "amplifier"
     gain: float = 1.0
     delay_us: float = 0.0
     loss: float = 0.0

@@ -90,7 +90,7 @@ def test_an_adc_misses_as_many_bursts_as_it_is_told() -> None:
 
 def test_noise_of_an_adc_takes_as_much_from_the_correlation_as_its_power() -> None:
     clock = VirtualClock()
-    adc = Adc.parse("tap=amplifier,noise=10000")
+    adc = Adc.parse("noise=10000")
     device = MockDevice(clock, limits=LIMITS, adc=adc, rng=np.random.default_rng(2))
     ready(device, 100.0)
     found = []

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.test_device.firmware import make, making, require_tools
+from tests.test_device.firmware import FIRMWARE, make, making, require_tools
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -78,17 +79,25 @@ ADC_FORM = '--adc: gain=G[,delay_us=US[,noise=MV]], up to 100, 1000, 100000, got
     [
         (["--rate", "0"], '--rate: 1 to 50000, got "0"'),
         (["--tcp", "70000"], '--tcp: 0 to 65535, got "70000"'),
-        (["--tcp"], '--tcp: 0 to 65535, got ""'),
-        (["--adc", "gain=0"], ADC_FORM.format("gain=0")),
-        (["--adc", "gain=1,noise=5"], ADC_FORM.format("gain=1,noise=5")),
+        (["--tcp", ""], '--tcp: 0 to 65535, got ""'),
+        *(
+            (["--adc", adc], ADC_FORM.format(adc))
+            for adc in (
+                *("", "gain=0", "gain=100.1", "gain=1e1", "gain=.5", "gain=1.2.3", "gain=nan"),
+                *("gain=1,noise=5", "gain=1,delay_us=", "gain=1,delay_us=1000.5", "gain=1,"),
+                *("gain=1,delay_us=-1", "gain=1,delay_us=0,noise=100001", "tap=line,gain=1"),
+            )
+        ),
     ],
 )
-def test_the_native_device_names_the_option_that_it_refuses(
+def test_native_and_qemu_refuse_an_option_in_the_same_words(
     native: Path, option: list[str], complaint: str
 ) -> None:
-    run = subprocess.run([native, *option], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout) == (2, "")
-    assert run.stderr == f"tactstrip-native: {complaint}\n"
+    qemu = [sys.executable, str(FIRMWARE / "hal/qemu/run.py")]
+    for name, command in (("tactstrip-native", [str(native)]), ("run.py", qemu)):
+        run = subprocess.run([*command, *option], capture_output=True, text=True, check=False)
+        assert (run.returncode, run.stdout) == (2, "")
+        assert run.stderr == f"{name}: {complaint}\n"
 
 
 @pytest.fixture(scope="module")

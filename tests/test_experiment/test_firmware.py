@@ -265,18 +265,36 @@ def test_what_came_back_of_each_burst_verifies_it_and_not_behind_an_open_switch(
 def test_a_reset_does_not_close_a_switch_that_was_opened(tmp_path: Path, start: Start) -> None:
     truth = tmp_path / "truth.jsonl"
     board = start("qemu", truth, "--switch-stdin")
-    assert board.process.stdin is not None
-    board.process.stdin.write("open\n")
-    board.process.stdin.flush()
-    give_up_s = time.monotonic() + 5.0
-    while events_of(truth)[-1:] == [] or events_of(truth)[-1]["event"] != "switch":
-        assert time.monotonic() < give_up_s
-        time.sleep(TICK_S)
+    write_and_wait(board, truth, "open\n")
     board.reset()
     found = identify(board.port)
     assert found is not None
     assert found[2].switch_closed is False
     assert [event["event"] for event in events_of(truth)] == ["boot", "switch", "boot"]
+
+
+def write_and_wait(board: Board, truth: Path, words: str) -> None:
+    """Write on its standard input, and wait until the truth tells that the switch was moved."""
+    assert board.process.stdin is not None
+    board.process.stdin.write(words)
+    board.process.stdin.flush()
+    give_up_s = time.monotonic() + 5.0
+    while "switch" not in [event["event"] for event in events_of(truth)]:
+        assert time.monotonic() < give_up_s
+        time.sleep(TICK_S)
+
+
+@pytest.mark.parametrize("kind", ["native", "qemu"])
+def test_only_open_and_closed_move_the_switch_and_what_else_is_said_is_told(
+    kind: str, tmp_path: Path, start: Start, capfd: pytest.CaptureFixture[str]
+) -> None:
+    truth = tmp_path / "truth.jsonl"
+    others = ["o", "c", "closed door", "opened", "", "crash"]
+    board = start(kind, truth, "--switch-stdin")
+    write_and_wait(board, truth, "".join(f"{word}\n" for word in [*others, "open"]))
+    assert [event.get("closed") for event in events_of(truth)] == [None, False]
+    told = [f"the switch is open or closed, got {word!r}" for word in others]
+    assert capfd.readouterr().err.splitlines() == told
 
 
 @pytest.mark.parametrize("kind", ["native", "qemu"])

@@ -249,7 +249,7 @@ def test_a_switch_that_opens_in_mid_session_is_told_and_what_nobody_felt_is_play
     tmp_path: Path, truth: Path, start: Start, *, sensed: bool
 ) -> None:
     more = [] if sensed else ["--unsensed"]
-    adc = ("--adc", f"tap=amplifier,{ADC}", "--switch-stdin")
+    adc = ("--adc", ADC, "--switch-stdin")
     board, port = start(*LINES["tcp"], *adc, *more, truth=truth)
     sessions = Sessions(tmp_path / "host", MEASURED)
     require_cut_told_and_mended(sessions, truth, board, port, sensed=sensed)
