@@ -27,7 +27,7 @@ def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
 
 LATER = {
     *("fingers/pressed.py", "fingers/dampers.py", "fingers/unpressed.py", "sections/finger.py"),
-    "fingers/impedance.py",
+    *("fingers/impedance.py", "motion/multiples.py"),
     *("motion", "patches", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
     *("integrity", "commands/verify.py", "trial/order.py"),
     "scpi/visa.py",

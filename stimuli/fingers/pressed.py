@@ -23,12 +23,13 @@ from stimuli.motion.motion import (
     springs_lose,
     without_loss,
 )
+from stimuli.motion.multiples import first_known, upwards
 from stimuli.motion.oscillators import Oscillators
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
 from stimuli.motion.section import ECHOED, echoless, repeated, unpatched
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from stimuli.field.scene import Scene
     from stimuli.fingers.impedance import Pressed
     from stimuli.motion.motion import Bare
+    from stimuli.motion.multiples import Upwards
     from stimuli.motion.peaks import Peaks
     from stimuli.strip.strip import Strip
 
@@ -111,11 +113,15 @@ def pressed_peaks(
     if scene.strip.patches:
         found = list(pressed_motions(section, drive, there))
         return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1], section
-    for motion in pressed_motions(section, drive, there, repeated(section, scene)):
+
+    def look(motion: Motion) -> tuple[Peaks, float]:
         peaks = peaks_of(motion, groups, drive, wait_s=wait_s)
         counts_m = np.maximum(peaks.peak_m, _QUIET * np.max(peaks.peak_m, axis=0))
-        if np.all(peaks.error_m <= rtol * counts_m):
-            return peaks, motion, section
+        return peaks, float(np.max(peaks.error_m / counts_m)) / rtol
+
+    known = first_known(pressed_motions(section, drive, there, repeated(section, scene)), look)
+    if known is not None:
+        return *known, section
     raise ValueError(
         f"fingertips must have no impedance where the plate's modes do not give rtol = {rtol:g}, "
         f"got {pressed!r}"
@@ -133,7 +139,7 @@ def pressed_motions(
     drive: Drive,
     pressed: tuple[Pressed, ...],
     endless: tuple[Scene, float | None] | None = None,
-) -> Iterator[Motion]:
+) -> Upwards[Motion]:
     """Yield a scene with fingers as oscillators for a drive, then with more of them.
 
     `endless` is the same without ends and its period, where no echo counts.
@@ -143,11 +149,12 @@ def pressed_motions(
     first, second = multiples_of(drive, reference_hz, scene.strip)
     more = [_MORE * first, _MORE * second, _MORE * second**2 / first]
     asked = [first, second] if scene.strip.patches else more
-    multiples = enough_of(scene.strip, reference_hz, asked)
-    for multiple in multiples:
-        yield pressed_motion(
-            alike, reference_hz, multiple, pressed, most=multiples[-1], period_m=period_m
-        )
+    return upwards(
+        enough_of(scene.strip, reference_hz, asked),
+        lambda multiple, most: pressed_motion(
+            alike, reference_hz, multiple, pressed, most=most, period_m=period_m
+        ),
+    )
 
 
 @lru_cache(maxsize=4)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
+from stimuli.motion.multiples import first_known
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
 from stimuli.motion.section import ECHOED, echoless, repeated, unpatched
 
@@ -37,14 +38,16 @@ def by_modes(
     section = heard(scene, places, drive, rtol, far_m)
     wait_s = wait_of(section.strip, far_m)
     endless, period_m = repeated(section, scene)
-    for motion in motions(endless, drive, period_m):
+
+    def look(motion: Motion) -> tuple[Peaks, float]:
         found = peaks_of(motion, places, drive, wait_s=wait_s)
         counts_m = np.maximum(found.peak_m, _QUIET * np.max(found.peak_m, axis=0))
         # what comes round does not count, as a longer section told
         error_m = found.error_m - (found.around_m if period_m else 0.0)
-        if np.all(error_m <= rtol * counts_m):
-            return found.peak_m, motion, section
-    return None
+        return found, float(np.max(error_m / counts_m)) / rtol
+
+    found = first_known(motions(endless, drive, period_m), look)
+    return None if found is None else (found[0].peak_m, found[1], section)
 
 
 def by_patched_modes(

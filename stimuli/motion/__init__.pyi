@@ -14,6 +14,7 @@ from .motion import (
     steady,
     without_loss,
 )
+from .multiples import Upwards, first_known, upwards
 from .oscillators import Oscillators, poles
 from .peaks import (
     TOO_MANY_FOR_PATCHES,
@@ -34,10 +35,12 @@ __all__ = [
     "Oscillators",
     "PatchesUnknownError",
     "Peaks",
+    "Upwards",
     "bare_of",
     "by_spectra",
     "echoless",
     "enough_of",
+    "first_known",
     "frames_of",
     "is_enough",
     "motion_of",
@@ -54,6 +57,7 @@ __all__ = [
     "transient",
     "transient_work",
     "unpatched",
+    "upwards",
     "wait_of",
     "without_loss",
 ]

@@ -17,6 +17,7 @@ from stimuli.field.field import at_rest
 from stimuli.load import DISCS
 from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
+from stimuli.motion.multiples import upwards
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.section import ECHOED, nearby, without_far_ends
@@ -25,7 +26,7 @@ from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from stimuli.drive.sampled import Drive
     from stimuli.field.scene import Scene
     from stimuli.load import Load
+    from stimuli.motion.multiples import Upwards
     from stimuli.motion.patches.functions import Functions
     from stimuli.strip.strip import Strip
 
@@ -97,15 +99,18 @@ class Motion:
     coarser: tuple[Callable[[], Motion], ...] = ()
 
 
-def motions(scene: Scene, drive: Drive, period_m: float | None = None) -> Iterator[Motion]:
+def motions(scene: Scene, drive: Drive, period_m: float | None = None) -> Upwards[Motion]:
     """Yield a scene as oscillators for a drive, then with more of them; none if too many."""
     reference_hz = reference_of(scene, drive)
     asked = [*multiples_of(drive, reference_hz, scene.strip)]
-    if is_slow(drive, reference_hz) and not scene.strip.patches:
-        asked.insert(0, ECHOED)
-    multiples = enough_of(scene.strip, reference_hz, asked)
-    for multiple in multiples:
-        yield motion_of(scene, reference_hz, multiple, multiples[-1], period_m)
+    if not scene.strip.patches:
+        asked.append(_MORE * asked[-1])
+        if is_slow(drive, reference_hz):
+            asked.insert(0, ECHOED)
+    return upwards(
+        enough_of(scene.strip, reference_hz, asked),
+        lambda multiple, most: motion_of(scene, reference_hz, multiple, most, period_m),
+    )
 
 
 def is_slow(drive: Drive, reference_hz: float) -> bool:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -25,15 +26,27 @@ _DIGITS: Final = 2.3
 """To which waves are held by the plate's polynomials: what is fine is near the patches, which have
 functions of their own."""
 
+_HELD: Final = 2.0
+"""The plate's own modes are enough up to so many times the highest frequency."""
+
 _DEGREE: Final = 3
 """Of a disc's functions, beside a wave's phase from its centre to its rim."""
 
 
+class PlateModes(NamedTuple):
+    """Modes of a plate without patches, with the mass 1 where that is 1 per area."""
+
+    series: Real  # in products of polynomials, (n_products, n_modes)
+    squared: Real  # squares of their angular frequencies, (n_modes,)
+    wavenumbers_rad_m: Real  # of waves as fast in a plate without edges, (n_modes,)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Functions:
-    """What one symmetry is made of: polynomials of the whole plate, and each patch's functions.
+    """What one symmetry is made of: functions of the whole plate, and each patch's functions.
 
-    Where left and right are mirror images, the patches on the right have functions for both.
+    The former are polynomials, or combinations of them: the modes of the plate alone. Where left
+    and right are mirror images, the patches on the right have functions for both.
 
     Attributes
     ----------
@@ -43,6 +56,8 @@ class Functions:
     pairs : two ndarrays of int, shape (n_plate,)
         Numbers of the factors of each: together no finer than the finest along or across.
     around : tuple of Around
+    modes : PlateModes or None
+        Combinations of the plate's polynomials, if they are taken instead.
     """
 
     along: Polynomials
@@ -50,15 +65,19 @@ class Functions:
     odd: Symmetry
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
     around: tuple[Around, ...]
+    modes: PlateModes | None = None
 
     @property
     def n_plate(self) -> int:
-        """How many are polynomials of the whole plate."""
-        return len(self.pairs[0])
+        """How many are functions of the whole plate."""
+        return len(self.pairs[0]) if self.modes is None else self.modes.series.shape[1]
 
     def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the numbers of fewer functions of the plate, up to a wave's, and of patches."""
-        plate = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
+        if self.modes is None:
+            plate = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
+        else:
+            plate = self.modes.wavenumbers_rad_m <= math.sqrt(_HELD) * most_rad_m
         local = np.concatenate([one.is_coarse for one in self.around])
         return np.flatnonzero(plate), self.n_plate + np.flatnonzero(local)
 
@@ -70,11 +89,35 @@ class Functions:
         return np.asarray(both[np.newaxis])
 
     def plate(self, points_m: Real, orders: tuple[int, int]) -> Real:
-        """Return a derivative of the plate's polynomials at points."""
+        """Return a derivative of the plate's functions at points."""
         along = self.along.values(points_m[:, 0] / self.along.half_m, orders[0])
         across = self.across.values(points_m[:, 1] / self.across.half_m - 1, orders[1])
         i, j = self.pairs
-        return np.asarray(along[:, i] * across[:, j])
+        return self.of_plate(along[:, i] * across[:, j], axis=1)
+
+    def of_plate(self, of_polynomials: Real, *, axis: int = 0) -> Real:
+        """Return what the plate's functions have of what is known of its polynomials."""
+        if self.modes is None:
+            return of_polynomials
+        series = self.modes.series
+        return np.asarray(of_polynomials @ series if axis else series.T @ of_polynomials)
+
+    def alike(self) -> list[tuple[NDArray[np.intp], Functions]]:
+        """Return the plate's polynomials that are even or odd alike, and their numbers."""
+        halves = []
+        for one, sign in zip((self.along, self.across), self.odd, strict=True):
+            n = len(one.series) // (2 if sign is None else 1)
+            halves.append([(n, start) for start in range(0, len(one.series), n)])
+        found = []
+        for (n, left), (m, low) in product(*halves):
+            i, j = self.pairs[0] - left, self.pairs[1] - low
+            some = np.flatnonzero((i >= 0) & (i < n) & (j >= 0) & (j < m))
+            along = replace(self.along, series=self.along.series[left : left + n])
+            across = replace(self.across, series=self.across.series[low : low + m])
+            found.append(
+                (some, replace(self, along=along, across=across, pairs=(i[some], j[some])))
+            )
+        return found
 
     def _local(self, points_m: Real, orders: tuple[int, int]) -> Real:
         """Return the same of the patches' functions, mirrored to the left."""
@@ -107,6 +150,11 @@ def functions_of(strip: Strip, most_rad_m: float, odd: Symmetry) -> Functions:
     ]
     i, j = np.nonzero(_within(along, across, odd, most_rad_m))
     return Functions(along=along, across=across, odd=odd, pairs=(i, j), around=tuple(around))
+
+
+def highest_held_hz(highest_hz: float) -> float:
+    """Return up to where the plate's own modes are taken for modes with patches up to there."""
+    return _HELD * highest_hz
 
 
 def n_plate(strip: Strip, most_rad_m: float) -> float:

@@ -56,10 +56,8 @@ def matrices(strip: Strip, functions: Functions) -> Matrices:
         blocks.append(_Block(functions, one, size))
         size = blocks[-1].end
     stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
-    along, across = functions.along, functions.across
-    terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
-    terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
-    stiffness[:n, :n] = _both(_bending(terms, bare), functions.pairs, functions.pairs)
+    own, held = alone(strip, functions)
+    stiffness[:n, :n] = own
     np.fill_diagonal(mass[:n, :n], bare.mass_kg_m2)
     for block in blocks:
         block.add_plate(stiffness, mass, bare)
@@ -69,9 +67,7 @@ def matrices(strip: Strip, functions: Functions) -> Matrices:
     springs = None
     if isinstance(strip.edge, ElasticEdge):
         springs = np.zeros((size, size))
-        slopes = across.values(np.array([-1.0, 1.0]), 1)
-        held = strip.edge.stiffness_n * terms[VALUE][0], slopes.T @ slopes
-        springs[:n, :n] = _both([held], functions.pairs, functions.pairs)
+        springs[:n, :n] = held
         for block in blocks:
             block.add_springs(springs, strip.edge.stiffness_n)
         springs[n:, :n] = springs[:n, n:].T
@@ -79,6 +75,25 @@ def matrices(strip: Strip, functions: Functions) -> Matrices:
     for matrix in (stiffness, mass):
         matrix[n:, :n] = matrix[:n, n:].T
     return Matrices(springs=springs, stiffness=stiffness, mass=mass, overlap=overlap)
+
+
+def alone(strip: Strip, functions: Functions) -> tuple[Real, Real | float]:
+    """Return the stiffness of a plate without patches, and that of springs along its edges."""
+    bare = laminate([layer_of(strip.material, strip.thickness_m)])
+    along, across = functions.along, functions.across
+    terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
+    terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
+    pairs = functions.pairs
+    held: Real | float = 0.0
+    if isinstance(strip.edge, ElasticEdge):
+        slopes = across.values(np.array([-1.0, 1.0]), 1)
+        springs = strip.edge.stiffness_n * terms[VALUE][0], slopes.T @ slopes
+        held = _both([springs], pairs, pairs)
+    if functions.modes is None:
+        return _both(_bending(terms, bare), pairs, pairs), held
+    if isinstance(held, np.ndarray):
+        held = functions.of_plate(functions.of_plate(held), axis=1)
+    return np.diag(bare.mass_kg_m2 * functions.modes.squared) - held, held
 
 
 class _Block:
@@ -142,7 +157,7 @@ class _Block:
         for one in (_PLATE, _BOX):
             along_both = self._fold * held_n * along[one].T @ along[_BOX]
             terms = [(along_both, slopes[one].T @ slopes[_BOX])]
-            found = _both(terms, self._pairs[one], self._pairs[_BOX])
+            found = self._both(terms, one, _BOX)
             springs[self._rows[one], self._rows[_BOX]] += found
 
     def _n_nodes(self, axis: int) -> int:
@@ -183,11 +198,17 @@ class _Block:
                 for i, j in _ORDERS
             }
             rows, columns = self._rows[one], self._rows[other]
-            indices = self._pairs[one], self._pairs[other]
             bends = [(self._fold * x, y) for x, y in _bending(terms, stiff)]
             moves = [(self._fold * stiff.mass_kg_m2 * terms[VALUE][0], terms[VALUE][1])]
-            stiffness[rows, columns] += _both(bends, *indices)
-            mass[rows, columns] += _both(moves, *indices)
+            stiffness[rows, columns] += self._both(bends, one, other)
+            mass[rows, columns] += self._both(moves, one, other)
+
+    def _both(self, terms: Sequence[tuple[Real, Real]], one: int, other: int) -> Real:
+        """Return what products of factors give, of the plate's functions what they are of them."""
+        found = _both(terms, self._pairs[one], self._pairs[other])
+        if one == _PLATE:
+            found = self._functions.of_plate(found)
+        return self._functions.of_plate(found, axis=1) if other == _PLATE else found
 
     @cached_property
     def _on_disc(self) -> tuple[Real, Real]:

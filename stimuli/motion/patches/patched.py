@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.motion.patches.alone import in_modes
 from stimuli.motion.patches.functions import Functions, Symmetry, functions_of, n_plate
 from stimuli.motion.patches.matrices import Matrices, matrices
 from stimuli.motion.standing_waves import wavenumber_rad_m
@@ -129,6 +130,7 @@ def _symmetries(strip: Strip, *, centred: bool) -> list[Symmetry]:
 def _built(strip: Strip, highest_hz: float, odd: Symmetry) -> tuple[Functions, Matrices]:
     least_hz = _LEAST * strip.cutoff_hz()
     functions = functions_of(strip, wavenumber_rad_m(strip, max(highest_hz, least_hz)), odd)
+    functions = in_modes(strip, functions, highest_hz)
     return functions, matrices(strip, functions)
 
 
