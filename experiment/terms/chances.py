@@ -43,7 +43,7 @@ def answer_probabilities(
     >>> p = answer_probabilities([one], ([60.0], [0.0]), ("left", "right"), 9.0,
     ...                          gains=OWN_FINGER_ONLY)
     >>> p.round(2).tolist()
-    [[[0.75, 0.25]]]
+    [[[0.74, 0.26]]]
     """
     if people[0].crosstalk_db is not None:
         gains = gains.with_crosstalk(people[0].crosstalk_db)
