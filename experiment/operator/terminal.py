@@ -11,10 +11,12 @@ import os
 import re
 import select
 import sys
-import termios
 import time
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Any, Final
+
+with contextlib.suppress(ImportError):  # Windows: whoever uses it refuses there, in one line
+    import termios
 
 if TYPE_CHECKING:
     from collections.abc import Callable
