@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _MOST_PEOPLE = 1000
 _MOST_TRIALS = 10_000
+_WORTH_TELLING_S = 10
 
 
 @click.command(epilog="Example: tactstrip power study.toml --people literature")
@@ -163,7 +164,7 @@ def power(
 
         def predicted(core_s: float, all_of_it: float) -> None:
             work["all"] = all_of_it
-            if sys.stderr.isatty():
+            if core_s > _WORTH_TELLING_S or sys.stderr.isatty():
                 click.echo(f"At most about {math.ceil(core_s)} core-seconds", err=True)
 
         def step(part: float) -> None:
@@ -212,7 +213,9 @@ def _spreading(
     from analysis.workers.chunks import spread
     from analysis.workers.crew import StoppedError
     from analysis.workers.kept import Kept
+    from analysis.workers.memory import keep_freed_memory
 
+    keep_freed_memory()
     if scheduler and workers > 1:
         raise CommandError(
             f"--workers is of this computer, beside --scheduler it must be left out; got {workers}"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from analysis.workers.crew import StoppedError
 from analysis.workers.kept import DECIDES, versions
+from analysis.workers.memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -80,6 +81,7 @@ def _computed(
 
     if (theirs := versions()) != expected:
         _same(f"worker {get_worker().address}", theirs, expected)
+    keep_freed_memory()
     return function(chunk)
 
 

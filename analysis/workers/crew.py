@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
+import time
 from collections import deque
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
+
+from analysis.workers.memory import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -15,6 +20,10 @@ if TYPE_CHECKING:
 
 
 _Chunk = TypeVar("_Chunk", bound="DataclassInstance")
+
+
+_LOOK_S: Final = 1.0
+"""So often a worker looks whether its parent is there."""
 
 
 class StoppedError(Exception):
@@ -76,7 +85,8 @@ class Processes:
 
         self._executor = get_reusable_executor(
             max_workers=self._workers,
-            initializer=_leave_ctrl_c_to_the_parent,
+            initializer=_begin_worker,
+            initargs=(os.getpid(),),
             env={"OPENBLAS_NUM_THREADS": "1"},
         )
         future: Future[Any] = self._executor.submit(function, chunk)
@@ -110,5 +120,14 @@ def processes(workers: int) -> Iterator[Processes]:
         raise
 
 
-def _leave_ctrl_c_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _begin_worker(parent: int) -> None:
+    keep_freed_memory()
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the parent
+
+
+def _end_with(parent: int) -> None:
+    """End this process soon after the one it works for was killed, where the system tells that."""
+    while os.getppid() == parent:
+        time.sleep(_LOOK_S)
+    os._exit(1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import re
 import signal
 import subprocess
@@ -362,3 +363,27 @@ def test_power_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     both = power(tmp_path, "--workers", "2", "--scheduler", address)
     assert both.exit_code == 2
     assert "--workers is of this computer" in both.stderr
+
+
+FAULTS = """
+import resource
+import sys
+import numpy as np
+from analysis.workers.memory import keep_freed_memory
+if sys.argv[1:]:
+    keep_freed_memory()
+for _ in range(300):
+    np.ones(100_000)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library has no mallopt")
+def test_arrays_are_not_fetched_from_the_system_again_and_again() -> None:
+    asked = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}  # as Dask's nanny asks for
+    faults = [
+        int(subprocess.check_output([sys.executable, "-c", FAULTS, *more], env=asked, cwd=ROOT))
+        for more in ([], ["keep"])
+    ]
+    assert faults[0] - faults[1] > 30_000
