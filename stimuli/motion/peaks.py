@@ -21,6 +21,7 @@ from stimuli.motion.course import (
     ringing_peaks,
     widened,
 )
+from stimuli.motion.patches.around import sliver_doubt
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -229,6 +230,7 @@ def patched_peaks(
     last = peaks_of(sizes[-1], groups, drive, wait_s=wait_s)
     changed_m, largest_m = np.abs(last.peak_m - first.peak_m), np.max(last.peak_m, axis=0)
     error_m = last.error_m + _SLOWLY * changed_m + _LEFT * last.peak_m + _QUIET * largest_m
+    error_m += sliver_doubt(strip) * np.where(last.peak_m < largest_m, last.peak_m, 0.0)
     # what is not known of the finger that moves most is known of no other one
     most, columns = np.argmax(last.peak_m, axis=0), np.arange(last.peak_m.shape[1])
     part = error_m[most, columns] / last.peak_m[most, columns]

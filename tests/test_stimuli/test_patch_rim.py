@@ -123,3 +123,18 @@ def test_discs_are_as_in_triangles_that_follow_their_rim(
     scene = Scene(strip=strip, loads=(load,), points_m=((x_m, y_m),))
     at_rest_m = abs(steady(scene, 1.0)[0, 0])
     assert at_rest_m == pytest.approx(abs(fine_m + (fine_m - coarse_m) / 3), rel=3e-3)
+
+
+@pytest.mark.slow
+def test_a_disc_that_nearly_touches_an_edge_does_what_one_that_touches_it_does() -> None:
+    """It must not turn freely at its rim, where it is neither held nor at the edge."""
+    found = []
+    for gap in (0.0, 2e-5, 2e-3, 0.01):
+        radius_m = 0.3 * W
+        strip = plate_with(0.0, radius_m + gap * W, radius_m)
+        (disc,) = strip.patches
+        load = MomentDisc(x_m=0.0, y_m=disc.y_m, radius_m=radius_m)
+        scene = Scene(strip=strip, loads=(load,), points_m=((0.0, disc.y_m),))
+        found.append(float(abs(steady(scene, 300.0)[0, 0])))
+    assert found == pytest.approx([found[0]] * 4, rel=0.05)
+    assert found[0] != pytest.approx(found[3], rel=1e-3)
