@@ -128,7 +128,7 @@ def _hear(emulator: Emulator) -> None:
     said = b""
     while some := os.read(0, 4096):  # a thread that is in sys.stdin cannot be left at the end
         *lines, said = (said + some).split(b"\n")
-        for line in map(bytes.strip, lines):
+        for line in (line.removesuffix(b"\r") for line in lines):
             if line in {b"open", b"closed"}:
                 emulator.move_switch(is_open=line == b"open")
             else:

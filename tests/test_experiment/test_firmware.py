@@ -102,12 +102,14 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def start(images: Path, tmp_path: Path) -> Iterator[Start]:
-    """Start a firmware; all are killed at the end."""
+    """Start a firmware, or the emulator; all are killed at the end."""
     with ExitStack() as boards:
 
         def started(kind: str, truth: Path, *options: str) -> Board:
             told = ["--tcp", "0", "--truth", str(truth), *options]
-            if kind == "native":
+            if kind == "emulate":
+                board = Board([*COMMAND, "emulate", *told], None)
+            elif kind == "native":
                 board = Board([str(images / "tactstrip-native"), *told], None)
             else:
                 monitor = tmp_path / "monitor"
@@ -284,12 +286,12 @@ def write_and_wait(board: Board, truth: Path, words: str) -> None:
         time.sleep(TICK_S)
 
 
-@pytest.mark.parametrize("kind", ["native", "qemu"])
+@pytest.mark.parametrize("kind", ["emulate", "native", "qemu"])
 def test_only_open_and_closed_move_the_switch_and_what_else_is_said_is_told(
     kind: str, tmp_path: Path, start: Start, capfd: pytest.CaptureFixture[str]
 ) -> None:
     truth = tmp_path / "truth.jsonl"
-    others = ["o", "c", "closed door", "opened", "", "crash"]
+    others = ["o", "c", "closed door", " opened", "", "crash"]
     board = start(kind, truth, "--switch-stdin")
     write_and_wait(board, truth, "".join(f"{word}\n" for word in [*others, "open"]))
     assert [event.get("closed") for event in events_of(truth)] == [None, False]
