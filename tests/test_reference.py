@@ -68,6 +68,10 @@ def test_the_keys_are_those_that_init_writes() -> None:
     assert ("condition", "name") in page
 
 
+def test_every_key_says_what_it_means() -> None:
+    assert [(key.section, key.name) for key, _ in described() if not key.meaning] == []
+
+
 def test_every_example_and_default_is_what_its_field_takes() -> None:
     for key, field in described():
         example = tomllib.loads(key.example)[key.name]

@@ -137,7 +137,7 @@ def write_study_text(preset: str) -> str:
     >>> lines = write_study_text("paper").splitlines()
     >>> print(*lines[lines.index("[masking]"):][:3], sep="\n")
     [masking]
-    noise = "pink"                         # pink | none
+    noise = "pink"                         # pink | none; what is played
     max_level_dba = 75                     # at the ear; 80 at most
     """
     from experiment.study.study import Study
@@ -201,7 +201,7 @@ def _beside(line: str, comment: str) -> str:
     """Put a comment behind a key, or above where there is no room."""
     together = f"{line:{_COLUMN}}  # {comment}"
     fits = max(map(len, together.split("\n"))) <= _WIDTH
-    return together if fits else f"# {comment}\n{line}"
+    return together if fits else f"{_comment(comment)}{line}"
 
 
 def _wrapped(key: str, text: str) -> str:

@@ -26,7 +26,7 @@ _TEXTS = (
     ),
     "![The plate moves above the driven disc, and hardly at the other](_site/example/field.png)",
     (
-        "Four simulated people on the mock device. Its tables, figures and the report are what the "
+        "Five simulated people on the mock device. Its tables, figures and the report are what the "
         "sessions of real people give."
     ),
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +64,7 @@ def tactstrip(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]
 
 
 def make_sample(folder: Path) -> Sample:
-    """Make a study of a plate of one's own, draw its field, simulate four people, analyse them."""
+    """Make a study of a plate of one's own, draw its field, simulate five people, analyse them."""
     printed = [_done(folder, "init", "plate.toml", *PLATE)]
     path = folder / "plate.toml"
     text = path.read_text(encoding="utf-8")
@@ -74,7 +75,7 @@ def make_sample(folder: Path) -> Sample:
     check = tactstrip(folder, "check", "plate.toml", "--json")
     printed.append(_done(folder, "check", "plate.toml"))
     printed.append(_done(folder, "field", "plate.toml", "--out", "field.png"))
-    people = ("--participants", "4", "--seed", "7", "--out", "results")
+    people = ("--participants", "5", "--seed", "7", "--out", "results")
     printed.append(_done(folder, "dry-run", "plate.toml", *people))
     return Sample(
         results=folder / "results",
@@ -86,7 +87,8 @@ def make_sample(folder: Path) -> Sample:
 
 def _done(folder: Path, *arguments: str) -> tuple[str, str]:
     """Run a command that has to succeed; return it with what it prints."""
-    command, done = " ".join(("tactstrip", *arguments)), tactstrip(folder, *arguments)
+    words = textwrap.wrap(" ".join(("tactstrip", *arguments)), 74, break_on_hyphens=False)
+    command, done = " \\\n    ".join(words), tactstrip(folder, *arguments)
     if done.returncode:
         raise RuntimeError(f"{command}: {done.stderr}")
     return command, done.stdout

@@ -34,8 +34,6 @@ _EXAMPLES: Final = {
     "per_volt": "[0.1, 0.1]",
 }  # fmt: skip
 """Of keys whose default shows nothing."""
-_NOT_OF_A_FILE: Final = ("auto_cycles", "auto_window", "samples_base64", "sample_rate_hz")
-"""Of a condition: what a plan holds of a window that was chosen, or of a click's file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +59,7 @@ def study_keys() -> Iterator[Key]:
     """Yield every key that a file may have, in the order of `tactstrip init`."""
     for section, cls in sections().items():
         for name, field in file_keys(cls).items():
-            if section != "condition" or name not in _NOT_OF_A_FILE:
-                yield _key(section, name, field)
+            yield _key(section, name, field)
 
 
 def _key(section: str, name: str, field: FieldInfo) -> Key:

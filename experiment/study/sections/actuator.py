@@ -122,8 +122,8 @@ class Actuator:
     carrier_thickness_mm: _Layer | None = Field(
         default=None, description="metal between piezo and plate, if any"
     )
-    carrier_youngs_modulus_gpa: Modulus | None = None
-    carrier_poisson_ratio: _LayerRatio | None = None
+    carrier_youngs_modulus_gpa: Modulus | None = Field(default=None, description="of that metal")
+    carrier_poisson_ratio: _LayerRatio | None = Field(default=None, description="of that metal")
     patch_counts: bool = Field(
         default=False, description="its layers stiffen and load the plate, which must have ends"
     )

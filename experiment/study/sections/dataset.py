@@ -66,7 +66,9 @@ class Participants:
     levels = ["left", "right", "both"] }]. Declare nothing by which a person can be recognised.
     """
 
-    columns: tuple[FromTable[ParticipantColumn], ...] = Field(default=(), strict=False)
+    columns: tuple[FromTable[ParticipantColumn], ...] = Field(
+        default=(), strict=False, description="name, description and, if only some will do, levels"
+    )
 
     def __post_init__(self) -> None:
         names = [column.name for column in self.columns]
@@ -79,16 +81,24 @@ class Dataset:
     """What an exported data set (BIDS) says of itself; what is not given is left out of it."""
 
     name: str | None = Field(default=None, description="title")
-    authors: tuple[str, ...] = Field(default=(), strict=False)
+    authors: tuple[str, ...] = Field(
+        default=(), strict=False, description="in the order of a citation"
+    )
     license: str | None = Field(default=None, description="such as CC-BY-4.0")
-    acknowledgements: str | None = None
-    how_to_acknowledge: str | None = None
-    funding: tuple[str, ...] = Field(default=(), strict=False)
-    ethics_approvals: tuple[str, ...] = Field(default=(), strict=False)
-    references_and_links: tuple[str, ...] = Field(default=(), strict=False)
-    institution_name: str | None = None
-    institution_address: str | None = None
-    task_description: str | None = None
+    acknowledgements: str | None = Field(default=None, description="who helped")
+    how_to_acknowledge: str | None = Field(default=None, description="how it is to be cited")
+    funding: tuple[str, ...] = Field(
+        default=(), strict=False, description="sources, with numbers of grants"
+    )
+    ethics_approvals: tuple[str, ...] = Field(
+        default=(), strict=False, description="committee and number"
+    )
+    references_and_links: tuple[str, ...] = Field(
+        default=(), strict=False, description="papers and pages about it"
+    )
+    institution_name: str | None = Field(default=None, description="where it was recorded")
+    institution_address: str | None = Field(default=None, description="and its address")
+    task_description: str | None = Field(default=None, description="what participants did")
 
     def __post_init__(self) -> None:
         for key, value in asdict(self).items():

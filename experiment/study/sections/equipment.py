@@ -98,7 +98,7 @@ class MonitorSettings:
     how to wire and calibrate each tap, and what it never sees.
     """
 
-    source: MonitorSource = "none"
+    source: MonitorSource = Field(default="none", description="by what it is measured")
     tap: TapWord | None = Field(default=None, description="where it is measured")
     sound_card: str = Field(default="", description="of source = input; empty: the default one")
     inputs: tuple[_Input, _Input] = Field(
@@ -128,7 +128,9 @@ class MonitorSettings:
     peak_tolerance: float = Field(
         default=0.1, ge=0.01, le=0.5, description="part of the planned peak"
     )
-    onset_tolerance_ms: float = Field(default=1.0, ge=0.01, le=100)
+    onset_tolerance_ms: float = Field(
+        default=1.0, ge=0.01, le=100, description="between planned and measured onset"
+    )
     least_correlation: float = Field(
         default=0.95, ge=0.5, le=0.9999, description="with the planned burst"
     )
@@ -220,7 +222,7 @@ class Masking:
     To play it to a person, `run` needs sounddevice: pip install "tactstrip[audio]".
     """
 
-    noise: Noise = "pink"
+    noise: Noise = Field(default="pink", description="what is played")
     max_level_dba: float = Field(
         default=75.0,
         ge=20,
@@ -238,7 +240,9 @@ class Masking:
     )
     sound_card: str = Field(default="", description="empty: the system's default")
     loop_s: float = Field(default=30.0, ge=1, le=600, description="it is repeated without a seam")
-    sample_rate_hz: float = Field(default=48_000.0, ge=16_000, le=192_000)
+    sample_rate_hz: float = Field(
+        default=48_000.0, ge=16_000, le=192_000, description="of the sound card"
+    )
 
     def __post_init__(self) -> None:
         if self.measured_level_dba is not None:

@@ -119,13 +119,15 @@ class Plate:
     length_mm: Annotated[float, Field(ge=20, le=10_000)] | Literal["endless"] | None = Field(
         default=None, description='or "endless"; of the paper\'s plate 200'
     )
-    thickness_mm: float = Field(default=0.5, ge=0.02, le=50)
-    material: MaterialName | None = None
+    thickness_mm: float = Field(default=0.5, ge=0.02, le=50, description="of the bare plate")
+    material: MaterialName | None = Field(default=None, description="or the next three keys")
     youngs_modulus_gpa: Modulus | None = Field(
         default=None, description="of another material, with the next two"
     )
-    poisson_ratio: float | None = Field(default=None, ge=-0.999, lt=0.5)
-    density_kg_m3: Density | None = None
+    poisson_ratio: float | None = Field(
+        default=None, ge=-0.999, lt=0.5, description="of that material"
+    )
+    density_kg_m3: Density | None = Field(default=None, description="of that material")
     loss_factor: float = Field(
         default=0.0, ge=0, lt=0.5, description="constant (hysteretic) loss; 0: not known"
     )
@@ -135,7 +137,7 @@ class Plate:
     edge_loss: Literal["none", "plate"] = Field(
         default="none", description="of an elastic edge: none, or the plate's"
     )
-    edge: EdgeBasis = "measured-cutoff"
+    edge: EdgeBasis = Field(default="measured-cutoff", description="how the long edges are held")
     measured_cutoff_hz: float | None = Field(
         default=None,
         ge=20,

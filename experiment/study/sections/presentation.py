@@ -118,15 +118,15 @@ _NAMES: Final = {
 class Screen:
     """The participant's window, for `run --responder screen`."""
 
-    full_screen: bool = True
+    full_screen: bool = Field(default=True, description="false: a window")
     index: int = Field(default=0, ge=0, le=15, description="which screen, counted from 0")
     width_px: int = Field(default=1280, ge=320, le=16384, description="of a window")
-    height_px: int = Field(default=720, ge=240, le=16384)
+    height_px: int = Field(default=720, ge=240, le=16384, description="of a window")
     text_height: float = Field(
         default=0.035, ge=0.01, le=0.2, description="of a line, part of the window's"
     )
     right_to_left: bool = Field(default=False, description="for Arabic, Hebrew, ...")
-    font: str = "DejaVu Sans"
+    font: str = Field(default="DejaVu Sans", description="as the system names it")
 
     def __post_init__(self) -> None:
         if not is_line(self.font):
@@ -141,9 +141,9 @@ class Keys:
     controller; a pedal types keys. Several keys may mean the same, no key two things.
     """
 
-    left: tuple[str, ...] = Field(default=("left",), strict=False)
-    right: tuple[str, ...] = Field(default=("right",), strict=False)
-    both: tuple[str, ...] = Field(default=("down",), strict=False)
+    left: tuple[str, ...] = Field(default=("left",), strict=False, description="felt left")
+    right: tuple[str, ...] = Field(default=("right",), strict=False, description="felt right")
+    both: tuple[str, ...] = Field(default=("down",), strict=False, description="felt at both")
     none: tuple[str, ...] = Field(
         default=("space",), strict=False, description="where the answer none is offered"
     )
@@ -182,7 +182,9 @@ class Texts:
     to go on.
     """
 
-    welcome: str = "Welcome, and thank you for taking part."
+    welcome: str = Field(
+        default="Welcome, and thank you for taking part.", description="first of all"
+    )
     instructions: str | None = Field(
         default=None, description="by default made from what is presented and may be answered"
     )
@@ -197,30 +199,47 @@ class Texts:
         ),
         description="before each part of a session",
     )
-    practice: str = "Now a few trials for practice. You are told whether you were right."
-    warm_up: str = "A few trials to get used to it again. They do not count."
-    main: str = "Now the experiment itself."
+    practice: str = Field(
+        default="Now a few trials for practice. You are told whether you were right.",
+        description="before practice",
+    )
+    warm_up: str = Field(
+        default="A few trials to get used to it again. They do not count.",
+        description="after an interruption",
+    )
+    main: str = Field(default="Now the experiment itself.", description="before the first block")
     control: str = Field(
         default=(
             "Now take both hands off the plate. Answer as before; if you notice nothing, press "
             "{none}."
         ),
+        description="before the part with the fingers off the plate, at the end",
     )
     ready: str = Field(default="+", description="until the stimulus")
-    prompt: str = "Where did you feel it?"
+    prompt: str = Field(default="Where did you feel it?", description="the question")
     prompt_hands_off: str = Field(
         default="Did you notice anything, and where?", description="the hands off the plate"
     )
     correct: str = Field(default="Correct", description="after a practice answer")
-    wrong: str = "Not so"
-    paused: str = "Paused: {done} of {planned} trials are done."
-    rest: str = "Have a break: {done} of {planned} trials are done. You can go on in {seconds} s."
-    rest_over: str = "Have a break: {done} of {planned} trials are done."
+    wrong: str = Field(default="Not so", description="after a practice answer")
+    paused: str = Field(
+        default="Paused: {done} of {planned} trials are done.", description="in a pause"
+    )
+    rest: str = Field(
+        default="Have a break: {done} of {planned} trials are done. You can go on in {seconds} s.",
+        description="in a break",
+    )
+    rest_over: str = Field(
+        default="Have a break: {done} of {planned} trials are done.",
+        description="in a break that may be ended",
+    )
     go_on: str = Field(
         default="Press {go_on} to go on.", description="below screens that wait for this key"
     )
-    finished: str = "That was all. Thank you very much!"
-    stopped: str = "The session was stopped. Thank you."
+    finished: str = Field(default="That was all. Thank you very much!", description="at the end")
+    stopped: str = Field(
+        default="The session was stopped. Thank you.", description="at an earlier end"
+    )
 
     def __post_init__(self) -> None:
         for name, text in asdict(self).items():

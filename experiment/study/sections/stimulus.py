@@ -34,9 +34,9 @@ STIMULUS_KEYS: Final = (*SINE_KEYS, "wanted_level_db", "file")
 class Stimulus:
     """What drives the actuators: a sine burst, or a sampled click from a file."""
 
-    frequency_hz: float | None = Field(default=500.0, ge=5, le=100_000)
-    cycles: int | None = Field(default=1, ge=1, le=1_000_000)
-    window: WindowName | None = Field(default="none", description="auto: see below")
+    frequency_hz: float | None = Field(default=500.0, ge=5, le=100_000, description="of the sine")
+    cycles: int | None = Field(default=1, ge=1, le=1_000_000, description="of the sine, whole ones")
+    window: WindowName | None = Field(default="none", description="auto: chosen by the next key")
     wanted_level_db: float | None = Field(
         default=None,
         ge=-200,
@@ -110,10 +110,16 @@ class Condition(Stimulus):
     """
 
     name: str = Field(description="1 to 32 of A-Z a-z 0-9 _ -")
-    auto_cycles: int | None = Field(default=None, ge=1, le=1_000_000)
-    auto_window: Window | None = None
-    samples_base64: str | None = None
-    sample_rate_hz: float | None = Field(default=None, ge=1e-3, le=1e9)
+    auto_cycles: int | None = Field(
+        default=None, ge=1, le=1_000_000, description="of the window that was chosen"
+    )
+    auto_window: Window | None = Field(default=None, description="which was chosen")
+    samples_base64: str | None = Field(
+        default=None, description="of the click in the file, 64-bit floating point"
+    )
+    sample_rate_hz: float | None = Field(
+        default=None, ge=1e-3, le=1e9, description="of these samples"
+    )
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name):
