@@ -72,7 +72,7 @@ def demo(*, out: Path | None) -> None:
     midst and resumed, its record is verified, and simulated people are analyzed. Nothing is opened,
     no device, no sound, no window, and nothing moves.
     """
-    if os.name != "posix" or not (sys.stdin.isatty() and sys.stdout.isatty()):
+    if os.name != "posix" or not all(s and s.isatty() for s in (sys.stdin, sys.stdout)):
         raise CommandError(
             "demo needs a terminal (on Linux or macOS) to ask at; tactstrip dry-run needs none"
         )
