@@ -79,8 +79,9 @@ def test_changelog_and_citation_are_of_this_version() -> None:
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     sections = re.findall(r"^## \[(.+?)\]", changelog, re.MULTILINE)
     assert sections[:2] == ["Unreleased", version()]
+    (dated,) = re.findall(rf"^## \[{re.escape(version())}\] - (\S+)$", changelog, re.MULTILINE)
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    assert f"\nversion: {version()}\n" in citation
+    assert f"\nversion: {version()}\ndate-released: {dated}\n" in citation
 
 
 @pytest.mark.process

@@ -22,9 +22,9 @@ def exit_codes() -> list[tuple[int, str]]:
     return sorted(found.items())
 
 
-def help_of(command: str) -> str:
+def help_of(*command: str) -> str:
     """Return what ``tactstrip COMMAND --help`` prints on 80 columns."""
-    told = CliRunner().invoke(tactstrip.main, [command, "--help"], prog_name="tactstrip")
+    told = CliRunner().invoke(tactstrip.main, [*command, "--help"], prog_name="tactstrip")
     return told.output
 
 
@@ -37,6 +37,7 @@ def page() -> str:
             "nothing else.\n"
         ),
         table(("exit code", "means"), [(str(n), text) for n, text in exit_codes()]),
+        code(help_of()),
     ]
     for command, (_, text) in tactstrip.COMMANDS.items():
         told += [f"## tactstrip {command}\n", f"{text}\n", code(help_of(command))]
