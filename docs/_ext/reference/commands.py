@@ -37,6 +37,7 @@ def page() -> str:
             "nothing else.\n"
         ),
         table(("exit code", "means"), [(str(n), text) for n, text in exit_codes()]),
+        "## tactstrip --help\n",
         code(help_of()),
     ]
     for command, (_, text) in tactstrip.COMMANDS.items():
