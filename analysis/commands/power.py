@@ -28,7 +28,29 @@ _MOST_TRIALS = 10_000
 _WORTH_TELLING_S = 10
 
 
-@click.command(epilog="Example: tactstrip power study.toml --people literature")
+_GROUPS = {
+    "What is asked": ("goal_text", "participants", "assurance"),
+    "The design": ("trials", "blanks", "levels"),
+    "The people": ("pilot", "whose"),
+    "Where it is computed": ("seed", "workers", "scheduler", "keep"),
+}
+
+
+class _Grouped(click.Command):
+    """A command whose help has its options by what they are about."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
+        records = {one.name: one.get_help_record(ctx) for one in options}
+        told = {name: record for name, record in records.items() if record}
+        for title, names in _GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([told.pop(name) for name in names])
+        with formatter.section("What is told"):
+            formatter.write_dl([*told.values()])
+
+
+@click.command(cls=_Grouped, epilog="Example: tactstrip power study.toml --people literature")
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
     "--goal",

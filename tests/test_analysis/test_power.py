@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -194,6 +195,12 @@ def test_a_goal_out_of_reach_ends_in_one_line_and_keeps_what_was_tried(tmp_path:
     assert done.stderr.count("\n") == 1
     assert "No number within the bounds" in done.stdout
     assert "    200  0% (0% to 2%)" in done.stdout
+
+
+def test_help_has_every_option_under_a_heading() -> None:
+    told = CliRunner().invoke(power, ["--help"]).stdout
+    assert "What is asked:" in told
+    assert all(f" {one.opts[0]} " in told for one in power.params if isinstance(one, click.Option))
 
 
 def test_people_of_the_literature_are_named_as_such() -> None:
