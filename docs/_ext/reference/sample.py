@@ -7,16 +7,15 @@ import subprocess
 import sys
 import textwrap
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from pathlib import Path
+from typing import Any
 
 PLATE = (
     *("--preset", "plate", "--width-mm", "30", "--thickness-mm", "0.5", "--length-mm", "150"),
     *("--material", "steel", "--edge", "clamped", "--actuator", "disc:12.8@35"),
 )
 """A plate of one's own, as the README has it."""
+_TABLE = Path(__file__).parents[2] / "examples" / "paper-table1.csv"
 _CONDITIONS = """
 [[condition]]
 name = "one-cycle"
@@ -33,6 +32,7 @@ class Sample:
 
     results: Path
     check: Any
+    audit: Any
     printed: tuple[tuple[str, str], ...]
     field: Path
 
@@ -80,6 +80,7 @@ def make_sample(folder: Path) -> Sample:
     return Sample(
         results=folder / "results",
         check=json.loads(check.stdout),
+        audit=json.loads(tactstrip(folder, "audit", str(_TABLE), "--json").stdout),
         printed=tuple(printed),
         field=folder / "field.png",
     )

@@ -56,6 +56,7 @@ def page(sample: Sample) -> str:
     ]
     shapes = {
         "tactstrip check --json": sample.check,
+        "tactstrip audit --json": sample.audit,
         "plan.json": _read(sample.session / "plan.json"),
         "header.json": _read(sample.session / "header.json"),
         "summary.json": _read(sample.analysis / "summary.json"),
