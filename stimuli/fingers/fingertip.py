@@ -214,7 +214,7 @@ def felt(
     if pressed:
         return pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)[0].peak_m
     if strip.patches:
-        return by_patched_modes(scene, places, drive, rtol, far_m)[0].peak_m
+        return by_patched_modes(scene, places, drive, far_m)[0].peak_m
     found = by_modes(scene, places, drive, rtol, far_m)
     return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
 
@@ -234,7 +234,7 @@ def felt_error(
     pressed = pressed_of(strip, fingertips, drive)
     if pressed:
         return pressed_peaks(scene, places, drive, pressed, rtol=RTOL, far_m=far_m)[0].error_m
-    return by_patched_modes(scene, places, drive, RTOL, far_m)[0].error_m
+    return by_patched_modes(scene, places, drive, far_m)[0].error_m
 
 
 def pressed_of(strip: Strip, tips: Sequence[Fingertip], drive: Drive) -> tuple[Pressed, ...]:

@@ -26,7 +26,7 @@ from stimuli.motion.motion import (
 from stimuli.motion.multiples import first_known, upwards
 from stimuli.motion.oscillators import Oscillators
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
-from stimuli.motion.section import ECHOED, echoless, repeated, unpatched
+from stimuli.motion.section import ECHOED, echoless, repeated
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -98,21 +98,21 @@ def pressed_peaks(
     ValueError where they are not known to `rtol`, or the plate is not one for fingers: only modes
     know them.
     """
+    if scene.strip.patches:
+        found, wait_s = list(pressed_motions(scene, drive, pressed)), wait_of(scene.strip, far_m)
+        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1], scene
 
     def quickly(section: Scene) -> Real | None:
-        bare, reference_hz = unpatched(section), reference_of(section, drive)
-        if not is_enough(bare.strip, ECHOED * reference_hz):
+        reference_hz = reference_of(section, drive)
+        if not is_enough(section.strip, ECHOED * reference_hz):
             return None
         there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
-        endless, period_m = repeated(bare, scene)
+        endless, period_m = repeated(section, scene)
         motion = pressed_motion(endless, reference_hz, ECHOED, there, period_m=period_m)
         return peaks_of(motion, groups, drive, wait_s=wait_s, with_error=False).peak_m
 
     section = echoless(scene, quickly, rtol, _QUIET)
     there, wait_s = _moved_to(section, scene, pressed), wait_of(section.strip, far_m)
-    if scene.strip.patches:
-        found = list(pressed_motions(section, drive, there))
-        return patched_peaks(scene.strip, found, groups, drive, wait_s=wait_s), found[-1], section
 
     def look(motion: Motion) -> tuple[Peaks, float]:
         peaks = peaks_of(motion, groups, drive, wait_s=wait_s)

@@ -9,7 +9,7 @@ import numpy as np
 from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
 from stimuli.motion.multiples import first_known
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
-from stimuli.motion.section import ECHOED, echoless, repeated, unpatched
+from stimuli.motion.section import ECHOED, echoless, repeated
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,24 +51,23 @@ def by_modes(
 
 
 def by_patched_modes(
-    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
-) -> tuple[Peaks, Motion, Scene]:
+    scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, far_m: float
+) -> tuple[Peaks, Motion]:
     """Return the same of a plate with patches; ValueError if their modes are too many."""
-    section = heard(scene, places, drive, rtol, far_m)
-    found, wait_s = list(motions(section, drive)), wait_of(section.strip, far_m)
-    return patched_peaks(scene.strip, found, places, drive, wait_s=wait_s), found[-1], section
+    found, wait_s = list(motions(scene, drive)), wait_of(scene.strip, far_m)
+    return patched_peaks(scene.strip, found, places, drive, wait_s=wait_s), found[-1]
 
 
 def heard(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> Scene:
-    """Return the part of a plate whose echoes count, which its patches hardly change."""
+    """Return the part of a plate whose echoes count."""
 
     def quickly(section: Scene) -> Real | None:
-        bare, reference_hz = unpatched(section), reference_of(section, drive)
-        if not is_enough(bare.strip, ECHOED * reference_hz):
+        reference_hz = reference_of(section, drive)
+        if not is_enough(section.strip, ECHOED * reference_hz):
             return None
-        endless, period_m = repeated(bare, scene)
+        endless, period_m = repeated(section, scene)
         motion = motion_of(endless, reference_hz, ECHOED, period_m=period_m)
         wait_s, some = wait_of(section.strip, far_m), [place[::_ECHO_POINTS] for place in places]
         return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m

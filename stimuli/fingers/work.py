@@ -74,7 +74,7 @@ def felt_work(
     if pressed:
         _, motion, section = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
     elif strip.patches:
-        _, motion, section = by_patched_modes(scene, places, drive, rtol, far_m)
+        (_, motion), section = by_patched_modes(scene, places, drive, far_m), scene
     else:
         found = by_modes(scene, places, drive, rtol, far_m)
         if found is None:

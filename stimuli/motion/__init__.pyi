@@ -24,7 +24,7 @@ from .peaks import (
     peaks_of,
     wait_of,
 )
-from .section import ECHOED, echoless, repeated, unpatched
+from .section import ECHOED, echoless, repeated
 
 __all__ = [
     "ECHOED",
@@ -56,7 +56,6 @@ __all__ = [
     "steady",
     "transient",
     "transient_work",
-    "unpatched",
     "upwards",
     "wait_of",
     "without_loss",

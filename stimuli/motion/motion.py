@@ -20,7 +20,7 @@ from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_mode
 from stimuli.motion.multiples import upwards
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
-from stimuli.motion.section import ECHOED, nearby, without_far_ends
+from stimuli.motion.section import ECHOED, without_far_ends
 from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
@@ -220,7 +220,7 @@ def steady(scene: Scene, frequency_hz: float) -> Complex:
 
     ValueError where the plate has a mode below, or too many.
     """
-    omega, scene = 2 * math.pi * frequency_hz, nearby(scene, frequency_hz)
+    omega = 2 * math.pi * frequency_hz
     material = scene.strip.material
     viscous_s = material.viscous_time_s + material.loss_factor / omega
     viscous = dataclasses.replace(material, loss_factor=0.0, viscous_time_s=viscous_s)

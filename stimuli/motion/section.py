@@ -31,10 +31,6 @@ _DIGITS: Final = 12
 
 _ROUNDING: Final = 1e-9
 
-_NEARBY, _FAR_BELOW = 4.0, 0.5
-"""Below such a part of the first cut-off an end so many widths away is not felt: what comes back
-has fallen off by exp(-5 pi) at least."""
-
 AGREED: Final = 0.5
 """Part of a wanted error by which two sections may differ: with the longer one, whose ends are half
 as far away again, less is left."""
@@ -67,19 +63,6 @@ def sections(scene: Scene) -> Iterator[Scene]:
             break
         yield _section(scene, max(start_m, -half_m), min(end_m, half_m), places)
     yield scene
-
-
-def nearby(scene: Scene, frequency_hz: float) -> Scene:
-    """Return a scene on the part of its plate that counts at a frequency, where that is short.
-
-    On one that is not, all modes may as well be those of the whole plate, which others ask for.
-    """
-    strip, places = scene.strip, _places_m(scene)
-    beyond_m, half_m = _NEARBY * strip.width_m, (strip.length_m or 0.0) / 2
-    start_m, end_m = max(min(places) - beyond_m, -half_m), min(max(places) + beyond_m, half_m)
-    if frequency_hz > _FAR_BELOW * strip.cutoff_hz() or end_m - start_m > half_m:
-        return scene
-    return _section(scene, start_m, end_m, places)
 
 
 def _places_m(scene: Scene) -> list[float]:
