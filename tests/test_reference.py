@@ -119,6 +119,7 @@ def test_every_name_of_a_face_has_a_page_that_says_what_it_is() -> None:
     for package in python.PACKAGES:
         names = python.names(package)
         assert sorted(names) == sorted(importlib.import_module(package).__all__)
+        assert [name for name, module in names.items() if not python.text(module, name)] == []
 
 
 @pytest.mark.slow

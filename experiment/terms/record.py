@@ -151,6 +151,7 @@ def _describe() -> tuple[Column, ...]:
 
 
 COLUMNS: tuple[Column, ...] = _describe()
+"""The columns of trials.csv, in their order."""
 _READ: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
 
 

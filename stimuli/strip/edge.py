@@ -27,7 +27,9 @@ class IdealEdge(Enum):
 
 
 SIMPLY_SUPPORTED: Final = IdealEdge.SIMPLY_SUPPORTED
+"""An edge that cannot move and turns freely."""
 CLAMPED: Final = IdealEdge.CLAMPED
+"""An edge that can neither move nor turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,9 +36,9 @@ def pages() -> dict[str, str]:
         about = (import_module(package).__doc__ or "").strip()
         rows, listed = [], []
         for name, module in sorted(names(package).items()):
-            text = _text(module, name)
+            said = text(module, name)
             told[f"api/{package}.{name}.rst"] = _page(package, module, name)
-            rows.append((f"[{name}]({package}.{name}.rst)", prose(text).split("\n")[0]))
+            rows.append((f"[{name}]({package}.{name}.rst)", prose(said).split("\n")[0]))
             listed.append(f"{package}.{name}")
         tree = "\n".join(listed)
         told[f"api/{package}.md"] = (
@@ -48,7 +48,7 @@ def pages() -> dict[str, str]:
     return told
 
 
-def _text(module: str, name: str) -> str:
+def text(module: str, name: str) -> str:
     """Return what a name's docstring says, or what stands below a constant."""
     found = getattr(import_module(module), name)
     if inspect.isclass(found) or inspect.isroutine(found):
@@ -64,4 +64,4 @@ def _page(package: str, module: str, name: str) -> str:
         return f"{head}.. autoclass:: {title}\n   :members:\n"
     if inspect.isroutine(found):
         return f"{head}.. autofunction:: {title}\n"
-    return f"{head}.. py:data:: {title}\n\n   {_text(module, name)}\n"
+    return f"{head}.. py:data:: {title}\n\n   {text(module, name)}\n"

@@ -141,6 +141,7 @@ def page(folder: Path) -> str:
         told.append(f"## {slip.title}\n")
         if slip.study:
             told.append(code(slip.study, "toml"))
-        told.append(code(f"$ tactstrip {slip.command}\n{message}", "text"))
+        shown = f":class: message\n\n$ tactstrip {slip.command}\n{message}"
+        told.append(code(shown, "{code-block} text"))
         told.append(f"Exit code {exit_code}. {slip.cause}\n\n**What helps.** {slip.cure}\n")
     return "\n".join(told)
