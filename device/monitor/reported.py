@@ -47,7 +47,7 @@ class DeviceMonitor:
         self._device = device
         self._clock = clock
         self._per_unit = per_unit
-        self._delay_s = min(delay_s)
+        self._delay_s = delay_s
         self._tolerances = tolerances
         self._planned: Planned | None = None
         self._delays = Delays()
@@ -95,7 +95,9 @@ class DeviceMonitor:
         left = told.left * scale * self._per_unit[0]
         right = told.right * scale * self._per_unit[1]
         correlations = told.correlation_left * _PER_ONE, told.correlation_right * _PER_ONE
-        late_s = told.onset_offset_us * 1e-6 - self._delay_s
+        sounding = [at for at, peak in enumerate(planned.peaks) if peak] or [0, 1]
+        delay_s = min(self._delay_s[at] for at in sounding)  # MEASURED has one onset: the first
+        late_s = told.onset_offset_us * 1e-6 - delay_s
         parts = left / planned.burst[0], right / planned.burst[1]
         faults = self._faults(planned, parts, correlations, late_s)
         heard = any(part >= self._tolerances.silence for part in parts)

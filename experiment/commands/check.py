@@ -47,8 +47,9 @@ def check(
 
     The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
     1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
-    suit the study or a burst was not seen, 3 if it fails. Nobody may touch the plate then. What
-    this machine lacks to run the study is a note, and changes neither verdict nor exit code.
+    suit the study, or a burst was not seen or not verified by the study's monitor, 3 if it fails.
+    Nobody may touch the plate then. What this machine lacks to run the study is a note, and
+    changes neither verdict nor exit code.
     """
     from experiment.apparatus.rig import assemble
     from experiment.preview.check import check_study, require_mock_suitable
@@ -79,7 +80,7 @@ def check(
     if checked.verdict == "unfit":
         click.get_current_context().exit(ANSWER_IS_NO)
     if device is not None:
-        _end(device)
+        end_check(device)
 
 
 def _machine_lacks(study: Study, driver: str | None, port: str | None) -> list[tuple[str, Lack]]:
@@ -109,11 +110,16 @@ def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
             raise CommandError(f"unsuitable: {error}", exit_code=ANSWER_IS_NO) from error
 
 
-def _end(device: DeviceCheck) -> None:
-    """End the command by what the channels did."""
-    wrong = [channel for channel in device.channels if not channel.good]
-    if wrong:
-        raise CommandError(
-            f"the device is not ready: {', '.join(f'{c.side} {c.text}' for c in wrong)}",
-            exit_code=DEVICE_FAILED if any(c.failed for c in wrong) else ANSWER_IS_NO,
-        )
+def end_check(device: DeviceCheck) -> None:
+    """End the command by what the channels did, and what a monitor measured of them."""
+    wrong = [f"{one.side} {one.text}" for one in device.channels if not one.ready]
+    measured = [
+        f"{one.side}: {one.calibration.wrong}"
+        for one in device.channels
+        if one.calibration is not None and one.calibration.wrong
+    ]
+    told = [f"the device is not ready: {', '.join(wrong)}"] * bool(wrong)
+    told += [f"the monitor does not verify the bursts: {', '.join(measured)}"] * bool(measured)
+    if told:
+        failed = any(channel.failed for channel in device.channels)
+        raise CommandError("; ".join(told), exit_code=DEVICE_FAILED if failed else ANSWER_IS_NO)

@@ -77,7 +77,12 @@ class ChannelCheck:
     def good(self) -> bool:
         """Whether the burst went out as it should, as far as anybody looked."""
         measured = self.calibration is None or self.calibration.good
-        return self.delivery is not None and not self.failed and self.seen is not False and measured
+        return self.ready and measured
+
+    @property
+    def ready(self) -> bool:
+        """Whether device and operator say that it went out as it should."""
+        return self.delivery is not None and not self.failed and self.seen is not False
 
     @property
     def text(self) -> str:

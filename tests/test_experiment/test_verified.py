@@ -24,13 +24,14 @@ from device.core.reports import Health
 from device.emulate.amplifier import Adc
 from device.emulate.mock import MockDevice
 from device.sound.audio import AudioDevice
-from experiment.apparatus.monitor import make_monitor
+from experiment.apparatus.monitor import make_monitor, planned_burst
 from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import Rig, assemble, confirmed_now
-from experiment.apparatus.slots import host_limits
+from experiment.apparatus.slots import SLOTS, host_limits, load_condition
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.archive.journal import read_journal
+from experiment.commands.check import end_check
 from experiment.integrity.sessions import examine, unaltered
 from experiment.operator.requests import Requests, StopSignal
 from experiment.preview.device import check_device, device_findings
@@ -39,6 +40,7 @@ from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
 from experiment.study.read import study_from_text
 from experiment.study.study import StudyError
+from experiment.terms.exits import CommandError
 from experiment.trial.draw import draw_plan
 from tests.test_device.in_process import LoopCard
 from tests.test_experiment.lab import Watching
@@ -552,7 +554,7 @@ def test_nothing_touches_the_disk_from_the_onset_to_the_measurement(tmp_path: Pa
 def test_the_check_of_a_device_tells_gain_and_delay_of_its_monitor(tmp_path: Path) -> None:
     wired = Wired(tmp_path)
     wired.card.line.delays = [252.0, 264.0]
-    wired.card.line.path = lambda past: 0.8 * past
+    wired.card.line.path = lambda past: 0.95 * past
     assert wired.monitor is not None
     rig = Rig(
         device=wired.device, clock=wired.card, settings=wired.study.device, monitor=wired.monitor
@@ -563,7 +565,7 @@ def test_the_check_of_a_device_tells_gain_and_delay_of_its_monitor(tmp_path: Pat
         told = channel.calibration
         assert told is not None
         assert channel.good
-        assert told.per_unit == pytest.approx(125 / 0.8, rel=0.02)
+        assert told.per_unit == pytest.approx(125 / 0.95, rel=0.02)
         assert told.delay_ms == pytest.approx(delay / 48, abs=0.02)
     text = device_findings(found).text
     assert "V of 10 planned, noise" in text
@@ -572,6 +574,80 @@ def test_the_check_of_a_device_tells_gain_and_delay_of_its_monitor(tmp_path: Pat
     found = check_device(wired.study, rig, confirmation=word, ask=None)
     assert not any(channel.good for channel in found.channels)
     assert "WRONG: the burst was silent" in device_findings(found).text
+
+
+@pytest.mark.parametrize(
+    ("adc", "keys", "told"),
+    [
+        (
+            {"gain": 0.5},
+            "",
+            "left: the burst was too weak; per_unit = 2 on the left would be exact",
+        ),
+        ({"gain": 1.2}, "", "right: the burst was too strong; per_unit = 0.833"),
+        ({"delay_us": 5e4}, "", "the burst was late; delay_ms = 50 on the left would be exact, ri"),
+        ({"delay_us": 1e4}, "delay_ms = [30, 10]", "left: the burst was early; delay_ms = 10 on"),
+        ({"noise": 200.0}, "least_correlation = 0.9999", "left: the burst was distorted, right"),
+        ({"loss": 1.0}, "", "left: the burst was silent, right: the burst was silent"),
+        (
+            {"delay_us": 1e4, "gain": 0.5},
+            'disagreement = "flag"',
+            "too weak, late; per_unit = 2 and delay_ms = 10 on the left would be",
+        ),
+        ({"gain": 0.95, "delay_us": 900.0}, "", ""),
+        ({"delay_us": 1e4}, "delay_ms = [9.5, 10.5]", ""),
+    ],
+)
+def test_a_check_ends_with_1_where_a_session_would_count_no_burst(
+    tmp_path: Path, adc: dict[str, float], keys: str, told: str
+) -> None:
+    rig = ByItself(tmp_path)
+    text = BY_ITSELF.format(tap="amplifier", gain=1) + keys
+    study = study_from_text(text, "study.toml")
+    mock = MockDevice(rig.clock, limits=host_limits(study.device), adc=Adc(**adc))  # type: ignore[arg-type]
+    monitor = make_monitor(study.monitor, mock, rig.clock, None)
+    made = Rig(device=mock, clock=rig.clock, settings=study.device, monitor=monitor)
+    found = check_device(study, made, confirmation=None, ask=None)
+    if not told:
+        end_check(found)
+        return
+    with pytest.raises(CommandError) as ended:
+        end_check(found)
+    words = str(ended.value)
+    assert words.startswith("the monitor does not verify the bursts: left: ")
+    assert told in words
+    assert ended.value.exit_code == 1
+    assert ("exact with" in device_findings(found).text) == ("silent" not in told)
+
+
+@pytest.mark.parametrize(
+    ("side", "delay_ms", "fault"),
+    [
+        ("left", 20, ()),
+        ("left", 10, ("early",)),
+        ("right", 10, ()),
+        ("right", 20, ("late",)),
+        ("both", 10, ()),
+        ("both", 20, ("late",)),
+    ],
+)
+def test_a_device_has_a_delay_for_each_side(
+    side: str, delay_ms: float, fault: tuple[str, ...]
+) -> None:
+    text = BY_ITSELF.format(tap="amplifier", gain=1) + "delay_ms = [20, 10]"
+    study, clock = study_from_text(text, "study.toml"), VirtualClock()
+    adc = Adc(delay_us=1e3 * delay_ms)
+    mock = MockDevice(clock, limits=host_limits(study.device), adc=adc)
+    monitor = make_monitor(study.monitor, mock, clock, None)
+    assert monitor is not None
+    condition = study.conditions[0]
+    mock.open()
+    load_condition(mock, condition, study.device)
+    mock.enable()
+    mock.set_levels(20.0, 20.0)
+    mock.arm(1, SLOTS[side], time_to_live_s=1.0)
+    monitor.begin(1, planned_burst(condition, study.device, (1, 1), side=side, level_vpp=20.0))
+    assert monitor.end(mock.fire(1)).faults == fault
 
 
 @pytest.fixture
