@@ -11,7 +11,7 @@ from scipy import signal
 
 from device.checks import require_real
 from device.driver import LinkError
-from device.monitor.delays import Delays, OwnDelay
+from device.monitor.delays import LONGEST_OWN_S, Delays, OwnDelay
 from device.monitor.matching import Template
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, judge, void
 
@@ -31,12 +31,11 @@ _QUIET_SHAPES: Final = 40
 LEAST_QUIET_S: Final = 0.02
 SEARCHED_S: Final = 0.1
 """So long after its time a burst is waited for."""
-_LONGEST_OWN_S: Final = 0.3
-"""The same where no delay is stated: as long as a sound server's may be."""
 _PATIENCE_S: Final = 1.0
 _SETTLES_S: Final = 10.0
 """A sound server has been seen to need 3.5 s, on an idle machine."""
 _POLL_S: Final = 0.002
+_UNKNOWN: Final = "the burst before was not heard, and this may be that one"
 _FULL: Final = 32768
 _LIMIT: Final = 32766 / _FULL
 
@@ -73,8 +72,9 @@ class Calibration:
 class InputMonitor:
     """A `Monitor` by two inputs of a sound card.
 
-    `connect` opens their stream; None where the driver does that, whose stream they are. `played`
-    tells at which frame the driver's last burst began, where its frames are the record's.
+    `connect` opens their stream; None where the driver does that, whose stream they are, and
+    `renew` opens that anew. `played` tells at which frame the driver's last burst began, where its
+    frames are the record's.
     """
 
     def __init__(
@@ -88,6 +88,7 @@ class InputMonitor:
         source: str,
         connect: Callable[[Recorder], Stream] | None = None,
         played: Callable[[], int | None] | None = None,
+        renew: Callable[[], None] | None = None,
     ) -> None:
         self.tap = tap
         self.source = source
@@ -97,6 +98,8 @@ class InputMonitor:
         self._tolerances = tolerances
         self._connect = connect
         self._played = played
+        self._renew = renew
+        self._listened = False
         self._stream: Stream | None = None
         self._first = self._gaps = self._over = 0
         self._planned: Planned | None = None
@@ -109,8 +112,16 @@ class InputMonitor:
         return self.tap.unseen
 
     def open(self) -> None:
-        """Open the inputs, also anew; the driver's own are open. Wait until they run steadily."""
+        """Open the inputs, also anew; the driver's own are open. Wait until they run steadily.
+
+        Opened again after a burst that was not verified, a stream has lost the delay that it got
+        where a sound server tore it.
+        """
         self._over = 0
+        self._recorder.release()
+        if self._listened and self._renew is not None:
+            self._renew()
+        self._listened = True
         if self._connect is not None:
             self.close()
             self._recorder.restart()
@@ -150,9 +161,11 @@ class InputMonitor:
         template = Template(_at_rate(planned, self._recorder.sample_rate_hz))
         why = self._wait(delivery.host_after_s, template)
         quiet, self._over = self._quiet(), self._recorder.frames
-        if why:
+        found = None if why else self._found(template, quiet)
+        self._recorder.release()  # what comes until the next burst is its quiet part
+        if found is None:
             return Measured(token=delivery.token, tap=self.tap, source=self.source, unmeasured=why)
-        return self._measured(delivery, planned, self._found(template, quiet))
+        return self._measured(delivery, planned, found)
 
     def _quiet(self) -> int:
         recorder, planned = self._recorder, self._planned
@@ -166,7 +179,7 @@ class InputMonitor:
         recorder = self._recorder
         rate_hz = recorder.sample_rate_hz
         delay_s = self._calibration.delay_s
-        later_s = _LONGEST_OWN_S if delay_s is None else SEARCHED_S + max(delay_s)
+        later_s = LONGEST_OWN_S if delay_s is None else SEARCHED_S + max(delay_s)
         began = None if self._played is None else self._played()
         give_up_s = self._clock.now_s() + _PATIENCE_S + later_s + len(template.shape) / rate_hz
         asked = recorder.frames
@@ -216,26 +229,33 @@ class InputMonitor:
             i for i in range(2) if found[i].amplitude >= self._tolerances.silence * planned.burst[i]
         ]
         main = min(sounding, key=lambda i: frames[i], default=None)
-        near_s = 0.0
+        near_s: float | None = 0.0
         if self._calibration.delay_s is None and main is not None:
             near_s = self._own.near(late_s[main], within_s=self._tolerances.onset_s)
+        off_s = late_s if near_s is None else [one - near_s for one in late_s]
         faults, noisy = judge(
             planned,
             found,
             tap=self.tap,
             tolerances=self._tolerances,
-            late_s=(late_s[0] - near_s, late_s[1] - near_s),
+            late_s=(off_s[0], off_s[1]),
             sample_rate_hz=rate_hz,
         )
         flat = Fault.CLIPPED in faults
         peaks = [
-            one.largest if not peak else max(min(one.tops)[0] if flat else one.amplitude, 0.0)
+            max(min(one.tops)[0] if flat else one.amplitude, 0.0)
+            if peak
+            else max(one.largest, one.loudest)
             for peak, one in zip(planned.peaks, found, strict=True)
         ]
+        if main is None and not planned.blank:
+            self._own.miss()
         if noisy:
             main = None
         if main is not None and not {*faults} - {Fault.EARLY, Fault.LATE}:
             self._own.keep(late_s[main], good=not faults)
+            if near_s is None:
+                noisy, faults = _UNKNOWN, ()
         voided = void(faults, self.tap)
         noted = tuple(one for one in faults if one not in voided)
         if main is not None and not voided:

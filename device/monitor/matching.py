@@ -32,6 +32,10 @@ _FEW_SURE: Final = 3.31
 _MARGIN: Final = 8
 """Frames around a shape: what is played between two samples of the record rings there."""
 _STEPS: Final = 3
+_LOUD: Final = 6.0
+"""Standard deviations of a stretch's energy."""
+_UPSIDE_DOWN: Final = 8.0
+"""Standard deviations: a burst of many cycles is nearly itself upside down, half a period later."""
 _LEAST_NOISE: Final = 2.0**-16
 """Of the record's limit: a record without any noise is still one of 16 bit."""
 
@@ -53,8 +57,13 @@ class Found:
         Frames by which the onset is known with 95 %, half-width.
     correlation, correlation_sd : float
         With the shape, of what is left when the noise's energy is taken off; 1 for a scaled copy.
+    inverted : bool
+        Turned upside down it fits somewhere better, where noise does not decide between the two.
     largest : float
         Largest magnitude with which the shape fits anywhere, the burst included.
+    loudest, beside : float
+        Amplitude of a burst of the energy that is there beside a straight line, in a stretch as
+        long as one, where it is clear of the noise's, else 0: anywhere, and clear of the burst.
     second : float
         Largest magnitude with which the shape fits in what remains without the burst.
     second_at : float
@@ -72,7 +81,10 @@ class Found:
     onset_uncertainty: float
     correlation: float
     correlation_sd: float
+    inverted: bool
     largest: float
+    loudest: float
+    beside: float
     second: float
     second_at: float
     noise_rms: float
@@ -102,6 +114,8 @@ class Template:
         self._turn = -2j * np.pi * np.fft.rfftfreq(len(self.shape))
         self._slope = self._later(0.0)[1]
         self._slope_energy = float(self._slope @ self._slope)
+        itself = signal.correlate(self.shape, self.shape) / self.energy
+        self._upside_down = 1 + float(np.min(itself))
 
     def shifted(self, part: float) -> FloatArray:
         """Return the shape, with a margin, as it is sampled a part of a frame later."""
@@ -150,7 +164,16 @@ class Template:
             )
             for weights in _of_tops(here)
         )
-        correlation, correlation_sd = self._correlation(part, amplitude, x[:quiet])
+        energies = _energies(x, size)
+        noises = energies[: quiet - size]
+        correlation, correlation_sd = self._correlation(part, amplitude, noises)
+        bent = energies - _straight(x, size)
+        loud = np.maximum(bent[quiet - _MARGIN :] - float(np.mean(bent[: quiet - size])), 0.0)
+        loud[loud <= sure * _clear_of(bent[: quiet - size])] = 0.0
+        beside = np.concatenate(
+            (loud[: max(first - size - quiet + _MARGIN, 0)], loud[first + size - quiet + _MARGIN :])
+        )
+        opposite = -float(np.min(searched))
         x[first : first + size] -= amplitude * here
         second = np.abs(signal.correlate(x[quiet - _MARGIN :], self.shape, "valid")) / self.energy
         last = int(np.argmax(second))
@@ -162,7 +185,11 @@ class Template:
             onset_uncertainty=_COVERS_95 * onset_sd / amplitude if amplitude > 0 else math.inf,
             correlation=correlation,
             correlation_sd=sure * correlation_sd,
+            inverted=opposite > amplitude
+            and self._upside_down * opposite > _UPSIDE_DOWN * amplitude_sd,
             largest=float(np.max(np.abs(searched))),
+            loudest=math.sqrt(float(np.max(loud)) / self.energy),
+            beside=math.sqrt(float(np.max(beside, initial=0.0)) / self.energy),
             second=float(second[last]),
             second_at=float(last + quiet - _MARGIN - at),
             noise_rms=noise,
@@ -170,17 +197,42 @@ class Template:
         )
 
     def _correlation(
-        self, part: FloatArray, amplitude: float, quiet: FloatArray
+        self, part: FloatArray, amplitude: float, energies: FloatArray
     ) -> tuple[float, float]:
         """Return it without the noise's energy, which a quiet part tells stretch by stretch."""
-        sums = np.cumsum(quiet**2)
-        energies = sums[len(part) :] - sums[: -len(part)]
         noise, fitted = float(np.mean(energies)), amplitude**2 * self.energy
         rest = float(part @ part) - noise
         if fitted <= 0 or rest <= 0:
             return 0.0, 1.0
         spread = max(float(np.std(energies)), noise * math.sqrt(2 / len(part))) / fitted / 2
         return math.copysign(math.sqrt(min(1.0, fitted / rest)), amplitude), spread
+
+
+def _energies(x: FloatArray, length: int) -> FloatArray:
+    """Return the energy of each stretch of that length."""
+    sums = np.cumsum(x**2)
+    energies: FloatArray = sums[length:] - sums[:-length]
+    return energies
+
+
+def _straight(x: FloatArray, length: int) -> FloatArray:
+    """Return the energy of the line that fits each stretch: slow noise is little more."""
+    at = np.arange(len(x))
+    sums, moments = np.cumsum(x), np.cumsum(at * x)
+    total = sums[length:] - sums[:-length]
+    middle = at[1 : 1 - length or None][: len(total)] + (length - 1) / 2
+    tilted = moments[length:] - moments[:-length] - middle * total
+    line: FloatArray = total**2 / length + tilted**2 * 12 / (length * (length**2 - 1))
+    return line
+
+
+def _clear_of(noises: FloatArray) -> float:
+    """Return by how much more than the mean no noise has, if it goes on as in the quiet part.
+
+    Slow noise has few large stretches: what is twice the largest of them is none.
+    """
+    mean = float(np.mean(noises))
+    return max(_LOUD * float(np.std(noises)), 2 * float(np.max(noises)) - mean)
 
 
 def _spread(quiet: FloatArray, noise: float, weights: FloatArray) -> float:

@@ -272,17 +272,16 @@ def judge(
 
     `late_s` are left's and right's. An overloaded input is a fault however strong the noise is.
     """
-    rms = Template(planned.shape).rms
+    rms, sized = Template(planned.shape).rms, tap is not Tap.MOTION
     faults = [Fault.CLIPPED] if any(one.overloaded for one in found) else []
     for peak, full, one in zip(planned.peaks, planned.burst, found, strict=True):
-        sized = peak and tap is not Tap.MOTION
         snr_db = 20 * math.log10(full * rms / one.noise_rms)
-        finest = tolerances if sized else None
+        finest = tolerances if peak and sized else None
         why = _too_noisy(snr_db, one, full, finest=finest, silence=tolerances.silence)
         if why:
             return tuple(faults), why
     heard = [
-        (one.amplitude if peak else one.largest) / full
+        (one.amplitude if peak else max(one.largest, one.loudest * sized)) / full
         for peak, full, one in zip(planned.peaks, planned.burst, found, strict=True)
     ]
     faults += _of_channels(planned, found, heard, tolerances, tap)
@@ -365,7 +364,7 @@ def _of_size(part: float, one: Found, full: float, tolerances: Tolerances) -> li
     for (top, sd), share in zip(one.tops, _FLAT, strict=False):  # a shape may have one sign
         flat = max(share * tolerances.peak * one.amplitude, _SURE_OF_TOP * sd)
         faults += [Fault.CLIPPED] * (one.amplitude - top > flat)
-    if one.correlation < tolerances.correlation + _SURE * one.correlation_sd:
+    if one.inverted or one.correlation < tolerances.correlation + _SURE * one.correlation_sd:
         faults.append(Fault.DISTORTED)
     return faults
 
@@ -379,7 +378,8 @@ def _again(
             again = abs(one.second_at) > frames and one.second > _AGAIN_BY_MOTION * one.amplitude
             again = again and one.second > tolerances.silence * full
         else:
-            again = one.second > _no_silence(one, full, tolerances.silence) * full
+            least = _no_silence(one, full, tolerances.silence) * full
+            again = max(one.second, one.beside) > least
         if peak and again:
             return [Fault.DOUBLED]
     return []

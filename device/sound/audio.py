@@ -82,10 +82,7 @@ class AudioLink(HostedCore):
         self._attend()
         self._drop()
         self.player.mute(on=True)
-        self.player.frames = 0
-        if self._recorder is not None:
-            self._recorder.restart()
-        self._stream = self._connect(self.player)
+        self._begin()
         self._known = self._core.state
         limits, output = self._core.limits, self._core.output
         return Identity(
@@ -121,6 +118,17 @@ class AudioLink(HostedCore):
         """Close the stream."""
         super().hang_up()
         self._drop()
+
+    def renew(self) -> None:
+        """Open the stream anew, with the delay that one has when it begins."""
+        self._drop()
+        self._begin()
+
+    def _begin(self) -> None:
+        self.player.frames = 0
+        if self._recorder is not None:
+            self._recorder.restart()
+        self._stream = self._connect(self.player)
 
     def _drop(self) -> None:
         if self._stream is not None:
@@ -221,6 +229,10 @@ class AudioDevice(HostDriver):
     def cannot(self) -> tuple[str, ...]:
         """What a sound card cannot promise."""
         return CANNOT if self.recorder is not None else (*CANNOT, UNMEASURED)
+
+    def renew(self) -> None:
+        """Open the stream anew between two bursts; nothing else changes."""
+        self._audio.renew()
 
     def played(self) -> int | None:
         """Return the frame of the stream at which the last burst began; None if none did."""

@@ -88,6 +88,7 @@ def make_monitor(
             tolerances=tolerances,
             source="inputs of the sound card that drives",
             played=getattr(device, "played", None),
+            renew=getattr(device, "renew", None),
         )
     card = settings.sound_card
     return InputMonitor(

@@ -12,7 +12,7 @@ import pytest
 from device.clock import VirtualClock
 from device.driver import LinkError, Outcome
 from device.monitor.inputs import Calibration, InputMonitor
-from device.monitor.matching import Template
+from device.monitor.matching import Found, Template
 from device.monitor.measured import Fault, Measured, Tap, Tolerances, void
 from device.sound.recorder import Recorder
 from tests.test_device.bursts import BURST, play, ready
@@ -176,6 +176,7 @@ class Rig:
             tolerances=Tolerances(**tolerances),
             source="loop",
             played=self.device.played,
+            renew=self.device.renew,
         )
         self.monitor.open()
         self._token = 0
@@ -327,6 +328,62 @@ def test_an_unstated_delay_is_told_anew_by_another_stream() -> None:
     assert rig.measure().verified == "line"
 
 
+def test_after_a_burst_that_was_not_heard_an_unstated_delay_is_not_known() -> None:
+    rig = Rig(stated=False)
+    rig.card.line.path = scaled(0.0)
+    assert rig.measure().faults == (Fault.SILENT,)
+    rig.card.line.path = scaled(1.0)
+    assert "may be that one" in rig.measure().unmeasured
+    assert rig.measure().verified == "line"
+
+
+def test_opened_again_the_stream_of_the_driver_is_another() -> None:
+    rig = Rig(stated=False)
+    rig.card.line.path = scaled(0.0)
+    rig.measure()
+    rig.card.line.path = scaled(1.0)
+    rig.monitor.open()
+    assert rig.measure().verified == "line"
+    rig.card.line.delays = [DELAY + 3000, DELAY + 3000]
+    assert rig.measure().faults == (Fault.LATE,)
+    rig.monitor.open()
+    assert rig.measure().verified == "line"
+
+
+def found(
+    shape: FloatArray, record: FloatArray, rng: np.random.Generator, *, noise_db: float = 20.0
+) -> Found:
+    noise_rms = 10 ** (-noise_db / 20) * float(np.sqrt(np.mean(shape**2)))
+    noise = noise_rms * rng.normal(size=len(record))
+    return Template(shape).find(record + noise, quiet=20_000, limit=10.0)
+
+
+@pytest.mark.parametrize("cycles", [5, 10, 20])
+def test_another_shape_is_heard_by_its_energy(cycles: int) -> None:
+    rng, frames = np.random.default_rng(8), 96 * cycles + 1
+    shape, other = sine(48_000, 500, cycles), sine(48_000, 1000, 2 * cycles)
+    record = np.zeros(60_000)
+    record[22_000 : 22_000 + frames] = shape
+    alone = found(shape, record, rng)
+    assert alone.beside == 0.0
+    assert alone.loudest == pytest.approx(1.0, abs=0.1)
+    record[40_000 : 40_000 + frames] = 0.9 * other
+    both = found(shape, record, rng)
+    assert both.second < 0.1
+    assert both.beside == pytest.approx(0.9, abs=0.1)
+
+
+@pytest.mark.parametrize(("cycles", "noise_db"), [(1, 20.0), (5, 20.0), (10, 30.0), (20, 40.0)])
+def test_a_burst_upside_down_is_not_one_half_a_period_later(cycles: int, noise_db: float) -> None:
+    rng, frames = np.random.default_rng(9), 96 * cycles + 1
+    shape = sine(48_000, 500, cycles) * np.hanning(frames)
+    record = np.zeros(60_000)
+    for sign in (1, -1):
+        record[22_000 : 22_000 + frames] = sign * shape
+        told = {found(shape, record, rng, noise_db=noise_db).inverted for _ in range(20)}
+        assert told == {sign < 0}
+
+
 def test_frames_that_were_put_in_make_a_burst_unmeasured() -> None:
     rig = Rig()
 
@@ -360,8 +417,12 @@ def test_a_second_burst_while_the_answer_is_awaited_is_told() -> None:
     assert rig.measure(answer_s=2.9).faults == (Fault.DOUBLED,)
 
 
-def test_an_answer_that_takes_long_loses_nothing() -> None:
-    assert Rig().measure(answer_s=20.0).verified == "line"
+@pytest.mark.parametrize("pause_s", [4.6, 9.0])
+def test_neither_a_long_answer_nor_a_long_pause_loses_anything(pause_s: float) -> None:
+    rig = Rig()
+    assert rig.measure(answer_s=pause_s).verified == "line"
+    rig.card.wait(pause_s)
+    assert rig.measure().verified == "line"
 
 
 @pytest.mark.parametrize("fault", ["silence", "too weak", "swap", "again later"])
