@@ -191,8 +191,7 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
         return f"{head} none to {plan.most} | - | - | - | - |"
     number = answer.participants or 0
     people = f"{number} ({answer.low} to {answer.high or 'more'})"
-    point = replace(answer.point, participants=number)
-    promised = next(one.assurance for one in promise.tried if one.point == point)
+    promised = answer.checked.assurance if answer.checked else math.nan
     kept = {"threshold_at_hz", "threshold_at_s", "threshold_at_cm2"}
     if goal.kind == "false-alarms":  # whose rate is what the plan states
         kept.add("false_alarm_rate")

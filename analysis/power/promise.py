@@ -88,17 +88,18 @@ class Promise:
     @property
     def ethics(self) -> str:
         """Return a paragraph for the form of an ethics committee."""
-        if self.best is None:
+        if self.best is None or self.best.checked is None:
             return ""
-        number = max((one.studies for one in self.tried), default=0)
+        fresh = self.best.checked
         covered = sum(one.covered * one.studies for one in self.tried)
         covered /= sum(one.studies for one in self.tried)
         people = ", ".join(f"{one.key} = {one.value:g}" for one in self.people.numbers)
         return (
             f"The number of participants was chosen by simulation (tactstrip power, seed "
             f"{self.seed}). With {_people(self.best)}, {_design(self.best)}, {self.goal.words} is "
-            f"expected in {self.assurance:.0%} of such studies. Near this number {number} studies "
-            "were simulated at each point and analysed as the recorded data will be; of all "
+            f"expected in {self.assurance:.0%} of such studies: of {fresh.studies} simulated ones "
+            f"that took no part in choosing this number, {_percent(fresh)} reached it. All were "
+            "analysed as the recorded data will be; of all "
             f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
             f"{people}. People who leave or are left out are not counted in this number."
         )
@@ -107,6 +108,9 @@ class Promise:
 def text(promise: Promise) -> str:
     """Return a promise for a terminal: the answer first."""
     lines = [promise.sentence]
+    if promise.best and promise.best.checked:
+        told = f"{promise.best.checked.studies} fresh studies, which took no part in the search,"
+        lines += [f"Of {told} {_percent(promise.best.checked)} reach it."]
     if len(promise.answers) > 1:
         lines += ["", "For each design:"]
         lines += [f"  {_people(one)}, {_design(one)}" for one in promise.answers]
@@ -152,6 +156,7 @@ def _answer(one: Answer) -> dict[str, Any]:
         "participants": one.participants,
         "participants_low": one.low,
         "participants_high": one.high,
+        "checked": _row(one.checked) if one.checked else None,
     }
 
 

@@ -1,7 +1,8 @@
 """The smallest number of people that reaches a goal often enough, over trials and blanks.
 
 Each point is 200 studies, those near the answer 1000. All points have the same people (common
-random numbers), so that neighbours differ by less than their own errors say.
+random numbers), so that neighbours differ by less than their own errors say. The number that these
+studies choose passes in them by luck, too: what is told of it comes from 1000 others.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ PROBE: Final = 40
 """Studies of each number of a ladder, all together: enough to rule most of them out."""
 FEW: Final = 200
 MANY: Final = 1000
+CHECKED: Final = 2 * MANY
+"""Of the answer: those from `MANY` on take no part in the search."""
 _CLEAR: Final = 3.0
 """Standard errors from the assurance, from which a number of people is ruled out, or in."""
 _STRIDE: Final = 1.6
@@ -85,13 +88,15 @@ class Tried:
 class Answer:
     """The smallest number of people at one number of trials; none where the bounds hold none.
 
-    `low` and `high` are its 95 % interval by the simulation, none where an end was not found.
+    `low` and `high` are its 95 % interval by the simulation, none where an end was not found;
+    `checked` is how it does in studies that the search did not choose it by.
     """
 
     point: Point
     participants: int | None
     low: int | None = None
     high: int | None = None
+    checked: Tried | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,9 +143,9 @@ class Trials:
                 of_point[i] = (reached, math.inf if number is None else number, covered)
             self.step(work_of(chunk.point, chunk.number))
 
-    def tried(self, point: Point) -> Tried:
-        """Return what is known of a point."""
-        values = self._found[point].values()
+    def tried(self, point: Point, first: int = 0) -> Tried:
+        """Return what is known of a point, by its studies from the first on."""
+        values = [one for study, one in self._found[point].items() if study >= first]
         reached, numbers, covered = zip(*values, strict=True)
         return Tried(
             point=point,
@@ -158,7 +163,7 @@ class Trials:
         """Cut what is missing into chunks, always at the same places: a kept one is found again."""
         known = self._found.get(point, {})
         size = max(1, round(CHUNK_S / work_of(point, 1)))
-        for start, stop in ((0, PROBE), (PROBE, FEW), (FEW, MANY)):
+        for start, stop in ((0, PROBE), (PROBE, FEW), (FEW, MANY), (MANY, CHECKED)):
             for first in range(start, min(stop, studies), size):
                 if first not in known:
                     yield Chunk(
@@ -208,7 +213,12 @@ def smallest(trials: Trials, at: Point, participants: tuple[int, int], assurance
     if number is None:
         return Answer(point=at, participants=None)
     low, high = yield from numbers.around(number)
-    return Answer(point=at, participants=number, low=low, high=high)
+    checked = yield from numbers.checked(number)
+    if checked is None:
+        return Answer(point=at, participants=None)
+    number = checked.point.participants
+    high = None if high is None else max(number, high)
+    return Answer(point=at, participants=number, low=low, high=high, checked=checked)
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,6 +299,20 @@ class _Numbers:
             searching = lower or higher
         return low, high if self.of(high).limits[0] >= self.assurance else None
 
+    def checked(self, number: int) -> Generator[_Asked, None, Tried | None]:
+        """Hold a number against fresh studies, and the next where they rule it out.
+
+        To ask that they reach the assurance, too, would choose by their luck again.
+        """
+        while True:
+            yield self.asked([number], CHECKED)
+            found = self.trials.tried(replace(self.at, participants=number), MANY)
+            if found.limits[1] >= self.assurance:
+                return found
+            if number == self.most:
+                return None
+            number = min(self.most, number + _step(number))
+
 
 def _step(number: int) -> int:
     return max(1, round(_STEP * number))
@@ -350,7 +374,7 @@ def most_work(at: Iterable[Point], participants: tuple[int, int]) -> float:
     rounds = math.ceil(math.log(gap, _PARTS)) if gap > 1 else 0
     return sum(
         sum(work_of(replace(point, participants=number), PROBE) for number in ladder)
-        + work_of(replace(point, participants=ladder[-1]), (_PARTS - 1) * rounds * FEW + 4 * MANY)
+        + work_of(replace(point, participants=ladder[-1]), (_PARTS - 1) * rounds * FEW + 5 * MANY)
         for point in at
     )
 

@@ -11,7 +11,7 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scipy.stats import binom
+from scipy.stats import binom, chi2
 
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import power
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
+    from analysis.power.search import Answer
     from experiment.study.study import Study
 
 ALONE = ConditionGains(
@@ -125,6 +126,7 @@ def test_the_search_finds_the_smallest_number_in_few_rounds(
         return 0.5 + 0.5 * math.tanh(2 * math.log(participants / middle))
 
     luck = np.random.default_rng(4).random(MANY)
+    twice = np.tile(luck, 2)  # so that the fresh studies agree
     for middle in (0.5, 2.0, 8.0, 8.4, 30.0, 500.0):
         asked: list[int] = []
 
@@ -132,7 +134,7 @@ def test_the_search_finds_the_smallest_number_in_few_rounds(
             some = [*chunks]
             asked.append(len(some))  # noqa: B023
             for one in reversed(some):  # whatever comes first
-                found = luck[one.first : one.first + one.number]
+                found = twice[one.first : one.first + one.number]
                 reached = (found < share(one.point.participants, middle)).tolist()
                 yield one, dict.fromkeys(("reached", "number", "covered"), reached)
 
@@ -143,10 +145,77 @@ def test_the_search_finds_the_smallest_number_in_few_rounds(
         assert found.participants == next(
             (n for n in inside if (luck < share(n, middle)).mean() >= assurance), None
         )
-        assert len(asked) <= 16
+        assert len(asked) <= 17
         if found.participants is not None and found.high is not None:
             assert found.low is not None
             assert found.low <= found.participants <= found.high
+
+
+def searched(seed: int, slope: float) -> tuple[Answer, Trials]:
+    """Search where each person more reaches the goal in so many more studies, 13.6 in 80 %."""
+
+    def drawn(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            rng = np.random.default_rng((seed, one.point.participants, one.first))
+            reached = rng.random(one.number) < 0.8 + slope * (one.point.participants - 13.6)
+            yield one, dict.fromkeys(("reached", "number", "covered"), reached.tolist())
+
+    at = Point(participants=1, trials_per_side=75, blanks=0)
+    trials = Trials(plan="", seed=1, spread=drawn)
+    (found,) = answers(trials, [smallest(trials, at, (2, 40), 0.8)])
+    return found, trials
+
+
+@pytest.mark.slow
+def test_what_is_told_of_the_answer_is_not_better_than_what_it_attains() -> None:
+    slope = 0.01
+    told: list[float] = []
+    chosen: list[float] = []
+    for seed in range(300):
+        found, trials = searched(seed, slope)
+        assert found.participants is not None
+        assert found.checked is not None
+        assert found.checked.studies == MANY
+        attains = 0.8 + slope * (found.participants - 13.6)
+        told.append(found.checked.assurance - attains)
+        both = trials.tried(found.checked.point)
+        chosen.append((both.reached - found.checked.reached) / MANY - attains)
+    assert np.mean(chosen) > 0.005  # of the studies that chose the number
+    assert abs(np.mean(told)) < 4 * np.std(told) / math.sqrt(300) < 0.004
+
+
+def test_a_number_that_fresh_studies_rule_out_is_not_the_answer() -> None:
+    def lucky(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            middle = 10 if one.first < MANY else 12
+            reached = [one.point.participants >= middle] * one.number
+            yield one, dict.fromkeys(("reached", "number", "covered"), reached)
+
+    at = Point(participants=1, trials_per_side=75, blanks=0)
+    for most, answer in ((20, 12), (11, None)):
+        trials = Trials(plan="", seed=1, spread=lucky)
+        (found,) = answers(trials, [smallest(trials, at, (2, most), 0.8)])
+        assert found.participants == answer
+        assert found.high == answer
+
+
+@pytest.mark.slow
+def test_studies_are_independent_within_a_seed_and_between_seeds() -> None:
+    study = study_of(
+        'levels_vpp = [80.0]\norder = "balanced"\nboth_trials = 0',
+        "threshold_vpp = 80.0\nthreshold_sd_db = 2.0",
+    )
+    point = Point(participants=3, trials_per_side=10, blanks=0)
+    plan = plan_text(study, (ALONE,), Goal.parse("detection=21%@80V"))
+    reached = np.array([
+        simulate(Chunk(plan=plan, point=point, first=0, number=60, seed=seed))["reached"]
+        for seed in range(60)
+    ])  # fmt: skip
+    share = reached.mean()
+    assert 0.2 < share < 0.8
+    for axis in (0, 1):  # each study over the seeds, each seed over its studies
+        scatter = ((reached.sum(axis=axis) - 60 * share) ** 2).sum() / (60 * share * (1 - share))
+        assert 0.001 < chi2.sf(scatter, 59) < 0.999
 
 
 BLANKS = """
