@@ -27,18 +27,12 @@ def recorder_beside(
 
     StudyError where no sound card drives, or no device that could measure by itself.
     """
-    if monitor.source == "device" and device.driver != "serial":
-        raise StudyError(
-            "monitor.source must be input, with the inputs of a sound card beside the driver "
-            f"{device.driver}; got device, which needs the driver serial"
-        )
+    try:
+        monitor.check_driver(device.driver)
+    except ValueError as error:
+        raise StudyError(str(error)) from error
     if monitor.source != "duplex":
         return None
-    if device.driver != "audio":
-        raise StudyError(
-            "monitor.source must be input, with the inputs of a sound card beside the driver "
-            f"{device.driver}; got duplex, which needs the driver audio"
-        )
     from device.sound.recorder import Recorder
 
     return Recorder(clock, device.sample_rate_hz, channels=monitor.inputs)

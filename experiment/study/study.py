@@ -60,7 +60,6 @@ if TYPE_CHECKING:
 LEAST_UM_PER_VPP: Final = 1e-4
 """Less stays below a tenth of a micrometre, the least that is felt, at all levels to 1000 Vpp."""
 
-
 _REACH_M: Final = 1.0
 """Two fingers farther apart are not laid on a plate at ease; its field would take minutes."""
 
@@ -220,7 +219,7 @@ class Study:
             check_fingers(self.actuators[:2], self.strip)
         self._check_levels()
         self._check_drives()
-        self.monitor.check_onsets(self.design.foreperiod_s[0])
+        self.monitor.check_beside(self.device.driver, self.design.foreperiod_s[0])
         self.texts.check_answers(self.design.responses)
 
     def _check_displacements(self) -> None:
@@ -259,6 +258,7 @@ class Study:
 
     def _check_drives(self) -> None:
         window_s, rate_hz = self.design.response_window_s, self.device.sample_rate_hz
+        least_s = self.design.foreperiod_s[0]
         for place, condition in enumerate(self.conditions):
             if condition.file is not None and not condition.is_found:
                 continue
@@ -273,6 +273,7 @@ class Study:
                     f"design.response_window_s = {window_s:.10g}; "
                     f"got {condition.drive.duration_s:.10g} s"
                 )
+            self.monitor.check_drive(condition.name, condition.drive, rate_hz, least_s)
 
     @property
     def name(self) -> str:

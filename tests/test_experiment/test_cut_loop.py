@@ -41,7 +41,7 @@ source = "duplex"
 tap = "line"
 per_unit = [125, 125]
 measured_by = "us"
-measured_on = 2026-11-22
+measured_on = 2026-05-04
 """
 PLANNED = 58
 CUT_AT = 50

@@ -358,6 +358,8 @@ def without_diameter(left: str) -> str:
         (array(MEASURED.replace("2.6", "0.0026")), "if these are millimetres, write measured_dis"),
         (array(MEASURED.replace("100", "0.1")), "if these are kilovolts, write measured_at_vpp ="),
         ("strip.measured_by = ' '", "strip.measured_by must be text in one line; got ' '"),
+        ("strip.measured_on = 'in May'", "strip.measured_on must be a day as year-month-day, such"),
+        ("strip.measured_on = 2999-01-01", "such as 2026-05-04, and none to come; got '2999-01-01"),
         (
             "[strip]\nmeasured_on = 04.05.2026",
             "must be a day as year-month-day, such as 2026-05-04",

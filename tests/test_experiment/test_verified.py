@@ -23,6 +23,7 @@ from device.clock import VirtualClock
 from device.core.reports import Health
 from device.emulate.amplifier import Adc
 from device.emulate.mock import MockDevice
+from device.monitor import inputs, matching
 from device.sound.audio import AudioDevice
 from experiment.apparatus.monitor import make_monitor, planned_burst
 from experiment.apparatus.noise import SilentNoise
@@ -39,6 +40,7 @@ from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
 from experiment.study.read import study_from_text
+from experiment.study.sections import equipment
 from experiment.study.study import StudyError
 from experiment.terms.exits import CommandError
 from experiment.trial.draw import draw_plan
@@ -80,7 +82,7 @@ tap = "{tap}"
 per_unit = [125, 125]
 per_volt = [1, 1]
 measured_by = "us"
-measured_on = 2026-11-22
+measured_on = 2026-05-04
 delay_ms = [5, 5]
 disagreement = "{disagreement}"
 """
@@ -470,6 +472,30 @@ MONITOR = STUDY.format(trials=4, tap="line", disagreement="repeat")
             "[0.1, 0.4]\nbreak_every = 0",
             r"less than half of design.foreperiod_s\[0\], 50,",
         ),
+        (
+            "hann",
+            'hann"\ncycles = 20 #',
+            r"\.foreperiod_s\[0\] must be at least 0\.32: .* 8 lengths of the burst .*; got 0\.3$",
+        ),
+        (
+            "hann",
+            'hann"\ncycles = 64 #',
+            r"condition main: the burst must last at most 0\.125 s .* = duplex; got 0\.128 s",
+        ),
+        (
+            "hann",
+            'hann"\nfrequency_hz = 15000 #',
+            r"device\.sample_rate_hz must be at least 6.* burst of condition main.*; got 48000",
+        ),
+        ('"duplex"', '"device"', "source must be input, .* the driver audio; got device, which"),
+        ('"audio"', '"serial"', "source must be input, .* the driver serial; got duplex, which"),
+        ("2026-05-04", '"soon"', "on must be a day as year-month-day, .* none to come; got 'soon'"),
+        ("2026-05-04", "2999-01-01", "measured_on must be a day .* none to come; got '2999-01-01'"),
+        (
+            "2026-05-04",
+            '"20260504"',
+            "monitor.measured_on must be a day as year-month-day, such as",
+        ),
     ],
 )
 def test_a_key_of_the_monitor_that_could_mislead_is_refused(
@@ -494,14 +520,26 @@ def test_a_device_that_tells_magnitudes_has_no_inverted_channel() -> None:
             study_from_text(keys, "study.toml")
 
 
+def test_a_burst_above_the_band_of_the_inputs_is_refused() -> None:
+    text = MONITOR.replace("duplex", "input").replace("hann", 'hann"\nfrequency_hz = 2000 #')
+    study_from_text(text, "study.toml")
+    told = r"monitor\.sample_rate_hz must be at least .* burst of condition main, .*; got 8000"
+    with pytest.raises(StudyError, match=told):
+        study_from_text(f"{text}sample_rate_hz = 8000\n", "study.toml")
+
+
 def test_source_and_driver_must_go_together() -> None:
-    for source, driver in (("duplex", "serial"), ("device", "audio")):
-        text = STUDY.format(trials=4, tap="line", disagreement="repeat").replace(
-            'source = "duplex"', f'source = "{source}"'
-        )
+    by_itself = BY_ITSELF.format(tap="line", gain=1) + "[device]\nvolts_full_scale = 125\n"
+    for text, driver in ((MONITOR, "serial"), (by_itself, "audio")):
         study = study_from_text(text, "study.toml")
         with pytest.raises(StudyError, match=r"monitor\.source must be input"):
             assemble(study, driver=driver, port="x", simulated=True)
+
+
+def test_the_quiet_that_a_study_is_asked_for_is_what_a_monitor_needs() -> None:
+    assert equipment.LEAST_QUIET == matching.LEAST_QUIET
+    assert equipment.LEAST_QUIET_S == inputs.LEAST_QUIET_S
+    assert equipment.MOST_QUIET_S == inputs.MOST_QUIET_S
 
 
 WATCHED = """

@@ -13,6 +13,7 @@ from experiment.study.sections.plate import (
     PAPER_CUTOFF_HZ,
     PAPER_LENGTH_MM,
     PAPER_SIZES,
+    Day,
     Density,
     Line,
     Modulus,
@@ -110,7 +111,7 @@ class Actuator:
         default=None, ge=1, le=1e5, description="... and of this frequency"
     )
     measured_by: Line | None = Field(default=None, description="... by whom")
-    measured_on: Line | None = Field(default=None, description="... and when")
+    measured_on: Day | None = Field(default=None, description="... and when")
     piezo_thickness_mm: _Layer | None = Field(
         default=None, description="or its layers: displacements are predicted"
     )

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.plate import Line, dated
+from experiment.study.sections.plate import Day, Line, dated
 from experiment.study.sections.table import section
-from experiment.terms.checks import NAME, NAME_RULE, is_line
+from experiment.terms.checks import NAME, NAME_RULE, inward, is_line
 from stimuli.checks import finite
 from stimuli.drive.noise import LEAST_LEVEL_DBFS
+
+if TYPE_CHECKING:
+    from stimuli import Burst, SampledDrive
 
 Noise = Literal["pink", "none"]
 ContactControl = Literal["not stated", "none", "instructed", "held", "measured"]
@@ -86,7 +89,15 @@ _Scale = Annotated[float, Field(ge=-1e9, le=1e9)]
 _PerVolt = Annotated[float, Field(ge=1e-9, le=1e6)]
 _Delay = Annotated[float, Field(ge=-1000, le=1000)]
 _VOLTAGES: Final = ("line", "amplifier")
+_DRIVER_OF: Final[dict[str, str]] = {"device": "serial", "duplex": "audio"}
 LEAST_PER_UNIT: Final = 1e-12
+
+# As device.monitor has them, which takes a tenth of a second to import; a test holds them equal.
+LEAST_QUIET: Final = 8
+LEAST_QUIET_S: Final = 0.02
+MOST_QUIET_S: Final = 1.0
+MOST_OF_RATE: Final = 0.4
+"""Above this part of its sample rate an input's own filter may shape a burst."""
 
 
 @section
@@ -119,7 +130,7 @@ class MonitorSettings:
         description="V, A or um at the tap per volt at the actuator; left out of a voltage: 1",
     )
     measured_by: Line | None = Field(default=None, description="both, by whom")
-    measured_on: Line | None = Field(default=None, description="... and when, such as 2026-05-04")
+    measured_on: Day | None = Field(default=None, description="... and when, such as 2026-05-04")
     delay_ms: tuple[_Delay, _Delay] | None = Field(
         default=None,
         strict=False,
@@ -192,16 +203,58 @@ class MonitorSettings:
         if self.per_volt is None and self.tap not in _VOLTAGES:
             raise ValueError(f"per_volt is missing; tap = {self.tap} needs it")
 
-    def check_onsets(self, least_s: float) -> None:
-        """Refuse a tolerance by which the burst of the trial before could be taken for this one.
+    def check_beside(self, driver: str, least_s: float) -> None:
+        """Refuse a driver that has no such source, and a tolerance too wide to tell bursts apart.
 
         `least_s`: the least time from an answer to the next onset.
         """
+        self.check_driver(driver)
         if self.source != "none" and self.onset_tolerance_ms >= 500 * least_s:
             raise ValueError(
                 "monitor.onset_tolerance_ms must be less than half of design.foreperiod_s[0], "
                 f"{500 * least_s:g}, or the burst before could be taken for the next; "
                 f"got {self.onset_tolerance_ms:g}"
+            )
+
+    def check_driver(self, driver: str) -> None:
+        """Refuse a driver beside which the source is not; the mock stands in for any."""
+        needed = _DRIVER_OF.get(self.source)
+        if needed is not None and driver not in {needed, "mock"}:
+            raise ValueError(
+                "monitor.source must be input, with the inputs of a sound card beside the driver "
+                f"{driver}; got {self.source}, which needs the driver {needed}"
+            )
+
+    def check_drive(
+        self, condition: str, drive: Burst | SampledDrive, rate_hz: float, least_s: float
+    ) -> None:
+        """Refuse a burst that no input could ever verify.
+
+        `rate_hz` is the device's; `least_s` as in `check_beside`.
+        """
+        if self.source not in {"duplex", "input"}:
+            return
+        quiet_s = max(LEAST_QUIET_S, LEAST_QUIET * drive.duration_s)
+        if quiet_s > MOST_QUIET_S:
+            raise ValueError(
+                f"condition {condition}: the burst must last at most "
+                f"{MOST_QUIET_S / LEAST_QUIET:g} s to be measured by monitor.source = "
+                f"{self.source}; got {drive.duration_s:.10g} s"
+            )
+        if least_s < quiet_s:
+            raise ValueError(
+                f"design.foreperiod_s[0] must be at least {inward(quiet_s, least=True)}: "
+                f"monitor.source = {self.source} tells the noise from {LEAST_QUIET_S:g} s and "
+                f"{LEAST_QUIET} lengths of the burst of condition {condition}; got {least_s:g}"
+            )
+        most_hz = MOST_OF_RATE * (self.record_rate_hz if self.source == "input" else rate_hz)
+        if drive.band_hz()[1] > most_hz:
+            key = "monitor" if self.source == "input" else "device"
+            raise ValueError(
+                f"{key}.sample_rate_hz must be at least "
+                f"{inward(drive.band_hz()[1] / MOST_OF_RATE, least=True)} to measure the "
+                f"burst of condition {condition}, whose band ends at {drive.band_hz()[1]:.6g} Hz; "
+                f"got {most_hz / MOST_OF_RATE:g}"
             )
 
     @property

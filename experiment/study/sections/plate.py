@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import date
+from datetime import UTC, date, datetime, timedelta
 from functools import cached_property
 from typing import Annotated, Any, Final, Literal
 
@@ -84,6 +84,26 @@ def one_line(text: str) -> str:
     return text
 
 
+_EARTH_AHEAD: Final = timedelta(hours=14)
+
+
+def day(text: str) -> str:
+    """Return a day as year-month-day, or refuse it where it is none or still to come.
+
+    It is today as soon as it is anywhere, so that a study is read alike in all time zones.
+    """
+    try:
+        given = date.fromisoformat(text)
+    except ValueError:
+        given = None
+    today = (datetime.now(UTC) + _EARTH_AHEAD).date()
+    if given is None or given.isoformat() != text or given > today:
+        raise ValueError(
+            f"must be a day as year-month-day, such as 2026-05-04, and none to come; got {text!r}"
+        )
+    return text
+
+
 def dated(keys: dict[str, Any] | None) -> dict[str, Any]:
     """Return keys with a day as text: TOML has a type for it, JSON has none."""
     found = dict(keys or {})
@@ -104,6 +124,7 @@ def refuse_orphans(values: object, measured: str) -> None:
 # per cent. Two fingertips need 20 mm; a foil is 0.02 mm thick, balsa weighs 100 kg/m3, osmium
 # 22 600, and diamond has 1200 GPa. Bare metal loses 1e-4 of its energy, what damps best about half.
 Line = Annotated[str, AfterValidator(one_line)]
+Day = Annotated[str, AfterValidator(day)]
 Modulus = Annotated[float, Field(ge=1e-3, le=1500)]
 Density = Annotated[float, Field(ge=30, le=25_000)]
 _WITH_SPRINGS: Final = ("elastic", "measured-cutoff")
@@ -145,7 +166,7 @@ class Plate:
         description="first cut-off; with another edge a record to compare",
     )
     measured_by: Line | None = Field(default=None, description="who measured the cut-off")
-    measured_on: Line | None = Field(default=None, description="and when, such as 2026-05-04")
+    measured_on: Day | None = Field(default=None, description="and when, such as 2026-05-04")
     edge_stiffness_n: float | None = Field(
         default=None,
         ge=1e-3,
