@@ -133,9 +133,8 @@ class InputMonitor:
         while not self._recorder.settled:
             if self._clock.now_s() > give_up_s:
                 raise LinkError(
-                    f"the inputs of the sound card did not run for a second without a gap in "
-                    f"{_SETTLES_S:g} s: {self._recorder.frames} frames came, with "
-                    f"{self._recorder.gaps} gaps"
+                    f"the inputs of the sound card did not run steadily for a second in "
+                    f"{_SETTLES_S:g} s: {self._recorder.unsettled}"
                 )
             self._clock.wait(_POLL_S)
 

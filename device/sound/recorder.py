@@ -81,10 +81,21 @@ class Recorder:
     @property
     def settled(self) -> bool:
         """Whether a second has come without a gap, at times that can be meant."""
+        return not self.unsettled
+
+    @property
+    def unsettled(self) -> str:
+        """Why it is not settled; empty if it is."""
         last = self.frames - _SETTLED_S * self.sample_rate_hz
-        most_s = self.latency_s + _ABOVE_LATENCY_S
-        meant = all(delay_s <= most_s for first, _, delay_s in self._marks if first >= last)
-        return self._whole_from <= last and meant
+        if self._whole_from > last:
+            return f"{self.frames} frames came, with {self.gaps} gaps"
+        told_s = max((delay_s for first, _, delay_s in self._marks if first >= last), default=0.0)
+        if told_s <= self.latency_s + _ABOVE_LATENCY_S:
+            return ""
+        return (
+            f"the sound system states a latency of {told_s:.3g} s, more than "
+            f"{_ABOVE_LATENCY_S:g} s above PortAudio's {self.latency_s:.3g} s"
+        )
 
     def hold(self, first: int) -> None:
         """Keep what comes from a frame on, and no more than fits in, until it is held anew."""

@@ -288,6 +288,9 @@ def why_silent(answer: str, *, opens_within_s: float, baud: int, greets: bool = 
 
     >>> why_silent("tactstrip,lab,7,protocol 1.0", opens_within_s=2.0, baud=115_200)
     'it speaks protocol 1.0 and this program 2.0; put firmware of protocol 2 on it'
+    >>> why_silent("tactstrip,lab,7,protocol 3.7", opens_within_s=2.0, baud=115_200)
+    'it speaks protocol 3.7 and this program 2.0; use a newer tactstrip, which speaks 3, or put
+    firmware of protocol 2 on it'
     """
     maker, _, rest = answer.partition(",")
     if maker != MAKER:
@@ -309,8 +312,11 @@ def why_silent(answer: str, *, opens_within_s: float, baud: int, greets: bool = 
             "firmware does not speak it, or the line does not carry every byte (it needs 8 bits, "
             "no parity and no flow control)"
         )
+    major = version.partition(".")[0]
+    newer = major.isdecimal() and int(major) > VERSION
+    host = f"use a newer tactstrip, which speaks {major}, or " if newer else ""
     return (
-        f"it speaks protocol {version} and this program {VERSION}.{MINOR}; put firmware of "
+        f"it speaks protocol {version} and this program {VERSION}.{MINOR}; {host}put firmware of "
         f"protocol {VERSION} on it"
     )
 

@@ -406,8 +406,19 @@ def test_a_monitor_opens_when_its_inputs_run_steadily() -> None:
     assert 1.0 <= rig.card.now_s() - before_s < 1.1
     rig.card.recorder.restart()
     rig.card.word_s = 0.6
-    with pytest.raises(LinkError, match="did not run for a second"):
+    told = r"steadily for a second in 10 s: .* latency of 0\.6 s, more than 0\.1 s above PortAudio"
+    with pytest.raises(LinkError, match=told):
         rig.monitor.open()
+
+
+def test_inputs_that_do_not_run_steadily_yet_tell_their_gaps() -> None:
+    recorder = Recorder(VirtualClock(), 48e3)
+    timing = SimpleNamespace(currentTime=1.0, inputBufferAdcTime=0.9)
+    for torn in (False, True, True):
+        status = SimpleNamespace(input_overflow=torn, input_underflow=False)
+        recorder.take(np.zeros((480, 2), dtype=np.int16), timing, status)
+    assert not recorder.settled
+    assert recorder.unsettled == "1440 frames came, with 2 gaps"
 
 
 def test_a_second_burst_while_the_answer_is_awaited_is_told() -> None:
