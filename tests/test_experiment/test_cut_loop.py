@@ -84,6 +84,9 @@ class Somebody:
 """It is a person to the program, who feels nothing and answers at once."""
 RUN = "from tactstrip import main; main()"
 LONGEST_S = 300.0
+MOST_SITTINGS = 5
+"""On a busy machine PortAudio may give a stream up; then the session is resumed."""
+DEVICE_FAILED = 3
 
 
 class Operator:
@@ -142,11 +145,16 @@ def test_a_recording_cut_at_the_fiftieth_trial_pauses_and_nothing_unverified_is_
     session = tmp_path / "out" / "sub-01" / "ses-01"
     operator = Operator(session, null_sink)
     until_s = time.monotonic() + LONGEST_S
-    with Terminal(RUN, *words) as terminal:
-        while terminal.process.poll() is None:
-            operator.look(terminal)
-            assert time.monotonic() < until_s, terminal.seen
-        assert terminal.ended() == 0, terminal.seen
+    for _ in range(MOST_SITTINGS):
+        resumed = ["--resume"] if (session / "journal.jsonl").exists() else []
+        with Terminal(RUN, *words, *resumed) as terminal:
+            while terminal.process.poll() is None:
+                operator.look(terminal)
+                assert time.monotonic() < until_s, terminal.seen
+            ended = terminal.ended()
+        if ended != DEVICE_FAILED:
+            break
+    assert ended == 0, terminal.seen
     rows, measured = table(session / "trials.csv"), table(session / "measured.csv")
     ok = [row for row in rows if row["status"] == "ok" and row["kind"] != "practice"]
     assert len({row["trial"] for row in ok}) == len(ok) == PLANNED
