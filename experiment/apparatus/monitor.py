@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from device.core.host import HostDriver
+from device.driver import LinkError
 from experiment.study.sections.stimulus import drive_samples
 from experiment.study.study import StudyError
 from experiment.terms.record import NOT_AVAILABLE
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from device.driver import BurstDevice
     from device.monitor.measured import Monitor, Planned
     from device.sound.recorder import Recorder
+    from device.sound.stream import Stream
     from experiment.study.sections.equipment import DeviceSettings, MonitorSettings
     from experiment.study.sections.stimulus import Condition
 
@@ -52,7 +55,6 @@ def make_monitor(
     from device.monitor.measured import Tap, Tolerances
     from device.monitor.reported import DeviceMonitor
     from device.sound.recorder import Recorder
-    from device.sound.stream import open_inputs
 
     tap = Tap(settings.tap)
     per_unit = (1.0, 1.0) if settings.per_unit is None else settings.per_unit
@@ -92,8 +94,29 @@ def make_monitor(
         calibration=calibration,
         tolerances=tolerances,
         source=f"inputs of the sound card {card or 'default'}",
-        connect=lambda heard: open_inputs(heard, card=card),
+        connect=partial(_open_inputs, settings),
     )
+
+
+def _open_inputs(settings: MonitorSettings, heard: Recorder) -> Stream:
+    """Open a monitor's own card; a `LinkError` names the key that has to be another."""
+    from device.sound.stream import open_inputs
+
+    try:
+        return open_inputs(heard, card=settings.sound_card)
+    except LinkError as error:
+        told = str(error)
+        if "Invalid number of channels" in told:
+            key = f"monitor.inputs must be inputs of the card; got {list(settings.inputs)}"
+        elif "Invalid sample rate" in told:
+            rate_hz = settings.record_rate_hz
+            key = f"monitor.sample_rate_hz must be a rate of the card; got {rate_hz:g}"
+        elif told.startswith("cannot"):
+            card = settings.sound_card
+            key = f"monitor.sound_card must be one that has inputs and is free; got {card!r}"
+        else:  # PortAudio itself is missing
+            raise
+        raise LinkError(f"{key} ({told})") from error
 
 
 def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:

@@ -26,6 +26,7 @@ from device.wire.channels import LineSettings
 from experiment.apparatus.monitor import make_monitor, recorder_beside
 from experiment.apparatus.slots import host_limits
 from experiment.study.study import StudyError
+from experiment.terms.checks import is_line
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -144,6 +145,8 @@ def chosen_settings(
     StudyError where no driver has that name, built in or installed.
     """
     name = settings.driver if driver is None else driver
+    if port is not None and not is_line(port):
+        raise StudyError(f"--port must be a name in one line of text; got {port!r}")
     if name not in NEEDS:
         try:
             own_driver(name)

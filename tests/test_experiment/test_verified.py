@@ -21,6 +21,7 @@ from analysis.results.protocol import measured_rows, monitored
 from analysis.results.tables import analyse
 from device.clock import VirtualClock
 from device.core.reports import Health
+from device.driver import LinkError
 from device.emulate.amplifier import Adc
 from device.emulate.mock import MockDevice
 from device.monitor import inputs, matching
@@ -536,10 +537,49 @@ def test_source_and_driver_must_go_together() -> None:
             assemble(study, driver=driver, port="x", simulated=True)
 
 
+@pytest.mark.parametrize(
+    ("why", "told"),
+    [
+        (
+            "No input device matching 'nosuch'",
+            r"monitor\.sound_card .* got 'nosuch' \(cann",
+        ),
+        ("Invalid number of channels [PaErrorCode -9998]", r"monitor\.inputs .* got \[3, 7\] \(c"),
+        (
+            "Invalid sample rate [-9997]",
+            r"monitor\.sample_rate_hz must be .* got 96000 \(cannot op",
+        ),
+    ],
+)
+def test_a_card_of_the_monitor_s_own_that_cannot_be_opened_is_told_by_its_key(
+    monkeypatch: pytest.MonkeyPatch, why: str, told: str
+) -> None:
+    def refuse(**_: object) -> None:
+        raise ValueError(why)
+
+    library = SimpleNamespace(PortAudioError=OSError, InputStream=refuse)
+    monkeypatch.setitem(sys.modules, "sounddevice", library)
+    keys = 'sound_card = "nosuch"\ninputs = [3, 7]\nsample_rate_hz = 96000\n'
+    study = study_from_text(MONITOR.replace("duplex", "input") + keys, "study.toml")
+    clock = VirtualClock()
+    device = MockDevice(clock, limits=host_limits(study.device))
+    monitor = make_monitor(study.monitor, device, clock, None)
+    assert monitor is not None
+    with pytest.raises(LinkError, match=told):
+        monitor.open()
+
+
 def test_the_quiet_that_a_study_is_asked_for_is_what_a_monitor_needs() -> None:
     assert equipment.LEAST_QUIET == matching.LEAST_QUIET
     assert equipment.LEAST_QUIET_S == inputs.LEAST_QUIET_S
     assert equipment.MOST_QUIET_S == inputs.MOST_QUIET_S
+
+
+@pytest.mark.parametrize("port", ["", " ", "two\nlines"])
+def test_a_port_of_no_name_is_told_by_its_option(port: str) -> None:
+    study = study_from_text(MONITOR, "study.toml")
+    with pytest.raises(StudyError, match=r"^--port must be a name in one line of text; got "):
+        assemble(study, driver=None, port=port, simulated=True)
 
 
 WATCHED = """
