@@ -74,14 +74,23 @@ def open_duplex(
         recorder.take(heard, timing, status)
         callback(out, count, timing, status)
 
-    stream = _started(
-        "Stream",
-        card,
-        samplerate=sample_rate_hz,
-        channels=(max(recorder.channels), CHANNELS),
-        latency="low",
-        callback=both,
-    )
+    inputs = max(recorder.channels)
+    try:
+        stream = _started(
+            "Stream",
+            card,
+            samplerate=sample_rate_hz,
+            channels=(inputs, CHANNELS),
+            latency="low",
+            callback=both,
+        )
+    except LinkError as error:
+        if "Invalid number of channels" not in str(error):
+            raise
+        raise LinkError(
+            f"{error}; it must have {inputs} inputs, as monitor.inputs has them, and {CHANNELS} "
+            "outputs"
+        ) from error
     recorder.latency_s = float(stream.latency[0])
     return _Duplex(stream)
 

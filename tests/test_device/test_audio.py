@@ -20,9 +20,11 @@ from device.clock import MonotonicClock
 from device.driver import LinkError, Outcome, Refusal, RefusedError
 from device.limits import Limits
 from device.sound.audio import AudioDevice, audio_device
+from device.sound.recorder import Recorder
 from device.sound.stream import (
     _has_card,
     in_a_thread,
+    open_duplex,
     open_stream,
     sound_cards,
     sound_lack,
@@ -214,6 +216,21 @@ def test_a_stream_is_opened_without_dither_and_closed_where_it_cannot_start(
     assert (opened["samplerate"], opened["channels"], opened["dtype"]) == (RATE_HZ, 2, "int16")
     assert (opened["device"], opened["latency"]) == (None, "low")
     assert opened["dither_off"]  # dither would be noise on frames that are exact, silence included
+
+
+def test_a_card_without_the_inputs_of_a_monitor_is_told_by_their_key(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(**_: object) -> None:
+        raise ValueError("Invalid number of channels [PaErrorCode -9998]")
+
+    library = SimpleNamespace(PortAudioError=OSError, Stream=refuse)
+    monkeypatch.setitem(sys.modules, "sounddevice", library)
+    recorder = Recorder(MonotonicClock(), RATE_HZ, channels=(1, 4))
+    with pytest.raises(
+        LinkError, match=r"it must have 4 inputs, as monitor\.inputs has them, and 2"
+    ):
+        open_duplex(lambda *_: None, recorder, card="x", sample_rate_hz=RATE_HZ)
 
 
 def _holds(recorded: Frames, wanted: Frames) -> bool:
