@@ -375,8 +375,8 @@ def _again(
     frames = len(planned.shape)
     for peak, full, one in zip(planned.peaks, planned.burst, found, strict=True):
         if tap is Tap.MOTION:
-            again = abs(one.second_at) > frames and one.second > _AGAIN_BY_MOTION * one.amplitude
-            again = again and one.second > tolerances.silence * full
+            loud = max(_AGAIN_BY_MOTION * one.amplitude, tolerances.silence * full)
+            again = one.second > loud and abs(one.second_at) > frames - 2  # both ends are 0
         else:
             least = _no_silence(one, full, tolerances.silence) * full
             again = max(one.second, one.beside) > least
