@@ -428,7 +428,7 @@ def test_a_second_burst_while_the_answer_is_awaited_is_told() -> None:
     assert rig.measure(answer_s=2.9).faults == (Fault.DOUBLED,)
 
 
-@pytest.mark.parametrize("pause_s", [4.6, 9.0])
+@pytest.mark.parametrize("pause_s", [4.6, pytest.param(9.0, marks=pytest.mark.slow)])
 def test_neither_a_long_answer_nor_a_long_pause_loses_anything(pause_s: float) -> None:
     rig = Rig()
     assert rig.measure(answer_s=pause_s).verified == "line"
