@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from device.core.reports import About, DeviceLimits
+from device.core.reports import About, DeviceLimits, Health
 from device.emulate.amplifier import Amplifier
 from device.limits import Limits
 from experiment.apparatus.slots import SuitabilityError, require_suitable
@@ -112,12 +112,19 @@ def test_a_wire_that_is_too_slow_is_one_line_and_exit_3_and_runs_when_it_is_told
     assert not sessions.out.exists()
 
 
+class Overloaded(Amplifier):
+    """Reports over-current from 1.5 s on: a host that is slow to begin must not miss it."""
+
+    def sensed_at(self, now_s: float) -> Health:
+        return Health(over_current=now_s >= 1.5)
+
+
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("amplifier", "told", "n_bursts"),
     [
         (Amplifier(switch_open=True), "the amplifier is off: its safety switch is open", {0}),
-        (Amplifier(over_current_at_s=1.5), "the amplifier reported over-current", set(range(12))),
+        (Overloaded(), "the amplifier reported over-current", set(range(12))),
     ],
 )
 def test_an_amplifier_that_cannot_drive_ends_the_session_and_no_trial_counts_then(
