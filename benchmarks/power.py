@@ -2,8 +2,9 @@
 
 By hand, as it takes hours, and on one thread, as the program does: ``OPENBLAS_NUM_THREADS=1 python
 -m benchmarks.power FILE`` keeps what it computes in FILE, goes on from there when it is started
-again, and prints a row for each of 40 plans: 1000 fresh studies of each; and then, of those with
-the fewest people, 100 through the whole chain (sessions on the engine, their files, the analysis).
+again, and prints a row for each of 40 plans: 1000 fresh studies of each; and then 100 of each
+through the whole chain (sessions on the engine, their files, the analysis), with a pilot session of
+each person where levels are placed.
 """
 
 from __future__ import annotations
@@ -29,26 +30,39 @@ from analysis.power.population import stated_people
 from analysis.power.search import Trials
 from analysis.power.studies import plan_text
 from analysis.reading.load import read_trials
+from analysis.thresholds.levels import LevelsError, pilot_functions, placed
 from analysis.thresholds.people import people_of
 from analysis.thresholds.table import thresholds_of
 from analysis.workers.chunks import spread
 from analysis.workers.kept import Kept
+from device.clock import VirtualClock
+from experiment.apparatus.noise import SilentNoise
+from experiment.apparatus.rig import mock_device
+from experiment.archive.disk import UNWAITED
+from experiment.archive.folders import SessionFolder
 from experiment.commands.init import REALISTIC
-from experiment.session.simulate import simulate_study
+from experiment.operator.requests import StopSignal
+from experiment.session.conduct import begin
+from experiment.session.setting import Setting
+from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
 from experiment.study.physics import study_gains
-from experiment.study.read import study_from_text
+from experiment.study.read import study_from_text, with_levels
+from experiment.terms.observer import Observer
+from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import pandas as pd
 
     from analysis.power.search import Answer
     from experiment.study.study import Study
+    from experiment.terms.gains import ConditionGains
+    from experiment.trial.plan import Plan as SessionPlan
 
 
 ASSURANCE: Final = 0.8
 FRESH, WHOLE = 1000, 100
-_MOST_WHOLE: Final = 10
-"""People of a plan, so that a hundred of its studies are through in minutes."""
 _WHOLE_AT_ONCE: Final = 5
 _SEED: Final = 20_000
 _STUDY: Final = """
@@ -144,9 +158,10 @@ def through_the_chain(chunk: Whole) -> int:
     difference_db = goal.size if goal.kind == "difference" else 0.0
     study = study.changed(simulation=replace(study.simulation, difference_db=difference_db))
     gains, reached = study_gains(study), 0
+    sessions = placed_sessions if chunk.plan.placed else simulate_study
     for i in range(chunk.first, chunk.first + _WHOLE_AT_ONCE):
         with TemporaryDirectory() as folder:
-            for _ in simulate_study(
+            for _ in sessions(
                 study,
                 Path(folder),
                 participants=chunk.participants,
@@ -156,6 +171,70 @@ def through_the_chain(chunk: Whole) -> int:
                 pass
             reached += _reached(read_trials([Path(folder)]), goal)
     return reached
+
+
+def placed_sessions(
+    study: Study, root: Path, *, participants: int, seed: int, gains: tuple[ConditionGains, ...]
+) -> Iterator[SessionFolder]:
+    """Run a pilot session of each person, place levels on it, and run the session at these."""
+    ceiling_vpp = study.device.ceiling_vpp
+    design = replace(
+        study.design,
+        levels_vpp=tuple(np.geomspace(ceiling_vpp / 10, ceiling_vpp, 10).round(1).tolist()),
+        trials_per_side=20,
+        blank_trials=12 if "none" in study.design.responses else 0,
+    )
+    pilot = study.changed(design=design, condition=study.conditions[:1])
+    for number, child in enumerate(np.random.SeedSequence(seed).spawn(participants), start=1):
+        of_person, of_pilot = (int(state) for state in child.generate_state(2))
+        plan = _plan(study, number, of_person, gains)
+        person = simulated_responder(study, plan, VirtualClock()).observer_facts
+        person.pop("unmeasured")
+        with TemporaryDirectory() as folder:
+            plan, clock = _plan(pilot, number, of_pilot, gains[:1]), VirtualClock()
+            of_trial = dict.fromkeys(
+                (trial.number for trial in plan.trials), plan.gains_of(gains[0].condition)
+            )
+            responder = SimulatedResponder(
+                Observer(**person), clock, seed=plan.seed, gains=of_trial
+            )
+            _run(pilot, Path(folder), plan, responder, clock)
+            levels_vpp = _levels(read_trials([Path(folder)]), study)
+        at_levels = with_levels(study, levels_vpp)
+        plan, clock = _plan(at_levels, number, of_person, gains), VirtualClock()
+        yield _run(at_levels, root, plan, simulated_responder(at_levels, plan, clock), clock)
+
+
+def _levels(pilot: pd.DataFrame, study: Study) -> tuple[float, ...]:
+    """Place levels as `tactstrip levels` does, without the second it takes to tell their error."""
+    people = people_of(pilot)
+    (found,) = pilot_functions(
+        people.level_vpp, people.detected, people.presented, [people.guesses[0].rate]
+    )
+    if isinstance(found, LevelsError):
+        return study.design.levels_vpp
+    try:
+        return placed(found.function, study.device.ceiling_vpp)
+    except LevelsError:
+        return study.design.levels_vpp
+
+
+def _plan(study: Study, number: int, seed: int, gains: tuple[ConditionGains, ...]) -> SessionPlan:
+    return draw_plan(
+        study, participant=f"{number:02d}", session="01", seed=seed, gains=gains,
+        participant_number=number,
+    )  # fmt: skip
+
+
+def _run(
+    study: Study, root: Path, plan: SessionPlan, responder: SimulatedResponder, clock: VirtualClock
+) -> SessionFolder:
+    folder = SessionFolder(root, plan.participant, plan.session, disk=UNWAITED)
+    begin(folder, plan, Setting(
+        device=mock_device(study, clock), responder=responder, noise=SilentNoise(study.masking),
+        clock=clock, stop=StopSignal(),
+    ))  # fmt: skip
+    return folder
 
 
 def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
@@ -203,7 +282,7 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
         None,
         attained(real, goal, answer, fresh, **others),
     ]
-    if whole and number <= _MOST_WHOLE and not plan.placed:
+    if whole:
         chunks = [Whole(plan=plan, participants=number, seed=_SEED + 1000 * seed, first=first)
                   for first in range(0, whole, _WHOLE_AT_ONCE)]  # fmt: skip
         told[1] = (

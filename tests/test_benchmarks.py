@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
+from analysis.reading.load import read_trials
 from analysis.thresholds.density import Nodes
 from analysis.workers.chunks import spread
 from benchmarks import __main__ as command
@@ -29,6 +33,7 @@ from benchmarks import (
 )
 from benchmarks.exact import exact
 from benchmarks.plate_fem import direct, modal, model
+from experiment.study.physics import study_gains
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
 
 if TYPE_CHECKING:
@@ -226,3 +231,18 @@ def test_a_plan_of_power_is_held_against_fresh_studies_and_sessions() -> None:
     assert len(power.plans()) == 40
     assert cells[:2] == ["false-alarms=9%", "1.5 dB"]
     assert [float(cell.split("%")[0]) >= 60 for cell in cells[6:9]] == [True] * 3
+
+
+@pytest.mark.slow
+def test_levels_are_placed_by_a_pilot_session_of_the_same_person(tmp_path: Path) -> None:
+    study = power.Plan(goal="half-width=20dB", spread_db=4.0, blanks=20, placed=True).study()
+    thresholds, middles = [], []
+    for folder in power.placed_sessions(
+        study, tmp_path, participants=4, seed=3, gains=study_gains(study)
+    ):
+        levels = read_trials([folder.path])["level_vpp"].dropna().unique()
+        assert len(levels) == 5
+        header = json.loads(folder.header_path.read_text())
+        thresholds.append(math.log10(header["observer"]["threshold_vpp"]))
+        middles.append(math.log10(sorted(levels)[2]))
+    assert np.corrcoef(thresholds, middles)[0, 1] > 0.9
