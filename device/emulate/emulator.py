@@ -247,7 +247,7 @@ class Emulator:
             self._was_open = amplifier.switch_open
             self._truth.note(self._now_us() / 1e6, "switch", closed=not self._was_open)
         sensed = amplifier.sensed_at(self._now_us() / 1e6)
-        if sensed != self._sensed:
+        if sensed != self._sensed or sensed.over_current:  # a fault that stays stops again
             self._sensed = sensed
             self._endpoint.core.sense(self._now_us(), sensed)
             self._note_state("over-current")

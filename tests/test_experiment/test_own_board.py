@@ -113,6 +113,13 @@ def test_a_wire_that_is_too_slow_is_one_line_and_exit_3_and_runs_when_it_is_told
 
 
 class Overloaded(Amplifier):
+    """Reports over-current from the start on: enabling the output must not clear it for long."""
+
+    def sensed_at(self, now_s: float) -> Health:
+        return Health(over_current=True)
+
+
+class Overloads(Amplifier):
     """Reports over-current from 1.5 s on: a host that is slow to begin must not miss it."""
 
     def sensed_at(self, now_s: float) -> Health:
@@ -124,7 +131,8 @@ class Overloaded(Amplifier):
     ("amplifier", "told", "n_bursts"),
     [
         (Amplifier(switch_open=True), "the amplifier is off: its safety switch is open", {0}),
-        (Overloaded(), "the amplifier reported over-current", set(range(12))),
+        (Overloaded(), "the amplifier reported over-current", {0}),
+        (Overloads(), "the amplifier reported over-current", set(range(12))),
     ],
 )
 def test_an_amplifier_that_cannot_drive_ends_the_session_and_no_trial_counts_then(
