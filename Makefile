@@ -12,14 +12,14 @@ setup:  ## make .venv with everything that development needs
 test:  ## the fast lane: tests and doctests in under a minute
 	$(PYTHON) -m pytest
 
-# tests that start processes run one at a time: what has to happen in time needs a processor
+# tests that start processes run apart from those that fill both processors, and those that play sound one at a time
 check:  ## format, lint, types, import directions, all tests but the long ones
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens docs/_ext firmware/hal/qemu .ci
 	.venv/bin/lint-imports
 	$(PYTHON) -m pytest -q -n 2 -m "not process and not firmware and not long"
-	$(PYTHON) -m pytest -q -m "process and not firmware and not long"
+	$(PYTHON) -m pytest -q -n 2 --dist loadgroup -m "process and not firmware and not long"
 
 long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 for a seeded tenth
 	$(PYTHON) -m pytest -m long

@@ -91,6 +91,8 @@ class Lanes:
         """Mark what cannot be marked where it stands."""
         if PROCESSES.intersection(getattr(item, "fixturenames", ())):
             item.add_marker(pytest.mark.process)
+        if "null_sink" in getattr(item, "fixturenames", ()):  # of two sound servers each is late
+            item.add_marker(pytest.mark.xdist_group("sound"))
         if isinstance(item, pytest.DoctestItem) and item.name.split(".")[-1] in SLOW_DOCTESTS:
             item.add_marker(pytest.mark.slow)
 
