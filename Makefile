@@ -16,7 +16,7 @@ test:  ## the fast lane: tests and doctests in under a minute
 check:  ## format, lint, types, import directions, all tests but the long ones
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
-	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/screens docs/_ext firmware/hal/qemu .ci
+	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/explanation docs/screens docs/_ext firmware/hal/qemu .ci
 	.venv/bin/lint-imports
 	$(PYTHON) -m pytest -q -n 2 -m "not process and not firmware and not long"
 	$(PYTHON) -m pytest -q -n 2 --dist loadgroup -m "process and not firmware and not long"
