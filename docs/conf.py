@@ -45,7 +45,7 @@ sphinx_gallery_conf = {
     "gallery_dirs": "figures",
     "filename_pattern": r"/(figure|section)_",
     "within_subsection_order": "FileNameSortKey",
-    "ignore_pattern": r"paper_plate\.py",
+    "ignore_pattern": r"(paper_plate|front_page)\.py",
     "image_scrapers": ("drawn.scraper",),
     "reset_argv": "drawn.arguments",
     "copyfile_regex": r"paper_plate\.py",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from matplotlib.testing.compare import compare_images
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -367,3 +368,22 @@ def test_docstring_tells_the_number(name: str) -> None:
     )
     number = " ".join(script(name).__doc__.split()).split("The number: ")[1]
     assert [text for text in told[name]() if text not in number] == []
+
+
+# The picture of the README.
+
+
+def test_front_page_shows_a_burst_that_stays_and_a_function_from_seldom_to_always() -> None:
+    found = numbers("front_page")
+    moved_um, along_mm = np.abs(found.moved_um), np.abs(found.x_mm - 1e3 * found.loads[0].x_m)
+    assert moved_um[-1].max() < 0.01 * moved_um.max()  # the burst is over
+    assert moved_um[:, along_mm > 40].max() < 0.02 * moved_um.max()
+    assert found.level_db < -20
+    assert found.means[[0, -1]] == pytest.approx([0.03, 0.98], abs=0.005)  # as the README has it
+
+
+def test_front_page_is_what_its_script_draws(tmp_path: Path) -> None:
+    drawn = tmp_path / "drawn.png"
+    script("front_page").draw(numbers("front_page")).savefig(drawn, dpi=150)
+    shown = ROOT / "docs" / "front_page.png"
+    assert compare_images(str(shown), str(drawn), tol=2) is None

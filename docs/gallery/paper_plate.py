@@ -292,14 +292,15 @@ def draw_map(found: Map, *, title: str) -> Figure:
     line.grid(color="#E5E5E5")
     line.spines[["top", "right"]].set_visible(False)
     for load in found.loads:
-        _outline(plate, load)
+        outline(plate, load)
     return figure
 
 
-def _outline(axes: Axes, load: Load) -> None:
+def outline(axes: Axes, load: Load, colour: str = "white") -> None:
+    """Draw where a load is."""
     x_mm, y_mm = load.x_m * 1e3, load.y_m * 1e3
     half_x_mm, half_y_mm = (1e3 * half_m for half_m in load.half_size_m)
-    look: dict[str, Any] = {"fill": False, "edgecolor": "white", "linestyle": "--"}
+    look: dict[str, Any] = {"fill": False, "edgecolor": colour, "linestyle": "--"}
     if isinstance(load, MomentDisc):
         axes.add_patch(Ellipse((x_mm, y_mm), 2 * half_x_mm, 2 * half_y_mm, **look))
     else:
