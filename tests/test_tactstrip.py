@@ -337,30 +337,6 @@ def test_what_is_accepted_with_another_loss_than_the_plans_is_in_the_header(tmp_
     assert 20 * math.log10(right[0] / left[0]) < -20
 
 
-def test_the_lines_of_the_readme_run_and_say_what_the_plate_does(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    block = re.search(r"```python\n(.*?)```", readme, re.DOTALL)
-    assert block is not None
-    exec(compile(block[1], "README.md", "exec"), {})
-    told = capsys.readouterr().out
-    assert "no wave below 1926.0 Hz" in told
-    assert "205.6 to 654.4 Hz" in told
-    assert "fit for this plate: True" in told
-
-
-def test_the_commands_of_the_readme_exist() -> None:
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    block = re.search(r"```sh\n(tactstrip init.*?)```", readme, re.DOTALL)
-    assert block is not None
-    for line in block[1].splitlines():
-        _, command, *rest = line.split("#")[0].split()
-        options = {word for word in rest if word.startswith("--")}
-        told = run(command, "--help").output
-        assert all(option in told for option in options), line
-
-
 @pytest.mark.process
 def test_the_front_door_opens_as_a_module_too() -> None:
     ended, _, told = python("-m", "tactstrip", "no-such-command", folder=ROOT)

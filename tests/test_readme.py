@@ -1,0 +1,132 @@
+"""The README is short, its links lead somewhere, and its commands do what stands beside them."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from tactstrip import COMMANDS, main
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = {name: (ROOT / "docs" / name).read_text(encoding="utf-8") for name in
+         ("commands.md", "plate.md", "record.md")}  # fmt: skip
+"""What the README leaves to others, and what they say."""
+SET_UP, HARDWARE = "python3 -m venv", "--driver"
+"""How lines begin that `.ci/run` runs; what is in those that need a device."""
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(main, words)
+
+
+def commands_of(text: str) -> list[str]:
+    """Return the commands of all shell blocks but those that install."""
+    blocks: list[str] = re.findall(r"^```sh\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    return [line for line in lines if not line.startswith(SET_UP)]
+
+
+def place_of(heading: str) -> str:
+    """Return the name by which a heading is linked to."""
+    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+
+
+def test_it_has_at_most_120_lines() -> None:
+    assert README.count("\n") <= 120
+
+
+@pytest.mark.parametrize("link", sorted({*re.findall(r"\]\(([^)]+)\)", README)}))
+def test_each_link_leads_to_a_file_and_a_heading_in_it(link: str) -> None:
+    name, _, place = link.partition("#")
+    assert (ROOT / name).exists()
+    if place:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+        assert place in {place_of(heading) for heading in headings}
+
+
+@pytest.mark.parametrize("text", [README, *PAGES.values()], ids=["README.md", *PAGES])
+def test_its_commands_exist_with_their_options(text: str) -> None:
+    for line in commands_of(text):
+        name, command, *rest = shlex.split(line, comments=True)
+        if name == "tactstrip":
+            told = run(command, "--help").output
+            assert all(word in told for word in rest if word.startswith("--")), line
+
+
+def test_every_command_stands_on_the_page_of_commands() -> None:
+    told = {shlex.split(line, comments=True)[1] for line in commands_of(PAGES["commands.md"])}
+    assert told == {*COMMANDS}
+
+
+def test_the_lines_of_python_run_and_say_what_the_plate_does(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    block = re.search(r"```python\n(.*?)```", PAGES["plate.md"], re.DOTALL)
+    assert block is not None
+    exec(compile(block[1], "plate.md", "exec"), {})
+    told = capsys.readouterr().out
+    assert "no wave below 1926.0 Hz" in told
+    assert "205.6 to 654.4 Hz" in told
+    assert "fit for this plate: True" in told
+
+
+def test_it_cites_this_version() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert f"version = {{{project['version']}}}" in README
+
+
+@pytest.mark.gallery
+def test_its_commands_run_as_they_stand(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "docs" / "examples", tmp_path / "docs" / "examples")
+    done = []
+    for line in commands_of(README):
+        words = shlex.split(line, comments=True)
+        if words[:2] == ["tactstrip", "run"]:
+            if HARDWARE in words:
+                continue
+            words += ["--responder", "simulated"]
+        if words[0] == "tactstrip":
+            words[:1] = [sys.executable, "-m", "tactstrip"]
+        subprocess.run(words, cwd=tmp_path, check=True, capture_output=True)
+        done.append(re.sub("^tactstrip ", "", line).split()[0])
+        filled_in(tmp_path / "map.toml")
+        if done[-1] == "dry-run":
+            shutil.move(tmp_path / "dry-run-1", tmp_path / "results")
+    of_table, of_plate = ["cp", "columns", "analyze"], ["init", "check", "sed", "run"]
+    assert done == [*of_table, *of_plate, "init", "check", "dry-run", "analyze"]
+    told = (
+        "analysis/report.html",
+        "results/analysis/report.html",
+        "tryout/sub-01/ses-01/plan.json",
+    )
+    assert [name for name in told if not (tmp_path / name).is_file()] == []
+
+
+def filled_in(path: Path) -> None:
+    """Fill in what the README says, once the draft is there."""
+    if path.exists():
+        text = path.read_text(encoding="utf-8")
+        assert '\ndown = "' in text
+        path.write_text(text.replace('\ndown = ""', '\ndown = "none"'), encoding="utf-8")
+
+
+@pytest.mark.gallery
+def test_the_dry_run_prints_what_is_shown_of_it(tmp_path: Path) -> None:
+    shown = re.search(r"```text\n(.*?)```", README, re.DOTALL)
+    assert shown is not None
+    first, *lines = shown[1].splitlines()
+    seed = re.fullmatch(r"5 simulated participants, seed (\d+), in dry-run-1", first)
+    assert seed is not None
+    words = (sys.executable, "-m", "tactstrip", "dry-run", "--seed", seed[1])
+    done = subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert [line for line in lines if line not in {"...", *done.stdout.splitlines()}] == []
