@@ -80,6 +80,16 @@ def test_the_lines_of_python_run_and_say_what_the_plate_does(
     assert "fit for this plate: True" in told
 
 
+ROWS = re.findall(r"^\| (.+) \| (\[.+) \|$", README, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("what", "shown_by"), ROWS)
+def test_the_numbers_of_a_row_stand_where_it_is_shown(what: str, shown_by: str) -> None:
+    linked = re.findall(r"\]\(([^)#]+)", shown_by)
+    text = "".join((ROOT / name).read_text(encoding="utf-8") for name in linked)
+    assert [n for n in re.findall(r"\d[\d.]*(?:e-\d+)?", what) if n not in text] == []
+
+
 def test_it_cites_this_version() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert f"version = {{{project['version']}}}" in README
