@@ -177,16 +177,6 @@ def _proof() -> Iterator[str]:
         yield f"{errors} ({name})"
 
 
-def _table(runs: list[Run]) -> Iterator[str]:
-    yield "| method | setting | largest relative error | time | of it before the first frequency |"
-    yield "|---|---|---|---|---|"
-    for run in runs:
-        before = duration(run.prepared_s) if run.prepared_s else ""
-        error = "(taken as exact)" if run.setting == _EXACT else f"{run.error:.1e}"
-        cells = (run.method, run.setting, error, duration(run.seconds), before)
-        yield f"| {' | '.join(cells)} |"
-
-
 def _ratios(name: str, count: int, runs: list[Run]) -> str:
     at_six = next(run for run in runs if run.setting == "rtol 1e-06")
     rivals = [run for run in runs if run.method != "ours" and run.error <= 1e-3]
@@ -281,14 +271,6 @@ def section() -> str:
             others = [run for asked, run in rivals if asked == count]
             results.append((name, count, [*ours(edge, count), *others]))
     _figure(results)
-    tables = []
-    for name, count, runs in results:
-        tables += [
-            f"**{name}, {count} frequenc{'y' if count == 1 else 'ies'}**",
-            "",
-            *_table(runs),
-            "",
-        ]
     return "\n".join(
         [
             "## Field",
@@ -327,11 +309,6 @@ def section() -> str:
             "| number of | times | exponent |",
             "|---|---|---|",
             *growth_rows(),
-            "",
-            "<details><summary>All runs</summary>",
-            "",
-            *tables,
-            "</details>",
             "",
         ]
     )

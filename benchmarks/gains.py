@@ -235,15 +235,11 @@ def distribution() -> list[str]:
 
 REASONS: Final = """\
 What takes more than wanted: **patches** of plates ten and more widths long that are neither
-mirror images nor centred, which need all functions at once, in two sizes, as nothing else tells
-the error: 450 to 690, of which 360 are the patches', and rectangles 700 to 1100. **Plates of
-metres with little loss**, whose echoes count, have 500 to 1600 modes; fingers couple all of them,
-and where they need a second number of modes, these take twice to three times as long. With
-springs that lose nothing the whole matrix of the loss is solved on each section (3 m with
-fingers: 0.48 s, and 2.5 s for `check`). **Plates of 2 mm** have a cut-off of a hundred kilohertz
-and more: what rings after a corner is looked at thousands of times in each millisecond until it
-has decayed, at hundreds of points under a finger that is wider than the plate. The level at the
-other finger is -70 dB and less there.
+mirror images nor centred, which need all 450 to 1100 functions at once, in two sizes, as nothing
+else tells the error ([decision 10](decisions/0010-patches.md)). **Plates of metres with little
+loss**, whose echoes count, have 500 to 1600 modes, all coupled by fingers. **Plates of 2 mm** have
+a cut-off of a hundred kilohertz and more: what rings after a corner is looked at thousands of times
+in each millisecond until it has decayed. The level at the other finger is -70 dB and less there.
 """
 
 

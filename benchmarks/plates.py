@@ -122,11 +122,9 @@ def table() -> list[str]:
         "",
         (
             "Wanted are 0.15 s for the sweep and 1.5 ms for one frequency. One frequency between "
-            "held edges takes over twice that on the centre line: beside what simple supports "
-            "take too, calls from Python mostly, about a third of it are the fields at the "
-            "corners, with loss at twice as many nodes, and a sixth the roots. Off the centre line "
-            "it takes twice as long again, for any number of loads: see One frequency. Clamped, at "
-            "500 Hz the ends are not felt."
+            "held edges takes over twice that: about a third of it are the fields at the corners, "
+            "a sixth the roots; off the centre line twice as long again (see One frequency). "
+            "Clamped, at 500 Hz the ends are not felt."
         ),
         "",
     ]

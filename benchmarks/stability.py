@@ -15,8 +15,6 @@ from benchmarks.hard_cases import FORCE, PLACE, Case, Sweep, strip_on, sweeps
 from stimuli import CLAMPED, Scene, response
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from matplotlib.axes import Axes
 
 RTOLS: Final = (1e-6, 1e-10)
@@ -79,19 +77,6 @@ def _summary(sweep: Sweep, found: list[Measured]) -> str:
     )
 
 
-def _rows(sweep: Sweep, found: list[Measured]) -> Iterator[str]:
-    for number, m in enumerate(found):
-        errors = " | ".join(
-            f"{error:.1e} | {estimate:.1e}"
-            for error, estimate in zip(m.errors, m.estimates, strict=True)
-        )
-        own = _input_error(sweep, m.case)
-        yield (
-            f"| {sweep.name} {number + 1} | {m.case.curve} | {m.case.label} | {errors} | "
-            f"{f'{own:.1e}' if own else ''} |"
-        )
-
-
 def _figure(results: list[tuple[Sweep, list[Measured]]]) -> None:
     from matplotlib.figure import Figure
 
@@ -151,7 +136,6 @@ def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
     results = [(sweep, [measured(case) for case in sweep.cases]) for sweep in sweeps()]
     _figure(results)
-    columns = " | ".join(f"error, rtol {rtol:g} | estimate" for rtol in RTOLS)
     return "\n".join(
         [
             "## Stability",
@@ -182,14 +166,6 @@ def section() -> str:
             ),
             "",
             "![Relative errors](stability.png)",
-            "",
-            "<details><summary>All values</summary>",
-            "",
-            f"| sweep | curve | value | {columns} | of a rounded f |",
-            "|---|---|---|---|---|---|---|---|",
-            *(row for sweep, found in results for row in _rows(sweep, found)),
-            "",
-            "</details>",
             "",
         ]
     )
