@@ -1,8 +1,7 @@
-"""The poles of a plate with loss on a few dampers: a low rank beside what its modes lose alone."""
+"""The poles of a plate with loss on a few ties: a low rank beside what its modes do alone."""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -13,6 +12,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
+
+    Values = NDArray[np.float64] | NDArray[np.complex128]
 
 
 _FREE: Final = 1e-14
@@ -31,76 +32,84 @@ _LOST: Final = 1e-8
 """Part of all damping that may be missing from the sum of the poles: else one was found twice."""
 
 
-class Dampers(NamedTuple):
-    """Loss in proportion to stiffness, tau K, and some dampers C beside it: tau K + G' C G."""
+class Ties(NamedTuple):
+    """What couples modes: springs k C and dampers c C between them, G' (k + c d/dt) C G."""
 
-    viscous_s: float
-    grips: Real  # how modes move the dampers, G: (n_dampers, n_modes)
-    values: Real  # of either sign, as they take the place of what springs would lose
+    grips: Real  # how modes move the ties, G: (n_ties, n_modes)
+    values: Real  # C, of either sign, as dampers take the place of what springs would lose
+    weights: tuple[float, float] = (0.0, 1.0)  # k, c: dampers alone
 
+    @property
+    def each(self) -> Real:
+        """What they give to each mode alone, but for the weights: (n_modes,)."""
+        return np.asarray(self.values @ self.grips**2)
 
-def turned(
-    bare: Real | Dampers, beside: Real, turn: Real, dampers: Real, by_springs: Real
-) -> Real | Dampers:
-    """Return the loss of a plate's modes and of masses on springs and dampers, in other modes.
+    @property
+    def every(self) -> Real:
+        """What they give to all modes, but for the weights: (n_modes, n_modes)."""
+        return np.asarray(self.grips.T * self.values @ self.grips)
 
-    `turn` has these in its columns, its last rows are the masses. `beside` is what else bends
-    loses, `by_springs` what the masses' springs would lose in proportion to their stiffness.
-    """
-    n = len(dampers)
-    if isinstance(bare, Dampers):
-        return Dampers(bare.viscous_s, turn[-n:], dampers - by_springs)
-    lost = beside + np.pad(bare, [(0, n), (0, n)])
-    lost[-n:, -n:] += np.diag(dampers)
-    return np.asarray(turn.T @ lost @ turn)
+    def of(self, some: NDArray[np.bool_]) -> Ties:
+        """Return the same of some modes."""
+        return self._replace(grips=self.grips[:, some])
 
 
-def coupled_poles(squared: Real, damping: Real | Dampers) -> tuple[Complex, Complex, Complex]:
-    """Return poles, modes and drives of modes with a matrix of their loss, or with dampers."""
-    if not isinstance(damping, Dampers):
+class Lossy(NamedTuple):
+    """What modes lose alone, and what ties them: (n_modes,)."""
+
+    lost: Real
+    ties: Ties
+
+
+def coupled_poles(squared: Real, damping: Real | Lossy) -> tuple[Complex, Complex, Complex]:
+    """Return poles, modes and drives of modes with a matrix of their loss, or with ties."""
+    if not isinstance(damping, Lossy):
         return poles(squared, damping, 1.0)
-    found = damped_poles(squared, *damping)
+    lost, ties = damping
+    found = tied_poles(squared, lost, ties)
     if found is None:
-        coupled = damping.grips.T * damping.values @ damping.grips
-        return poles(squared, damping.viscous_s * np.diag(squared) + coupled, 1.0)
+        springs, dampers = ties.weights
+        stiff, turn = np.linalg.eigh(np.diag(squared) + springs * ties.every)
+        every = turn.T @ (np.diag(lost) + dampers * ties.every) @ turn
+        found, modes, drives = poles(stiff, every, 1.0)
+        return found, turn @ modes, drives @ turn.T
     return found
 
 
-def damped_poles(
-    squared: Real, viscous_s: float, grips: Real, dampers: Real
-) -> tuple[Complex, Complex, Complex] | None:
-    """Return what `oscillators.poles` does, where few dampers couple modes, equation (91).
+def tied_poles(squared: Real, lost: Real, ties: Ties) -> tuple[Complex, Complex, Complex] | None:
+    """Return what `oscillators.poles` does, where few ties couple modes, equation (91).
 
-    The modes' amplitudes obey q'' + (tau K + G' C G) q' + K q = f with diagonal K and C. The poles
-    s are the zeros of det[1 + s G (s^2 + tau K s + K)^-1 G' C], a matrix of as many rows as there
-    are dampers. They are sought all at once (Aberth), a turn for each in as many operations as
-    there are modes. None is returned where they do not settle or some are missing.
+    The modes' amplitudes obey q'' + (L + c G' C G) q' + (K + k G' C G) q = f with diagonal K, L and
+    C. The poles s are the zeros of det[1 + (k + c s) G (s^2 + L s + K)^-1 G' C], a matrix of as
+    many rows as there are ties. They are sought all at once (Aberth), a turn for each in as many
+    operations as there are modes. None is returned where they do not settle or some are missing.
 
     Parameters
     ----------
     squared : ndarray of float64, shape (n_modes,)
-        Squares of the angular frequencies, K.
-    viscous_s : float
-        Relaxation time tau.
-    grips : ndarray of float64, shape (n_dampers, n_modes)
-        How the modes move the dampers, G.
-    dampers : ndarray of float64, shape (n_dampers,)
-        C, of either sign.
+        Squares of the angular frequencies without ties, K.
+    lost : ndarray of float64, shape (n_modes,)
+        What each mode loses without ties, L.
+    ties : Ties
+        What couples the modes.
 
     Examples
     --------
     The sum of all poles is what is lost:
 
-    >>> grips = np.array([[0.3, 0.5, 0.2]])
-    >>> found, *_ = damped_poles(np.array([1.0, 4.0, 9.0]), 0.01, grips, np.ones(1))
-    >>> bool(np.isclose(2 * found.real.sum(), -0.01 * 14 - (grips**2).sum()))
+    >>> squared, ties = np.array([1.0, 4.0, 9.0]), Ties(np.array([[0.3, 0.5, 0.2]]), np.ones(1))
+    >>> found, *_ = tied_poles(squared, 0.01 * squared, ties)
+    >>> bool(np.isclose(2 * found.real.sum(), -0.01 * 14 - ties.each.sum()))
     True
     """
-    taken = np.abs(dampers) @ grips**2
-    tied = taken > _FREE * np.sqrt(squared)
-    parts = [(np.flatnonzero(~tied), *_alone(squared[~tied], viscous_s * squared[~tied]))]
+    springs, dampers = ties.weights
+    grips, one, other, angle = _apart(squared, ties.grips)
+    ties, size = ties._replace(grips=grips), np.sqrt(squared)
+    taken = np.abs(ties.values) @ grips**2
+    tied = (springs / np.maximum(size, 1.0) + dampers) * taken > _FREE * size
+    parts = [(np.flatnonzero(~tied), *_alone(squared[~tied], lost[~tied]))]
     if np.any(tied):
-        some = _tied(squared[tied], viscous_s, grips[:, tied], dampers)
+        some = _tied(squared[tied], lost[tied], ties.of(tied))
         if some is None:
             return None
         parts.append((np.flatnonzero(tied), *some))
@@ -111,7 +120,32 @@ def damped_poles(
         columns = np.arange(first, first + own.size)
         modes[np.ix_(rows, columns)], drives[np.ix_(columns, rows)] = its_modes, its_drives
         first += own.size
+    modes[one], modes[other] = _turned(modes[one], modes[other], -angle)
+    both = _turned(drives[:, one].T, drives[:, other].T, -angle)
+    drives[:, one], drives[:, other] = both.transpose(0, 2, 1)
     return found, modes, drives
+
+
+def _apart(squared: Real, grips: Real) -> tuple[Real, NDArray[np.intp], NDArray[np.intp], Real]:
+    """Return grips with each two modes that are equally fast turned, which these are, how far.
+
+    Cosine and sine of an endless strip are so. What takes one leaves the other alone then, or both
+    are taken apart.
+    """
+    order = np.argsort(squared, kind="stable")
+    same = np.flatnonzero(np.diff(squared[order]) == 0)
+    one, other = order[same], order[same + 1]
+    first, second = grips[:, one], grips[:, other]
+    angle = np.arctan2(2 * (first * second).sum(axis=0), (first**2 - second**2).sum(axis=0)) / 2
+    turned = grips.copy()
+    turned[:, one], turned[:, other] = _turned(first.T, second.T, angle).transpose(0, 2, 1)
+    return turned, one, other, angle
+
+
+def _turned(one: Values, other: Values, angle: Real) -> Values:
+    """Return rows turned into each other: (2, n_pairs, n)."""
+    cos, sin = np.cos(angle)[:, np.newaxis], np.sin(angle)[:, np.newaxis]
+    return np.stack([cos * one + sin * other, cos * other - sin * one])
 
 
 def _pairs(squared: Real, damping: Real) -> tuple[Complex, Complex]:
@@ -135,42 +169,43 @@ def _alone(squared: Real, damping: Real) -> tuple[Complex, Complex, Complex]:
     )
 
 
-def _tied(
-    squared: Real, viscous_s: float, grips: Real, dampers: Real
-) -> tuple[Complex, Complex, Complex] | None:
-    """Return poles, modes and drives of what dampers couple, if all are found."""
-    lost, own = viscous_s * squared, np.asarray(dampers @ grips**2)
-    bare = np.stack(_pairs(squared, lost))
-    found = _zeros(bare, _pairs(squared, lost + own), _coupling(grips, dampers))
+def _tied(squared: Real, lost: Real, ties: Ties) -> tuple[Complex, Complex, Complex] | None:
+    """Return poles, modes and drives of what ties couple, if all are found."""
+    springs, dampers = ties.weights
+    bare, near, own = np.stack(_pairs(squared, lost)), squared, lost + dampers * ties.each
+    if springs:
+        near, turn = np.linalg.eigh(np.diag(squared) + springs * ties.every)
+        own = lost @ turn**2 + dampers * ties._replace(grips=ties.grips @ turn).each
+    found = _zeros(bare, _pairs(near, own), ties)
     if found is None:
         return None
     times = np.where(found.imag > 0, 2.0, 1.0)
-    missing = lost.sum() + own.sum() + (times * found.real).sum()
+    missing = lost.sum() + dampers * ties.each.sum() + (times * found.real).sum()
     if not abs(missing) <= _LOST * np.abs(found).sum():
         return None
-    shapes, norms = _shapes(found, bare, grips, dampers, lost)
+    shapes, norms = _shapes(found, bare, ties, lost)
     return found, shapes, (shapes * (times / norms)).T
 
 
-def _coupling(grips: Real, dampers: Real) -> Real:
-    """Return what each mode adds to G M^-1 G' C: (n_modes, n_dampers * n_dampers)."""
-    n = len(dampers)
-    both = (grips[:, np.newaxis] * grips * dampers[:, np.newaxis]).reshape(n * n, -1)
+def _coupling(ties: Ties) -> Real:
+    """Return what each mode adds to G M^-1 G' C: (n_modes, n_ties * n_ties)."""
+    grips, n = ties.grips, len(ties.values)
+    both = (grips[:, np.newaxis] * grips * ties.values[:, np.newaxis]).reshape(n * n, -1)
     return np.asarray(both.T)
 
 
-def _zeros(bare: Complex, start: tuple[Complex, Complex], coupling: Real) -> Complex | None:
+def _zeros(bare: Complex, start: tuple[Complex, Complex], ties: Ties) -> Complex | None:
     """Return the zeros, of each two that are images of each other the upper one."""
     upper, lower = start
     pair = upper.imag > 0
-    paired, moving = _settled(bare, upper[pair], np.zeros(0, dtype=np.complex128), coupling, _TURNS)
+    paired, moving = _settled(bare, upper[pair], np.zeros(0, dtype=np.complex128), ties, _TURNS)
     if paired is None:
         return None
     stray = paired[moving]
     paired = np.delete(paired, moving)
     alone = np.concatenate([upper[~pair], stray, lower[~pair], stray.conj()])
     alone[: alone.size // 2] *= 1 + _ASIDE * 1j
-    found, moving = _settled(bare, paired, alone, coupling, _MORE_TURNS)
+    found, moving = _settled(bare, paired, alone, ties, _MORE_TURNS)
     if found is None or moving.size:
         return None
     paired, alone = found[: paired.size], found[paired.size :]
@@ -183,10 +218,11 @@ def _zeros(bare: Complex, start: tuple[Complex, Complex], coupling: Real) -> Com
 
 
 def _settled(
-    bare: Complex, paired: Complex, alone: Complex, coupling: Real, turns: int
+    bare: Complex, paired: Complex, alone: Complex, ties: Ties, turns: int
 ) -> tuple[Complex | None, NDArray[np.intp]]:
     """Return zeros after some turns, and which have not settled; the first have images."""
-    found, n = np.append(paired, alone), math.isqrt(coupling.shape[1])
+    found, n, coupling = np.append(paired, alone), len(ties.values), _coupling(ties)
+    springs, dampers = ties.weights
     moving, middle = np.arange(found.size), bare.sum(axis=0)
     for _ in range(turns):
         if not moving.size:
@@ -197,8 +233,9 @@ def _settled(
             return None, moving
         inverse, slope = 1 / product, 2 * s - middle
         shared, bent = inverse @ coupling, (inverse * inverse * slope) @ coupling
-        matrix = np.eye(n) + (s * shared).reshape(-1, n, n)
-        turned = np.linalg.solve(matrix, (shared - s * bent).reshape(-1, n, n))
+        weight = springs + dampers * s
+        matrix = np.eye(n) + (weight * shared).reshape(-1, n, n)
+        turned = np.linalg.solve(matrix, (dampers * shared - weight * bent).reshape(-1, n, n))
         growth = np.einsum("jii->j", turned) + (inverse * slope).sum(axis=1)
         apart = s - found
         apart[np.arange(moving.size), moving] = np.inf
@@ -211,16 +248,16 @@ def _settled(
     return found, moving
 
 
-def _shapes(
-    found: Complex, bare: Complex, grips: Real, dampers: Real, lost: Real
-) -> tuple[Complex, Complex]:
-    """Return the modes x at poles, (n_modes, n_poles), and x' (2 s + tau K + G' C G) x of each."""
-    s, n = found[:, np.newaxis], len(dampers)
+def _shapes(found: Complex, bare: Complex, ties: Ties, lost: Real) -> tuple[Complex, Complex]:
+    """Return the modes x at poles, (n_modes, n_poles), and x' (2 s + L + c G' C G) x of each."""
+    s, n, (springs, dampers) = found[:, np.newaxis], len(ties.values), ties.weights
     inverse = 1 / ((s - bare[0]) * (s - bare[1]))
-    matrix = np.eye(n) + (s * (inverse @ _coupling(grips, dampers))).reshape(-1, n, n)
+    weight = springs + dampers * s
+    matrix = np.eye(n) + (weight * (inverse @ _coupling(ties))).reshape(-1, n, n)
     held = np.linalg.svd(matrix)[2][:, -1].conj()
-    shapes = -s * inverse * ((held * dampers) @ grips)
+    shapes = -weight * inverse * ((held * ties.values) @ ties.grips)
     shapes /= np.linalg.norm(shapes, axis=1, keepdims=True)
-    gripped = shapes @ grips.T
-    norms = (shapes**2 * (2 * s + lost)).sum(axis=1) + (gripped**2 * dampers).sum(axis=1)
+    gripped = shapes @ ties.grips.T
+    norms = (shapes**2 * (2 * s + lost)).sum(axis=1)
+    norms += dampers * (gripped**2 * ties.values).sum(axis=1)
     return shapes.T, norms

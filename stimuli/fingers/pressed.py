@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
-from stimuli.fingers.dampers import Dampers, coupled_poles, turned
+from stimuli.fingers.dampers import Lossy, Ties, coupled_poles
 from stimuli.load import PointForce, PressureDisc
 from stimuli.motion.motion import (
     Motion,
@@ -71,14 +71,15 @@ class Loaded:
     Attributes
     ----------
     squared : ndarray of float64, shape (n_modes,)
-    damping : ndarray of float64, shape (n_modes, n_modes), or Dampers
+    damping : ndarray of float64, shape (n_modes, n_modes) or (n_modes,), or Lossy
+        What the modes lose; where each loses its own only, that.
     moved : ndarray of float64, shape (n_points, n_modes)
     pushed : ndarray of float64, shape (n_loads, n_modes)
     rest_m : ndarray of float64, shape (n_loads, n_points)
     """
 
     squared: Real
-    damping: Real | Dampers
+    damping: Real | Lossy
     moved: Real
     pushed: Real
     rest_m: Real
@@ -229,8 +230,10 @@ def _coupled(
     squared, bents, moved, pushed = bare.alone()
     kept = squared <= (2 * math.pi * highest_hz) ** 2
     viscous_s = strip.material.viscous_time_s
-    damping: Real | Dampers = Dampers(viscous_s, np.zeros((0, 0)), np.zeros(0))
-    if not springs_lose(strip):
+    damping = viscous_s * squared[kept]
+    if not springs_lose(strip) and all(one.ndim == 1 for one in bents):
+        damping = viscous_s * np.concatenate(bents)[kept]
+    elif not springs_lose(strip):
         squares = [np.diag(one) if one.ndim == 1 else one for one in bents]
         damping = viscous_s * block_diag(*squares)[np.ix_(kept, kept)]
     moved, pushed = moved[:, kept], pushed[:, kept]
@@ -296,17 +299,32 @@ def pressed_on(bare: Loaded, pressed: tuple[Pressed, ...], viscous_s: float) -> 
     springs = np.array([one.impedance.stiffness_n_m for one in pressed]) / root**2
     dampers = np.array([one.impedance.damping_n_s_m for one in pressed]) / root**2
     stretch = np.concatenate([-own, np.diag(1 / root)], axis=1)  # of what bends beside the modes
-    beside = stretch.T @ stiff @ stretch
-    squared, turn = np.linalg.eigh(np.diag(np.append(bare.squared, springs)) + beside)
+    squared = np.append(bare.squared, springs)
     carried = stiff @ of_points_m[n_loads:]  # how points follow the stretch
     drawn = of_fingers_m[:n_loads] @ stiff
     pad = [(0, 0), (0, n)]
+    moved = np.pad(bare.moved[:n_points], pad) + carried.T @ stretch
+    pushed = np.pad(bare.pushed[:n_loads], pad) + drawn @ stretch
+    rest_m = of_points_m[:n_loads] - of_fingers_m[:n_loads] @ carried
+    if bare.damping.ndim == 1 and np.any(bare.damping != viscous_s * bare.squared):
+        ties = Ties(np.linalg.cholesky(stiff).T @ stretch, np.ones(n), (1.0, viscous_s))
+        alone = Lossy(np.append(bare.damping, dampers), ties)
+        return Loaded(squared=squared, damping=alone, moved=moved, pushed=pushed, rest_m=rest_m)
+    beside = stretch.T @ stiff @ stretch
+    squared, turn = np.linalg.eigh(np.diag(squared) + beside)
+    if bare.damping.ndim == 1:
+        ties = Ties(turn[-n:], dampers - viscous_s * springs)
+        damping: Real | Lossy = Lossy(viscous_s * squared, ties)
+    else:
+        lost = viscous_s * beside + np.pad(bare.damping, [(0, n), (0, n)])
+        lost[-n:, -n:] += np.diag(dampers)
+        damping = np.asarray(turn.T @ lost @ turn)
     return Loaded(
         squared=squared,
-        damping=turned(bare.damping, viscous_s * beside, turn, dampers, viscous_s * springs),
-        moved=(np.pad(bare.moved[:n_points], pad) + carried.T @ stretch) @ turn,
-        pushed=(np.pad(bare.pushed[:n_loads], pad) + drawn @ stretch) @ turn,
-        rest_m=of_points_m[:n_loads] - of_fingers_m[:n_loads] @ carried,
+        damping=damping,
+        moved=moved @ turn,
+        pushed=pushed @ turn,
+        rest_m=rest_m,
     )
 
 

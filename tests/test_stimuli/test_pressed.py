@@ -28,7 +28,7 @@ from stimuli import (
     displacement,
     felt,
 )
-from stimuli.fingers.dampers import Dampers, coupled_poles
+from stimuli.fingers.dampers import Lossy, Ties, coupled_poles
 from stimuli.fingers.fingertip import causal
 from stimuli.fingers.impedance import Pressed
 from stimuli.fingers.pressed import pressed_motion
@@ -205,16 +205,38 @@ def test_poles_on_dampers_are_those_of_the_whole_matrix(dampers: tuple[float, fl
     grips = rng.normal(size=(2, 40)) / 6
     grips[:, 3] = 0.0
     loss = 1e-3 * np.diag(squared) + (grips.T * dampers) @ grips
-    found = coupled_poles(squared, Dampers(1e-3, grips, np.array(dampers)))
-    push = rng.normal(size=40)
+    found = coupled_poles(squared, Lossy(1e-3 * squared, Ties(grips, np.array(dampers))))
+    assert _differs(found, loss, np.diag(squared), rng.normal(size=40)) < 1e-9
+
+
+@pytest.mark.parametrize("late_s", [0.0, 1e-3, 0.05])
+@pytest.mark.parametrize("one_takes_both", [False, True])
+def test_poles_on_springs_are_those_of_the_whole_matrices(
+    late_s: float, one_takes_both: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    squared = np.repeat(np.sort(rng.uniform(1.0, 30.0, 20)) ** 2, 2)  # cosines and sines
+    lost = 1e-3 * squared * np.repeat(rng.uniform(0.5, 1.0, 20), 2)
+    grips = rng.normal(size=(2, 40))
+    if one_takes_both:
+        grips[1] = 0.0
+    ties = Ties(grips, np.array([40.0, 7.0]), (1.0, late_s))
+    monkeypatch.setattr(np.linalg, "eig", None)  # what is returned is sought pole by pole
+    found = coupled_poles(squared, Lossy(lost, ties))
+    loss, stiff = np.diag(lost) + late_s * ties.every, np.diag(squared) + ties.every
+    assert _differs(found, loss, stiff, rng.normal(size=40)) < 1e-9
+
+
+def _differs(found: tuple[Complex, Complex, Complex], loss: Real, stiff: Real, push: Real) -> float:
+    """Return by what part poles move modes differently than their matrices at frequencies."""
+    poles, modes, drives = found
+    parts = []
     for s in (0.3 + 2j, 7j, 31.7j):
-        whole = np.linalg.solve(s**2 * np.eye(40) + s * loss + np.diag(squared), push)
-        swings = (
-            (found[2] @ push) / (s - found[0]),
-            (found[2] @ push).conj() / (s - found[0].conj()),
-        )
-        ours = (found[1] @ swings[0] + found[1].conj() @ swings[1]) / 2
-        assert np.abs(ours - whole).max() < 1e-9 * np.abs(whole).max()
+        whole = np.linalg.solve(s**2 * np.eye(push.size) + s * loss + stiff, push)
+        swings = (drives @ push) / (s - poles), (drives @ push).conj() / (s - poles.conj())
+        ours = (modes @ swings[0] + modes.conj() @ swings[1]) / 2
+        parts.append(np.abs(ours - whole).max() / np.abs(whole).max())
+    return float(max(parts))
 
 
 @pytest.mark.slow
