@@ -123,8 +123,7 @@ class Scene:
         for load in self.loads:
             instance("loads", load, LOADS, "a tuple of loads")
             _check_on_strip(load, self.strip)
-        points = [_point(point, self.strip) for point in _some("points_m", self.points_m)]
-        object.__setattr__(self, "points_m", tuple(points))
+        object.__setattr__(self, "points_m", _points(self.points_m, self.strip))
         if self.driven is not None:
             object.__setattr__(self, "driven", _switches(self.driven, len(self.loads)))
 
@@ -285,6 +284,16 @@ def _switches(driven: object, n_loads: int) -> tuple[bool, ...]:
     if len(values) != n_loads or not all(isinstance(one, bool) for one in values):
         raise ValueError(f"driven must hold a bool for each of {n_loads} loads, got {driven!r}")
     return values
+
+
+def _points(points: object, strip: Strip) -> tuple[tuple[float, float], ...]:
+    """Return points as pairs of floats, or refuse them: at once where they are that already."""
+    some = _some("points_m", points)
+    if all(type(one) is tuple and list(map(type, one)) == [float, float] for one in some):
+        x_m, y_m = np.array(some).T
+        if np.all(np.abs(x_m) <= _end_m(strip)) and np.all((y_m >= 0) & (y_m <= strip.width_m)):
+            return some
+    return tuple(_point(point, strip) for point in some)
 
 
 def _point(point: object, strip: Strip) -> tuple[float, float]:

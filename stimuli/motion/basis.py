@@ -11,6 +11,10 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss, legmul, legvander
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
     from stimuli.arrays import Real
 
 
@@ -24,29 +28,48 @@ class Polynomials:
         Each function in orthonormal Legendre polynomials.
     half_m : float
         Half the length that the interval stands for; the functions are orthonormal over it.
+    degrees : ndarray of int, shape (n_functions,), or None
+        Numbers of the Legendre polynomials that they are, unless they are sums of several.
     """
 
     series: Real
     half_m: float
+    degrees: NDArray[np.intp] | None = None
 
     def values(self, place: Real, order: int = 0) -> Real:
         """Return a derivative of all functions at places from -1 to 1: (n_places, n_functions)."""
+        (found,) = self.jet(place, (order,))
+        return found
+
+    def jet(self, place: Real, orders: Sequence[int]) -> list[Real]:
+        """Return several derivatives of all functions at places: (n_places, n_functions) each."""
         n = self.series.shape[1]
-        legendre = legvander(place, n - 1) * _norms(n)
-        return np.asarray(legendre @ self._derived(order).T)
+        derived = [legvander(place, n - 1)]
+        while len(derived) <= max(orders):
+            derived.append(_next_derivative(derived[-1]))
+        found = []
+        for order in orders:
+            legendre = derived[order] * (_norms(n) / self.half_m ** (order + 0.5))
+            one = self.degrees
+            found.append(legendre @ self.series.T if one is None else legendre[:, one])
+        return found
 
     def products(self, one: int, other: int) -> Real:
-        """Return the integrals of two derivatives over the length: (n_functions, n_functions)."""
-        both = self._derived(one) @ self._derived(other).T
-        return np.asarray(both * self.half_m)
+        """Return the integrals of two derivatives over the length: (n_functions, n_functions).
 
-    def _derived(self, order: int) -> Real:
-        """Return the series of a derivative."""
-        series = self.series
-        step = _derivative(series.shape[1])
-        for _ in range(order):
-            series = series @ step.T
-        return np.asarray(series / self.half_m ** (order + 0.5))
+        Of the same derivatives, or of the functions with their second ones.
+        """
+        every = _products(self.series.shape[1], one, other)
+        if self.degrees is None:
+            every = self.series @ every @ self.series.T
+        else:
+            every = every[np.ix_(self.degrees, self.degrees)]
+        return np.asarray(every / self.half_m ** (one + other))
+
+    def part(self, some: slice) -> Polynomials:
+        """Return some of the functions."""
+        degrees = None if self.degrees is None else self.degrees[some]
+        return replace(self, series=self.series[some], degrees=degrees)
 
 
 def free_basis(n: int, length_m: float, *, odd: bool) -> Polynomials:
@@ -56,7 +79,8 @@ def free_basis(n: int, length_m: float, *, odd: bool) -> Polynomials:
     >>> bool(abs(basis.products(0, 0) - np.eye(3)).max() < 1e-12)
     True
     """
-    return Polynomials(series=np.eye(2 * n)[int(odd) :: 2], half_m=length_m / 2)
+    degrees = np.arange(int(odd), 2 * n, 2)
+    return Polynomials(series=np.eye(2 * n)[degrees], half_m=length_m / 2, degrees=degrees)
 
 
 def held_basis(n: int, width_m: float, *, clamped: bool, odd: bool) -> Polynomials:
@@ -83,7 +107,11 @@ def sided(odd: bool | None, even: Polynomials, uneven: Polynomials) -> Polynomia
     """Return the even or the odd functions, or both, the even ones first."""
     if odd is not None:
         return uneven if odd else even
-    return replace(even, series=np.concatenate([even.series, uneven.series]))
+    degrees = None
+    if even.degrees is not None and uneven.degrees is not None:
+        degrees = np.append(even.degrees, uneven.degrees)
+    series = np.concatenate([even.series, uneven.series])
+    return replace(even, series=series, degrees=degrees)
 
 
 def _norms(n: int) -> Real:
@@ -91,16 +119,41 @@ def _norms(n: int) -> Real:
     return np.asarray(np.sqrt(np.arange(n) + 0.5))
 
 
-@lru_cache(maxsize=16)
-def _derivative(n: int) -> Real:
-    """Return the derivatives of orthonormal Legendre polynomials in the same: (n, n).
+def _next_derivative(values: Real) -> Real:
+    """Return the derivatives of Legendre polynomials of which values are known, (n_places, n).
 
     P_k' is the sum of (2 j + 1) P_j over j = k - 1, k - 3, ...
     """
-    row, column = np.indices((n, n))
-    below = (row < column) & ((column - row) % 2 == 1)
-    root = np.sqrt((2 * row + 1.0) * (2 * column + 1.0))
-    return np.asarray(np.where(below, root, 0.0))
+    n = values.shape[1]
+    weighed, found = values * (2.0 * np.arange(n) + 1), np.zeros_like(values)
+    for parity in (0, 1):
+        below = weighed[:, parity : n - 1 : 2]
+        np.cumsum(below, axis=1, out=found[:, parity + 1 :: 2])
+    return found
+
+
+@lru_cache(maxsize=32)
+def _products(n: int, one: int, other: int) -> Real:
+    """Return the integrals of derivatives of orthonormal Legendre polynomials: (n, n).
+
+    By parts, with their derivatives at 1. Those of an even one and an odd one are 0.
+    """
+    if (one, other) == (0, 0):
+        return np.eye(n)
+    if (one, other) == (2, 0):
+        return np.asarray(_products(n, 0, 2).T)
+    i, j = np.indices((n, n)).astype(np.float64)
+    low, high = np.minimum(i, j), np.maximum(i, j)
+    slope = low * (low + 1)
+    if (one, other) == (1, 1):
+        found = slope
+    elif (one, other) == (0, 2):
+        found = np.where(i < j, high * (high + 1) - slope, 0.0)
+    else:
+        bent = slope * (low - 1) * (low + 2)
+        found = bent * (high * (high + 1) / 8 - (low - 2) * (low + 3) / 24)
+    root = _norms(n)
+    return np.where((i + j) % 2 == 0, root[:, np.newaxis] * found * root, 0.0)
 
 
 def half_waves(wavenumber_rad_m: float, half_m: float, *, digits: float = 10.0) -> int:
@@ -127,4 +180,5 @@ def disc_rings(n_nodes: int) -> tuple[Real, Real]:
 
 def products_of(along: Real, across: Real) -> Real:
     """Return the products of functions along and across at the same points: (n_points, n)."""
-    return np.asarray((along[:, :, np.newaxis] * across[:, np.newaxis]).reshape(len(along), -1))
+    both = along[:, :, np.newaxis] * across[:, np.newaxis]
+    return np.asarray(both.reshape(len(along), along.shape[1] * across.shape[1]))

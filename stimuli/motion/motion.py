@@ -229,18 +229,21 @@ def steady(scene: Scene, frequency_hz: float) -> Complex:
     enough = [multiple for multiple in _PATCHED if is_enough(strip, multiple * reference_hz)]
     if not enough:
         raise ValueError(f"the plate has too many modes for its patches, got {strip.length_m!r} m")
-    motion = motion_of(dataclasses.replace(scene, strip=strip), reference_hz, enough[-1])
-    poles = motion.oscillators.poles
-    first_hz = float(np.min(np.abs(poles))) / (2 * math.pi)
+    highest_hz = enough[-1] * reference_hz
+    lossless = dataclasses.replace(scene, strip=without_loss(strip))
+    squared, bents, moved, pushed = (bare := bare_of(lossless, highest_hz, highest_hz)).alone()
+    first_hz = math.sqrt(np.min(squared)) / (2 * math.pi)
     if frequency_hz >= first_hz:
         raise AboveFirstModeError(frequency_hz, first_hz)
-    found = []
-    for load, rest_m in enumerate(motion.oscillators.rest_m):
-        weights = motion.oscillators.weights(load)
-        swings = (weights / (-1j * omega - poles)).sum(axis=1)
-        swings += (weights.conj() / (-1j * omega - poles.conj())).sum(axis=1)
-        found.append(swings / 2 + rest_m / (1 - 1j * omega * motion.viscous_s))
-    return np.array(found)
+    late = -1j * omega * viscous_s
+    dynamic = np.diag(squared * (1 + late) - omega**2)
+    if not springs_lose(strip):
+        from scipy.linalg import block_diag
+
+        dynamic = np.diag(squared - omega**2) + late * block_diag(*bents)
+    swung = np.linalg.solve(dynamic, pushed.T.astype(np.complex128))
+    rest_m = bare.static_m - (pushed / squared) @ moved.T
+    return np.asarray((moved @ swung).T + rest_m / (1 + late))
 
 
 class Bare(NamedTuple):
@@ -311,8 +314,21 @@ def _bare_patched(scene: Scene, highest_hz: float, within_hz: float, *, centred:
 def _in_functions(scene: Scene, functions: Functions, highest_hz: float) -> tuple[Real, Real]:
     """Return functions at the points, and the works of the loads on them: (n, n_functions) each."""
     (at_points,) = functions.at(np.array(scene.points_m))
-    (pushes,) = _pushed(scene, _all_nodes(scene, highest_hz), functions.at)
-    return at_points, pushes
+    most_rad_m = wavenumber_rad_m(scene.strip, highest_hz)
+    driven = scene.driven or (True,) * len(scene.loads)
+    works = [
+        on * _work(load, functions, most_rad_m)
+        for on, load in zip(driven, scene.loads, strict=True)
+    ]
+    return at_points, np.stack(works)
+
+
+@lru_cache(maxsize=32)
+def _work(load: Load, functions: Functions, most_rad_m: float) -> Real:
+    """Return the work of a load on functions, the same in all scenes: (n_functions,)."""
+    nodes_m, weights = _nodes(load, most_rad_m)
+    (values,) = functions.at(nodes_m, laplacian=load.is_moment)
+    return np.asarray(weights @ values)
 
 
 @lru_cache(maxsize=4)

@@ -119,7 +119,7 @@ def finer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         (matrices, "_NODES", 8),
     ):  # fmt: skip
         monkeypatch.setattr(module, name, value)
-    caches = (around._hump_series, around._side_series)
+    caches = (around._hump_series, around._side_series, around._pairs)
     for cache in caches:
         cache.cache_clear()
     yield

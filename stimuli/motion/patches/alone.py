@@ -47,11 +47,9 @@ def in_modes(strip: Strip, functions: Functions, highest_hz: float) -> Functions
             overwrite_a=True,
             check_finite=False,
         )
-        series = np.zeros((functions.n_plate, squared.size))
-        series[some] = vectors
-        found.append(series)
+        found.append((some, vectors))
         squares.append(squared)
     every = np.concatenate(squares)
     fourth = every * areal_kg_m2 / strip.bending_stiffness_n_m
-    modes = PlateModes(np.concatenate(found, axis=1), every, np.sqrt(np.sqrt(fourth)))
+    modes = PlateModes(tuple(found), every, np.sqrt(np.sqrt(fourth)))
     return dataclasses.replace(functions, modes=modes)

@@ -13,9 +13,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.polynomial import Legendre, Polynomial
-from numpy.polynomial.legendre import leg2poly, leggauss
-from numpy.polynomial.polynomial import polyvander
+from numpy.polynomial.legendre import leggauss
 
 from stimuli.motion.basis import disc_rings, products_of
 from stimuli.strip.edge import CLAMPED
@@ -61,6 +59,9 @@ VALUE: Final = (0, 0)
 BENDS: Final = ((2, 0), (0, 2), (1, 1))
 """Orders of derivatives along and across."""
 
+Sides = tuple[bool | None, bool | None]
+"""Odd or even along and across; none: both."""
+
 
 class Ring(NamedTuple):
     """How far functions reach beyond a rim, and what is free where they end.
@@ -71,6 +72,9 @@ class Ring(NamedTuple):
 
     reach: float
     free: int
+
+
+Rings = tuple[tuple[Ring, Ring], tuple[Ring, Ring]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,61 +96,75 @@ class Around:
     """
 
     patch: BondedPatch
-    rings: tuple[tuple[Ring, Ring], tuple[Ring, Ring]]
-    odd: tuple[bool | None, bool | None]
+    rings: Rings
+    odd: Sides
     degree: int
 
     @property
     def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Numbers of the factors along and across of the functions on the cells."""
-        along, across = np.nonzero(np.add.outer(*self._levels()) <= _FINEST)
-        return along, across
+        return _pairs(self.rings, self.odd)
 
     @property
     def is_coarse(self) -> NDArray[np.bool_]:
         """Which of all its functions are enough for an estimate of what the others add."""
-        along, across = self._levels()
+        along, across = _levels(self.rings, self.odd)
         coarse = np.maximum(along[self.pairs[0]], across[self.pairs[1]]) < _HUMPS
         return np.append(coarse, np.ones(self.n_disc, dtype=bool))
 
     @property
     def n_disc(self) -> int:
         """How many functions a disc has of its own."""
-        centre_m = np.array([[self.patch.x_m, self.patch.y_m]])
-        return int(self.disc(centre_m, VALUE).shape[1])
+        return len(_disc_pairs(self._disc_degree, self.odd)) if self.patch.is_disc else 0
 
     def reach_m(self, axis: int) -> float:
         """Return the longest half or ring along an axis."""
         return max(self.patch.half_size_m[axis], *(ring.reach for ring in self.rings[axis]))
 
-    def box(self, points_m: Real, orders: tuple[int, int]) -> Real:
-        """Return a derivative of the functions on the cells: (n_points, n_functions)."""
+    def at(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
+        """Return derivatives of the functions on the cells and of a disc's own at points.
+
+        (n_points, n_functions) each.
+        """
+        axes = [sorted({orders[axis] for orders in every}) for axis in (0, 1)]
         along, across = (
-            self.factor(axis, points_m[:, axis], order) for axis, order in enumerate(orders)
+            dict(zip(orders, self.factors(axis, points_m[:, axis], orders), strict=True))
+            for axis, orders in enumerate(axes)
         )
         i, j = self.pairs
-        return np.asarray(along[:, i] * across[:, j])
+        boxes = [along[x][:, i] * across[y][:, j] for x, y in every]
+        if not self.patch.is_disc:
+            return boxes
+        discs = self._disc(points_m, every)
+        return [np.concatenate(both, axis=1) for both in zip(boxes, discs, strict=True)]
 
-    def factor(self, axis: int, places_m: Real, order: int) -> Real:
-        """Return a derivative of their factors along or across: (n_places, n_factors)."""
+    def factors(self, axis: int, places_m: Real, orders: Sequence[int]) -> list[Real]:
+        """Return derivatives of the factors along or across: (n_places, n_factors) each."""
         centre_m = (self.patch.x_m, self.patch.y_m)[axis]
         half_m = self.patch.half_size_m[axis]
         rings = [Ring(one.reach / half_m, one.free) for one in self.rings[axis]]
         place = (places_m - centre_m) / half_m
-        return _steps(place, rings, order, odd=self.odd[axis]) / half_m**order
+        found = _steps(place, rings, orders, odd=self.odd[axis])
+        return [one / half_m**order for one, order in zip(found, orders, strict=True)]
 
-    def disc(self, points_m: Real, orders: tuple[int, int]) -> Real:
-        """Return a derivative of a disc's own functions; a rectangle has none."""
-        if not self.patch.is_disc:
-            return np.zeros((len(points_m), 0))
+    @property
+    def _disc_degree(self) -> int:
+        return min(self.degree, _MOST_DEGREE)
+
+    def _disc(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
+        """Return derivatives of a disc's own functions."""
         radius_m = self.patch.half_size_m[0]
         x, y = (points_m - (self.patch.x_m, self.patch.y_m)).T / radius_m
-        series = _disc_series(min(self.degree, _MOST_DEGREE), self.odd, orders)
-        n = math.isqrt(len(series))
-        inside = x * x + y * y < 1
-        of_x, of_y = (polyvander(np.where(inside, one, 0.0), n - 1) for one in (x, y))
-        powers = products_of(np.asarray(of_x, dtype=np.float64), np.asarray(of_y, dtype=np.float64))
-        return np.asarray(inside[:, np.newaxis] * (powers @ series)) / radius_m ** sum(orders)
+        inside = np.flatnonzero(x * x + y * y < 1)
+        n = self._disc_degree + 5
+        powers = products_of(_powers(x[inside], n), _powers(y[inside], n))
+        found = []
+        for orders in every:
+            series = _disc_series(self._disc_degree, self.odd, orders)
+            values = np.zeros((len(points_m), series.shape[1]))
+            values[inside] = powers @ series / radius_m ** sum(orders)
+            found.append(values)
+        return found
 
     def line(self, axis: int, n_nodes: int, *, inside: bool) -> tuple[Real, Real]:
         """Return nodes and weights along or across the cells, or the patch alone."""
@@ -168,16 +186,22 @@ class Around:
         share = weights * self.patch.half_size_m[0] ** 2 * math.pi / n_nodes
         return np.stack([x_m.ravel(), y_m.ravel()], axis=1), np.repeat(share, 2 * n_nodes)
 
-    def _levels(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return how fine each factor along and across is: 0, or the number of a hump."""
-        along, across = (
-            np.array(_fineness(rings, odd=odd))
-            for rings, odd in zip(self.rings, self.odd, strict=True)
-        )
-        return along, across
+
+@lru_cache(maxsize=32)
+def _pairs(rings: Rings, odd: Sides) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    along, across = np.nonzero(np.add.outer(*_levels(rings, odd)) <= _FINEST)
+    return along, across
 
 
-def rings_of(strip: Strip, patch: BondedPatch) -> tuple[tuple[Ring, Ring], tuple[Ring, Ring]]:
+def _levels(rings: Rings, odd: Sides) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return how fine each factor along and across is: 0, or the number of a hump."""
+    along, across = (
+        np.array(_fineness(of_axis, odd=one)) for of_axis, one in zip(rings, odd, strict=True)
+    )
+    return along, across
+
+
+def rings_of(strip: Strip, patch: BondedPatch) -> Rings:
     """Return how far the functions of a patch reach beyond it, along and across on both sides."""
     half_m, end_m = patch.half_size_m, (strip.length_m or 0.0) / 2
     most_m = max(_RING * min(half_m), _WIDTHS * strip.width_m)
@@ -230,48 +254,67 @@ def _fineness(rings: Sequence[Ring], *, odd: bool | None) -> list[int]:
     return levels
 
 
-def _steps(place: Real, rings: Sequence[Ring], order: int, *, odd: bool | None) -> Real:
-    """Return functions of a place over half a patch's length: (n_places, n_functions).
+def _steps(
+    place: Real, rings: Sequence[Ring], orders: Sequence[int], *, odd: bool | None
+) -> list[Real]:
+    """Return functions of a place over half a patch's length: (n_places, n_functions) each.
 
     Humps inside, and on each side the value and slope at the rim, what is free where the ring ends,
     and humps outside; of two equal sides even or odd sums.
     """
-    humps = _hump_series(_n_humps(rings), order, odd)
-    middle = _polynomials(place, np.abs(place) <= _RIM, humps)
-    left, right = (
-        sign**order * _side(sign * place, ring, order)
-        for sign, ring in zip((-1, 1), rings, strict=True)
-    )
-    both = [left, right] if odd is None else [right - left if odd else right + left]
-    return np.concatenate([middle, *both], axis=1)
+    inside = _powers_where(place, np.abs(place) <= _RIM)
+    signs = (-1.0) ** np.arange(_POWERS)[:, np.newaxis]
+    beyond = []
+    for sign, ring in zip((-1, 1), rings, strict=True):
+        reach = ring.reach or 1.0
+        out = (sign * place - 1) / reach
+        there = (sign * place > _RIM) & (out <= _RIM)
+        beyond.append(_powers_where(out, there) if ring.reach else None)
+    found = []
+    for order in orders:
+        humps = inside @ _hump_series(_n_humps(rings), order, odd)
+        sides = []
+        for sign, ring, out in zip((-1, 1), rings, beyond, strict=True):
+            inner, outer = _side_series(ring.reach > 0, ring.free, order)
+            # what is right of a rim on the right is left of one on the left
+            side = inside @ (signs * inner if sign < 0 else inner)
+            if out is not None:
+                scale = np.full(outer.shape[1], ring.reach**-order)
+                scale[1] *= ring.reach  # the slope at the rim is 1 on both sides
+                side = side + out @ (outer * scale)
+            sides.append(sign**order * side)
+        left, right = sides
+        both = [left, right] if odd is None else [right - left if odd else right + left]
+        found.append(np.concatenate([humps, *both], axis=1))
+    return found
 
 
-def _side(place: Real, ring: Ring, order: int) -> Real:
-    """Return what belongs to the rim at 1."""
-    inner, outer = _side_series(ring.reach > 0, ring.free, order)
-    inside = _polynomials(place, np.abs(place) <= _RIM, inner)
-    if not ring.reach:
-        return inside
-    beyond = (place - 1) / ring.reach
-    there = (place > _RIM) & (beyond <= _RIM)
-    scale = np.full(outer.shape[1], ring.reach**-order)
-    scale[1] *= ring.reach  # the slope at the rim is 1 on both sides
-    return inside + _polynomials(beyond, there, outer * scale)
+def _powers(place: Real, n: int) -> Real:
+    """Return powers of places from 0 on: (n_places, n)."""
+    found = np.empty((place.size, n))
+    found[:, 0] = 1.0
+    for power in range(1, n):
+        np.multiply(found[:, power - 1], place, out=found[:, power])
+    return found
 
 
-def _polynomials(place: Real, there: NDArray[np.bool_], series: Real) -> Real:
-    """Return polynomials at some places, 0 at the others."""
-    powers = polyvander(np.where(there, place, 0.0), len(series) - 1)
-    return np.asarray(there[:, np.newaxis] * (powers @ series))
+def _powers_where(place: Real, there: NDArray[np.bool_]) -> Real:
+    """Return powers of some places, 0 of the others."""
+    found = np.zeros((place.size, _POWERS))
+    found[there] = _powers(place[there], _POWERS)
+    return found
 
 
 @lru_cache(maxsize=64)
 def _hump_series(n_humps: int, order: int, odd: bool | None) -> Real:  # noqa: FBT001 - a key
     """Return functions that end at the rim with slope 0, in powers of the place."""
-    s = Polynomial([0, 1])
     wanted = [n for n in range(2 * n_humps) if odd is None or n % 2 == odd]
-    humps = [(1 - s**2) ** 2 * Legendre.basis(n).convert(kind=Polynomial) for n in wanted]
-    return _series(humps, order)
+    rim = [1.0, 0.0, -2.0, 0.0, 1.0]  # (1 - s^2)^2
+    return _series([np.convolve(rim, _legendre_powers()[n, : n + 1]) for n in wanted], order)
+
+
+_VALUE: Final = np.array([0.5, 0.75, 0.0, -0.25])  # (1 + s)^2 (2 - s) / 4
+_SLOPE: Final = np.array([-0.25, -0.25, 0.25, 0.25])  # (1 + s)^2 (s - 1) / 4
 
 
 @lru_cache(maxsize=64)
@@ -280,29 +323,40 @@ def _side_series(has_ring: bool, free: int, order: int) -> tuple[Real, Real]:  #
 
     The place outside goes from 0 to 1.
     """
-    s, none = Polynomial([0, 1]), Polynomial([0])
-    value, slope = (1 + s) ** 2 * (2 - s) / 4, (1 + s) ** 2 * (s - 1) / 4
-    pieces = [(slope, none), (value, none)][:free]
+    none = np.zeros(1)
+    pieces = [(_SLOPE, none), (_VALUE, none)][:free]
     if has_ring:
-        ends = [s**2 * (s - 1), s**2 * (3 - 2 * s)][:free]
-        humps = [16 * s**2 * (1 - s) ** 2 * (2 * s - 1) ** n for n in range(_HUMPS)]
-        pieces = [(value, (1 - s) ** 2 * (1 + 2 * s)), (slope, s * (1 - s) ** 2)]
+        ends = [np.array([0.0, 0.0, -1.0, 1.0]), np.array([0.0, 0.0, 3.0, -2.0])][:free]
+        humps = [np.array([0.0, 0.0, 16.0, -32.0, 16.0])]  # 16 s^2 (1 - s)^2, times 2 s - 1
+        humps += [np.convolve(humps[-1], [-1.0, 2.0]) for _ in range(_HUMPS - 1)]
+        starts = np.array([1.0, 0.0, -3.0, 2.0]), np.array([0.0, 1.0, -2.0, 1.0])
+        pieces = [(_VALUE, starts[0]), (_SLOPE, starts[1])]
         pieces += [(none, one) for one in (*ends, *humps)]
     inner, outer = (_series([piece[part] for piece in pieces], order) for part in (0, 1))
     return inner, outer
 
 
-def _series(functions: Sequence[Polynomial], order: int) -> Real:
+def _series(functions: Sequence[Real], order: int) -> Real:
     """Return a derivative of polynomials in powers: (n_powers, n)."""
     series = np.zeros((_POWERS, len(functions)))
     for column, one in enumerate(functions):
-        series[: len(one.coef), column] = one.coef
+        series[: len(one), column] = one
     return _powers_derived(series, order)
+
+
+@lru_cache(maxsize=16)
+def _disc_pairs(degree: int, odd: Sides) -> list[tuple[int, int]]:
+    """Return the degrees along and across of a disc's functions."""
+    return [
+        (i, j)
+        for i, j in product(range(degree + 1), range(degree + 1))
+        if i + j <= degree and odd[0] != (i % 2 == 0) and odd[1] != (j % 2 == 0)
+    ]
 
 
 @lru_cache(maxsize=64)
 def _disc_series(
-    degree: int, odd: tuple[bool | None, bool | None], orders: tuple[int, int]
+    degree: int, odd: Sides, orders: tuple[int, int]
 ) -> Real:
     """Return a derivative of a disc's functions, over its radius, in x^i y^j: (n_powers, n).
 
@@ -310,11 +364,7 @@ def _disc_series(
     """
     rim = {(0, 0): 1, (2, 0): -2, (0, 2): -2, (4, 0): 1, (0, 4): 1, (2, 2): 2}  # (1 - r^2)^2
     legendre, n = _legendre_powers(), degree + 5
-    pairs = [
-        (i, j)
-        for i, j in product(range(degree + 1), range(degree + 1))
-        if i + j <= degree and odd[0] != (i % 2 == 0) and odd[1] != (j % 2 == 0)
-    ]
+    pairs = _disc_pairs(degree, odd)
     series = np.zeros((n, n, len(pairs)))
     for place, (i, j) in enumerate(pairs):
         shape = np.multiply.outer(legendre[i, : i + 1], legendre[j, : j + 1])
@@ -327,10 +377,11 @@ def _disc_series(
 
 @lru_cache(maxsize=1)
 def _legendre_powers() -> Real:
-    """Return Legendre polynomials up to any degree of a disc's functions, in powers: (n, n)."""
-    powers = np.zeros((_MOST_DEGREE + 1, _MOST_DEGREE + 1))
-    for degree, row in enumerate(np.eye(len(powers))):
-        powers[degree, : degree + 1] = leg2poly(row[: degree + 1])
+    """Return Legendre polynomials up to any degree of these functions, in powers: (n, n)."""
+    powers = np.eye(_POWERS)
+    for degree in range(1, _POWERS - 1):
+        after = (2 * degree + 1) * np.append(0.0, powers[degree, :-1]) - degree * powers[degree - 1]
+        powers[degree + 1] = after / (degree + 1)
     return powers
 
 

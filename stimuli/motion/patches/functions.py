@@ -10,21 +10,23 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from stimuli.motion.basis import Polynomials, free_basis, half_waves, held_basis, sided
-from stimuli.motion.patches.around import BENDS, VALUE, Around, rings_of
+from stimuli.motion.patches.around import BENDS, VALUE, Around, Sides, rings_of
 from stimuli.strip.edge import CLAMPED
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
     from stimuli.strip.strip import Strip
 
-Symmetry = tuple[bool | None, bool | None]
-"""Odd or even along and across; none: both."""
-
 _DIGITS: Final = 2.3
 """To which waves are held by the plate's polynomials: what is fine is near the patches, which have
 functions of their own."""
+
+_BENT: Final = 2
+"""The highest order of a derivative."""
 
 _HELD: Final = 2.0
 """The plate's own modes are enough up to so many times the highest frequency."""
@@ -36,7 +38,8 @@ _DEGREE: Final = 3
 class PlateModes(NamedTuple):
     """Modes of a plate without patches, with the mass 1 where that is 1 per area."""
 
-    series: Real  # in products of polynomials, (n_products, n_modes)
+    # each symmetry's in products of polynomials, (n_products, n_modes), and which products
+    series: tuple[tuple[NDArray[np.intp], Real], ...]
     squared: Real  # squares of their angular frequencies, (n_modes,)
     wavenumbers_rad_m: Real  # of waves as fast in a plate without edges, (n_modes,)
 
@@ -62,7 +65,7 @@ class Functions:
 
     along: Polynomials
     across: Polynomials
-    odd: Symmetry
+    odd: Sides
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
     around: tuple[Around, ...]
     modes: PlateModes | None = None
@@ -70,7 +73,7 @@ class Functions:
     @property
     def n_plate(self) -> int:
         """How many are functions of the whole plate."""
-        return len(self.pairs[0]) if self.modes is None else self.modes.series.shape[1]
+        return len(self.pairs[0]) if self.modes is None else self.modes.squared.size
 
     def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the numbers of fewer functions of the plate, up to a wave's, and of patches."""
@@ -84,23 +87,26 @@ class Functions:
     def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
         """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""
         orders = BENDS[:2] if laplacian else (VALUE,)
-        parts = [(self.plate(points_m, order), self._local(points_m, order)) for order in orders]
-        both = np.sum([np.concatenate(one, axis=1) for one in parts], axis=0)
+        plate, local = self.plate(points_m, orders), self._local(points_m, orders)
+        both = np.concatenate([sum(plate), sum(local)], axis=1)
         return np.asarray(both[np.newaxis])
 
-    def plate(self, points_m: Real, orders: tuple[int, int]) -> Real:
-        """Return a derivative of the plate's functions at points."""
-        along = self.along.values(points_m[:, 0] / self.along.half_m, orders[0])
-        across = self.across.values(points_m[:, 1] / self.across.half_m - 1, orders[1])
+    def plate(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
+        """Return derivatives of the plate's functions at points."""
+        along = self.along.jet(points_m[:, 0] / self.along.half_m, range(_BENT + 1))
+        across = self.across.jet(points_m[:, 1] / self.across.half_m - 1, range(_BENT + 1))
         i, j = self.pairs
-        return self.of_plate(along[:, i] * across[:, j], axis=1)
+        return [self.of_plate(along[x][:, i] * across[y][:, j], axis=1) for x, y in every]
 
     def of_plate(self, of_polynomials: Real, *, axis: int = 0) -> Real:
         """Return what the plate's functions have of what is known of its polynomials."""
         if self.modes is None:
             return of_polynomials
-        series = self.modes.series
-        return np.asarray(of_polynomials @ series if axis else series.T @ of_polynomials)
+        parts = [
+            of_polynomials[:, some] @ series if axis else series.T @ of_polynomials[some]
+            for some, series in self.modes.series
+        ]
+        return np.concatenate(parts, axis=axis)
 
     def alike(self) -> list[tuple[NDArray[np.intp], Functions]]:
         """Return the plate's polynomials that are even or odd alike, and their numbers."""
@@ -112,24 +118,27 @@ class Functions:
         for (n, left), (m, low) in product(*halves):
             i, j = self.pairs[0] - left, self.pairs[1] - low
             some = np.flatnonzero((i >= 0) & (i < n) & (j >= 0) & (j < m))
-            along = replace(self.along, series=self.along.series[left : left + n])
-            across = replace(self.across, series=self.across.series[low : low + m])
+            along = self.along.part(slice(left, left + n))
+            across = self.across.part(slice(low, low + m))
             found.append(
                 (some, replace(self, along=along, across=across, pairs=(i[some], j[some])))
             )
         return found
 
-    def _local(self, points_m: Real, orders: tuple[int, int]) -> Real:
+    def _local(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
         """Return the same of the patches' functions, mirrored to the left."""
-        sign = np.ones(len(points_m))
+        left = points_m[:, 0] < 0
         if self.odd[0] is not None:
-            sign = np.where(points_m[:, 0] < 0, -1.0, 1.0) ** (orders[0] + self.odd[0])
             points_m = np.stack([np.abs(points_m[:, 0]), points_m[:, 1]], axis=1)
-        parts = [f(points_m, orders) for one in self.around for f in (one.box, one.disc)]
-        return np.asarray(sign[:, np.newaxis] * np.concatenate(parts, axis=1))
+        parts = [one.at(points_m, every) for one in self.around]
+        found = [np.concatenate(one, axis=1) for one in zip(*parts, strict=True)]
+        if self.odd[0] is not None:
+            for orders, values in zip(every, found, strict=True):
+                values[left] *= (-1.0) ** (orders[0] + self.odd[0])
+        return found
 
 
-def functions_of(strip: Strip, most_rad_m: float, odd: Symmetry) -> Functions:
+def functions_of(strip: Strip, most_rad_m: float, odd: Sides) -> Functions:
     """Return the functions of one symmetry that hold waves up to a wavenumber."""
     length_m, width_m, clamped = strip.length_m or 0.0, strip.width_m, strip.edge is CLAMPED
     n_along, n_across = (_enough(most_rad_m, size_m / 2) for size_m in (length_m, width_m))
@@ -168,7 +177,7 @@ def _enough(most_rad_m: float, half_m: float) -> int:
 
 
 def _within(
-    along: Polynomials, across: Polynomials, odd: Symmetry, most_rad_m: float
+    along: Polynomials, across: Polynomials, odd: Sides, most_rad_m: float
 ) -> NDArray[np.bool_]:
     """Return which products of factors along and across are no finer than a wave."""
     parts = []

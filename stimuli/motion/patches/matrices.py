@@ -81,15 +81,15 @@ def alone(strip: Strip, functions: Functions) -> tuple[Real, Real | float]:
     """Return the stiffness of a plate without patches, and that of springs along its edges."""
     bare = laminate([layer_of(strip.material, strip.thickness_m)])
     along, across = functions.along, functions.across
-    terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
-    terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
     pairs = functions.pairs
     held: Real | float = 0.0
     if isinstance(strip.edge, ElasticEdge):
         slopes = across.values(np.array([-1.0, 1.0]), 1)
-        springs = strip.edge.stiffness_n * terms[VALUE][0], slopes.T @ slopes
+        springs = strip.edge.stiffness_n * np.eye(len(along.series)), slopes.T @ slopes
         held = _both([springs], pairs, pairs)
     if functions.modes is None:
+        terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
+        terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
         return _both(_bending(terms, bare), pairs, pairs), held
     if isinstance(held, np.ndarray):
         held = functions.of_plate(functions.of_plate(held), axis=1)
@@ -152,8 +152,8 @@ class _Block:
         if not edges_m:
             return
         places_m, weights = self._around.line(0, self._n_nodes(0), inside=False)
-        along = self._factors(0, places_m, weights, 0)
-        slopes = self._factors(1, np.array(edges_m), np.ones(len(edges_m)), 1)
+        (along,) = self._factors(0, places_m, weights, (0,))
+        (slopes,) = self._factors(1, np.array(edges_m), np.ones(len(edges_m)), (1,))
         for one in (_PLATE, _BOX):
             along_both = self._fold * held_n * along[one].T @ along[_BOX]
             terms = [(along_both, slopes[one].T @ slopes[_BOX])]
@@ -167,15 +167,22 @@ class _Block:
         n_degrees: int = one.series.shape[1]
         return _NODES + math.ceil(n_degrees * part)
 
-    def _factors(self, axis: int, places_m: Real, weights: Real, order: int) -> tuple[Real, Real]:
-        """Return a derivative of the factors of the plate's functions and of those on the cells.
+    def _factors(
+        self, axis: int, places_m: Real, weights: Real, orders: Sequence[int]
+    ) -> list[tuple[Real, Real]]:
+        """Return derivatives of the factors of the plate's functions and of those on the cells.
 
         Times roots of weights: what is summed of two is their integral.
         """
         root = np.sqrt(weights)[:, np.newaxis]
         series = (self._functions.along, self._functions.across)[axis]
-        of_plate = series.values(places_m / series.half_m - axis, order)
-        return root * of_plate, root * self._around.factor(axis, places_m, order)
+        of_plate = series.jet(places_m / series.half_m - axis, orders)
+        return [
+            (root * one, root * other)
+            for one, other in zip(
+                of_plate, self._around.factors(axis, places_m, orders), strict=True
+            )
+        ]
 
     def _on_lines(
         self,
@@ -190,7 +197,7 @@ class _Block:
         found = []
         for axis in (0, 1):
             line = self._around.line(axis, self._n_nodes(axis), inside=inside)
-            found.append([self._factors(axis, *line, order) for order in range(3)])
+            found.append(self._factors(axis, *line, range(3)))
         along, across = found
         for one, other in pairs:
             terms = {
@@ -219,11 +226,9 @@ class _Block:
             upper = points_m[:, 1] > around.patch.y_m
             points_m, weights = points_m[upper], 2 * weights[upper]
         root = np.sqrt(self._fold * weights)[:, np.newaxis]
-        parts = (self._functions.plate, around.box, around.disc)
-        xx, yy, xy, value = (
-            root * np.concatenate([part(points_m, orders) for part in parts], axis=1)
-            for orders in (*BENDS, VALUE)
-        )
+        every = (*BENDS, VALUE)
+        parts = self._functions.plate(points_m, every), around.at(points_m, every)
+        xx, yy, xy, value = (root * np.concatenate(one, axis=1) for one in zip(*parts, strict=True))
         return np.stack([xx + yy, xx - yy, 2 * xy]) / math.sqrt(2), value
 
     def _over_disc(self, stiff: Laminate) -> tuple[Real, Real]:

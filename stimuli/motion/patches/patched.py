@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.patches.alone import in_modes
-from stimuli.motion.patches.functions import Functions, Symmetry, functions_of, n_plate
+from stimuli.motion.patches.around import Sides
+from stimuli.motion.patches.functions import Functions, functions_of, n_plate
 from stimuli.motion.patches.matrices import Matrices, matrices
 from stimuli.motion.standing_waves import wavenumber_rad_m
 
@@ -83,7 +84,6 @@ class PatchedModes:
         return np.concatenate([of_functions[..., self.plate], local], axis=-1)
 
 
-@lru_cache(maxsize=4)
 def patched_modes(
     strip: Strip, highest_hz: float, *, centred: bool, within_hz: float | None = None
 ) -> tuple[PatchedModes, ...]:
@@ -102,8 +102,15 @@ def patched_modes(
         Up to which frequency they are going to be asked for: the functions for that are built
         once, and fewer of them taken for fewer modes, of the patches' too.
     """
-    within_hz = max(within_hz or 0.0, highest_hz)
-    built = [_built(strip, within_hz, odd) for odd in _symmetries(strip, centred=centred)]
+    groups = tuple(_symmetries(strip, centred=centred))
+    return _patched_modes(strip, highest_hz, groups, max(within_hz or 0.0, highest_hz))
+
+
+@lru_cache(maxsize=4)
+def _patched_modes(
+    strip: Strip, highest_hz: float, groups: tuple[Sides, ...], within_hz: float
+) -> tuple[PatchedModes, ...]:
+    built = [_built(strip, within_hz, odd) for odd in groups]
     fewer_rad_m = wavenumber_rad_m(strip, highest_hz) if highest_hz < within_hz else None
     return tuple(_modes(*one, highest_hz, fewer_rad_m) for one in built)
 
@@ -114,7 +121,7 @@ def has_room(strip: Strip, highest_hz: float) -> bool:
     return n_plate(strip, wavenumber_rad_m(strip, highest_hz)) <= groups * _MOST_FUNCTIONS
 
 
-def _symmetries(strip: Strip, *, centred: bool) -> list[Symmetry]:
+def _symmetries(strip: Strip, *, centred: bool) -> list[Sides]:
     """Return the groups of modes, odd or even or both along and across."""
     patches = set(strip.patches)
     mirrored = {dataclasses.replace(patch, x_m=-patch.x_m) for patch in patches} == patches
@@ -127,7 +134,7 @@ def _symmetries(strip: Strip, *, centred: bool) -> list[Symmetry]:
 
 
 @lru_cache(maxsize=8)
-def _built(strip: Strip, highest_hz: float, odd: Symmetry) -> tuple[Functions, Matrices]:
+def _built(strip: Strip, highest_hz: float, odd: Sides) -> tuple[Functions, Matrices]:
     least_hz = _LEAST * strip.cutoff_hz()
     functions = functions_of(strip, wavenumber_rad_m(strip, max(highest_hz, least_hz)), odd)
     functions = in_modes(strip, functions, highest_hz)
