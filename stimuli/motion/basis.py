@@ -71,6 +71,10 @@ class Polynomials:
         degrees = None if self.degrees is None else self.degrees[some]
         return replace(self, series=self.series[some], degrees=degrees)
 
+    def combined(self, vectors: Real) -> Polynomials:
+        """Return combinations of the functions: (n_functions, n_combinations)."""
+        return replace(self, series=vectors.T @ self.series, degrees=None)
+
 
 def free_basis(n: int, length_m: float, *, odd: bool) -> Polynomials:
     """Return the first n even or odd polynomials: nothing holds the ends.
@@ -107,11 +111,17 @@ def sided(odd: bool | None, even: Polynomials, uneven: Polynomials) -> Polynomia
     """Return the even or the odd functions, or both, the even ones first."""
     if odd is not None:
         return uneven if odd else even
-    degrees = None
-    if even.degrees is not None and uneven.degrees is not None:
-        degrees = np.append(even.degrees, uneven.degrees)
-    series = np.concatenate([even.series, uneven.series])
-    return replace(even, series=series, degrees=degrees)
+    return joined([even, uneven])
+
+
+def joined(parts: Sequence[Polynomials]) -> Polynomials:
+    """Return the functions of several parts of equal degree, one part after the other."""
+    degrees = [one.degrees for one in parts if one.degrees is not None]
+    return replace(
+        parts[0],
+        series=np.concatenate([one.series for one in parts]),
+        degrees=np.concatenate(degrees) if len(degrees) == len(parts) else None,
+    )
 
 
 def _norms(n: int) -> Real:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.motion.patches.functions import PlateModes, highest_held_hz
-from stimuli.motion.patches.matrices import alone
+from stimuli.motion.basis import joined
+from stimuli.motion.patches.functions import highest_held_hz
+from stimuli.strip.edge import ElasticEdge
 
 if TYPE_CHECKING:
     from stimuli.motion.patches.functions import Functions
@@ -24,32 +25,49 @@ _MANY: Final = 300
 
 
 def in_modes(strip: Strip, functions: Functions, highest_hz: float) -> Functions:
-    """Return functions with the plate's own modes instead of its polynomials, if discs have room.
+    """Return functions with waves of the plate instead of its polynomials, if discs have room.
 
     Beside the functions of discs a quarter of them does what the polynomials do. What bends next to
-    an edge, as rectangles and discs that nearly touch it, no few modes do: that keeps polynomials.
+    an edge, as rectangles and discs that nearly touch it, no few waves do: that keeps polynomials.
+    Each wave is one across the strip, at rest along it, times what it is along the plate without
+    the others: the plate's own modes, but for what they exchange.
     """
-    from scipy.linalg import eigh
-
     rings = [ring for one in functions.around for pair in one.rings for ring in pair]
     has_room = all(ring.reach >= _ROOM * strip.width_m for ring in rings)
     are_discs = all(patch.is_disc for patch in strip.patches)
     if functions.n_plate < _MANY or not are_discs or not has_room:
         return functions
     areal_kg_m2 = strip.material.density_kg_m3 * strip.thickness_m
-    highest = 2 * math.pi * highest_held_hz(highest_hz)
-    found, squares = [], []
-    for some, alike in functions.alike():
-        stiffness, springs = alone(strip, alike)
-        squared, vectors = eigh(
-            (stiffness + springs) / areal_kg_m2,
-            subset_by_value=(-math.inf, highest**2),
-            overwrite_a=True,
-            check_finite=False,
-        )
-        found.append((some, vectors))
-        squares.append(squared)
-    every = np.concatenate(squares)
-    fourth = every * areal_kg_m2 / strip.bending_stiffness_n_m
-    modes = PlateModes(tuple(found), every, np.sqrt(np.sqrt(fourth)))
-    return dataclasses.replace(functions, modes=modes)
+    highest = (2 * math.pi * highest_held_hz(highest_hz)) ** 2 * areal_kg_m2
+    held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
+    poisson, stiffness = strip.material.poisson_ratio, strip.bending_stiffness_n_m
+    alongs, acrosses, numbers, found = [], [], [], []
+    for across in functions.halves(1):
+        slopes = across.values(np.array([-1.0, 1.0]), 1)
+        bent = stiffness * across.products(2, 2) + held * slopes.T @ slopes
+        rest, turn = np.linalg.eigh(bent)
+        turned = across.combined(turn)
+        mixed, sloped = (np.diag(turned.products(*one)) for one in ((0, 2), (1, 1)))
+        first = sum(len(one.series) for one in acrosses)
+        acrosses.append(turned)
+        for along in functions.halves(0):
+            both, one = along.products(2, 2), along.products(1, 1)
+            bends = along.products(0, 2)
+            for number, squared in enumerate(rest):
+                own = both + poisson * mixed[number] * (bends + bends.T)
+                own += 2 * (1 - poisson) * sloped[number] * one
+                squares, vectors = np.linalg.eigh(stiffness * own)
+                kept = squares + squared <= highest
+                if not np.any(kept):
+                    break
+                alongs.append(along.combined(vectors[:, kept]))
+                numbers.append(np.full(np.count_nonzero(kept), first + number))
+                found.append(squares[kept] + squared)
+    across_of = np.concatenate(numbers)
+    return dataclasses.replace(
+        functions,
+        along=joined(alongs),
+        across=joined(acrosses),
+        pairs=(np.arange(across_of.size), across_of),
+        wavenumbers_rad_m=np.sqrt(np.sqrt(np.concatenate(found) / stiffness)),
+    )

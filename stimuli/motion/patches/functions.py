@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from itertools import product
-from typing import TYPE_CHECKING, Final, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -35,20 +34,11 @@ _DEGREE: Final = 3
 """Of a disc's functions, beside a wave's phase from its centre to its rim."""
 
 
-class PlateModes(NamedTuple):
-    """Modes of a plate without patches, with the mass 1 where that is 1 per area."""
-
-    # each symmetry's in products of polynomials, (n_products, n_modes), and which products
-    series: tuple[tuple[NDArray[np.intp], Real], ...]
-    squared: Real  # squares of their angular frequencies, (n_modes,)
-    wavenumbers_rad_m: Real  # of waves as fast in a plate without edges, (n_modes,)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Functions:
     """What one symmetry is made of: functions of the whole plate, and each patch's functions.
 
-    The former are polynomials, or combinations of them: the modes of the plate alone. Where left
+    The former are products of polynomials, or of waves that are sums of these. Where left
     and right are mirror images, the patches on the right have functions for both.
 
     Attributes
@@ -59,8 +49,8 @@ class Functions:
     pairs : two ndarrays of int, shape (n_plate,)
         Numbers of the factors of each: together no finer than the finest along or across.
     around : tuple of Around
-    modes : PlateModes or None
-        Combinations of the plate's polynomials, if they are taken instead.
+    wavenumbers_rad_m : ndarray of float64, shape (n_plate,), or None
+        Of waves as fast in a plate without edges; none of polynomials.
     """
 
     along: Polynomials
@@ -68,19 +58,19 @@ class Functions:
     odd: Sides
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
     around: tuple[Around, ...]
-    modes: PlateModes | None = None
+    wavenumbers_rad_m: Real | None = None
 
     @property
     def n_plate(self) -> int:
         """How many are functions of the whole plate."""
-        return len(self.pairs[0]) if self.modes is None else self.modes.squared.size
+        return len(self.pairs[0])
 
     def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return the numbers of fewer functions of the plate, up to a wave's, and of patches."""
-        if self.modes is None:
+        if self.wavenumbers_rad_m is None:
             plate = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
         else:
-            plate = self.modes.wavenumbers_rad_m <= math.sqrt(_HELD) * most_rad_m
+            plate = self.wavenumbers_rad_m <= math.sqrt(_HELD) * most_rad_m
         local = np.concatenate([one.is_coarse for one in self.around])
         return np.flatnonzero(plate), self.n_plate + np.flatnonzero(local)
 
@@ -96,34 +86,15 @@ class Functions:
         along = self.along.jet(points_m[:, 0] / self.along.half_m, range(_BENT + 1))
         across = self.across.jet(points_m[:, 1] / self.across.half_m - 1, range(_BENT + 1))
         i, j = self.pairs
-        return [self.of_plate(along[x][:, i] * across[y][:, j], axis=1) for x, y in every]
+        return [along[x][:, i] * across[y][:, j] for x, y in every]
 
-    def of_plate(self, of_polynomials: Real, *, axis: int = 0) -> Real:
-        """Return what the plate's functions have of what is known of its polynomials."""
-        if self.modes is None:
-            return of_polynomials
-        parts = [
-            of_polynomials[:, some] @ series if axis else series.T @ of_polynomials[some]
-            for some, series in self.modes.series
-        ]
-        return np.concatenate(parts, axis=axis)
-
-    def alike(self) -> list[tuple[NDArray[np.intp], Functions]]:
-        """Return the plate's polynomials that are even or odd alike, and their numbers."""
-        halves = []
-        for one, sign in zip((self.along, self.across), self.odd, strict=True):
-            n = len(one.series) // (2 if sign is None else 1)
-            halves.append([(n, start) for start in range(0, len(one.series), n)])
-        found = []
-        for (n, left), (m, low) in product(*halves):
-            i, j = self.pairs[0] - left, self.pairs[1] - low
-            some = np.flatnonzero((i >= 0) & (i < n) & (j >= 0) & (j < m))
-            along = self.along.part(slice(left, left + n))
-            across = self.across.part(slice(low, low + m))
-            found.append(
-                (some, replace(self, along=along, across=across, pairs=(i[some], j[some])))
-            )
-        return found
+    def halves(self, axis: int) -> list[Polynomials]:
+        """Return the polynomials along or across, even and odd ones apart if there are both."""
+        one = (self.along, self.across)[axis]
+        if self.odd[axis] is not None:
+            return [one]
+        middle = len(one.series) // 2
+        return [one.part(slice(middle)), one.part(slice(middle, None))]
 
     def _local(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
         """Return the same of the patches' functions, mirrored to the left."""

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 _NODES: Final = 4
 """Nodes of an integral, beside the phase of the finest polynomial over half of it."""
 
+_MANY: Final = 4
+"""Of so many times more pairs of factors than are asked for only those are summed."""
+
 _PLATE, _BOX = 0, 1
 """Functions of the whole plate, and those on the cells about a patch."""
 
@@ -85,15 +88,12 @@ def alone(strip: Strip, functions: Functions) -> tuple[Real, Real | float]:
     held: Real | float = 0.0
     if isinstance(strip.edge, ElasticEdge):
         slopes = across.values(np.array([-1.0, 1.0]), 1)
-        springs = strip.edge.stiffness_n * np.eye(len(along.series)), slopes.T @ slopes
+        springs = strip.edge.stiffness_n * along.products(*VALUE), slopes.T @ slopes
         held = _both([springs], pairs, pairs)
-    if functions.modes is None:
-        terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
+    terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
+    if functions.wavenumbers_rad_m is None:
         terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
-        return _both(_bending(terms, bare), pairs, pairs), held
-    if isinstance(held, np.ndarray):
-        held = functions.of_plate(functions.of_plate(held), axis=1)
-    return np.diag(bare.mass_kg_m2 * functions.modes.squared) - held, held
+    return _both(_bending(terms, bare), pairs, pairs), held
 
 
 class _Block:
@@ -211,11 +211,7 @@ class _Block:
             mass[rows, columns] += self._both(moves, one, other)
 
     def _both(self, terms: Sequence[tuple[Real, Real]], one: int, other: int) -> Real:
-        """Return what products of factors give, of the plate's functions what they are of them."""
-        found = _both(terms, self._pairs[one], self._pairs[other])
-        if one == _PLATE:
-            found = self._functions.of_plate(found)
-        return self._functions.of_plate(found, axis=1) if other == _PLATE else found
+        return _both(terms, self._pairs[one], self._pairs[other])
 
     @cached_property
     def _on_disc(self) -> tuple[Real, Real]:
@@ -252,6 +248,13 @@ def _bending(
 
 def _both(terms: Sequence[tuple[Real, Real]], one: Pairs, other: Pairs) -> Real:
     """Return sums of products of integrals along and across, for pairs of factors."""
+    (n_along, m_along), (n_across, m_across) = (term.shape for term in terms[0])
+    if n_along * n_across * m_along * m_across > _MANY * len(one[0]) * len(other[0]):
+        along, across = (np.ix_(one[axis], other[axis]) for axis in (0, 1))
+        found = terms[0][0][along] * terms[0][1][across]
+        for term in terms[1:]:
+            found += term[0][along] * term[1][across]
+        return np.asarray(found)
     x, y = (np.stack([term[axis] for term in terms]) for axis in (0, 1))
     every = np.tensordot(x, y, axes=(0, 0)).transpose(0, 2, 1, 3)
     rows, columns = (
