@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 _FREE: Final = 1e-14
 """A mode that dampers take so small a part of its frequency from is left alone by them."""
 
-_SETTLED: Final = 1e-12
+_SETTLED: Final = 1e-9
+"""A step of a smaller part is the last: what it leaves is of its square."""
+
 _TURNS, _MORE_TURNS = 12, 40
 """What has not settled after some turns may not swing: two poles then, which are no images."""
 
@@ -204,6 +206,8 @@ def _zeros(bare: Complex, start: tuple[Complex, Complex], ties: Ties) -> Complex
     stray = paired[moving]
     paired = np.delete(paired, moving)
     alone = np.concatenate([upper[~pair], stray, lower[~pair], stray.conj()])
+    if not alone.size:
+        return paired if np.all(paired.imag > 0) else None
     alone[: alone.size // 2] *= 1 + _ASIDE * 1j
     found, moving = _settled(bare, paired, alone, ties, _MORE_TURNS)
     if found is None or moving.size:

@@ -73,7 +73,7 @@ class Modes:
         if laplacian:
             bent = along[:, :, np.newaxis] * across.values(place, 2)[:, np.newaxis]
             fallen = bent + self.ends.rates_rad_m[:, np.newaxis] ** 2 * fallen
-        waves = self.waves.at(points_m, laplacian=laplacian)[int(self.ends.odd)]
+        (waves,) = self.waves.at(points_m, laplacian=laplacian, odd=self.ends.odd)
         n_points = len(points_m)
         both = waves @ self.of_waves + fallen.reshape(n_points, -1) @ self.of_ends
         return np.asarray(both[np.newaxis])
@@ -230,8 +230,6 @@ def _modes(strip: Strip, waves: Waves, ends: Ends, highest_hz: float) -> Modes:
     What falls off from the ends is made orthogonal to the waves first. The matrix then has the
     squares of the waves on its diagonal, and no second matrix is left.
     """
-    from scipy.linalg import eigh
-
     tied, alone = ends.with_waves(waves.wavenumbers_rad_m), ends.with_each_other()
     one = np.eye(waves.across.series.shape[0])
     areal = strip.material.density_kg_m3 * strip.thickness_m
@@ -248,12 +246,11 @@ def _modes(strip: Strip, waves: Waves, ends: Ends, highest_hz: float) -> Modes:
     weighed = waves.squared[:, np.newaxis] * shared
     bare = own - shared.T @ stiff - stiff.T @ shared + shared.T @ weighed
     off = (stiff - weighed) @ basis
-    squared, vectors = eigh(
-        np.block([[np.diag(waves.squared), off], [off.T, basis.T @ bare @ basis]]),
-        subset_by_value=(-math.inf, (2 * math.pi * highest_hz) ** 2),
-        overwrite_a=True,
-        check_finite=False,
+    squared, vectors = np.linalg.eigh(
+        np.block([[np.diag(waves.squared), off], [off.T, basis.T @ bare @ basis]])
     )
+    n_modes = int(np.searchsorted(squared, (2 * math.pi * highest_hz) ** 2, side="right"))
+    squared, vectors = squared[:n_modes], vectors[:, :n_modes]
     of_ends = basis @ vectors[waves.squared.size :]
     of_waves = vectors[: waves.squared.size] - shared @ of_ends
     held = np.zeros_like(squared)

@@ -43,14 +43,18 @@ class Waves:
     across: Polynomials
     series: Real
 
-    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
-        """Return cosines and sines at points (n_points, 2): (2, n_points, n_waves)."""
+    def at(self, points_m: Real, *, laplacian: bool = False, odd: bool | None = None) -> Real:
+        """Return cosines and sines at points (n_points, 2): (2, n_points, n_waves).
+
+        If `odd` is given, the cosines or the sines only: (1, n_points, n_waves).
+        """
         across = self.across.values(points_m[:, 1] / self.across.half_m - 1) @ self.series
         if laplacian:
             bent = self.across.values(points_m[:, 1] / self.across.half_m - 1, 2) @ self.series
             across = bent - self.wavenumbers_rad_m**2 * across
         angle = points_m[:, :1] * self.wavenumbers_rad_m
-        return np.stack([np.cos(angle), np.sin(angle)]) * across
+        both = (np.cos, np.sin)
+        return np.stack([wave(angle) for wave in (both if odd is None else both[odd:][:1])]) * across
 
     def level(self, *, odd: bool) -> Waves:
         """Return those that are level at the ends of half the period, even or odd along it.
