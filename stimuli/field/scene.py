@@ -286,13 +286,14 @@ def _switches(driven: object, n_loads: int) -> tuple[bool, ...]:
     return values
 
 
-def _points(points: object, strip: Strip) -> tuple[tuple[float, float], ...]:
+def _points(points: Iterable[object], strip: Strip) -> tuple[tuple[float, float], ...]:
     """Return points as pairs of floats, or refuse them: at once where they are that already."""
     some = _some("points_m", points)
-    if all(type(one) is tuple and list(map(type, one)) == [float, float] for one in some):
-        x_m, y_m = np.array(some).T
+    pairs = [one for one in some if type(one) is tuple and list(map(type, one)) == [float, float]]
+    if len(pairs) == len(some):
+        x_m, y_m = np.array(pairs).T
         if np.all(np.abs(x_m) <= _end_m(strip)) and np.all((y_m >= 0) & (y_m <= strip.width_m)):
-            return some
+            return tuple(pairs)
     return tuple(_point(point, strip) for point in some)
 
 

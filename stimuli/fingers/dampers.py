@@ -73,8 +73,8 @@ def coupled_poles(squared: Real, damping: Real | Lossy) -> tuple[Complex, Comple
         springs, dampers = ties.weights
         stiff, turn = np.linalg.eigh(np.diag(squared) + springs * ties.every)
         every = turn.T @ (np.diag(lost) + dampers * ties.every) @ turn
-        found, modes, drives = poles(stiff, every, 1.0)
-        return found, turn @ modes, drives @ turn.T
+        values, modes, drives = poles(stiff, every, 1.0)
+        return values, turn @ modes, drives @ turn.T
     return found
 
 
@@ -147,7 +147,8 @@ def _apart(squared: Real, grips: Real) -> tuple[Real, NDArray[np.intp], NDArray[
 def _turned(one: Values, other: Values, angle: Real) -> Values:
     """Return rows turned into each other: (2, n_pairs, n)."""
     cos, sin = np.cos(angle)[:, np.newaxis], np.sin(angle)[:, np.newaxis]
-    return np.stack([cos * one + sin * other, cos * other - sin * one])
+    both = cos * one + sin * other, cos * other - sin * one
+    return np.stack(both)  # type: ignore[return-value]  # complex only if they are
 
 
 def _pairs(squared: Real, damping: Real) -> tuple[Complex, Complex]:

@@ -65,18 +65,29 @@ MOST_COUPLED: Final = 800
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Loaded:
+class Plate:
     """A plate as q'' + damping q' + squared q = pushed s(t), and what follows at once.
 
     Attributes
     ----------
     squared : ndarray of float64, shape (n_modes,)
-    damping : ndarray of float64, shape (n_modes, n_modes) or (n_modes,), or Lossy
-        What the modes lose; where each loses its own only, that.
+    damping : ndarray of float64, shape (n_modes, n_modes), or (n_modes,)
+        Where each mode loses its own only, that.
     moved : ndarray of float64, shape (n_points, n_modes)
     pushed : ndarray of float64, shape (n_loads, n_modes)
     rest_m : ndarray of float64, shape (n_loads, n_points)
     """
+
+    squared: Real
+    damping: Real
+    moved: Real
+    pushed: Real
+    rest_m: Real
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loaded:
+    """The same with fingers on it, whose loss is a matrix or a few ties beside each mode's own."""
 
     squared: Real
     damping: Real | Lossy
@@ -237,7 +248,7 @@ def _coupled(
         squares = [np.diag(one) if one.ndim == 1 else one for one in bents]
         damping = viscous_s * block_diag(*squares)[np.ix_(kept, kept)]
     moved, pushed = moved[:, kept], pushed[:, kept]
-    plate = Loaded(
+    plate = Plate(
         squared=squared[kept],
         damping=damping,
         moved=moved,
@@ -263,12 +274,12 @@ def with_areas(scene: Scene, pressed: tuple[Pressed, ...]) -> Scene:
     return dataclasses.replace(scene, loads=loads, points_m=points_m, driven=driven)
 
 
-def pressed_on(bare: Loaded, pressed: tuple[Pressed, ...], viscous_s: float) -> Loaded:
+def pressed_on(bare: Plate, pressed: tuple[Pressed, ...], viscous_s: float) -> Loaded:
     """Return a plate with fingers on it, equations (90) and (91).
 
     Parameters
     ----------
-    bare : Loaded
+    bare : Plate
         The plate without them, of a scene `with_areas`; `squared` are those of its modes.
     pressed : tuple of Pressed
         The fingers.

@@ -44,7 +44,7 @@ class Polynomials:
     def jet(self, place: Real, orders: Sequence[int]) -> list[Real]:
         """Return several derivatives of all functions at places: (n_places, n_functions) each."""
         n = self.series.shape[1]
-        derived = [legvander(place, n - 1)]
+        derived: list[Real] = [np.asarray(legvander(place, n - 1), dtype=np.float64)]
         while len(derived) <= max(orders):
             derived.append(_next_derivative(derived[-1]))
         found = []

@@ -10,18 +10,16 @@ from itertools import takewhile
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss
 
 from stimuli.drive.sampled import SampledDrive
 from stimuli.field.field import at_rest
 from stimuli.load import DISCS
-from stimuli.motion.basis import disc_rings
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
 from stimuli.motion.multiples import upwards
 from stimuli.motion.oscillators import Oscillators, poles
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.section import ECHOED, without_far_ends
-from stimuli.motion.standing_waves import Waves, strip_waves, wavenumber_rad_m
+from stimuli.motion.standing_waves import Waves, nodes_of, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
 
@@ -326,7 +324,7 @@ def _in_functions(scene: Scene, functions: Functions, highest_hz: float) -> tupl
 @lru_cache(maxsize=32)
 def _work(load: Load, functions: Functions, most_rad_m: float) -> Real:
     """Return the work of a load on functions, the same in all scenes: (n_functions,)."""
-    nodes_m, weights = _nodes(load, most_rad_m)
+    nodes_m, weights = nodes_of(load, most_rad_m)
     (values,) = functions.at(nodes_m, laplacian=load.is_moment)
     return np.asarray(weights @ values)
 
@@ -339,7 +337,7 @@ def _at_rest_m(scene: Scene) -> Real:
 
 def _all_nodes(scene: Scene, highest_hz: float) -> list[tuple[Real, Real]]:
     most_rad_m = wavenumber_rad_m(scene.strip, highest_hz)
-    return [_nodes(load, most_rad_m) for load in scene.loads]
+    return [nodes_of(load, most_rad_m) for load in scene.loads]
 
 
 def _with_places(strip: Strip, loads: Sequence[Load]) -> Strip:
@@ -389,21 +387,3 @@ def _period_m(scene: Scene) -> float:
     """Return after which length an endless strip is taken to repeat itself."""
     places = [x for x, _ in scene.points_m] + [load.x_m for load in scene.loads]
     return max(_PERIODS * scene.strip.width_m, _SPANS * (max(places) - min(places)))
-
-
-def _nodes(load: Load, most_rad_m: float) -> tuple[Real, Real]:
-    """Return places and weights that sum waves over a load: (n, 2) and (n,)."""
-    half_x_m, half_y_m = load.half_size_m
-    if not half_x_m:
-        return np.array([[load.x_m, load.y_m]]), np.ones(1)
-    n = 10 + math.ceil(most_rad_m * max(half_x_m, half_y_m))
-    if isinstance(load, DISCS):
-        rings, weights = disc_rings(n)
-        angle, reach = 2 * math.pi / (2 * n) * np.arange(2 * n), half_x_m * rings
-        x, y = np.multiply.outer(reach, np.cos(angle)), np.multiply.outer(reach, np.sin(angle))
-        share = np.multiply.outer(weights * half_x_m**2, np.full(2 * n, math.pi / n))
-    else:
-        nodes, weights = leggauss(n)
-        x, y = np.meshgrid(half_x_m * nodes, half_y_m * nodes)
-        share = np.multiply.outer(weights, weights) * half_x_m * half_y_m / load.area_m2
-    return np.stack([load.x_m + x.ravel(), load.y_m + y.ravel()], axis=1), share.ravel()

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
 
-from stimuli.motion.basis import Polynomials, half_waves, held_basis
+from stimuli.load import DISCS
+from stimuli.motion.basis import Polynomials, disc_rings, half_waves, held_basis
 from stimuli.strip.edge import CLAMPED, ElasticEdge
 
 if TYPE_CHECKING:
     from stimuli.arrays import Real
+    from stimuli.load import Load
     from stimuli.strip.strip import Strip
 
 
@@ -54,7 +57,9 @@ class Waves:
             across = bent - self.wavenumbers_rad_m**2 * across
         angle = points_m[:, :1] * self.wavenumbers_rad_m
         both = (np.cos, np.sin)
-        return np.stack([wave(angle) for wave in (both if odd is None else both[odd:][:1])]) * across
+        return (
+            np.stack([wave(angle) for wave in (both if odd is None else both[odd:][:1])]) * across
+        )
 
     def level(self, *, odd: bool) -> Waves:
         """Return those that are level at the ends of half the period, even or odd along it.
@@ -130,3 +135,21 @@ def strip_waves(strip: Strip, highest_hz: float, period_m: float, *, centred: bo
             )
         )
     return found
+
+
+def nodes_of(load: Load, most_rad_m: float) -> tuple[Real, Real]:
+    """Return places and weights that sum waves over a load: (n, 2) and (n,)."""
+    half_x_m, half_y_m = load.half_size_m
+    if not half_x_m:
+        return np.array([[load.x_m, load.y_m]]), np.ones(1)
+    n = 10 + math.ceil(most_rad_m * max(half_x_m, half_y_m))
+    if isinstance(load, DISCS):
+        rings, weights = disc_rings(n)
+        angle, reach = 2 * math.pi / (2 * n) * np.arange(2 * n), half_x_m * rings
+        x, y = np.multiply.outer(reach, np.cos(angle)), np.multiply.outer(reach, np.sin(angle))
+        share = np.multiply.outer(weights * half_x_m**2, np.full(2 * n, math.pi / n))
+    else:
+        nodes, weights = leggauss(n)
+        x, y = np.meshgrid(half_x_m * nodes, half_y_m * nodes)
+        share = np.multiply.outer(weights, weights) * half_x_m * half_y_m / load.area_m2
+    return np.stack([load.x_m + x.ravel(), load.y_m + y.ravel()], axis=1), share.ravel()

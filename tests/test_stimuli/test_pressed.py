@@ -212,7 +212,7 @@ def test_poles_on_dampers_are_those_of_the_whole_matrix(dampers: tuple[float, fl
 @pytest.mark.parametrize("late_s", [0.0, 1e-3, 0.05])
 @pytest.mark.parametrize("one_takes_both", [False, True])
 def test_poles_on_springs_are_those_of_the_whole_matrices(
-    late_s: float, one_takes_both: bool, monkeypatch: pytest.MonkeyPatch
+    late_s: float, monkeypatch: pytest.MonkeyPatch, *, one_takes_both: bool
 ) -> None:
     rng = np.random.default_rng(5)
     squared = np.repeat(np.sort(rng.uniform(1.0, 30.0, 20)) ** 2, 2)  # cosines and sines

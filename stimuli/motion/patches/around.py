@@ -274,14 +274,14 @@ def _steps(
     for order in orders:
         humps = inside @ _hump_series(_n_humps(rings), order, odd)
         sides = []
-        for sign, ring, out in zip((-1, 1), rings, beyond, strict=True):
+        for sign, ring, outside in zip((-1, 1), rings, beyond, strict=True):
             inner, outer = _side_series(ring.reach > 0, ring.free, order)
             # what is right of a rim on the right is left of one on the left
             side = inside @ (signs * inner if sign < 0 else inner)
-            if out is not None:
+            if outside is not None:
                 scale = np.full(outer.shape[1], ring.reach**-order)
                 scale[1] *= ring.reach  # the slope at the rim is 1 on both sides
-                side = side + out @ (outer * scale)
+                side = side + outside @ (outer * scale)
             sides.append(sign**order * side)
         left, right = sides
         both = [left, right] if odd is None else [right - left if odd else right + left]
@@ -355,9 +355,7 @@ def _disc_pairs(degree: int, odd: Sides) -> list[tuple[int, int]]:
 
 
 @lru_cache(maxsize=64)
-def _disc_series(
-    degree: int, odd: Sides, orders: tuple[int, int]
-) -> Real:
+def _disc_series(degree: int, odd: Sides, orders: tuple[int, int]) -> Real:
     """Return a derivative of a disc's functions, over its radius, in x^i y^j: (n_powers, n).
 
     There are equally many powers of x and of y, and those of y run first.

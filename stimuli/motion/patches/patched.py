@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.patches.alone import in_modes
-from stimuli.motion.patches.around import Sides
 from stimuli.motion.patches.functions import Functions, functions_of, n_plate
 from stimuli.motion.patches.matrices import Matrices, matrices
 from stimuli.motion.standing_waves import wavenumber_rad_m
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
+    from stimuli.motion.patches.around import Sides
     from stimuli.strip.strip import Strip
 
 
