@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import shutil
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from experiment.operator.requests import StopRequested
 from experiment.operator.terminal import KEY, read_keys
-from experiment.participant.wrapping import filled
+from experiment.participant.wrapping import filled, wrapped
 from experiment.study.sections.presentation import TYPED, untyped_of
 from experiment.terms.responder import ESCAPE, Press, SessionPart
 
@@ -27,6 +28,7 @@ _WORDS: Final = {
     "escape": "Esc",
     **{side: f"{side} arrow" for side in ("left", "right", "up", "down")},
 }
+_NOT_COUNTED: Final = {SessionPart.PRACTICE: "practice", SessionPart.WARM_UP: "warm-up"}
 _ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
 
 
@@ -91,7 +93,8 @@ class TerminalResponder:
         """Welcome and instruct; the fingers are laid on the plate when a part needs them."""
         self._fingers_on = False
         self._forget_typed()
-        self._say("", self._texts.welcome, self._with_keys(self._texts.instructions or ""), "")
+        told = (self._texts.welcome, self._with_keys(self._texts.instructions or ""))
+        self._say("", *_broken(*told), "")
         pause = self._labels["pause"]
         self._say(f"{pause} pauses the session, {pause} again stops it.", "")
         return self._goes_on()
@@ -101,10 +104,13 @@ class TerminalResponder:
         texts = self._texts
         lay = not part.hands_off and not self._fingers_on
         self._fingers_on = not part.hands_off
-        lines = (
+        told = (
             *([texts.placement] if lay else []),
             self._with_keys(getattr(texts, part.value)),
             self._with_keys(texts.prompt_hands_off if part.hands_off else texts.prompt),
+        )
+        lines = (
+            *_broken(*told),
             *(f"  {answer:<6} {self._labels[answer]}" for answer in part.answers(self._responses)),
         )
         self._forget_typed()
@@ -112,11 +118,10 @@ class TerminalResponder:
         return self._goes_on()
 
     def cue(self, progress: Progress) -> None:
-        """Show the trial's number; keys typed before it are dropped."""
+        """Show the trial's number, if it counts; keys typed before it are dropped."""
         self._forget_typed()
         place = f"trial {progress.done + 1} of {progress.planned}"
-        practice = progress.part is SessionPart.PRACTICE
-        self._say("", f"{'practice' if practice else place}  ...")
+        self._say("", f"{_NOT_COUNTED.get(progress.part, place)}  ...")
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass."""
@@ -232,6 +237,14 @@ class TerminalResponder:
             self._lose_terminal()
             raise StopRequested
         return typed.decode(errors="replace")
+
+
+def _broken(*texts: str) -> list[str]:
+    """Break texts into lines as long as the terminal's, between words."""
+    from rich.cells import cell_len
+
+    columns = shutil.get_terminal_size().columns
+    return [line for text in texts for line in wrapped(text, lambda it: cell_len(it) <= columns)]
 
 
 def _typed_keys(settings: ResponderSettings) -> tuple[dict[str, str], dict[str, str]]:

@@ -305,7 +305,9 @@ def _tell_plan(found: Findings, check: StudyCheck) -> None:
     found.tell(
         "session",
         f"about {math.ceil(check.duration_s / 60)} min in {check.blocks} blocks, "
-        f"breaks of {design.minimum_break_s:g} s",
+        f"breaks of {design.minimum_break_s:g} s"
+        if check.blocks > 1
+        else f"about {math.ceil(check.duration_s / 60)} min in one block",
         blocks=check.blocks,
         duration_s=check.duration_s,
     )

@@ -152,6 +152,7 @@ QUIET = "[burst]\nmasking_limit_db = {}\n"
         pytest.param(
             RECOMMENDED, 0, ("15 of each side and level", "in 5 blocks"), id="recommended"
         ),
+        (QUIET.format(23) + "[design]\nbreak_every = 0\n", 0, (" min in one block\n",)),
         (NEAR, 1, ("UNFIT", " dB re its own finger; the limit is -20 dB")),
         (NEAR + "[burst]\n" + ACCEPTED, 0, ("main: accepted",)),
         (QUIET.format(23), 0, ("main: fit",)),

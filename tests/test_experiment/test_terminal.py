@@ -128,6 +128,9 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
     )
     assert (told.returncode, "--allow-simulated" in told.stderr) == (2, True)
     assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
+    # a line is broken between words, not by the terminal
+    began = terminal.shown.partition(b"seed 1\r\n")[2].split(b"\r\n")
+    assert max(len(line) for line in began[:8]) <= 80
     # no level is shown; a folder's name or the last hash of the journal may hold any three digits
     shown = terminal.shown.replace(str(sessions.study.parent).encode(), b"")
     assert b"160" not in re.sub(rb"[0-9a-f]{64}", b"", shown)
@@ -357,7 +360,10 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
     assert b"--resume" in terminal.shown
     with Terminal(sessions, "--resume") as terminal:
         terminal.begin()
-        terminal.answer(LEFT, RIGHT)
+        terminal.expect(b"warm-up  ... ?")
+        time.sleep(LATER_S)
+        terminal.press(LEFT)
+        terminal.answer(RIGHT)
         terminal.expect(b"right - Correct")
         terminal.go_on(b"Enter goes on")
         terminal.answer(LEFT)
