@@ -175,8 +175,8 @@ def _pair(
 def _difference(one: Difference | ConditionDifference) -> list[object]:
     low, high = one.difference_limits_db
     least, most = (round(end, 1) for end in (low, high))
-    # A sign at the beginning would look like a formula to a spreadsheet.
-    told = f"not told apart, {round(one.difference_db, 1) + 0.0:+.1f}"
+    # A sign at the beginning, or after a comma, would look like a formula to a spreadsheet.
+    told = f"not told apart: {round(one.difference_db, 1) + 0.0:+.1f}"
     if least > 0 or most < 0:
         told = f"{'lower' if most < 0 else 'higher'} by {abs(one.difference_db):.1f}"
     return [

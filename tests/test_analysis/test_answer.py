@@ -23,6 +23,7 @@ from analysis.groups.criterion import BESIDE_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
 from analysis.results.compared import plain
+from analysis.results.files import harmless
 from analysis.results.rows import forced_choice
 from analysis.results.tables import Analysis, analyse
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
@@ -658,7 +659,8 @@ def test_page_terminal_and_summary_begin_with_the_same_true_answer(
     assert "Trials by kind of device" not in page  # nothing is known of them
     for _, row in analysis.differences[analysis.differences["status"].eq("ok")].iterrows():
         apart = round(row["low_db"], 1) > 0 or round(row["high_db"], 1) < 0
-        assert row["printed"].startswith(("higher by", "lower by") if apart else "not told apart, ")
+        assert row["printed"].startswith(("higher by", "lower by") if apart else "not told apart: ")
+        assert harmless(row["printed"]) == row["printed"]
     first = page[page.index("<h1>") : page.index("<h2>")]
     told = re.findall("<p>(.*?)</p>", first.replace("<bdi>", "").replace("</bdi>", ""))
     assert [html.unescape(one) for one in told[:3]] == statements
