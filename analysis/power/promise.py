@@ -78,9 +78,11 @@ class Promise:
             key=lambda one: (one.assurance, -one.point.participants),
         )
         best = self.levers[0]
+        least, most = self.participants
+        people = f"{least} to {most}" if least < most else f"{most}"
         return (
             f"{self.goal.words}: not in {self.assurance:.0%} of studies with "
-            f"{self.participants[0]} to {self.participants[1]} participants, at most in "
+            f"{people} participants, at most in "
             f"{closest.assurance:.0%}, with {closest.point.participants}; of other designs of "
             f"{best.after.point.participants} the best: {best.change}, {best.after.assurance:.0%}"
         )

@@ -164,4 +164,5 @@ def _excluded_lines(excluded: pd.DataFrame) -> Iterator[str]:
         if len(rows) <= _FEW:
             pairs = zip(rows["participant"], rows["trials"], strict=True)
             each = ", ".join(f"{name} {number}" for name, number in pairs)
-            yield f"Left out, {reason}: {rows['trials'].sum()} trials ({each})."
+            count = rows["trials"].sum()
+            yield f"Left out, {reason}: {count} trial{'' if count == 1 else 's'} ({each})."

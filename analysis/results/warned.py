@@ -40,7 +40,8 @@ def warnings_of(
     lost = excluded[~excluded["reason"].isin(_EXPECTED)].groupby("reason")["trials"].sum()
     if len(lost):
         told = ", ".join(f"{reason} {number}" for reason, number in lost.items())
-        yield f"{lost.sum()} trials are left out: {told}"
+        are = "trial is" if lost.sum() == 1 else "trials are"
+        yield f"{lost.sum()} {are} left out: {told}"
     if empty := counting.uncounted(trials):
         yield f"no trial counts of participant {', '.join(empty)}"
     if loaded.cells is None and not counted["kind"].eq("single").any():
