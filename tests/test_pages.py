@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import re
+import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,8 @@ def pages() -> Any:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_shows_what_happens(page: Path, tmp_path: Path) -> None:
+    if "fuser" in page.read_text(encoding="utf-8") and shutil.which("fuser") is None:
+        pytest.skip("fuser (psmisc) is missing")
     before = os.times()
     pages().Page(page, tmp_path).run()
     after = os.times()
