@@ -153,10 +153,12 @@ def _session(plan: _Plan, design: Design, root: int, study: int, i: int) -> Sess
     rng = np.random.default_rng(np.random.SeedSequence(root, spawn_key=(study, i)))
     left, right = plan.study.actuators[:2]
     apart_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
-    person = plan.populations[study % len(plan.populations)].draw(apart_mm, rng)
+    population = plan.populations[study % len(plan.populations)]
+    person = population.draw(apart_mm, rng)
     shifts_db = [0.0]
-    if plan.goal.kind == "difference":
-        shifts_db.append(person.difference_db + plan.goal.size)
+    if plan.goal.kind == "difference":  # the mean is the goal's, the study states the rest
+        own_db = person.difference_db - population.median.difference_db
+        shifts_db.append(own_db + plan.goal.size)
     return Session(person=person, design=design, rng=rng, shifts_db=tuple(shifts_db))
 
 

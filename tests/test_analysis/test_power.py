@@ -218,6 +218,18 @@ def test_studies_are_independent_within_a_seed_and_between_seeds() -> None:
         assert 0.001 < chi2.sf(scatter, 59) < 0.999
 
 
+@pytest.mark.slow
+def test_the_goal_is_the_whole_difference_whatever_a_dry_run_has() -> None:
+    point = Point(participants=3, trials_per_side=20, blanks=0)
+    found = []
+    for stated in ("", "\ndifference_db = -3.0"):
+        study = study_of("", "threshold_vpp = 80.0\ndifference_sd_db = 1.0" + stated)
+        plan = plan_text(study, (ALONE,), Goal.parse("difference=2dB"))
+        found.append(simulate(Chunk(plan=plan, point=point, first=0, number=8, seed=1)))
+    assert found[0] == found[1]
+    assert 1.0 < np.median(found[0]["number"]) < 3.0
+
+
 BLANKS = """
 [design]
 both_trials = 0
