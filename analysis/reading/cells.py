@@ -35,6 +35,8 @@ TRUTHS: Mapping[str, str] = MappingProxyType(
     dict.fromkeys(("true", "True", "TRUE"), "1") | dict.fromkeys(("false", "False", "FALSE"), "0")
 )
 """How jsPsych, Python and R write whether something was detected."""
+NOTHING = ("", "none", "null", "n/a", "na", "nan")
+"""How others write that there is no value, small letters."""
 UNANSWERED = Column(
     name="unanswered",
     type="bool",
@@ -246,7 +248,8 @@ class CellReader:
         """Say what a map could say of a number with a comma, or of another word for 0 and 1."""
         if self.column == DETECTED and text:
             key = json.dumps(text[:_LONGEST_TEXT], ensure_ascii=False)
-            return f'; a map says what it stands for, as [values.detected] {key} = "1"'
+            ours = "timeout" if text.lower() in NOTHING else "1"
+            return f'; a map says what it stands for, as [values.detected] {key} = "{ours}"'
         if self.column.type != "float" or not _COMMA.fullmatch(text) or self.decimal != ".":
             return ""
         return '; where commas are decimal, a map says [file] decimal = ","'

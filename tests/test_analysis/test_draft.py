@@ -122,6 +122,46 @@ def refused_map(path: Path) -> ValueError:
     return caught.value
 
 
+def draft(table: Path) -> str:
+    return map_draft(find_sources([table], foreign=True).tables)[0]
+
+
+def test_keys_for_yes_and_no_are_what_was_detected(tmp_path: Path) -> None:
+    text = "participant;finger;intensity;keys;rt\nJ\u00f6rg;left;63;j;0,41\n"
+    text += "J\u00f6rg;left;16;n;0,62\n"
+    table = tmp_path / "t.csv"
+    table.write_bytes((text + "J\u00f6rg;left;16;None;\n").encode("cp1252"))
+    words = {"task": "yes/no"}
+    columns = load_column_map(filled(table, tmp_path / "m.toml", words))
+    assert dict(columns.file) == {"encoding": "cp1252", "decimal": ","}
+    read = read_inputs([table], columns).trials
+    assert read["participant"].tolist() == ["J\u00f6rg"] * 3
+    assert read["response"].tolist() == ["left", "none", "timeout"]
+    assert read["rt_s"].tolist()[:2] == [0.41, 0.62]
+
+
+def test_keys_1_and_2_of_two_intervals_are_no_sides(tmp_path: Path) -> None:
+    text = "participant,amp,key_resp.keys,key_resp.corr\nA,5,1,1\nA,5,2,0\n"
+    assert 'detected = "key_resp.corr"' in draft(put(tmp_path / "t.csv", text))
+
+
+def test_buttons_that_jspsych_counts_are_not_taken_for_no_and_yes(tmp_path: Path) -> None:
+    row = "html-button-response,1,900,k1,512,{},left,100\n"
+    text = "trial_type,trial_index,time_elapsed,subject,rt,response,side,volume\n"
+    told = draft(put(tmp_path / "t.csv", text + row.format(0) + row.format(1)))
+    assert '0 = ""  # FILL IN: the button that jsPsych counts so, the first is 0: left' in told
+    assert "detected" not in told
+
+
+def test_a_column_that_may_be_the_condition_is_offered_and_not_taken(tmp_path: Path) -> None:
+    text = "participant,side,level,response,plate\n" + "".join(
+        f"{who},left,60,left,{plate}\n" for who in "AB" for plate in ("steel", "wood")
+    )
+    told = draft(put(tmp_path / "t.csv", text))
+    assert '# condition = "plate"  # guess: take the first # away to compare steel, wood' in told
+    assert "condition" not in tomllib.loads(told)["columns"]
+
+
 CELLS = st.sampled_from(
     ["", "left", "1", "0", "60,5", "null", "practice", "a\tb", '"', "\x7f", "é"]
 )

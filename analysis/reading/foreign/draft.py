@@ -6,6 +6,7 @@ be guessed is left empty, and refused by the key's name until somebody fills it 
 
 from __future__ import annotations
 
+import codecs
 import json
 import re
 from collections import Counter
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from analysis.reading.cells import TRUTHS
+from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.form import RowFilter, foreign_chunks, text_format
@@ -65,14 +66,18 @@ _WORDS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("b", "both"), "both"),
     **dict.fromkeys(("no", "nothing", "blank", "catch", "null", "none"), "none"),
 }
-_FELT: Final[Mapping[str, str]] = {"true": "1", "yes": "1", "false": "0", "no": "0"}
-_NOTHING: Final = ("", "none", "null", "n/a", "na", "nan")
-"""How others write that there is no value, small letters."""
-_MOST_FILES, _MOST_WORDS, _SHOWN = 40, 12, 8
+_FELT: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
+    **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
+}
+_MOST_FILES, _MOST_WORDS, _SHOWN, _MOST_CONDITIONS = 40, 12, 8, 6
+_LOOKED_AT: Final = 2**20
+_UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
+_DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
 
 
@@ -89,7 +94,7 @@ class _Table:
 
     def numbers(self, name: str) -> list[float] | None:
         """Return the numbers of a column that has nothing else; of an empty one none."""
-        words = [word for word in self.words(name).elements() if word.lower() not in _NOTHING]
+        words = [word for word in self.words(name).elements() if word.lower() not in NOTHING]
         if not words or not all(_NUMBER.fullmatch(word) for word in words):
             return None
         return [float(word.replace(",", ".")) for word in words]
@@ -99,7 +104,7 @@ class _Table:
         for name in names:
             for column in self.header:
                 plain = {_plain(column), _plain(column.rpartition(".")[2])}
-                if name in plain and any(word not in _NOTHING for word in self.words(column)):
+                if name in plain and any(word not in NOTHING for word in self.words(column)):
                     return column
         return None
 
@@ -120,9 +125,12 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     """
     tasks = list(dict.fromkeys(one.about.get("task-", "") for one in sources))
     chosen = [one for one in sources if one.about.get("task-", "") == tasks[0]]
-    table = _read(chosen[:_MOST_FILES])
+    encoding = _encoding(chosen[:_MOST_FILES])
+    table = _read(chosen[:_MOST_FILES], encoding)
     lines = [f"# A draft for {one_line(chosen[0].name)}: check each guess, fill in what is empty."]
     sections: dict[str, list[str]] = {}
+    if encoding:
+        _put(sections, "file", "encoding", encoding, "guess: it is not UTF-8")
     if len(tasks) > 1:
         _put(sections, "rows.keep", "task-", tasks[0], f"guess; tasks here: {_list(tasks)}")
     table = _rows(table, sections)
@@ -143,12 +151,29 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     return "\n".join(lines) + "\n", blanks
 
 
-def _read(sources: Sequence[InputTable]) -> _Table:
+def _encoding(sources: Sequence[InputTable]) -> str:
+    """Guess what tables are in that are not UTF-8: what a spreadsheet in Western Europe writes."""
+    for source in sources:
+        try:
+            with source.path.open("rb") as stream:
+                start = stream.read(_LOOKED_AT)
+        except OSError as error:
+            raise unreadable(error, source.path) from None
+        if start.startswith(_UTF_16):
+            return ""
+        try:
+            codecs.getincrementaldecoder("utf-8")().decode(start)
+        except UnicodeDecodeError:
+            return "cp1252"
+    return ""
+
+
+def _read(sources: Sequence[InputTable], encoding: str) -> _Table:
     """Read the first rows of those tables that have the heading of the first."""
     header: list[str] = []
     rows: list[list[str]] = []
     for source in sources:
-        form = text_format({}, source.path.suffix)
+        form = text_format({"encoding": encoding}, source.path.suffix)
         try:
             with source.path.open("rb") as stream:
                 file = str(source.path)
@@ -193,14 +218,10 @@ def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
     sections["columns"] = []
     k, n = table.called(_COUNTS), table.called(_OF)
     counted = bool(k and n and k != n and table.numbers(k) and table.numbers(n))
-    response = None if counted else table.called(_CALLED["response"])
+    response, both = (None, None) if counted else _answers(table)
     if counted:
         _put(sections, "table", "detected", k or "", "guess")
         _put(sections, "table", "presented", n or "", "guess")
-    hit = None if counted else table.called(_HITS)
-    both = hit if hit and _is_hit(table, hit) else None
-    if response and _is_hit(table, response):
-        both = response
     for ours, names in _CALLED.items():
         if counted and ours in ("trial", "response", "rt_s", "side"):
             continue
@@ -216,10 +237,48 @@ def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
             _put(sections, "columns", ours, FILE, "guess: the name of the file")
         elif ours == "level_vpp":
             _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
+        elif ours == "condition":
+            _conditions(table, sections)
+
+
+def _answers(table: _Table) -> tuple[str | None, str | None]:
+    """Return the column of the answers, and that of whether something was detected."""
+    response, hit = table.called(_CALLED["response"]), table.called(_HITS)
+    both = hit if hit and _is_hit(table, hit) else None
+    if response and _has_buttons(table):
+        return response, None
+    if response and _is_hit(table, response):
+        return response, response
+    if both and response and all(map(str.isdecimal, _given(table, response))):
+        return both, both  # of two intervals the keys 1 and 2 are no sides
+    return response, both
+
+
+def _conditions(table: _Table, sections: dict[str, list[str]]) -> None:
+    """Offer columns whose words may tell stimuli apart: without one all are one condition."""
+    ours = {name for names in _CALLED.values() for name in (table.called(names),) if name}
+    for name in dict.fromkeys(table.header):
+        words = table.words(name)
+        few = 1 < len(words) <= _MOST_CONDITIONS and "" not in words and not name.endswith("-")
+        if few and min(words.values()) > 1 and name not in ours and not table.numbers(name):
+            told = f"guess: take the first # away to compare {_list([*words])}"
+            sections["columns"].append(f"# {_entry('condition', name, told)}")
+
+
+def _has_buttons(table: _Table) -> bool:
+    """Tell whether the answers are jsPsych's buttons: it counts them from 0."""
+    return {"trial_type", "time_elapsed"} <= {*table.header} and any(
+        "button" in kind for kind in table.words("trial_type")
+    )
+
+
+def _given(table: _Table, name: str) -> list[str]:
+    return [word for word in table.words(name) if word.lower() not in NOTHING]
 
 
 def _is_hit(table: _Table, name: str) -> bool:
-    return {word.lower() for word in table.words(name)} <= {*_FELT, *_NOTHING, "0", "1"}
+    words = {word.lower() for word in table.words(name)} - {*NOTHING}
+    return bool(words) and words <= {*_FELT}
 
 
 def _answer(
@@ -236,8 +295,8 @@ def _answer(
         if "response" in table.header:
             _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
         for word in table.words(hit):
-            ours = _FELT.get(word.lower())
-            if ours and word not in TRUTHS:
+            ours = "timeout" if word.lower() in NOTHING else _FELT[word.lower()]
+            if word not in (*TRUTHS, "0", "1"):
                 _put(sections, "values.detected", word, ours, "guess")
     elif response is not None:
         _named(table, "response", response, sections)
@@ -258,10 +317,10 @@ def _numbers(table: _Table, ours: str, theirs: str, sections: dict[str, list[str
     """Say what the numbers of a column are in, and which of its words are none."""
     words, numbers = table.words(theirs), table.numbers(theirs)
     for word in words:
-        if word.lower() in _NOTHING and word not in ("", "n/a"):
+        if word.lower() in NOTHING and word not in ("", "n/a"):
             _put(sections, f"values.{ours}", word, "n/a", "guess")
-    if numbers and any("," in word for word in words) and "file" not in sections:
-        _put(sections, "file", "decimal", ",", "guess: there are numbers with a comma")
+    if numbers and any("," in word for word in words) and _DECIMAL not in sections.get("file", []):
+        sections.setdefault("file", []).append(_DECIMAL)
     if ours == "level_vpp" and numbers and min(numbers) < 0:
         _put(sections, "axis", "x_scale", "linear", "guess: levels below 0; say unit, too")
     if ours == "rt_s" and "time_elapsed" in table.header:
@@ -276,8 +335,9 @@ def _words(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]
     missing = "timeout" if ours == "response" else "none"
     words = [word for word in table.words(theirs) if word not in known]
     for word in words[:_MOST_WORDS]:
-        plain = missing if word.lower() in _NOTHING else _WORDS.get(_plain(word), "")
-        what = "guess" if plain else f"{_FILL}{', '.join(known)}"
+        plain = missing if word.lower() in NOTHING else _WORDS.get(_plain(word), "")
+        button = "the button that jsPsych counts so, the first is 0: " * _has_buttons(table)
+        what = "guess" if plain else f"{_FILL}{button}{', '.join(known)}"
         _put(sections, f"values.{ours}", word, plain, what)
 
 
