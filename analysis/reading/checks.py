@@ -44,7 +44,7 @@ def check_rows(rows: pd.DataFrame, *, signed: bool = False) -> None:
     >>> from analysis.reading.foreign.columns import ColumnMap
     >>> from analysis.reading.rows import mapped_rows
     >>> text = pd.DataFrame({"participant": "1", "side": "left", "level_vpp": ["60", "0"],
-    ...     "response": "left"}, index=[2, 3])
+    ...     "kind": "single", "response": "left"}, index=[2, 3])
     >>> check_rows(mapped_rows(text, "t.csv", ColumnMap()))
     Traceback (most recent call last):
     analysis.reading.text.ResultFileError: t.csv:3: column 'level_vpp' is 0; it must be a number
@@ -187,11 +187,15 @@ def in_seconds(
 
 def _refuse_median(rows: pd.DataFrame, person: str, median_s: float, unit: str | None) -> None:
     row = rows[rows["rt_s"].ge(median_s)].iloc[0]
-    stated = f"; the map has {unit}" if unit not in (None, "s") else ""
+    stated = unit not in (None, "s")
+    hint = (
+        f"the map has {unit}; without it these are seconds"
+        if stated
+        else 'if these are milliseconds, a map says [units] rt_s = "ms"'
+    )
     message = (
         f"column 'rt_s' has a median of {median_s:g} s for participant {person}, allowed "
-        f"{MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s{stated}; "
-        'if these are milliseconds, a map says [units] rt_s = "ms"'
+        f"{MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; {hint}"
     )
     raise ResultFileError(row["file"], int(row["line"]), message)
 

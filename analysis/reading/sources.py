@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from analysis.reading.foreign.bids import about, bids_tables, plain_tables
-from analysis.reading.text import ResultFileError, one_line
+from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
 from experiment.archive.files import LinkError, refuse_link
 from experiment.integrity.heads import person_of
 from experiment.integrity.places import lost_sessions, refuse_given_link
@@ -101,8 +101,9 @@ def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
             if elsewhere:
                 continue
         if not sessions and not gone:
-            which = "table" if foreign else f"sub-*/ses-*/{TABLE}"
-            raise ResultFileError(path, None, f"no {which} in this folder")
+            which = "table (.csv, .tsv or .txt)" if foreign else f"sub-*/ses-*/{TABLE}"
+            hint = f"; {ELSEWHERE}" if not foreign and plain_tables(path) else ""
+            raise ResultFileError(path, None, f"no {which} in this folder{hint}")
         for session in sessions:
             if _holds(session / TABLE):
                 with _links_refused():

@@ -71,6 +71,7 @@ DELIMITERS: Final[Mapping[str, str]] = MappingProxyType(
     {",": "commas", ";": "semicolons", "\t": "tabs", "|": "vertical bars", " ": "spaces"}
 )
 """What may stand between the columns of a table made elsewhere."""
+ELSEWHERE: Final = "a table made elsewhere needs --columns MAP.toml, which tactstrip columns drafts"
 TWICE: Final = " (twice)"
 """What a name has behind it that a heading has more than once: nobody can tell which is meant."""
 _SEEN = ",;\t|"
@@ -81,6 +82,7 @@ _MARKS = {
     "UTF-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
     "UTF-8-sig": (codecs.BOM_UTF8,),
 }
+_PACKED = b"PK\x03\x04"
 _ESCAPED = re.compile("[\udc80-\udcff]")
 
 Chunk = tuple[list[int], list[list[str]]]
@@ -211,6 +213,8 @@ def _encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
         return form.encoding
     start = stream.read(4)
     stream.seek(-len(start), io.SEEK_CUR)
+    if start.startswith(_PACKED):
+        raise ResultFileError(file, None, "a workbook (.xlsx) or packed file; save it as CSV")
     for encoding, marks in _MARKS.items():
         if not start.startswith(marks):
             continue
@@ -219,8 +223,9 @@ def _encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
         if encoding != "UTF-8-sig":
             raise ResultFileError(file, 1, f"the text is {encoding}; save it as UTF-8")
         message = (
-            "the file begins with a byte order mark, so a spreadsheet has rewritten it; "
-            "take the original, or save it as UTF-8 without BOM"
+            "the file begins with a byte order mark: if tactstrip wrote it, a spreadsheet has "
+            "rewritten it: take the original, or save it as UTF-8 without BOM; "
+            f"{ELSEWHERE}"
         )
         raise ResultFileError(file, 1, message)
     return "UTF-8"
@@ -232,7 +237,8 @@ def _check_header(header: list[str], file: str, form: TextFormat | None) -> None
     joined = ",".join(header)
     likely = max(_SEEN, key=joined.count)
     if form is None and likely != ",":
-        message = f"the columns seem to be separated by {DELIMITERS[likely]}; only commas are read"
+        seem = f"the columns seem to be separated by {DELIMITERS[likely]}"
+        message = f"{seem}; only commas are read; {ELSEWHERE}"
         raise ResultFileError(file, 1, message)
     for position, name in enumerate(header):
         if form is None and name in header[:position]:

@@ -220,7 +220,10 @@ class ColumnMap:
         named |= {o: t for o, t in STANDS_FOR.items() if t in header and o in {*known} - told}
         for ours in self.constant:
             if ours in own:
-                message = f"column {shown(ours)} stands in the table, but the map has a constant"
+                message = (
+                    f"column {shown(ours)} stands in the table, but the map has a constant; "
+                    f'[columns] {ours} = "" leaves the column out'
+                )
                 raise ResultFileError(file, 1, message)
         sources = own | named
         if {*_ANSWERED} <= {*sources, *self.constant}:
