@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from analysis.axis import axis_of
 from analysis.reading.cells import CellFault, CellReader, first_fault
 from analysis.reading.foreign.columns import FORCED, YES_NO
-from analysis.reading.text import ResultFileError, shown
+from analysis.reading.text import ELSEWHERE, ResultFileError, shown
 from experiment.terms.record import (
     COLUMNS,
     KINDS,
@@ -42,7 +43,7 @@ DEFAULTS: Mapping[str, str] = MappingProxyType(
     }
 )
 UNNUMBERED = -1
-_HINT = "; a table made elsewhere needs --columns MAP.toml, which tactstrip columns drafts"
+_HINT = f"; {ELSEWHERE}"
 _KIND_OF_SIDE: Mapping[str, str] = MappingProxyType({"both": "both", "none": "blank"})
 _NAMES = tuple(column.name for column in COLUMNS)
 _OTHER = {"left": "right", "right": "left"}
@@ -102,10 +103,10 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
 
     As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
     `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
-    answer is ``timeout``.
+    answer is ``timeout``. Without ``kind``, a level of 0 is a blank trial, whatever its side.
 
     Raises ResultFileError for a column that the map names and the table lacks, a required column
-    without a source, and the first cell that cannot be read.
+    without a source, the first cell that cannot be read, and a level of 0 in a forced choice.
 
     >>> from analysis.reading.foreign.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "007", "side": "left", "level_vpp": "60",
@@ -116,6 +117,8 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     ours = columns.ours(text, file)
     rows = typed(ours, [columns.reader(str(name)) for name in ours.columns], file)
     if "kind" not in rows:
+        if not axis_of(columns.axis).signed:
+            rows = _without_stimulus(rows, columns.task)
         kinds = [_KIND_OF_SIDE.get(side, "single") for side in rows["side"]]
         rows["kind"] = pd.Categorical(kinds, categories=list(KINDS))
     absent = [name for name in _NAMES if name not in rows and name != "response"]
@@ -128,6 +131,20 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
         rows.loc[rows.pop("unanswered"), answer] = "timeout"
     rows["rt_s"] = rows["rt_s"].mask(rows[answer].eq("timeout"))
     return rows
+
+
+def _without_stimulus(rows: pd.DataFrame, task: str) -> pd.DataFrame:
+    """Make blank trials of those of level 0, as others code them beside a side."""
+    zero = rows["level_vpp"].eq(0) & rows["side"].ne("none")
+    if not zero.any():
+        return rows
+    if task == FORCED:
+        message = (
+            "the level is 0, and a forced choice has no trials without a stimulus; [rows.skip] of "
+            'a map leaves them out, [axis] x_scale = "linear" takes 0 for a level'
+        )
+        raise ResultFileError(rows["file"][zero].iloc[0], int(rows["line"][zero].iloc[0]), message)
+    return rows.assign(side=rows["side"].mask(zero, "none"))
 
 
 def typed(text: pd.DataFrame, readers: list[CellReader], file: str) -> pd.DataFrame:
@@ -226,7 +243,7 @@ def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool]) -> pd.Series[Any]:
             message = (
                 "column 'detected' holds '1' in a blank trial, and the table has stimuli at "
                 f"{', '.join(stimulated) or 'no side'}: which side was answered? Map response "
-                "instead"
+                "instead or, where only felt or not was asked, one [constant] side for all rows"
             )
             raise ResultFileError(file, int(line), message)
         answered[file] = stimulated[0]

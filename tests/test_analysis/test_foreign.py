@@ -95,6 +95,27 @@ def test_trials_that_count_from_0_count_from_1_and_keep_their_order(tmp_path: Pa
     assert told(read, "participant", "trial") == [["1", 1], ["1", 2], ["2", 1]]
 
 
+def test_level_0_is_a_trial_without_a_stimulus_unless_the_side_was_guessed(tmp_path: Path) -> None:
+    table = put(tmp_path / "t.csv", LEAST + "1,left,60,left\n1,left,0,none\n1,left,0,left\n")
+    assert told(read_inputs([table], ColumnMap()), "kind", "side", "correct") == [
+        ["single", "left", True], ["blank", "none", True], ["blank", "none", False],
+    ]  # fmt: skip
+    error = str(refused(table, columns=ColumnMap(task="forced choice")))
+    assert "t.csv:3: the level is 0, and a forced choice has no trials without" in error
+    linear = ColumnMap(task="forced choice", axis={"x_scale": "linear"})
+    assert told(read_inputs([table], linear), "kind") == [["single"]] * 3
+
+
+def test_a_word_for_no_answer_is_a_timeout_and_ms_that_are_none_are_told(tmp_path: Path) -> None:
+    text = "participant,side,level_vpp,detected,rt_s\n1,left,60,None,\n1,left,60,1,0.5\n"
+    table = put(tmp_path / "t.csv", text)
+    error = refused(table, columns=ColumnMap(task="yes/no"))
+    assert '[values.detected] "None" = "timeout"' in str(error)
+    none = {"detected": {"None": "timeout"}}
+    seconds = refused(table, columns=ColumnMap(task="yes/no", values=none, units={"rt_s": "ms"}))
+    assert "allowed 0.01 to 10 s; the map has ms; without it these are seconds" in str(seconds)
+
+
 def test_milliseconds_of_some_participants_are_found_and_told(tmp_path: Path) -> None:
     times = {"1": 0.6, "2": 612.0, "3": 0.8}
     text = LEAST.replace("\n", ",rt_s\n") + "".join(
@@ -214,6 +235,15 @@ def test_sessions_and_runs_are_told_by_names_of_files(tmp_path: Path) -> None:
     ]
     runs = ColumnMap(columns={**OF_BEH.columns, "session": "run-"}, values=OF_BEH.values)
     assert {*read_inputs([tmp_path / "sub-a"], runs).trials["session"]} == {"01", "02"}
+
+
+def test_what_is_no_table_of_ours_is_told_with_the_command_that_helps(tmp_path: Path) -> None:
+    put(tmp_path / "t.csv", LEAST.replace(",", ";") + "1;left;60;left\n")
+    for path in (tmp_path, tmp_path / "t.csv"):
+        assert "which tactstrip columns drafts" in str(refused(path))
+    packed = tmp_path / "t.xlsx"
+    packed.write_bytes(b"PK\x03\x04 and so on\n")
+    assert "a workbook (.xlsx) or packed file; save it as CSV" in str(refused(packed))
 
 
 def test_a_folder_of_tables_is_read_with_a_map_and_refused_without(tmp_path: Path) -> None:
