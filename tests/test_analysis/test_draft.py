@@ -154,11 +154,12 @@ def test_buttons_that_jspsych_counts_are_not_taken_for_no_and_yes(tmp_path: Path
 
 
 def test_a_column_that_may_be_the_condition_is_offered_and_not_taken(tmp_path: Path) -> None:
-    text = "participant,side,level,response,plate\n" + "".join(
-        f"{who},left,60,left,{plate}\n" for who in "AB" for plate in ("steel", "wood")
+    text = "participant,side,level,response,plate,date\n" + "".join(
+        f"{who},left,60,left,{plate},day {who}\n" for who in "AB" for plate in ("steel", "wood")
     )
     told = draft(put(tmp_path / "t.csv", text))
     assert '# condition = "plate"  # guess: take the first # away to compare steel, wood' in told
+    assert told.count("# condition = ") == 1
     assert "condition" not in tomllib.loads(told)["columns"]
 
 

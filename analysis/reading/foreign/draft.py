@@ -75,6 +75,7 @@ _LOOKED_AT: Final = 2**20
 _UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+_NO_CONDITION: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
@@ -260,7 +261,8 @@ def _conditions(table: _Table, sections: dict[str, list[str]]) -> None:
     for name in dict.fromkeys(table.header):
         words = table.words(name)
         few = 1 < len(words) <= _MOST_CONDITIONS and "" not in words and not name.endswith("-")
-        if few and min(words.values()) > 1 and name not in ours and not table.numbers(name):
+        known = name in ours or _plain(name) in _NO_CONDITION
+        if few and min(words.values()) > 1 and not known and not table.numbers(name):
             told = f"guess: take the first # away to compare {_list([*words])}"
             sections["columns"].append(f"# {_entry('condition', name, told)}")
 
