@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import shlex
 import shutil
@@ -88,6 +89,13 @@ def test_the_numbers_of_a_row_stand_where_it_is_shown(what: str, shown_by: str) 
     linked = re.findall(r"\]\(([^)#]+)", shown_by)
     text = "".join((ROOT / name).read_text(encoding="utf-8") for name in linked)
     assert [n for n in re.findall(r"\d[\d.]*(?:e-\d+)?", what) if n not in text] == []
+
+
+def test_the_example_of_the_site_is_this_plate(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_ext")
+    plate = importlib.import_module("reference.sample").PLATE
+    (words,) = (line.split() for line in commands_of(README) if "--preset plate" in line)
+    assert words == ["tactstrip", "init", "plate.toml", *plate]
 
 
 def test_it_cites_this_version() -> None:
