@@ -175,9 +175,9 @@ def analyze(
 ) -> None:
     """Turn result CSVs or folders into tables, figures and a report.
 
-    Of a folder, all sub-*/ses-*/trials.csv are read. Each is compared with the journal beside it,
-    and what tactstrip verify would name ends the command with 2; one without a journal is analyzed
-    and marked.
+    Of a folder, all sub-*/ses-*/trials.csv are read; with --columns all its .csv and .tsv files.
+    Each session is compared with the journal beside it, and what tactstrip verify would name ends
+    the command with 2; a table without a journal is analyzed and marked.
     """
     from analysis.reading.foreign.columns import load_column_map
     from analysis.results.console import print_analysis

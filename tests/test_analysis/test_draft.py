@@ -74,6 +74,21 @@ def test_the_examples_of_other_programs_have_the_counts_of_their_rows() -> None:
         assert levels.to_numpy().tolist() == expected
 
 
+def test_a_draft_tells_what_is_taken_as_it_is_and_of_how_many_files(tmp_path: Path) -> None:
+    rows = "".join(f"{i},{'ab'[i % 2]},left,left\n" for i in range(4))
+    for person in range(1, 11):
+        head = "participant,amplitude,condition,side,response\n"
+        lines = "".join(f"{person:02d},{row}" for row in rows.splitlines(keepends=True))
+        put(tmp_path / f"{person:02d}.csv", head + lines)
+    text, _ = map_draft(find_sources([tmp_path], foreign=True).tables)
+    assert text.splitlines()[0].startswith("# A draft for 01.csv and 9 more: ")
+    assert "# participant: taken as it is; 10 values: 01, 02, 03," in text
+    assert "# condition: taken as it is; 2 values: a, b\n" in text
+    assert (
+        'level_vpp = "amplitude"  # guess; 4 values: 0, 1, 2, 3; in volts, or state [axis]' in text
+    )
+
+
 def test_a_table_of_counts_needs_its_task_alone(tmp_path: Path) -> None:
     table = put(tmp_path / "t.csv", "subject;volts;k;n\n1;60,5;3;10\n1;95;9;10\n")
     columns = load_column_map(filled(table, tmp_path / "m.toml", {"task": "forced choice"}))

@@ -316,9 +316,10 @@ def _check_type(section: str, ours: str, value: object) -> None:
             return
         case "scale", float() | int() if not isinstance(value, bool) and 0 < value < math.inf:
             return
-    wanted = {"values": 'a table of "theirs" = "ours"', "scale": "a number above 0"}.get(
-        section, "text in quotation marks"
-    )
+    wanted = {
+        "values": 'a table of "theirs" = "ours", both in quotation marks',
+        "scale": "a number above 0",
+    }.get(section, "text in quotation marks")
     raise ValueError(f"[{section}] {ours}: must be {wanted}, got {value!r}")
 
 

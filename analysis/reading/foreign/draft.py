@@ -74,6 +74,7 @@ _MOST_FILES, _MOST_WORDS, _SHOWN, _MOST_CONDITIONS = 40, 12, 8, 6
 _LOOKED_AT: Final = 2**20
 _UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+_PADDED: Final = re.compile(r"0\d")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _NO_CONDITION: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
@@ -128,7 +129,10 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     chosen = [one for one in sources if one.about.get("task-", "") == tasks[0]]
     encoding = _encoding(chosen[:_MOST_FILES])
     table = _read(chosen[:_MOST_FILES], encoding)
-    lines = [f"# A draft for {one_line(chosen[0].name)}: check each guess, fill in what is empty."]
+    more = f" and {len(chosen) - 1} more" if len(chosen) > 1 else ""
+    lines = [
+        f"# A draft for {one_line(chosen[0].name)}{more}: check each guess, fill in what is empty."
+    ]
     sections: dict[str, list[str]] = {}
     if encoding:
         _put(sections, "file", "encoding", encoding, "guess: it is not UTF-8")
@@ -307,8 +311,12 @@ def _answer(
 
 
 def _named(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
+    unit = '; in volts, or state [axis] unit = "..."' * (ours == "level_vpp")
     if ours != theirs:
-        _put(sections, "columns", ours, theirs, f"guess; {_of(table, theirs)}")
+        _put(sections, "columns", ours, theirs, f"guess; {_of(table, theirs)}{unit}")
+    else:
+        told = f"# {ours}: taken as it is; {_of(table, theirs)}{unit}"
+        sections["columns"].append(told)
     if ours in ("side", "response"):
         _words(table, ours, theirs, sections)
     elif ours in ("level_vpp", "rt_s"):
@@ -367,7 +375,7 @@ def _told(table: _Table) -> Iterator[str]:
 def _of(table: _Table, name: str) -> str:
     words = table.words(name)
     numbers = table.numbers(name)
-    if numbers and len(words) > _SHOWN:
+    if numbers and len(words) > _SHOWN and not any(map(_PADDED.match, words)):
         return f"{len(words)} values from {min(numbers):g} to {max(numbers):g}"
     return f"{len(words)} value{'s'[: len(words) != 1]}: {_list([*words])}"
 
