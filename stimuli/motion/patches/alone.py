@@ -1,4 +1,4 @@
-"""Modes of a plate without its patches, to seek those with them in."""
+"""Waves of a plate without its patches, to seek its modes with them in."""
 
 from __future__ import annotations
 
@@ -23,84 +23,97 @@ _ROOM: Final = 0.05
 """How far, in widths, the functions of each disc reach at least: of discs 0.005 from an edge levels
 were wrong by 0.3 dB, of those 0.09 from it by 0.01."""
 
-_MANY, _MANY_ON_SPRINGS = 80, 300
-"""Fewer polynomials of one symmetry take no longer than waves, and are known better: with 200 on
-springs a level of -26 dB was wrong by 0.03 dB."""
+_MANY: Final = 80
+"""Fewer polynomials of one symmetry take no longer than waves, and are known better."""
 
 _AT_ENDS: Final = 2
 """What is free at the ends: to turn and to move. Without both, levels of plates on springs that
-are 13 widths long were wrong by 0.03 dB, with them by less than 0.01; they count at all sizes."""
+are 13 widths long were wrong by 0.03 dB; without those of waves that are too fast to be among the
+others, first frequencies by 1e-3."""
 
 
-def in_modes(strip: Strip, functions: Functions, highest_hz: float) -> Functions:
+def in_waves(strip: Strip, functions: Functions, highest_hz: float) -> Functions:
     """Return functions with waves of the plate instead of its polynomials, if discs have room.
 
-    Beside the functions of discs a quarter of them does what the polynomials do. What bends next to
-    an edge, as rectangles and discs that nearly touch it, no few waves do: that keeps polynomials.
-    Each wave is one across the strip, at rest along it, times what it is along the plate without
-    the others: the plate's own modes, but for what they exchange.
+    Each is a wave across the strip times what that is along it without the others. Beside the
+    functions of discs a quarter as many do what polynomials do. What bends next to an edge, as
+    rectangles and discs that nearly touch it, no few waves do: that keeps polynomials.
     """
     rings = [ring for one in functions.around for pair in one.rings for ring in pair]
     has_room = all(bool(ring.reach >= _ROOM * strip.width_m) for ring in rings)
     are_discs = all(patch.is_disc for patch in strip.patches)
-    many = _MANY_ON_SPRINGS if isinstance(strip.edge, ElasticEdge) else _MANY
-    if functions.n_plate < many or not are_discs or not has_room:
+    if functions.n_plate < _MANY or not are_discs or not has_room:
         return functions
     held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
-    acrosses: list[Polynomials] = []
-    alongs, numbers, found = [], [], []
+    found: list[_Waves] = []
     for across in functions.halves(1):
         slopes = across.values(np.array([-1.0, 1.0]), 1)
         bent = across.products(2, 2) + held / strip.bending_stiffness_n_m * slopes.T @ slopes
         fourth, turn = np.linalg.eigh(bent)
-        turned = across.combined(turn)
-        bends, slants = (np.diag(turned.products(*one)) for one in ((0, 2), (1, 1)))
-        first = sum(len(one.series) for one in acrosses)
-        acrosses.append(turned)
+        section = _Section(across.combined(turn), fourth, strip)
         for along, number in product(functions.halves(0), range(fourth.size)):
-            wave = _Across(fourth[number], bends[number], slants[number])
-            some = _along(along, wave, strip, highest_hz)
-            if some is not None:
-                alongs.append(some[0])
-                found.append(some[1])
-                numbers.append(np.full(some[1].size, first + number))
-    across_of = np.concatenate(numbers)
+            found += section.waves(along, number, highest_hz)
+    every = np.arange(sum(one.wavenumbers_rad_m.size for one in found))
     return dataclasses.replace(
         functions,
-        along=joined(alongs),
-        across=joined(acrosses),
-        pairs=(np.arange(across_of.size), across_of),
-        wavenumbers_rad_m=np.concatenate(found),
+        along=joined([one.along for one in found]),
+        across=joined([one.across for one in found]),
+        pairs=(every, every),
+        wavenumbers_rad_m=np.concatenate([one.wavenumbers_rad_m for one in found]),
     )
 
 
-class _Across(NamedTuple):
-    """Integrals over a wave across the strip: its curvature, with its curvature, and its slope."""
+class _Waves(NamedTuple):
+    """Products, each of one function along and one across."""
 
-    fourth: float  # springs along the edges included, 1/m^4
-    bends: float  # 1/m^2
-    slants: float
+    along: Polynomials
+    across: Polynomials
+    wavenumbers_rad_m: Real
 
 
-def _along(
-    along: Polynomials, wave: _Across, strip: Strip, highest_hz: float
-) -> tuple[Polynomials, Real] | None:
-    """Return what a wave across the strip is along it, up to a frequency, and wavenumbers.
+class _Section:
+    """The waves across a strip that are at rest along it, and what they are at other lengths."""
 
-    With what ends that are free to turn and to move make of it, of all that is above together: one
-    wave across takes that from another there, however short it is. None where nothing is left.
-    """
-    poisson, bends = strip.material.poisson_ratio, along.products(0, 2)
-    own = along.products(2, 2) + poisson * wave.bends * (bends + bends.T)
-    own += 2 * (1 - poisson) * wave.slants * along.products(1, 1)
-    fourth, vectors = np.linalg.eigh(own)
-    fourth += wave.fourth
-    kept = fourth <= wavenumber_rad_m(strip, highest_held_hz(highest_hz)) ** 4
-    finer = vectors[:, ~kept]
-    series, wavenumbers = vectors[:, kept], np.sqrt(np.sqrt(fourth[kept]))
-    if finer.shape[1] > _AT_ENDS:
-        ends = np.stack([along.values(np.ones(1), order)[0] for order in (0, 1)], axis=1)
-        yields, _ = np.linalg.qr(finer @ ((finer.T @ ends) / fourth[~kept, np.newaxis]))
-        series = np.append(series, yields, axis=1)
-        wavenumbers = np.append(wavenumbers, np.zeros(_AT_ENDS))
-    return (along.combined(series), wavenumbers) if wavenumbers.size else None
+    def __init__(self, across: Polynomials, fourth: Real, strip: Strip) -> None:
+        self._across, self._fourth, self._strip = across, fourth, strip
+        self._bends, self._slants = (across.products(*one) for one in ((0, 2), (1, 1)))
+        self._poisson = strip.material.poisson_ratio
+
+    def waves(self, along: Polynomials, number: int, highest_hz: float) -> list[_Waves]:
+        """Return what one of them is along the strip, up to a frequency.
+
+        With what ends that are free to turn and to move make of it, of all that is above together:
+        one wave across takes that from another there, however short it is.
+        """
+        rest = np.zeros((self._fourth.size, 1))
+        rest[number] = 1.0
+        slant, bends = along.products(1, 1), along.products(0, 2)
+        own = along.products(2, 2)
+        own += self._poisson * self._bends[number, number] * (bends + bends.T)
+        own += 2 * (1 - self._poisson) * self._slants[number, number] * slant
+        fourth, vectors = np.linalg.eigh(own)
+        fourth += self._fourth[number]
+        kept = fourth <= wavenumber_rad_m(self._strip, highest_held_hz(highest_hz)) ** 4
+        swung, finer = vectors[:, kept], vectors[:, ~kept]
+        found = []
+        if np.any(kept):
+            square = np.einsum("ik,ij,jk->k", swung, slant, swung, optimize=True)
+            across = self._across.combined(self._shapes(square, number))
+            found = [_Waves(along.combined(swung), across, np.sqrt(np.sqrt(fourth[kept])))]
+        if finer.shape[1] > _AT_ENDS:
+            ends = np.stack([along.values(np.ones(1), order)[0] for order in (0, 1)], axis=1)
+            yields, _ = np.linalg.qr(finer @ ((finer.T @ ends) / fourth[~kept, np.newaxis]))
+            resting = self._across.combined(np.repeat(rest, _AT_ENDS, axis=1))
+            found.append(_Waves(along.combined(yields), resting, np.zeros(_AT_ENDS)))
+        return found
+
+    def _shapes(self, square: Real, number: int) -> Real:
+        """Return a wave across, of some lengths along, in those at rest: (n_across, n_lengths).
+
+        `square` are the squares of the wavenumbers along.
+        """
+        mixed = 2 * (1 - self._poisson) * self._slants
+        mixed -= self._poisson * (self._bends + self._bends.T)
+        every = np.diag(self._fourth) + square[:, np.newaxis, np.newaxis] * mixed
+        _, vectors = np.linalg.eigh(every)
+        return np.asarray(vectors[:, :, number].T)

@@ -28,7 +28,7 @@ _BENT: Final = 2
 """The highest order of a derivative."""
 
 _HELD: Final = 2.0
-"""The plate's own modes are enough up to so many times the highest frequency."""
+"""Waves of the plate without patches are enough up to so many times the highest frequency."""
 
 _DEGREE: Final = 3
 """Of a disc's functions, beside a wave's phase from its centre to its rim."""
@@ -133,7 +133,7 @@ def functions_of(strip: Strip, most_rad_m: float, odd: Sides) -> Functions:
 
 
 def highest_held_hz(highest_hz: float) -> float:
-    """Return up to where the plate's own modes are taken for modes with patches up to there."""
+    """Return up to where waves of the plate are taken for modes with patches up to there."""
     return _HELD * highest_hz
 
 

@@ -40,8 +40,7 @@ _ORDERS: Final = ((0, 0), (1, 1), (2, 2), (0, 2), (2, 0))
 class Matrices(NamedTuple):
     """Of all functions: springs along the edges, if any, stiffness with these, mass.
 
-    `overlap` are the integrals over the plate of the patches' functions with all; those of the
-    plate are orthonormal.
+    `overlap` are the integrals over the plate of all functions with all.
     """
 
     springs: Real | None
@@ -61,10 +60,11 @@ def matrices(strip: Strip, functions: Functions) -> Matrices:
     stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
     own, held = alone(strip, functions)
     stiffness[:n, :n] = own
-    np.fill_diagonal(mass[:n, :n], bare.mass_kg_m2)
+    mass[:n, :n] = bare.mass_kg_m2 * _overlap(functions)
     for block in blocks:
         block.add_plate(stiffness, mass, bare)
-    overlap = mass[:, n:] / bare.mass_kg_m2
+    mass[n:, :n] = mass[:n, n:].T
+    overlap = mass / bare.mass_kg_m2
     for block, one in zip(blocks, functions.around, strict=True):
         block.add_patch(stiffness, mass, bare, laminate([plate, *one.patch.layers]))
     springs = None
@@ -94,6 +94,14 @@ def alone(strip: Strip, functions: Functions) -> tuple[Real, Real | float]:
     if functions.wavenumbers_rad_m is None:
         terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
     return _both(_bending(terms, bare), pairs, pairs), held
+
+
+def _overlap(functions: Functions) -> Real:
+    """Return the integrals of the plate's functions with each other; polynomials: orthonormal."""
+    if functions.wavenumbers_rad_m is None:
+        return np.eye(functions.n_plate)
+    terms = [(functions.along.products(*VALUE), functions.across.products(*VALUE))]
+    return _both(terms, functions.pairs, functions.pairs)
 
 
 class _Block:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.motion.patches.alone import in_modes
+from stimuli.motion.patches.alone import in_waves
 from stimuli.motion.patches.functions import Functions, functions_of, n_plate
 from stimuli.motion.patches.matrices import Matrices, matrices
 from stimuli.motion.standing_waves import wavenumber_rad_m
@@ -137,7 +137,7 @@ def _symmetries(strip: Strip, *, centred: bool) -> list[Sides]:
 def _built(strip: Strip, highest_hz: float, odd: Sides) -> tuple[Functions, Matrices]:
     least_hz = _LEAST * strip.cutoff_hz()
     functions = functions_of(strip, wavenumber_rad_m(strip, max(highest_hz, least_hz)), odd)
-    functions = in_modes(strip, functions, highest_hz)
+    functions = in_waves(strip, functions, highest_hz)
     return functions, matrices(strip, functions)
 
 
@@ -181,18 +181,21 @@ def _some(of_all: Matrices, plate: NDArray[np.intp], local: NDArray[np.intp]) ->
     """Return the matrices of some functions."""
     every = np.append(plate, local)
     both = np.ix_(every, every)
-    n_plate = of_all.overlap.shape[0] - of_all.overlap.shape[1]
     return Matrices(
         springs=None if of_all.springs is None else of_all.springs[both],
         stiffness=of_all.stiffness[both],
         mass=of_all.mass[both],
-        overlap=of_all.overlap[np.ix_(every, local - n_plate)],
+        overlap=of_all.overlap[both],
     )
 
 
 def _independent(overlap: Real, n_plate: int) -> Real:
     """Return combinations of functions of patches without those that the plate's nearly are."""
-    crossed, own = overlap[:n_plate], overlap[n_plate:]
+    from scipy.linalg import cholesky, solve_triangular
+
+    crossed, own = overlap[:n_plate, n_plate:], overlap[n_plate:, n_plate:]
+    root = cholesky(overlap[:n_plate, :n_plate], lower=True, check_finite=False)
+    crossed = solve_triangular(root, crossed, lower=True, check_finite=False)
     scale = 1 / np.sqrt(np.diag(own))
     share, vectors = np.linalg.eigh(scale[:, np.newaxis] * (own - crossed.T @ crossed) * scale)
     kept = share > _DEPENDENT
