@@ -215,7 +215,7 @@ def test_load_and_point_may_be_exchanged() -> None:
 
 @pytest.mark.slow
 def test_mirrored_patches_have_mirrored_fields() -> None:
-    """Sought in all functions at once, as where they are not quite mirrored, they are the same."""
+    """So they have where they are not quite mirrored, but for waves instead of polynomials."""
     pair = [disc(-0.03), disc(0.03)]
     nearly = [pair[0], dataclasses.replace(pair[1], x_m=0.03 + 1e-12)]
     tips = [Fingertip(x_m=x, y_m=W / 2) for x in (-0.03, 0.03)]
@@ -223,7 +223,7 @@ def test_mirrored_patches_have_mirrored_fields() -> None:
     strip = on(FIRM, LENGTH_M, viscous_s=1e-7)
     by_halves, whole = (felt(bearing(strip, *both), loads, tips, BURST) for both in (pair, nearly))
     assert by_halves == pytest.approx(by_halves[::-1, ::-1], rel=1e-6)
-    assert whole == pytest.approx(by_halves, rel=1e-6)
+    assert whole == pytest.approx(by_halves, rel=3e-4)
 
 
 def test_a_plate_that_moves_slowly_moves_as_at_rest() -> None:
