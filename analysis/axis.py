@@ -51,18 +51,34 @@ def with_limits(at: float, low: float, high: float, unit: str, levels: Sequence[
     >>> with_limits(0.01505, 0.01389, 0.01639, "mm", [0.01, 0.02])
     '0.0150 mm (0.0139 to 0.0164)'
     """
-    ends = [end for end in (low, at, high) if math.isfinite(end)]
-    spread = max(ends) - min(ends)
+    spread = spread_of(low, at, high, levels)
     return f"{rounded(at, spread)} {unit} ({between(low, high, levels, spread)})"
 
 
-def between(low: float, high: float, levels: Sequence[float], spread: float = 0.0) -> str:
-    """Return limits in words, rounded by their spread; an open one is that of the tested levels.
+def spread_of(low: float, at: float, high: float, levels: Sequence[float]) -> float:
+    """Return the spread by which a level and its limits are rounded.
 
-    >>> between(74.0, 88.21, [60, 200]), between(-math.inf, math.inf, [60, 200])
-    ('74.0 to 88.2', '< 60 to > 200')
+    It is the distance of those that are told. Of levels above 0 it is at most the least of them,
+    so that none is rounded to 0; with both limits open it is at most the tested range.
+
+    >>> spread_of(74.0, 81.0, 88.0, [60, 200]), spread_of(0.125, 0.25, 8.0, [0.1, 9])
+    (14.0, 0.125)
+    >>> spread_of(-math.inf, 0.0625, math.inf, [0.02, 0.159])
+    0.0625
     """
-    spread = spread or high - low
+    ends = [end for end in (low, at, high) if math.isfinite(end)]
+    spread = max(ends) - min(ends) or max(levels) - min(levels)
+    return min(spread, *ends) if min(*levels, *ends) > 0 else spread
+
+
+def between(low: float, high: float, levels: Sequence[float], spread: float) -> str:
+    """Return limits in words, rounded by a spread; an open one is that of the tested levels.
+
+    >>> between(74.0, 88.21, [60, 200], 14.2), between(-math.inf, math.inf, [60, 200], 140)
+    ('74.0 to 88.2', '< 60 to > 200')
+    >>> between(-math.inf, 0.0449, [0.02, 0.1589], 0.016)
+    '< 0.02 to 0.045'
+    """
     least = f"< {shortest(min(levels))}" if low == -math.inf else rounded(low, spread)
     most = f"> {shortest(max(levels))}" if high == math.inf else rounded(high, spread)
     return f"{least} to {most}"

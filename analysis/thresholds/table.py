@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from analysis.axis import VOLTS, between, bounded, with_limits
+from analysis.axis import VOLTS, between, bounded, spread_of, with_limits
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
     BOUNDED,
@@ -163,7 +163,10 @@ def _varied(
     for i, ruler, mu in zip(rows, rulers, posterior(tables, rulers).mu, strict=True):
         low, high = levels_of(within_levels(float(mu[0]), float(mu[2]), ruler), axis)
         told = people.level_vpp[i, people.presented[i] > 0].tolist()
-        words = f"{between(low, high, told)} {axis.unit}"
+        # To the decimals of `printed`, beside which it stands.
+        ends = levels_of(fits[i].threshold_limits, axis)
+        spread = spread_of(ends[0], axis.level(fits[i].threshold), ends[1], told)
+        words = f"{between(low, high, told, spread)} {axis.unit}"
         values = (low if low > -math.inf else math.nan, high if high < math.inf else math.nan)
         found[i] = dict(zip(_VARIED_COLUMNS, (*values, words), strict=True))
     return found

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis import GuessRate, fit_psychometric, threshold_table
-from analysis.axis import Axis
+from analysis.axis import Axis, with_limits
 from analysis.thresholds.people import BLANKS_NEEDED, guessing
 from analysis.thresholds.table import THRESHOLD_COLUMNS, WORDS, printed
 from tests.test_analysis.shared import PAPER, SINGLE, felt
@@ -204,3 +204,33 @@ def test_limits_of_answers_that_vary_are_open_where_they_leave_the_levels() -> N
     row = threshold_table(felt([12, 29, 30, 30, 30]), seed=1).iloc[0]
     assert math.isnan(row["varied_low_vpp"])
     assert row["varied_printed"].startswith("< 60 to ")
+
+
+@pytest.mark.parametrize("unit", [0.001, 1.0, 10_000.0])
+def test_limits_have_the_decimals_of_the_threshold_whatever_the_unit(unit: float) -> None:
+    counts = [12, 29, 30, 30, 30], [2, 12, 23, 29, 30], [0, 1, 3, 9, 17]
+    levels = [unit * level for level in (0.6, 0.95, 1.3, 1.65, 2.0)]
+    for each in counts:
+        row = threshold_table(felt(each, levels), seed=1).iloc[0]
+        one, other = (
+            [word.strip("()") for word in row[name].split() if "." in word]
+            for name in ("printed", "varied_printed")
+        )
+        given = {f"{level:.10g}" for level in levels}
+        decimals = {len(word.partition(".")[2]) for word in {*one, *other} - given}
+        assert len(decimals) == 1, (row["printed"], row["varied_printed"])
+        assert all(float(word) for word in (*one, *other))
+    assert math.isnan(row["varied_high_vpp"])
+
+
+@pytest.mark.parametrize(
+    ("ends", "words"),
+    [
+        ((-math.inf, 0.047, math.inf), "0.047 vol (< 0.02 to > 0.1589)"),
+        ((0.0011, 0.003, 0.9), "0.0030 vol (0.0011 to 0.9000)"),
+        ((-math.inf, 0.0031, 0.0449), "0.0031 vol (< 0.02 to 0.0449)"),
+    ],
+)
+def test_no_level_above_0_is_rounded_to_0(ends: tuple[float, float, float], words: str) -> None:
+    low, at, high = ends
+    assert with_limits(at, low, high, "vol", [0.02, 0.1589]) == words
