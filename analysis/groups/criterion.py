@@ -15,12 +15,14 @@ from analysis.answers.dprime import z_of
 from analysis.definitions import TOTAL
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 
 BESIDE_COLUMNS: Final = (
     "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b", "d_prime_a", "d_prime_b",
 )  # fmt: skip
+_MOST_EXACT: Final = 10_000
+"""Of more false alarms the test is that of the normal distribution."""
 MIXED: Final = "neither"
 """What came first where conditions take turns, or share a block."""
 
@@ -113,3 +115,42 @@ def _beside(
             told = zip(("false_alarms", "blanks", "d_prime"), values, strict=True)
             found.setdefault(name, {}).update({f"{key}_{suffix}": value for key, value in told})
     return found
+
+
+def same_rates_p(alarms: Sequence[Sequence[int]], blanks: Sequence[Sequence[int]]) -> float:
+    """Test whether false alarms are equally frequent in two conditions, two-sided.
+
+    Exact, within participants: given a participant's false alarms in both conditions together, how
+    many of them are in the first is hypergeometric where both are equally frequent; these are
+    summed over participants (Fisher's test of one participant). p is the probability of all sums
+    that are no likelier than the one seen.
+
+    Parameters
+    ----------
+    alarms, blanks : sequence of sequence of int
+        False alarms and blank trials of each participant, in either condition.
+
+    Examples
+    --------
+    >>> round(same_rates_p([(1, 9)], [(10, 10)]), 5)
+    0.00109
+    >>> same_rates_p([(2, 2), (0, 0)], [(20, 20), (20, 20)])
+    1.0
+    """
+    from scipy.stats import hypergeom, norm
+
+    together = [sum(one) for one in alarms]
+    seen = sum(first for first, _ in alarms)
+    given = [(a + b, told, a) for told, (a, b) in zip(together, blanks, strict=True)]
+    if sum(together) > _MOST_EXACT:
+        chances = [hypergeom(*one) for one in given]
+        mean, variance = (sum(float(getattr(x, of)()) for x in chances) for of in ("mean", "var"))
+        far = max(abs(seen - mean) - 0.5, 0.0)  # corrected for continuity
+        return float(2 * norm.sf(far / variance**0.5)) if variance else 1.0
+    density, least = np.ones(1), 0
+    for of, told, a in given:
+        low, high = max(0, told - (of - a)), min(told, a)
+        density = np.convolve(density, hypergeom.pmf(np.arange(low, high + 1), of, told, a))
+        least += low
+    rare = density <= density[seen - least] * (1 + 1e-7)
+    return min(float(density[rare].sum()), 1.0)

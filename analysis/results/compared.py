@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import MIXED
+from analysis.groups.criterion import MIXED, same_rates_p
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 SPELLED: Final = 3
 """Of more conditions, or pairs of them, a sentence says where they stand."""
+ALPHA: Final = 0.05
+"""False alarms differ where the test of the same rates has a smaller p."""
+_LEAST_P: Final = 0.001
 _ISOLATE, _END = "\u2068", "\u2069"
 
 
@@ -162,14 +165,46 @@ def compared(analysis: Analysis) -> Iterator[str]:
 
 def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
     """Say of conditions that differ whether false alarms do so, or are not known."""
-    rates = {row["condition"]: float(row["p"]) for row in totals(analysis) if "condition" in row}
     known = analysis.differences["d_prime_a"].notna().any()
-    beside = "; d', which does not depend on it, is in the table" if known else ""
-    if any(not {one.a, one.b} <= {*rates} for one in pairs):
-        yield f"a difference may be one of criterion, of which only blank trials can tell{beside}"
-    elif any(rates[one.a] != rates[one.b] for one in pairs):
-        often = "false alarms were not equally frequent"  # which need not be a difference
-        yield f"{often}, so that a difference may be one of criterion{beside}"
+    beside = "; d', which does not depend on {}, is in the table" if known else ""
+    told = {row["condition"] for row in totals(analysis) if "condition" in row}
+    if any(not {one.a, one.b} <= told for one in pairs):
+        yield (
+            "a difference may be one of criterion, of which only blank trials can tell"
+            f"{beside.format('it')}"
+        )
+        return
+    found = [_same_alarms(analysis.blank, one) for one in pairs]
+    often = [one for one in found if one[0] < ALPHA]
+    least, test = min(found)
+    words = "p < 0.001" if least < _LEAST_P else f"p = {least:.3f}"
+    words = f"{'least ' if len(found) > 1 else ''}{words}, {test}"
+    if often:
+        where = ""
+        if len(found) > 1:
+            where = f" in {len(often)} of these {len(found)} pairs of conditions"
+        yield (
+            f"false alarms were not equally frequent{where} ({words}), so that a difference may "
+            f"be one of criterion{beside.format('it')}"
+        )
+    else:
+        yield f"false alarms are not told apart ({words}){beside.format('the criterion')}"
+
+
+def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
+    """Return p of equal false alarms of people in both conditions, or of totals, and its test."""
+    rows = blank.assign(alarms=(blank["p"] * blank["presented"]).round())
+    both = [
+        rows[rows["condition"].eq(name)].set_index("participant")[["alarms", "presented"]]
+        for name in (one.a, one.b)
+    ]
+    people = [name for name in both[0].index if name != TOTAL and name in both[1].index]
+    alarms, presented = (
+        [tuple(int(table.loc[name, of]) for table in both) for name in people or [TOTAL]]
+        for of in ("alarms", "presented")
+    )
+    test = "exact test within participants" if people else "Fisher's exact test of the totals"
+    return same_rates_p(alarms, presented), test
 
 
 def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:

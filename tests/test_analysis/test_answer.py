@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import fisher_exact
 
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.answers.doubts import Doubt
 from analysis.axis import VOLTS, Axis, bounded, with_limits
-from analysis.groups.criterion import BESIDE_COLUMNS
+from analysis.groups.criterion import BESIDE_COLUMNS, same_rates_p
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
 from analysis.results.compared import plain
@@ -334,9 +335,16 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
-    r"false alarms were not equally frequent, so that a difference may be one of criterion"
-    r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
+    r"false alarms were not equally frequent(?: in \d+ of these \d+ pairs of conditions)? "
+    r"\((?:least )?p (?:=|<) 0\.0\d\d, (?:exact test within participants|"
+    r"Fisher's exact test of the totals)\), so that a difference may "
+    r"be one of criterion(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
+    ),
+    r"false alarms are not told apart \((?:least )?p = [01]\.\d\d\d, (?:exact test within "
+    r"participants|Fisher's exact test of the totals)\)"
+    r"(?P<beside>; d', which does not depend on the criterion, is in the table)?": is_true(
+        lambda one: one.detected_any is not None and len(rates(one)) > 1
     ),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
         lambda one: one.axis.signed and len(one.groups) > 1
@@ -503,6 +511,7 @@ class Made:
         rows = []
         for name in self.conditions if self.rng.random() < 0.7 else ():
             left, right, of = self.rng.randrange(3), self.rng.randrange(2), 60
+            left += 40 * (right and name == "c1")
             row = {"condition": name, "participant": "all", "left": left, "right": right, "both": 1}
             p = (left + right + 1) / of
             rows.append(row | {"presented": of, "p": p, "low": p / 2, "high": 2 * p})
@@ -751,7 +760,7 @@ def test_a_choice_of_three_starts_at_a_third(least: Analysis) -> None:
     assert "near the guess rate" in forced_choice(replace(least, thresholds=mixed), "k/n")
 
 
-@pytest.mark.parametrize(("rates", "times"), [((0.1, 0.2), 1), ((0.1, 0.1), 0)])
+@pytest.mark.parametrize(("rates", "times"), [((0.1, 0.5), 1), ((0.1, 0.2), 0), ((0.1, 0.1), 0)])
 def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     least: Analysis, rates: tuple[float, float], times: int
 ) -> None:
@@ -767,5 +776,30 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
         differences=pd.DataFrame([row | apart], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
     )  # fmt: skip
     found = answer(analysis)
-    assert found.statements[1].lower().count("false alarms were not equally frequent") == times
+    said = found.statements[1].lower()
+    assert (
+        said.count("false alarms were not equally frequent (p < 0.001, fisher's exact test")
+        == times
+    )
+    assert said.count("false alarms are not told apart (p = ") == 1 - times
+    assert said.count(" % (5.0 to 30.0 %)") == 2
     assert not any("neither" in of for _, _, of in found.rows)
+
+
+def test_false_alarms_are_compared_within_people() -> None:
+    """Of two people who each prefer another rate, the one pair of conditions is compared."""
+    assert same_rates_p([(21, 22)], [(240, 240)]) == pytest.approx(
+        fisher_exact(np.array([[21, 22], [219, 218]])).pvalue
+    )
+    alarms, blanks = [(1, 6), (0, 5), (14, 19)], [(20, 20), (30, 30), (20, 20)]
+    rng = np.random.default_rng(1)
+    drawn = sum(
+        rng.hypergeometric(a + b, of[0] + of[1] - a - b, of[0], 100_000)
+        for (a, b), of in zip(alarms, blanks, strict=True)
+    )
+    number, times = np.unique(drawn, return_counts=True)
+    rare = times[times <= times[number == 15]].sum() / 100_000
+    assert same_rates_p(alarms, blanks) == pytest.approx(rare, abs=0.001)
+    assert same_rates_p([(5000, 5200)], [(90_000, 90_000)]) == pytest.approx(
+        fisher_exact(np.array([[5000, 5200], [85_000, 84_800]])).pvalue, rel=0.02
+    )
