@@ -41,6 +41,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "kind, side": "single, both or blank; where the stimulus was, or which side was driven",
         "counted, reason": "whether a trial is counted; if not, the first reason that holds",
         "threshold_vpp, threshold_low_vpp, threshold_high_vpp": "level felt half of the time: "
+        "detected (1 + gamma - lambda)/2 of the time, half-way between false alarms or guesses "
+        "(gamma) and what lapses (lambda) leave, 1 - lambda; "
         "posterior median and 95 % equal-tailed limits, volts peak-to-peak; a limit outside the "
         "tested levels is open (n/a); in a row 'all' the middle of the group, in which everybody "
         "takes part",
@@ -83,6 +85,22 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 
+
+def definitions_in(unit: str) -> Mapping[str, str]:
+    """Return `DEFINITIONS` for levels of a unit; V are volts peak-to-peak.
+
+    >>> definitions_in("vol")["threshold_db, threshold_low_db, threshold_high_db"]
+    'the same in dB re 1 vol'
+    """
+    if unit == "V":
+        return DEFINITIONS
+    volts = ("dB re 1 V peak-to-peak", f"dB re 1 {unit}"), ("volts peak-to-peak", unit)
+    told = dict(DEFINITIONS)
+    for words, own in (*volts, ("or volts on a linear", f"or {unit} on a linear")):
+        told = {names: text.replace(words, own) for names, text in told.items()}
+    return told
+
+
 METHODS = ("wilson", "jeffreys", "clopper-pearson")
 
 MOST_PRESENTED = 10**12
@@ -96,3 +114,53 @@ GROUP_COVERS: Final = (
     "five very steep people as little as 86 %, and of means above .99 as little as 79 %."
 )
 """Measured by benchmarks/calibration.py."""
+
+CENSORED: Final = (
+    "A threshold outside the tested levels is told as below or above them, never as a number; so "
+    "is a limit. Everybody takes part in the group's threshold, those below and above included. "
+    "A participant's interval is for that session; what another day brings needs a second one."
+)
+
+VARY: Final = (
+    'Where "none" could be answered, the answers of real people near threshold varied 2.8 times '
+    "the binomial (M. Grund et al., J. Neurosci. 42 (2022) 643-656). No such factor can be found "
+    'from one session: a column "if answers vary 2.8 times" has a threshold\'s limits for it.'
+)
+
+COUNTING: Final = (
+    "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
+    "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
+    "trial with the reason why it was left out."
+)
+
+OFF_THE_PLATE: Final = (
+    "Audibility and control trials, with the noise on and no finger on the plate; they are in "
+    "no other number here. More answers with the driven side than with the other say that "
+    "the plate is heard or seen."
+)
+
+CRITERION: Final = (
+    "Where false alarms differ, a difference of thresholds may be one of the willingness to answer "
+    "(the criterion) and not of what is felt: d' does not depend on it, and stands beside."
+)
+"""What false alarms and d' beside a difference are there for."""
+
+D_PRIME: Final = (
+    "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion "
+    "it does not rise with the willingness to answer. Rows 'all' have the mean of the "
+    "participants; d' of all levels together belongs to the mixture that was presented."
+)
+
+POPULATION: Final = (
+    "A second opinion by another model, a logistic one: everybody takes part, also who has no "
+    "threshold of their own, with one slope for all. It leaves out lapses and guesses (and is "
+    "refused where blank trials show a guess rate above 0.03): misses of what is felt raise its "
+    "threshold, guesses lower it."
+)
+"""What the population model leaves out."""
+
+LAPSES: Final = (
+    "Lapse at bound: the likeliest lapse rate is the largest that is allowed, 0.1, for much was "
+    "missed at high levels. The threshold may be reported, with its interval, which allows for "
+    "every lapse rate up to 0.1, and with this remark."
+)

@@ -6,11 +6,10 @@ import io
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
-from analysis.definitions import TOTAL
+from analysis.definitions import POPULATION, TOTAL
 from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import plain
 from analysis.results.rows import (
-    POPULATION,
     TERMINAL,
     both_cells,
     control_totals,
@@ -18,6 +17,7 @@ from analysis.results.rows import (
     forced_choice,
     level_rows,
     not_compared_words,
+    one_side_words,
     population_spread,
     population_text,
 )
@@ -36,6 +36,10 @@ _LEGEND = (
     "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
     "max: over participants' k/n. group 95 %: of people like these. both, other: answered both, "
     "the other side. late: time-outs. p ans: k / answered."
+)
+_LEGEND_ONE = (
+    "k/n: stimuli that were felt / presented. P: participants. min, mean, max: over participants' "
+    "k/n. group 95 %: of people like these. late: time-outs. p ans: k / answered."
 )
 _LEGEND_ANY = " any: answered left, right or both."
 
@@ -111,7 +115,11 @@ def _print_levels(analysis: Analysis, file: TextIO) -> None:
         _print_table(levels.header, rows, file)
     if len(analysis.levels):
         forced = analysis.detected_any is None
-        _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
+        if analysis.one_side:
+            _say(file, _LEGEND_ONE)
+            _say(file, f"{one_side_words(analysis.one_side)}.")
+        else:
+            _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
         if forced:
             _say(file, forced_choice(analysis, "k/n"))
 

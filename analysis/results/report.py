@@ -4,44 +4,60 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import math
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import VOLTS, alone, shortest
-from analysis.definitions import DEFINITIONS, GROUP_COVERS, TOTAL
+from analysis.axis import VOLTS, shortest
+from analysis.definitions import (
+    CENSORED,
+    COUNTING,
+    CRITERION,
+    D_PRIME,
+    GROUP_COVERS,
+    LAPSES,
+    OFF_THE_PLATE,
+    POPULATION,
+    TOTAL,
+    VARY,
+    definitions_in,
+)
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer, left_out_words
 from analysis.results.compared import number_of
 from analysis.results.figures.confusion import stimulus
 from analysis.results.protocol import (
     IN_METHODS,
+    detected_words,
     guess_words,
+    is_yes_no,
     measured_rows,
     number_tables,
     planned,
+    presented_words,
     protocol_rows,
+    task_words,
 )
 from analysis.results.rows import (
     CONTROL_HEAD,
-    CRITERION,
-    D_PRIME,
     D_PRIME_HEAD,
     PAGE,
-    POPULATION,
     blank_cells,
     both_cells,
     choice_rows,
     control_cells,
     count_rows,
+    count_text,
     d_prime_rows,
     difference_rows,
     forced_choice,
     level_head,
     level_rows,
+    level_text,
     not_compared_words,
+    one_side_words,
     p_text,
     population_cells,
+    width_text,
 )
 from analysis.results.summary import devices, versions
 from experiment.terms.record import NOT_AVAILABLE, RESPONSES
@@ -51,6 +67,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
+    from analysis.axis import Axis
     from analysis.results.figures.figures import Picture
     from analysis.results.protocol import Planned
     from analysis.results.tables import Analysis
@@ -61,26 +78,6 @@ _MOST_ROWS: Final = 16
 """A longer table is folded."""
 _LONGEST: Final = 30
 """Letters of a cell that are not wrapped."""
-_CENSORED: Final = (
-    "A threshold outside the tested levels is told as below or above them, never as a number; so "
-    "is a limit. Everybody takes part in the group's threshold, those below and above included. "
-    "A participant's interval is for that session; what another day brings needs a second one."
-)
-_VARIED: Final = (
-    'Where "none" could be answered, the answers of real people near threshold varied 2.8 times '
-    "the binomial (M. Grund et al., J. Neurosci. 42 (2022) 643-656). No such factor can be found "
-    'from one session: a column "if answers vary 2.8 times" has a threshold\'s limits for it.'
-)
-_COUNTS: Final = (
-    "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
-    "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
-    "trial with the reason why it was left out."
-)
-_OFF_THE_PLATE: Final = (
-    "Audibility and control trials, with the noise on and no finger on the plate; they are in "
-    "no other number here. More answers with the driven side than with the other say that "
-    "the plate is heard or seen."
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +88,7 @@ class Table:
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
     texts: Sequence[str] = ()
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,11 +161,15 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         study=plans.studies[0] if plans.studies else None,
         studies=len(plans.studies),
         guesses=guess_words(analysis),
+        task=task_words(analysis),
+        detected=detected_words(analysis),
+        presented=[] if plans.studies else [*presented_words(analysis)],
+        yes_no=is_yes_no(analysis),
         burst_words=burst_words,
         **IN_METHODS,
         left_out=left_out_words(analysis),
         versions=versions(),
-        definitions=DEFINITIONS,
+        definitions=definitions_in(analysis.axis.unit),
         folded=[*_folded(analysis, plans)],
         most_rows=_MOST_ROWS,
         longest=_LONGEST,
@@ -208,7 +210,7 @@ def _counted(analysis: Analysis) -> Section:
         header = ["Participant", *(REASONS.get(one, one) for one in reasons), "Together"]
         tables.append(Table(caption="Trials left out, and why", header=header, rows=rows))
     title = "What was counted and what was left out"
-    return Section(title=title, texts=[_COUNTS], tables=tables)
+    return Section(title=title, texts=[COUNTING], tables=tables)
 
 
 def _detection(analysis: Analysis) -> Section:
@@ -232,7 +234,6 @@ def _detection(analysis: Analysis) -> Section:
 def _thresholds(analysis: Analysis) -> Iterator[Section]:
     if analysis.thresholds.empty:
         return
-    unit = analysis.axis.unit
     words = ["Threshold", "Threshold (95 %)", "Status", "Guess rate from", "Difference (95 %)",
              "Remark"]  # fmt: skip
     tables = []
@@ -240,7 +241,7 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
         cells = [
             [str(row[name]) for name in ("condition", "participants", "printed")]
-            + [_whole(row[name]) for name in ("below", "above")]
+            + [count_text(row[name]) for name in ("below", "above")]
             for _, row in analysis.groups.iterrows()
         ]
         caption = "Thresholds of the group"
@@ -259,16 +260,17 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
               "If answers vary 2.8 times", "Levels", "Trials"]  # fmt: skip
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
-        cells = [_threshold(row, unit) for _, row in rows.iterrows()]
+        cells = [_threshold(row, analysis.axis) for _, row in rows.iterrows()]
         # A column in which nobody has a value says nothing.
         told = [i for i in range(len(header)) if {row[i] for row in cells} != {"n/a"}]
         cells = [[row[i] for i in told] for row in cells]
         heads = [header[i] for i in told]
-        tables.append(Table(caption=caption, header=heads, rows=cells, texts=words))
-    varied = [_VARIED] if analysis.thresholds["varied_printed"].notna().any() else []
+        note = LAPSES if rows["status"].eq("lapse_at_bound").any() else ""
+        tables.append(Table(caption=caption, header=heads, rows=cells, texts=words, note=note))
+    varied = [VARY] if analysis.thresholds["varied_printed"].notna().any() else []
     second = [POPULATION] if analysis.population else []
     compared = [CRITERION] if len(analysis.differences) and len(analysis.sensitivity) else []
-    yield Section(title="Thresholds", texts=[_CENSORED, *varied, *compared, *second], tables=tables)
+    yield Section(title="Thresholds", texts=[CENSORED, *varied, *compared, *second], tables=tables)
 
 
 def _sensitivity(analysis: Analysis) -> Iterator[Section]:
@@ -281,18 +283,15 @@ def _sensitivity(analysis: Analysis) -> Iterator[Section]:
         yield Section(title="Sensitivity", texts=[D_PRIME], tables=tables)
 
 
-def _whole(number: float) -> str:
-    return "n/a" if math.isnan(number) else f"{number:.0f}"
-
-
-def _threshold(row: pd.Series[Any], unit: str) -> list[str]:
+def _threshold(row: pd.Series[Any], axis: Axis) -> list[str]:
     return [
         str(row["participant"]),
         row["printed"],
         row["status"].replace("_", " "),
-        *(p_text(row[name]) for name in ("sigma", "lapse_rate", "deviance_p", "guess_rate")),
+        width_text(row["sigma"], axis),
+        *(p_text(row[name]) for name in ("lapse_rate", "deviance_p", "guess_rate")),
         row["guess_basis"],
-        *(_level_text(row[f"threshold_guess_{name}_vpp"], unit) for name in ("0", "third")),
+        *(level_text(row[f"threshold_guess_{name}_vpp"], axis.unit) for name in ("0", "third")),
         row["varied_printed"] if isinstance(row["varied_printed"], str) else "n/a",
         str(row["levels"]),
         str(row["trials"]),
@@ -302,11 +301,13 @@ def _threshold(row: pd.Series[Any], unit: str) -> list[str]:
 def _answers(analysis: Analysis) -> Iterator[Section]:
     if analysis.confusion.empty:
         return
-    tables = []
-    header = ["Stimulus", *RESPONSES, "Presented"]
+    tables, side = [], analysis.one_side
+    unused = {"left", "right", "both"} - {side} if side else set()
+    named = [name for name in RESPONSES if name not in unused]
+    header = ["Stimulus", *named, "Presented"]
     for condition, rows in analysis.confusion.groupby("condition"):
         cells = [
-            [stimulus(row["kind"], row["side"]), *(str(row[name]) for name in RESPONSES),
+            [stimulus(row["kind"], row["side"]), *(str(row[name]) for name in named),
              str(row["presented"])]
             for _, row in rows.iterrows()
         ]  # fmt: skip
@@ -316,11 +317,13 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
     for one in analysis.choice:
         if one.participant == TOTAL:
             caption = f"What the answers tell{_where(analysis, one.condition)}"
-            cells = [*choice_rows(one)]
+            cells = [*choice_rows(one, sides=not side)]
             words = ["Value", "Remark"]
             tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    told = "What the answers of every participant tell stands in summary.json under choice."
-    yield Section(title="Answers", texts=[told], tables=tables)
+    told = ["What the answers of every participant tell stands in summary.json under choice."]
+    if side:
+        told.append(f"{one_side_words(side)}, also the figure of answers to each stimulus.")
+    yield Section(title="Answers", texts=told, tables=tables)
 
 
 def _reaction_times(analysis: Analysis) -> Iterator[Section]:
@@ -348,12 +351,13 @@ _TOTALS: Final = "the interval of a row 'all' ignores that participants differ"
 
 
 def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
-    of_ci = f"95 % {analysis.ci.title()}"
+    of_ci, side = f"95 % {analysis.ci.title()}", analysis.one_side
+    sides = ["Felt"] if side else ["Left", "Right", "Both"]
     for title, table, cells, header in (
         ("Both-finger trials", analysis.both, lambda row: both_cells(row, PAGE),
          ["Answered both / presented", "Share", of_ci, "Left only", "Right only"]),
-        ("Blank trials", analysis.blank, lambda row: blank_cells(row, PAGE),
-         ["Presented", "Left", "Right", "Both", "False alarms", of_ci]),
+        ("Blank trials", analysis.blank, lambda row: blank_cells(row, PAGE, side),
+         ["Presented", *sides, "False alarms", of_ci]),
         ("Fingers off the plate", analysis.control, control_cells, CONTROL_HEAD[1:]),
     ):  # fmt: skip
         if len(table):
@@ -361,7 +365,7 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
             caption = title if control else f"{title}; {_TOTALS}"
             rows = [[_who(row), *cells(row)] for _, row in table.iterrows()]
             made = Table(caption=caption, header=["Participant", *header], rows=rows)
-            texts = [_OFF_THE_PLATE] if control else []
+            texts = [OFF_THE_PLATE] if control else []
             yield Section(title=title, texts=texts, tables=[made])
 
 
@@ -394,7 +398,3 @@ def _folded(analysis: Analysis, plans: Planned) -> Iterator[Table]:
 
 def _where(analysis: Analysis, condition: object) -> str:
     return f", condition {condition}" if analysis.counts.conditions > 1 else ""
-
-
-def _level_text(value: float, unit: str) -> str:
-    return "n/a" if math.isnan(value) else alone(value, unit)

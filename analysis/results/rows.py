@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
-from analysis.axis import VOLTS, rounded, shortest, with_limits
+from analysis.axis import VOLTS, Axis, alone, rounded, shortest, with_limits
 from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED
 from analysis.reading.text import named
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
     from analysis.answers.serial import SerialEffect
-    from analysis.axis import Axis
     from analysis.groups.population import PopulationThreshold
     from analysis.results.tables import Analysis, Counts
 
@@ -61,8 +60,23 @@ def p_text(value: float | None) -> str:
     return "n/a" if value is None or math.isnan(value) else f"{value:.3f}"
 
 
-def _count(number: float) -> str:
+def count_text(number: float) -> str:
+    """Return a number without decimals, or n/a."""
     return "n/a" if math.isnan(number) else f"{number:.0f}"
+
+
+def level_text(value: float, unit: str) -> str:
+    """Return a level without limits, or n/a."""
+    return "n/a" if math.isnan(value) else alone(value, unit)
+
+
+def width_text(sigma: float, axis: Axis) -> str:
+    """Return a width: of a logarithm to three decimals, of levels to three digits.
+
+    >>> width_text(0.1234, VOLTS), width_text(0.000123, Axis(x_scale="linear", unit="mm"))
+    ('0.123', '0.000123')
+    """
+    return p_text(sigma) if not axis.signed or math.isnan(sigma) else rounded(sigma, sigma / 10)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,9 +108,9 @@ _LEVELS = (
         long="Group, 95 %",
         cell=lambda row, style: style.limits(row["group_low"], row["group_high"]),
     ),
-    _ReportColumn(short="both", long="Both", cell=_named("over_report", _count)),
-    _ReportColumn(short="other", long="Other side", cell=_named("mislocalised", _count)),
-    _ReportColumn(short="late", long="Time-outs", cell=_named("timeouts", _count)),
+    _ReportColumn(short="both", long="Both", cell=_named("over_report", count_text)),
+    _ReportColumn(short="other", long="Other side", cell=_named("mislocalised", count_text)),
+    _ReportColumn(short="late", long="Time-outs", cell=_named("timeouts", count_text)),
     _ReportColumn(short="p ans", long="Of answered", cell=_named("p_answered", p_text)),
 )
 _FELT = _ReportColumn(short="any", long="Felt at all", cell=_named("detected_any", str))
@@ -121,7 +135,9 @@ def level_rows(analysis: Analysis, style: Style) -> LevelRows:
     """Write the table of levels for one place that is read."""
     people = analysis.participants.groupby(["condition", "level_vpp"]).size()
     table = levels_told(analysis).assign(people=people.to_numpy())
-    columns = _LEVELS if analysis.detected_any is None else (*_LEVELS, _FELT)
+    columns = [*_LEVELS] if analysis.detected_any is None else [*_LEVELS, _FELT]
+    if analysis.one_side:
+        columns = [one for one in _LEVELS if one.short not in ("both", "other")]
     unit = f" {analysis.axis.unit}" if style.roomy else ""
     return LevelRows(
         header=[
@@ -135,6 +151,14 @@ def level_rows(analysis: Analysis, style: Style) -> LevelRows:
             ]
             for condition, levels in table.groupby("condition")
         },
+    )
+
+
+def one_side_words(side: str) -> str:
+    """Say why nothing is told of sides."""
+    return (
+        f"All stimuli and all answers that name a side were of one side, {side}: what compares "
+        "sides is left out"
     )
 
 
@@ -182,18 +206,11 @@ def both_cells(row: pd.Series[Any], style: Style) -> list[str]:
     ]
 
 
-def blank_cells(row: pd.Series[Any], style: Style) -> list[str]:
-    """Return presented, left, right, both, the share of false alarms and its interval."""
-    told = (row[name] for name in ("presented", "left", "right", "both"))
+def blank_cells(row: pd.Series[Any], style: Style, side: str = "") -> list[str]:
+    """Return presented, left, right, both, or one side, the share of false alarms, its interval."""
+    told = (row[name] for name in ("presented", *([side] if side else ("left", "right", "both"))))
     counts = ["n/a" if math.isnan(count) else str(count) for count in told]
     return [*counts, p_text(row["p"]), style.limits(row["low"], row["high"])]
-
-
-CRITERION: Final = (
-    "Where false alarms differ, a difference of thresholds may be one of the willingness to answer "
-    "(the criterion) and not of what is felt: d' does not depend on it, and stands beside."
-)
-"""What false alarms and d' beside a difference are there for."""
 
 
 def difference_rows(
@@ -224,11 +241,6 @@ def _beside(row: pd.Series[Any], style: Style) -> list[str]:
     return [first, *shares, *(_two(row[f"d_prime_{one}"]) for one in "ab")]
 
 
-D_PRIME: Final = (
-    "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion "
-    "it does not rise with the willingness to answer. Rows 'all' have the mean of the "
-    "participants; d' of all levels together belongs to the mixture that was presented."
-)
 D_PRIME_HEAD: Final = (
     "Level", "Participant", "Felt", "False alarms", "d' (95 %)", "d' of answered"
 )  # fmt: skip
@@ -313,15 +325,6 @@ def control_totals(table: pd.DataFrame, style: Style) -> Iterator[tuple[pd.Serie
         yield rows.iloc[0], [_PARTS[rows.iloc[0]["part"]], *shares]
 
 
-POPULATION: Final = (
-    "A second opinion by another model, a logistic one: everybody takes part, also who has no "
-    "threshold of their own, with one slope for all. It leaves out lapses and guesses (and is "
-    "refused where blank trials show a guess rate above 0.03): misses of what is felt raise its "
-    "threshold, guesses lower it."
-)
-"""What the population model leaves out."""
-
-
 def population_text(one: PopulationThreshold, axis: Axis) -> str:
     """Return the threshold of a population and its limits; empty text where there is none."""
     if one.reason:
@@ -352,20 +355,24 @@ _SERIAL = {
 }
 
 
-def choice_rows(choices: Choices) -> Iterator[list[str]]:
+def choice_rows(choices: Choices, *, sides: bool = True) -> Iterator[list[str]]:
     """Yield what the answers of a participant, or of all, tell: quantity, value, p, remark."""
-    yield ["Over-report: both to a single stimulus", _share(choices.over_report), "", ""]
-    yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
+    if sides:
+        yield ["Over-report: both to a single stimulus", _share(choices.over_report), "", ""]
+        yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
     told = choices.information
     corrected = f"corrected for chance, still high: {p_text(told.miller_madow_bits)} bits"
     yield ["Information of an answer", f"{p_text(told.plugin_bits)} bits", p_text(told.p),
            told.reason or f"{corrected}, of {p_text(told.stimulus_bits)} at most"]  # fmt: skip
     yield from _sensitivity("Detection", choices.detection)
-    yield from _sensitivity("Left against right", choices.spatial)
-    yield _preference("Side of wrong answers", choices.wrong_side)
-    yield _preference("Side answered to blank trials", choices.blank_side)
-    yield _preference("Side felt alone of both fingers", choices.extinction)
+    if sides:
+        yield from _sensitivity("Left against right", choices.spatial)
+        yield _preference("Side of wrong answers", choices.wrong_side)
+        yield _preference("Side answered to blank trials", choices.blank_side)
+        yield _preference("Side felt alone of both fingers", choices.extinction)
     for name, words in _SERIAL.items():
+        if name == "side" and not sides:
+            continue
         yield _serial(words, getattr(choices.serial, name))
 
 

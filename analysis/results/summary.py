@@ -9,7 +9,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from analysis.definitions import DEFINITIONS
+from analysis.definitions import definitions_in
 from analysis.results.answer import answer
 from analysis.results.compared import plain
 from analysis.results.rows import levels_told
@@ -29,7 +29,7 @@ def summary_text(analysis: Analysis) -> str:
     """Write the summary as JSON: no time, no host, no absolute path; equal data give equal text."""
     summary = {
         "schema": SCHEMA,
-        "definitions": {"ci": analysis.ci, **DEFINITIONS},
+        "definitions": {"ci": analysis.ci, **definitions_in(analysis.axis.unit)},
         "inputs": [asdict(file) for file in analysis.inputs],
         "versions": versions(),
         "seed": analysis.seed,

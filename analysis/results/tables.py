@@ -151,6 +151,17 @@ class Analysis:
             raise ValueError(f"ci must be one of {', '.join(METHODS)}, got {self.ci!r}")
 
     @property
+    def one_side(self) -> str:
+        """The side of all stimuli and of every answer that names one; else empty."""
+        table = self.confusion
+        if table.empty or self.detected_any is None or table["kind"].eq("both").any():
+            return ""
+        sides = {*table.loc[table["kind"].eq("single"), "side"]}
+        others = [name for name in ("left", "right", "both") if name not in sides]
+        none = not table[others].to_numpy().any()
+        return str(sides.pop()) if len(sides) == 1 and none else ""
+
+    @property
     def mark(self) -> str:
         """What every output says of the trials where they are no plain results; else empty."""
         return "; ".join(filter(None, (self._simulated, self._practice, self._altered, self._lost)))

@@ -27,8 +27,8 @@ _COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it,
 
 
 def sheets(analysis: Analysis) -> list[Sheet]:
-    """Return the figure; none where there are no answers."""
-    if analysis.confusion.empty:
+    """Return the figure; none where there are no answers, or of one side only."""
+    if analysis.confusion.empty or analysis.one_side:
         return []
     shown = "Grid of stimuli and answers with the share of each answer"
     return [

@@ -52,13 +52,24 @@ def sheets(analysis: Analysis) -> list[Sheet]:
             title="Detection probability by level, and the fitted function",
             caption=f"Above, {data}, and the function with its 95 % band where the data tell one; "
             f"in the middle the threshold with its 95 % interval{new}; below, how far the data lie "
-            "from the function.",
+            f"from the function.{_half_way(analysis)}",
             alt=f"Detection probability from 0 to 1 against level in {analysis.axis.label}, "
             f"{people}{over}, with the fitted function, thresholds and residuals; the numbers are "
             "in the tables of detection by level and of thresholds.",
             draw=partial(draw, analysis),
         )
     ]
+
+
+def _half_way(analysis: Analysis) -> str:
+    """Say what a threshold is."""
+    if analysis.thresholds.empty:
+        return ""
+    gamma = "guesses" if analysis.detected_any is None else "false alarms"
+    return (
+        " The threshold is the level that is felt half of the time: detected (1 + gamma - lambda)/2"
+        f" of the time, half-way between {gamma} (gamma) and 1 - lambda, lambda the lapse rate."
+    )
 
 
 def draw(analysis: Analysis) -> Figure:

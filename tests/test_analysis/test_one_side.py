@@ -1,0 +1,86 @@
+"""A yes/no task with stimuli at one side: what is said of it, and what of sides is left out."""
+
+from __future__ import annotations
+
+import html
+import io
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+
+from analysis import ColumnMap, print_analysis, write_analysis
+from analysis.results.protocol import detected_words, is_yes_no, presented_words
+from analysis.results.tables import analyse
+from tests.test_analysis.shared import LEAST, files, loaded, put
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+HEAD = "participant,side,level_vpp,detected\n"
+FELT = {"0": "nnynnn", "0.02": "nnnny", "0.05": "nynyn", "0.1": "yynyy",
+        "0.159": "yynyt"}  # fmt: skip
+ROWS = "".join(
+    f"1,{'none' if level == '0' else 'right'},{level},{key}\n"
+    for level, keys in FELT.items()
+    for key in keys * 3
+)
+YES_NO = ColumnMap(
+    task="yes/no",
+    axis={"unit": "vol"},
+    values={"detected": {"y": "1", "n": "0", "t": "timeout"}},
+)
+
+
+@pytest.mark.slow
+def test_a_yes_no_task_at_one_side_is_told_without_sides(tmp_path: Path) -> None:
+    path = put(tmp_path / "t.csv", HEAD + ROWS)
+    analysis = write_analysis([path], tmp_path / "out", columns=YES_NO, figures=True)
+    assert analysis.one_side == "right"
+    made = files(tmp_path / "out")
+    assert not any(name.startswith("confusion.") and name != "confusion.csv" for name in made)
+    page = re.sub(r"\s+", " ", html.unescape(re.sub("<[^>]+>", "", made["report.html"].decode())))
+    for absent in ("Side of wrong answers", "Mislocalised", "Other side", "named its side",
+                   "peak-to-peak", "guess rate 0."):  # fmt: skip
+        assert absent not in page.replace("If guess rate 0", ""), absent
+    for told in (
+        "All stimuli and all answers that name a side were of one side, right",
+        "The task was yes/no: whether a stimulus was felt.",
+        "There were 4 levels (0.02 to 0.159 vol), 15 trials of each for a participant, and 18 ",
+        "and 18 blank (catch) trials.",
+        "The 3 trials without an answer in time count as not felt.",
+        "false-alarm rate",
+        "felt half of the time, that is detected (1 + gamma - lambda)/2 of the time",
+        "felt half of the time: detected (1 + gamma - lambda)/2 of the time, half-way between",
+        "the same in dB re 1 vol",
+    ):
+        assert told in page, told
+    assert ("lapse at bound" in page) == ("The threshold may be reported" in page)
+    printed = io.StringIO()
+    print_analysis(analysis, printed)
+    assert "both other" not in printed.getvalue()
+    assert "one side, right: what" in printed.getvalue()
+
+
+@pytest.mark.slow
+def test_misses_at_high_levels_are_explained_below_the_table(tmp_path: Path) -> None:
+    counts = {"10": "nnnnn" * 6, "30": "nyyyn" * 6, "90": "yyyyn" * 6, "200": "yyyyn" * 6}
+    rows = (f"1,left,{at},{key}\n" for at, keys in counts.items() for key in keys)
+    path = put(tmp_path / "t.csv", HEAD + "".join(rows))
+    analysis = write_analysis([path], tmp_path / "out", columns=YES_NO, figures=False)
+    assert analysis.thresholds["status"].tolist() == ["lapse_at_bound"]
+    page = files(tmp_path / "out")["report.html"].decode()
+    assert "The threshold may be reported" in page.partition("lapse at bound")[2]
+
+
+def test_two_sides_are_told_as_before(tmp_path: Path) -> None:
+    rows = "1,left,60,left\n1,right,95,right\n1,left,95,both\n1,none,0,none\n"
+    analysis = analyse(loaded(tmp_path, LEAST + rows))
+    assert not analysis.one_side
+    assert not is_yes_no(analysis)
+    assert detected_words(analysis).endswith("named its side and nothing else.")
+    (told,) = presented_words(analysis)
+    assert told.startswith("There were 2 levels (60 to 95 V), 1 to 2 trials of each for a ")
+    assert told.endswith(" participant, and 1 blank (catch) trial.")
+    one = analyse(loaded(tmp_path, LEAST + rows.replace("right,95,right", "left,95,right")))
+    assert not one.one_side  # the other side was answered
