@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 _MOST_PEOPLE = 1000
 _MOST_TRIALS = 10_000
+_LONG_S = 120.0
+_SPREAD = (
+    "; --workers N shares them out, --participants A B limits the search, --keep FILE"
+    " lets the same command go on"
+)
 _WORTH_TELLING_S = 10
 
 
@@ -187,7 +192,8 @@ def power(
         def predicted(core_s: float, all_of_it: float) -> None:
             work["all"] = all_of_it
             if core_s > _WORTH_TELLING_S or sys.stderr.isatty():
-                click.echo(f"At most about {math.ceil(core_s)} core-seconds", err=True)
+                told = f"At most about {math.ceil(core_s)} core-seconds"
+                click.echo(f"{told}{_SPREAD * (core_s > _LONG_S)}", err=True)
 
         def step(part: float) -> None:
             work["done"] += part

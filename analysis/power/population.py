@@ -93,7 +93,8 @@ def stated_people(study: Study, goal: Goal) -> People:
         if key not in keys:
             raise ValueError(
                 f"simulation.{key} must be stated, {_MEANT[key]}, in dB: in the study, from a "
-                "pilot (--pilot DIR) or as assumed (--people literature); got none"
+                "pilot (--pilot DIR) or as assumed (--people literature); got none "
+                f'(what tactstrip init wrote counts once told in [init] names "simulation.{key}")'
             )
     return People(study=study, numbers=_numbers(study, {}))
 

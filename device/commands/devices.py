@@ -38,7 +38,10 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
         click.echo("This machine has no serial ports; give others, such as socket://host:5025.")
     for name in names:
         click.echo(f"{name}  {_who(name, line)}")
-    for card in sound_cards():
+    cards = sound_cards()
+    if not cards:
+        click.echo("No sound card with two outputs is seen: needs the extra audio and PortAudio.")
+    for card in cards:
         click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
 
 

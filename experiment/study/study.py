@@ -243,17 +243,16 @@ class Study:
                 )
 
     def _check_levels(self) -> None:
-        ceiling_vpp = self.device.ceiling_vpp
-        levels_vpp = self.design.levels_vpp
-        named = {f"levels_vpp[{i}]": level_vpp for i, level_vpp in enumerate(levels_vpp)}
+        ceiling_vpp, key = self.device.highest
+        named = {f"levels_vpp[{i}]": level for i, level in enumerate(self.design.levels_vpp)}
         named["both_level"] = self.design.both_level_vpp or 0.0
         higher = replace(limits_of(DeviceSettings, "ceiling_vpp"), ge=max(named.values()))
         for name, level_vpp in named.items():
             if level_vpp > ceiling_vpp:
                 most = inward(ceiling_vpp, least=False, digits=12)
                 raise ValueError(
-                    f"design.{name} must be at most device.ceiling_vpp = {most}; "
-                    f"got {level_vpp:.12g}{in_mind('ceiling_vpp', ceiling_vpp, higher.hold)}"
+                    f"design.{name} must be at most {key} = {most}; got {level_vpp:.12g}"
+                    f"{in_mind(key.removeprefix('device.'), ceiling_vpp, higher.hold)}"
                 )
 
     def _check_drives(self) -> None:

@@ -319,7 +319,7 @@ def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
         (
             "half-width=1dB",
             "[simulation]\nsigma = 0.1",
-            "threshold_sd_db must be stated",
+            'counts once told in [init] names "simulation.threshold_sd_db"',
         ),
         ("half-width=1", "", "goal must be such as half-width=1dB"),
         ("half-width=0dB", "", "goal half-width must be > 0 and at most 40 dB; got 0"),

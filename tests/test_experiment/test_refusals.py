@@ -37,6 +37,13 @@ MISSPELT = "{nme = 'age', name = 'age', description = 'in years'}"
 REPEATED = "{name = 'hand', description = 'preferred', levels = ['left', 'left']}"
 
 
+def test_no_level_exceeds_what_a_sound_card_reaches() -> None:
+    card = '[device]\ndriver = "audio"\nport = "x"\nvolts_full_scale = 56.6\n'
+    told = refusal(f"{card}[design]\nlevels_vpp = [20.0, 113.3]\ntrials_per_side = 2\n")
+    assert "levels_vpp[1] must be at most 2 x device.volts_full_scale = 113.2; got 113.3" in told
+    study_from_text(f"{card}[design]\nlevels_vpp = [20.0, 113.2]\ntrials_per_side = 2\n", "s.toml")
+
+
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [

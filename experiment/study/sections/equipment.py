@@ -56,7 +56,7 @@ class DeviceSettings:
         default=None,
         ge=0.01,
         le=1_000,
-        description="at the actuator, to both sides, of a sound card",
+        description="peak volts at the actuator, half of peak-to-peak, of a sound card",
     )
     channels: tuple[_Output, _Output] = Field(
         default=(1, 2), strict=False, description="outputs of left and right, of a driver of yours"
@@ -79,6 +79,14 @@ class DeviceSettings:
             raise ValueError(f"channels must be two outputs; got {list(self.channels)}")
         if self.port is not None and not is_line(self.port):
             raise ValueError(f"port must be a name in one line of text; got {self.port!r}")
+
+    @property
+    def highest(self) -> tuple[float, str]:
+        """What no level may exceed, Vpp, and the key that says so."""
+        full_scale_v = self.volts_full_scale
+        if self.driver == "audio" and full_scale_v and 2 * full_scale_v < self.ceiling_vpp:
+            return 2 * full_scale_v, "2 x device.volts_full_scale"
+        return self.ceiling_vpp, "device.ceiling_vpp"
 
 
 MonitorSource = Literal["none", "duplex", "input", "device"]
@@ -105,8 +113,9 @@ class MonitorSettings:
     """What measures each burst beside the device, and compares it with the planned one.
 
     Without a source nothing is verified. duplex: inputs of the sound card that drives; input: of
-    another one, beside any driver; device: a serial device's own converter. docs/monitor.md tells
-    how to wire and calibrate each tap, and what it never sees.
+    another one, beside any driver; device: a serial device's own converter. It needs two inputs:
+    docs/howto/second-input.md tells how to wire and calibrate them, docs/monitor.md what each tap
+    never sees.
     """
 
     source: MonitorSource = Field(default="none", description="by what it is measured")
@@ -121,8 +130,8 @@ class MonitorSettings:
     per_unit: tuple[_Scale, _Scale] | None = Field(
         default=None,
         strict=False,
-        description="V, A or um at the tap for an input's full scale, below 0 where inverted; a "
-        "device tells its own",
+        description="V, A or um at the tap for an input's full scale, such as [141, 141], below 0 "
+        "where inverted; a device tells its own",
     )
     per_volt: tuple[_PerVolt, _PerVolt] | None = Field(
         default=None,
