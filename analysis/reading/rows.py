@@ -243,7 +243,8 @@ def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool]) -> pd.Series[Any]:
             message = (
                 "column 'detected' holds '1' in a blank trial, and the table has stimuli at "
                 f"{', '.join(stimulated) or 'no side'}: which side was answered? Map response "
-                "instead or, where only felt or not was asked, one [constant] side for all rows"
+                "instead or, where only felt or not was asked, one [constant] side for all rows in "
+                "place of [columns] side"
             )
             raise ResultFileError(file, int(line), message)
         answered[file] = stimulated[0]

@@ -74,6 +74,21 @@ def test_the_examples_of_other_programs_have_the_counts_of_their_rows() -> None:
         assert levels.to_numpy().tolist() == expected
 
 
+@pytest.mark.parametrize("blank", ["left", "none"])
+def test_where_felt_or_not_was_asked_at_two_places_all_are_one(tmp_path: Path, blank: str) -> None:
+    rows = ["participant,amplitude,stim_side,key_resp.keys"]
+    rows += [
+        f"p1,{0.1 * (i % 4):.1f},{blank if i % 4 == 0 else ('left', 'right')[i % 2]},"
+        f"{'ny'[i % 4 > 1 or i == 8]}"
+        for i in range(40)
+    ]
+    table = put(tmp_path / "t.csv", "\n".join(rows) + "\n")
+    columns = load_column_map(filled(table, tmp_path / "m.toml", {"task": "yes/no"}))
+    trials = read_inputs([table], columns).trials
+    assert sorted(trials["side"].astype(str)) == ["left"] * 30 + ["none"] * 10
+    assert level_table(trials)["presented"].tolist() == [10, 10, 10]
+
+
 def test_a_draft_tells_what_is_taken_as_it_is_and_of_how_many_files(tmp_path: Path) -> None:
     rows = "".join(f"{i},{'ab'[i % 2]},left,left\n" for i in range(4))
     for person in range(1, 11):

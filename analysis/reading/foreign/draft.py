@@ -39,16 +39,8 @@ _CALLED: Final[Mapping[str, tuple[str, ...]]] = {
     "trial": ("trial", "trialnumber", "trialnum", "trialno", "trialn", "thisn", "trialindex"),
     "side": ("side", "stimside", "stimulusside", "targetside", "location", "hand", "finger"),
     "level_vpp": (
-        *(
-            "levelvpp",
-            "level",
-            "stimlevel",
-            "intensity",
-            "stimintensity",
-            "amplitude",
-            "amp",
-            "voltage",
-        ),
+        *("levelvpp", "level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp"),
+        "voltage",
         *("volts", "volume", "gain", "strength", "contrast", "soa"),
     ),
     "response": ("response", "resp", "answer", "keys", "choice", "keypress", "key"),
@@ -233,9 +225,8 @@ def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
         theirs = table.called(names)
         if ours == "response":
             _answer(table, response, both, sections)
-        elif ours == "side" and theirs is None:
-            _put(sections, "constant", "side", "", f"{_FILL}left or right, if it never changes; "
-                 "else [columns] side")  # fmt: skip
+        elif ours == "side":
+            _side(table, theirs, sections, where=response is None or both != response)
         elif theirs is not None:
             _named(table, ours, theirs, sections)
         elif ours == "participant" and STANDS_FOR["participant"] not in table.header:
@@ -257,6 +248,25 @@ def _answers(table: _Table) -> tuple[str | None, str | None]:
     if both and response and all(map(str.isdecimal, _given(table, response))):
         return both, both  # of two intervals the keys 1 and 2 are no sides
     return response, both
+
+
+def _side(
+    table: _Table, theirs: str | None, sections: dict[str, list[str]], *, where: bool
+) -> None:
+    """Guess the side; if not `where` was asked, a yes to a blank trial names none of several."""
+    if theirs is None:
+        _put(sections, "constant", "side", "", f"{_FILL}left or right, if it never changes; "
+             "else [columns] side")  # fmt: skip
+        return
+    level = table.called(_CALLED["level_vpp"])
+    words = [_WORDS.get(_plain(word), word) for word in table.words(theirs)]
+    places = {word for word in words if word != "none" and word.lower() not in NOTHING}
+    blank = "none" in words or (level is not None and 0.0 in (table.numbers(level) or []))
+    if not where and blank and len(places) > 1:
+        _put(sections, "constant", "side", "left", "guess: felt or not was asked, not where; of "
+             f"the places of {one_line(theirs)} none is told apart")  # fmt: skip
+    else:
+        _named(table, "side", theirs, sections)
 
 
 def _conditions(table: _Table, sections: dict[str, list[str]]) -> None:
