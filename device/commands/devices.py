@@ -27,7 +27,7 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
     """
     from serial.tools.list_ports import comports
 
-    from device.sound.stream import sound_cards
+    from device.sound.stream import sound_cards, sound_lack
     from device.wire.channels import LineSettings
 
     line = LineSettings(baud=baud)
@@ -40,7 +40,9 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
         click.echo(f"{name}  {_who(name, line)}")
     cards = sound_cards()
     if not cards:
-        click.echo("No sound card with two outputs is seen: needs the extra audio and PortAudio.")
+        lack = sound_lack()
+        why = "" if lack is None else f": {lack}"
+        click.echo(f"No sound card with two outputs is seen{why}.")
     for card in cards:
         click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
 

@@ -25,7 +25,7 @@ from device.drivers import (
 from device.wire.channels import LineSettings
 from experiment.apparatus.monitor import make_monitor, recorder_beside
 from experiment.apparatus.slots import host_limits
-from experiment.study.study import StudyError
+from experiment.study.study import StudyError, UnusableStudyError
 from experiment.terms.checks import is_line
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from device.driver import BurstDevice, Identity
     from device.emulate.mock import MockDevice
     from device.monitor.measured import Monitor
-    from experiment.study.sections.equipment import DeviceSettings, Masking
+    from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.study import Study
 
 
@@ -100,10 +100,11 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
     experiment.study.study.StudyError: device.port is missing: the driver serial needs it;
     --port gives it too
     """
-    settings = chosen_settings(study.device, driver=driver, port=port)
-    require_complete(settings)
-    if not simulated:
-        _require_another_card(settings, study.masking)
+    settings = chosen_settings(study, driver=driver, port=port)
+    if lacking := lacking_of(settings):
+        raise StudyError(lacking)
+    if not simulated and (shared := shared_card(study, settings)):
+        raise StudyError(shared)
     real = settings.driver != MOCK or not simulated
     clock = MonotonicClock() if real else VirtualClock()
     recorder = None if settings.driver == MOCK else recorder_beside(study.monitor, settings, clock)
@@ -137,13 +138,13 @@ def line_settings(settings: DeviceSettings) -> LineSettings:
     )
 
 
-def chosen_settings(
-    settings: DeviceSettings, *, driver: str | None, port: str | None
-) -> DeviceSettings:
+def chosen_settings(study: Study, *, driver: str | None, port: str | None) -> DeviceSettings:
     """Return a study's device settings with another driver or port, where one is given.
 
-    StudyError where no driver has that name, built in or installed.
+    StudyError where no driver has that name, built in or installed, where a level of the study is
+    above what that device reaches, or its monitor does not go with it.
     """
+    settings = study.device
     name = settings.driver if driver is None else driver
     if port is not None and not is_line(port):
         raise StudyError(f"--port must be a name in one line of text; got {port!r}")
@@ -153,28 +154,46 @@ def chosen_settings(
         except ValueError as error:
             key = "device.driver" if driver is None else "--driver"
             raise StudyError(f"{key} {error}") from error
-    return replace(settings, driver=name, port=settings.port if port is None else port)
+    chosen = replace(settings, driver=name, port=settings.port if port is None else port)
+    try:
+        study.check_levels(chosen)
+        study.monitor.check_driver(name)
+    except ValueError as error:
+        raise UnusableStudyError(study.name, str(error)) from error
+    return chosen
 
 
-def require_complete(settings: DeviceSettings) -> None:
-    """Refuse settings that lack what their driver needs, by `StudyError`."""
+def lacking_of(settings: DeviceSettings) -> str | None:
+    """Say which key is missing that the driver needs; None where it has all.
+
+    >>> from experiment.study.sections.equipment import DeviceSettings
+    >>> lacking_of(DeviceSettings(driver="audio", port="card"))
+    'device.volts_full_scale is missing: the driver audio needs it'
+    """
     for key in NEEDS.get(settings.driver, ()):
         if getattr(settings, key) is None:
             hint = "; --port gives it too" if key == "port" else ""
-            raise StudyError(
-                f"device.{key} is missing: the driver {settings.driver} needs it{hint}"
+            return f"device.{key} is missing: the driver {settings.driver} needs it{hint}"
+    return None
+
+
+def shared_card(study: Study, settings: DeviceSettings) -> str | None:
+    """Say why a person's masking noise would be played to the actuators; None where it is not.
+
+    `settings` are those of the device in use. The card that the study names drives the actuators
+    also where the mock takes its place.
+    """
+    masking = study.masking
+    for device in (settings, study.device):
+        if device.driver != "audio" or masking.noise == "none":
+            continue
+        if masking.sound_card in {"", device.port}:
+            card = "" if device.port is None else f", {device.port!r}"
+            return (
+                f"masking.sound_card must be named and another one than the actuators'{card}; "
+                f'got {masking.sound_card!r}; noise = "none" plays none'
             )
-
-
-def _require_another_card(settings: DeviceSettings, masking: Masking) -> None:
-    """Refuse masking noise on the sound card that drives the actuators."""
-    if settings.driver != "audio" or masking.noise == "none":
-        return
-    if masking.sound_card in {"", settings.port}:
-        raise StudyError(
-            "masking.sound_card must be named and another one than the actuators', "
-            f"{settings.port!r}; got {masking.sound_card!r}"
-        )
+    return None
 
 
 def mock_device(study: Study, clock: Clock) -> MockDevice:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from device.driver import Lack
     from experiment.apparatus.rig import Rig
     from experiment.preview.device import DeviceCheck
+    from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.study import Study
 
 
@@ -48,29 +49,31 @@ def check(
     The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
     1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
     suit the study, or a burst was not seen or not verified by the study's monitor, 3 if it fails.
-    Nobody may touch the plate then. What this machine lacks to run the study is a note, and
-    changes neither verdict nor exit code.
+    Nobody may touch the plate then. What this machine lacks to run the study is a note, what `run`
+    would refuse of the device a warning: neither changes verdict or exit code.
     """
-    from experiment.apparatus.rig import assemble
+    from experiment.apparatus.rig import assemble, chosen_settings
     from experiment.preview.check import check_study, require_mock_suitable
     from experiment.preview.check_report import check_findings
     from experiment.preview.device import device_findings, machine_findings
     from experiment.study.read import read_study
     from experiment.study.study import told_by_file
 
-    if not with_device and (driver is not None or port is not None or confirm_hardware):
-        raise CommandError("--driver, --port and --confirm-hardware need --device")
+    if confirm_hardware and not with_device:
+        raise CommandError("--confirm-hardware needs --device")
     with working("Checking"), told_by_file(study_file):
-        checked = check_study(read_study(study_file))
-        require_mock_suitable(checked.study, driver)
-    machine = machine_findings(_machine_lacks(checked.study, driver, port))
-    found = check_findings(checked, str(study_file), machine)
+        study = read_study(study_file)
+        settings = chosen_settings(study, driver=driver, port=port)
+        checked = check_study(study)
+        require_mock_suitable(study, driver)
+    machine = machine_findings(_machine_lacks(study, settings))
+    found = check_findings(checked, str(study_file), machine, device=settings)
     if not as_json:
         click.echo(found.text)
     device = None
     if with_device and checked.verdict != "unfit":
-        rig = assemble(checked.study, driver=driver, port=port, simulated=True)
-        device = _device_check(checked.study, rig, given=confirm_hardware)
+        rig = assemble(study, driver=driver, port=port, simulated=True)
+        device = _device_check(study, rig, given=confirm_hardware)
         told = device_findings(device)
         found.part("device_check", told)
         if not as_json:
@@ -83,13 +86,11 @@ def check(
         end_check(device)
 
 
-def _machine_lacks(study: Study, driver: str | None, port: str | None) -> list[tuple[str, Lack]]:
+def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, Lack]]:
     """List what this machine lacks for the study's device, its noise and a participant's window."""
-    from experiment.apparatus.rig import chosen_settings
     from experiment.participant.window import window_lacks
     from experiment.preview.device import machine_lacks
 
-    settings = chosen_settings(study.device, driver=driver, port=port)
     windows = [("--responder screen", lack) for lack in window_lacks()]
     return machine_lacks(settings, study.masking) + windows
 

@@ -44,11 +44,11 @@ def hardware_options(command: _Command) -> _Command:
     return command
 
 
-def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
+def confirmed(rig: Rig, *, given: bool, practice: bool = False) -> Confirmation | None:
     """Return the operator's word that a device is safe; none for one that cannot move anything.
 
     CommandError where it is not `given` on the command line, and nobody is there to be asked or the
-    answer is no; LinkError where nothing answers on the port.
+    answer is no, or where it was to be `practice`; LinkError where nothing answers on the port.
     """
     from device.drivers import MOCK
     from experiment.apparatus.rig import QUESTION, confirmed_now
@@ -56,6 +56,11 @@ def confirmed(rig: Rig, *, given: bool) -> Confirmation | None:
     driver = rig.settings.driver
     if driver == MOCK or rig.is_emulated():  # also where it is given: nothing there to confirm
         return None
+    if practice:
+        raise CommandError(
+            f"--practice-without-device must have the mock or an emulator; got the driver {driver} "
+            "of a real device: leave out --driver and --port, and the mock takes its place"
+        )
     if given:
         return confirmed_now("--confirm-hardware")
     if not on_terminal():

@@ -86,7 +86,8 @@ if TYPE_CHECKING:
     "--practice-without-device",
     "practice",
     is_flag=True,
-    help="Let a person try it out on the mock device or an emulator, where nothing moves.",
+    help="Try it out where nothing moves: the mock takes the place of the study's device; of an "
+    "emulator give --driver and --port.",
 )
 @refusals
 def run(
@@ -134,6 +135,7 @@ def run(
             require_window()
         folder = SessionFolder(out, participant, session)
         levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
+        driver = MOCK if practice and driver is None and port is None else driver
         resuming = resuming or resume_anyway
         if resuming:
             plan = _plan_to_resume(folder, study_file, seed, levels_vpp, facts)
@@ -149,12 +151,11 @@ def run(
             )
         study = folder.read_study(plan)
         if facts:
-            columns = study.participants.columns
-            folder = replace(folder, facts=participant_facts(columns, facts))
+            folder = replace(folder, facts=participant_facts(study.participants.columns, facts))
         folder.check_people(study)  # before a window is opened or the operator is asked
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated)
-        _tell_of_shadowed(rig.settings.driver, responder)
+        _tell_of_driver(study, rig, responder, practice=practice)
         markers = _markers(folder, rig.clock) if lsl else NoMarkers()
         sitting = Sitting(
             responder=responder,
@@ -163,7 +164,7 @@ def run(
             driver_from=rig.driver_from,
         )
         with device_failures():
-            confirmation = _confirmed(rig, stop, given=confirm_hardware)
+            confirmation = _confirmed(rig, stop, given=confirm_hardware, practice=practice)
         if confirmation is None and responder in {"screen", "terminal"}:
             # Before a window opens. A device that was confirmed is asked when it is opened, and a
             # responder of one's own says itself whether it is a person.
@@ -198,18 +199,24 @@ def run(
         _report(ending, plan)
 
 
-def _tell_of_shadowed(driver: str, responder: str) -> None:
-    """Tell of a lab's own driver or responder that has the name of the built-in one in use."""
-    from device.drivers import NEEDS
+def _tell_of_driver(study: Study, rig: Rig, responder: str, *, practice: bool) -> None:
+    """Tell of a mock in the place of the study's device, and of a lab's own that is not taken.
+
+    That has the name of the built-in driver or responder in use.
+    """
+    from device.drivers import MOCK, NEEDS
     from device.installed import DRIVERS, RESPONDERS, shadowed
     from experiment.terms import responder as built_in
 
     for group, name, names in (
-        (DRIVERS, driver, NEEDS),
+        (DRIVERS, rig.settings.driver, NEEDS),
         (RESPONDERS, responder, built_in.RESPONDERS),
     ):
         if name in names and (told := shadowed(group, name)):
             click.echo(f"Note: {told}.", err=True)
+    if practice and rig.settings.driver == MOCK != study.device.driver:
+        told = f"the mock takes the place of the driver {study.device.driver}"
+        click.echo(f"Note: {told}: no device is opened, nothing moves.")
 
 
 def _markers(folder: SessionFolder, clock: Clock) -> Markers:
@@ -229,12 +236,12 @@ def _await_recorder(markers: Markers, stop: StopSignal) -> None:
         raise KeyboardInterrupt from error
 
 
-def _confirmed(rig: Rig, stop: StopSignal, *, given: bool) -> Confirmation | None:
+def _confirmed(rig: Rig, stop: StopSignal, *, given: bool, practice: bool) -> Confirmation | None:
     from experiment.operator.requests import StopRequested
 
     try:
         with stop.interruptible():
-            return confirmed(rig, given=given)
+            return confirmed(rig, given=given, practice=practice)
     except StopRequested as error:
         raise KeyboardInterrupt from error
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from device.clock import VirtualClock
 from device.drivers import MOCK
-from experiment.apparatus.rig import mock_device
+from experiment.apparatus.rig import chosen_settings, mock_device
 from experiment.apparatus.slots import require_playable, require_suitable, told_limits
 from experiment.study.sections.design import ASSUMED_ANSWER_S
 from experiment.study.study import UnusableStudyError
@@ -336,6 +336,8 @@ def require_fit(study: Study, *, driver: str | None = None) -> StudyCheck:
         With exit code 1, if a burst puts too much energy above the strip's cut-off or is too
         strong at the other finger, and the study does not accept that.
     """
+    if driver is not None:
+        chosen_settings(study, driver=driver, port=None)
     check = check_study(study)
     require_mock_suitable(study, driver)
     for found in check.conditions:

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
 from experiment.apparatus.monitor import monitor_words
+from experiment.apparatus.rig import lacking_of, shared_card
 from experiment.preview.displacements import displacement_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import instead_of_trials
@@ -32,6 +33,7 @@ from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
     from experiment.study.sections.design import Design
+    from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
 
@@ -50,7 +52,13 @@ THICK: Final = 0.1
 """From this (k h)^2 on, the theory of thin plates misses by more than a few per cent."""
 
 
-def check_findings(check: StudyCheck, file_name: str, machine: Findings | None = None) -> Findings:
+def check_findings(
+    check: StudyCheck,
+    file_name: str,
+    machine: Findings | None = None,
+    *,
+    device: DeviceSettings | None = None,
+) -> Findings:
     """Tell what the check of a study found.
 
     Parameters
@@ -61,6 +69,8 @@ def check_findings(check: StudyCheck, file_name: str, machine: Findings | None =
         Where the study was read from.
     machine : Findings, optional
         What this machine lacks to run it, which has no say in the verdict.
+    device : DeviceSettings, optional
+        Those in use, where they are others than the study's.
 
     Examples
     --------
@@ -86,7 +96,7 @@ def check_findings(check: StudyCheck, file_name: str, machine: Findings | None =
     found.parts("actuators", [_actuator(study, place) for place in range(len(study.actuators))])
     found.parts("conditions", [_condition(check, condition) for condition in check.conditions])
     found.space()
-    _tell_plan(found, check)
+    _tell_plan(found, check, study.device if device is None else device)
     found.tell(
         "other numbers",
         f"{words_of_the_others(study)}; --json lists them",
@@ -258,10 +268,15 @@ def _tell_window(found: Findings, condition: Condition) -> None:
         )
 
 
-def _tell_plan(found: Findings, check: StudyCheck) -> None:
+def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> None:
     study, design = check.study, check.study.design
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
-    found.tell("device", _device_words(study), device=asdict(study.device))
+    found.tell("device", _device_words(study, device), device=asdict(device))
+    refused = (("", lacking_of(device)), (" a person", shared_card(study, device)))
+    found.note(run_refuses=[why for _, why in refused if why])
+    for whom, why in refused:
+        if why:
+            found.tell("warning", f"run refuses{whom}: {why}")
     if study.monitor.source != "none":
         found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
     found.tell("contact", study.contact.words, contact=asdict(study.contact))
@@ -321,11 +336,14 @@ def _part_of_both(design: Design) -> str:
     return f" ({part:.1%} of those with a stimulus)"
 
 
-def _device_words(study: Study) -> str:
-    device = study.device
+def _device_words(study: Study, device: DeviceSettings) -> str:
+    own = study.device.driver
+    instead = "" if device.driver == own else f" instead of the study's {own}"
+    most_vpp, key = device.highest
+    reaches = f"{key} =" if "full_scale" in key else "ceiling"
     return (
-        f"{device.driver} at {device.sample_rate_hz:g} Hz; highest level "
-        f"{max(study.design.levels_vpp):g} Vpp, ceiling {device.ceiling_vpp:g} Vpp"
+        f"{device.driver}{instead} at {device.sample_rate_hz:g} Hz; highest level "
+        f"{max(study.design.levels_vpp):g} Vpp, {reaches} {most_vpp:g} Vpp"
     )
 
 

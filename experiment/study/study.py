@@ -217,7 +217,7 @@ class Study:
         self.simulation.check_played([one.name for one in self.conditions if one.file is not None])
         if self.finger_load.impedance is not None:
             check_fingers(self.actuators[:2], self.strip)
-        self._check_levels()
+        self.check_levels(self.device)
         self._check_drives()
         self.monitor.check_beside(self.device.driver, self.design.foreperiod_s[0])
         self.texts.check_answers(self.design.responses)
@@ -242,8 +242,9 @@ class Study:
                     f"{in_mind(MEASURED_KEYS[1], at_vpp, levels.hold)}"
                 )
 
-    def _check_levels(self) -> None:
-        ceiling_vpp, key = self.device.highest
+    def check_levels(self, device: DeviceSettings) -> None:
+        """Refuse levels above what a device reaches, be it the study's or one instead of it."""
+        ceiling_vpp, key = device.highest
         named = {f"levels_vpp[{i}]": level for i, level in enumerate(self.design.levels_vpp)}
         named["both_level"] = self.design.both_level_vpp or 0.0
         higher = replace(limits_of(DeviceSettings, "ceiling_vpp"), ge=max(named.values()))

@@ -53,7 +53,8 @@ class Sessions:
     def words(self, *more: str) -> list[str]:
         """Return what is typed to run a session; people are let onto devices that move nothing."""
         options = ["--participant", "01", "--out", str(self.out)]
-        practice = ["--practice-without-device"] if self.practice else []
+        to_people = self.practice and "simulated" not in more
+        practice = ["--practice-without-device"] if to_people else []
         return ["run", str(self.study), *options, *practice, *more]
 
     def run(self, *more: str, typed: str | None = None) -> Result:

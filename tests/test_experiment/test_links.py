@@ -650,7 +650,7 @@ def test_each_burst_of_a_check_is_asked_for_and_confirmed(
     ("options", "exit_code", "told"),
     [
         (("--device", "--driver", "serial", "--port", "socket://127.0.0.1:1"), 3, "127.0.0.1:1"),
-        (("--port", "p"), 2, "need --device"),
+        (("--confirm-hardware",), 2, "needs --device"),
     ],
 )
 def test_a_check_without_a_device_says_so_in_one_line(
@@ -667,4 +667,6 @@ def test_noise_on_the_actuators_sound_card_is_refused(make_study: Callable[[str]
     study = make_study(text + device)
     with pytest.raises(StudyError, match="must be named and another one"):
         assemble(study, driver=None, port=None, simulated=False)
+    with pytest.raises(StudyError, match="must be named and another one"):
+        assemble(study, driver="mock", port=None, simulated=False)  # the noise is real
     assert assemble(study, driver=None, port=None, simulated=True).settings.driver == "audio"

@@ -1,0 +1,138 @@
+"""What someone with a plate and a sound card meets before a first session, on any machine."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+from click.testing import CliRunner
+
+from device.driver import Lack
+from experiment.apparatus.rig import assemble, chosen_settings
+from experiment.study.read import study_from_text
+from experiment.study.study import StudyError
+from tactstrip import main
+from tests.test_experiment.sessions import Sessions
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.test_experiment.conftest import Run
+
+TINY = """
+[strip]
+length_mm = "endless"
+[design]
+levels_vpp = [60, 200]
+trials_per_side = 1
+both_trials = 0
+order = "random"
+break_every = 0
+[burst]
+window = "hann"
+"""
+SILENT = '[masking]\nnoise = "none"\n'
+CARD = '[device]\ndriver = "{}"\nport = "card"\nvolts_full_scale = {}\n'
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of what was opened as a sound card."""
+    cards: list[str] = []
+
+    def started(_kind: str, card: str, **_: object) -> None:
+        cards.append(card)
+        raise AssertionError(f"{card} was opened")
+
+    monkeypatch.setattr("device.sound.stream._started", started)
+    return cards
+
+
+def test_practice_without_a_device_has_the_mock_in_its_place(
+    tmp_path: Path, opened: list[str]
+) -> None:
+    sessions = Sessions(tmp_path, TINY + SILENT + CARD.format("audio", 125))
+    practice = ("--practice-without-device", "--seed", "1")
+    result = sessions.run("--responder", "simulated", *practice)
+    assert result.exit_code == 0, result.stderr
+    told = "Note: the mock takes the place of the driver audio: no device is opened, nothing moves."
+    assert result.stdout.count(told) == 1
+    assert "actuators" not in result.stderr  # nobody is asked whether they are safe
+    assert (opened, sessions.header()["device_identity"]["model"]) == ([], "tactstrip mock")
+
+
+@pytest.mark.parametrize("word", [(), ("--confirm-hardware",)])
+def test_practice_without_a_device_and_a_real_one_is_refused(
+    word: tuple[str, ...], tmp_path: Path, opened: list[str]
+) -> None:
+    sessions = Sessions(tmp_path, TINY + SILENT + CARD.format("mock", 125))
+    result = sessions.run("--responder", "terminal", "--driver", "audio", *word)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert "leave out --driver and --port, and the mock takes its place" in result.stderr
+    assert (opened, sessions.out.exists()) == ([], False)
+
+
+@pytest.mark.parametrize("command", [["check"], ["check", "--device"], ["run"]])
+def test_levels_are_held_to_the_driver_of_the_command_line(
+    command: list[str], run: Run, tmp_path: Path, opened: list[str]
+) -> None:
+    sessions = Sessions(tmp_path, TINY + CARD.format("mock", 60))
+    options = ["--participant", "01"] if command == ["run"] else []
+    result = run(*command, sessions.study, "--driver", "audio", *options)
+    assert (result.exit_code, result.stderr.count("\n"), opened) == (2, 1, [])
+    assert "levels_vpp[1] must be at most 2 x device.volts_full_scale = 120; got 200" in (
+        result.stderr
+    )
+
+
+def test_a_monitor_that_the_driver_of_the_command_line_lacks_is_refused_offline() -> None:
+    told = r"^study verified: monitor\.source must be input, .* the driver serial; got duplex"
+    keys = 'tap = "line"\nper_unit = [1, 1]\nmeasured_by = "me"\nmeasured_on = 2026-05-04\n'
+    text = f'[study]\nname = "verified"\n[monitor]\nsource = "duplex"\n{keys}'
+    with pytest.raises(StudyError, match=told):
+        chosen_settings(study_from_text(text, "study.toml"), driver="serial", port="p")
+
+
+def test_check_tells_the_driver_in_use_and_what_run_would_refuse(run: Run, tmp_path: Path) -> None:
+    sessions = Sessions(tmp_path, TINY + CARD.format("mock", 125))
+    result = run("check", sessions.study, "--driver", "audio")
+    assert result.exit_code == 0
+    lines = [line for line in result.stdout.splitlines() if line.startswith(("device", "warning"))]
+    assert lines[0].startswith("device         audio instead of the study's mock at 48000 Hz")
+    assert lines[1].startswith("warning        run refuses a person: masking.sound_card must be")
+    told = json.loads(run("check", sessions.study, "--driver", "audio", "--json").stdout)
+    assert (told["device"]["driver"], told["verdict"]) == ("audio", "fit")
+    assert [why.split()[0] for why in told["run_refuses"]] == ["masking.sound_card"]
+    own = json.loads(run("check", sessions.study, "--json").stdout)
+    assert (own["device"]["driver"], own["run_refuses"]) == ("mock", [])
+
+
+@pytest.mark.parametrize("card", ["", "card", "headphones"])
+def test_check_warns_of_the_noise_that_run_refuses(card: str) -> None:
+    from experiment.apparatus.rig import shared_card
+
+    masking = f'[masking]\nsound_card = "{card}"\n'
+    study = study_from_text(masking + CARD.format("audio", 125), "study.toml")
+    told = shared_card(study, study.device)
+    if card == "headphones":
+        assert told is None
+        return
+    assert told is not None
+    with pytest.raises(StudyError) as refused:
+        assemble(study, driver=None, port=None, simulated=False)
+    assert str(refused.value) == told
+
+
+@pytest.mark.parametrize(
+    "lack", [None, Lack(what="sound card", remedy="plug one in"), Lack(what="PortAudio", remedy="")]
+)
+def test_devices_has_the_diagnosis_of_check(
+    lack: Lack | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("serial.tools.list_ports.comports", list)
+    monkeypatch.setattr("device.sound.stream.sound_cards", tuple)
+    monkeypatch.setattr("device.sound.stream.sound_lack", lambda: lack)
+    said = CliRunner().invoke(main, ["devices"]).stdout.splitlines()[-1]
+    why = "" if lack is None else f": {lack}"
+    assert said == f"No sound card with two outputs is seen{why}."
