@@ -200,6 +200,7 @@ def test_a_gain_matrix_and_a_check_are_timed(monkeypatch: pytest.MonkeyPatch) ->
     (name, text), *_ = gains.STUDIES.items()
     monkeypatch.setattr(gains, "STUDIES", {name: text})
     monkeypatch.setattr(gains, "REPEATS", 1)
+    monkeypatch.setattr(gains, "N_DRAWN", 2)
     assert f"| {name} | " in gains.section()
 
 

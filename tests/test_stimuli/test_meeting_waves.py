@@ -29,6 +29,7 @@ from stimuli import (
     response,
 )
 from stimuli.solver.across import Span, lag, shape, shape_integral, supported_kernel
+from tests.test_long import rounds
 from tests.test_stimuli.plates import Edge, disc, force, patch, scene_of
 
 if TYPE_CHECKING:
@@ -199,11 +200,17 @@ def meetings(strip: Strip) -> list[float]:
     return [2 * (t / math.pi) ** 2 * supported_hz for t in places]
 
 
-@pytest.mark.slow
-def test_the_estimate_is_above_the_error_at_and_beside_a_meeting() -> None:
+@pytest.mark.parametrize(
+    ("seed", "strips"),
+    [
+        pytest.param(34, 10, marks=pytest.mark.slow),
+        pytest.param(33, rounds(40), marks=pytest.mark.long),
+    ],
+)
+def test_the_estimate_is_above_the_error_at_and_beside_a_meeting(seed: int, strips: int) -> None:
     """Against forty digits: endless strips of any edge, and supported ones with ends."""
-    rng = np.random.default_rng(33)
-    for _ in range(40):
+    rng = np.random.default_rng(seed)
+    for _ in range(strips):
         strip = drawn(rng, loss=float(rng.choice([0.0, 0.0, 1e-6, 0.02])))
         f1_hz, width_m = strip.cutoff_hz(), strip.width_m
         kind = rng.integers(5)
