@@ -22,7 +22,7 @@ check:  ## format, lint, types, import directions, all tests but the long ones
 	$(PYTHON) -m pytest -q -n 2 --dist loadgroup -m "process and not firmware and not long"
 
 long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 for a seeded tenth
-	$(PYTHON) -m pytest -m long
+	$(PYTHON) -m pytest -n 2 --dist loadgroup -m long
 
 size:  ## code lines and modules of the packages
 	$(PYTHON) -m benchmarks.size
