@@ -124,7 +124,9 @@ CENSORED: Final = (
 VARY: Final = (
     'Where "none" could be answered, the answers of real people near threshold varied 2.8 times '
     "the binomial (M. Grund et al., J. Neurosci. 42 (2022) 643-656). No such factor can be found "
-    'from one session: a column "if answers vary 2.8 times" has a threshold\'s limits for it.'
+    'from one session: a column "if answers vary 2.8 times" has a threshold\'s limits for it. '
+    "Report the interval beside the threshold, which is of this session; the wider one is a "
+    "sensitivity analysis, for a statement on the same person in the long run."
 )
 
 COUNTING: Final = (
@@ -159,8 +161,14 @@ POPULATION: Final = (
 )
 """What the population model leaves out."""
 
+FITTED_RATES: Final = (
+    "The false-alarm rate of a fit is (a + 1/2)/(b + 1), the posterior mean after a false alarms "
+    "in b blank trials; the plain proportions stand under Blank trials."
+)
+
 LAPSES: Final = (
     "Lapse at bound: the likeliest lapse rate is the largest that is allowed, 0.1, for much was "
-    "missed at high levels. The threshold may be reported, with its interval, which allows for "
+    "missed at high levels; the table has posterior means, which lie below the likeliest rate. The "
+    "threshold may be reported, with its interval, which allows for "
     "every lapse rate up to 0.1, and with this remark."
 )

@@ -89,8 +89,8 @@ def write_analysis(
     ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
     ...     analysis = write_analysis([table], folder, columns=ColumnMap(), figures=False)
     ...     sorted(path.name for path in Path(folder).iterdir())
-    ['.tactstrip.json', 'confusion.csv', 'levels.csv', 'participants.csv', 'report.html',
-    'summary.json', 'table.csv', 'thresholds.csv', 'trials_clean.csv']
+    ['.tactstrip.json', 'confusion.csv', 'levels.csv', 'methods.txt', 'participants.csv',
+    'report.html', 'summary.json', 'table.csv', 'thresholds.csv', 'trials_clean.csv']
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
@@ -155,7 +155,8 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
 @click.option(
     "--population",
     is_flag=True,
-    help="Fit all participants of a condition as one population, too.",
+    help="Fit all participants of a condition as one population, too; refused where blank trials "
+    "show a guess rate above 0.03, or who felt nothing had to guess.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
 @click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")

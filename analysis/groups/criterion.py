@@ -23,25 +23,32 @@ BESIDE_COLUMNS: Final = (
 )  # fmt: skip
 _MOST_EXACT: Final = 10_000
 """Of more false alarms the test is that of the normal distribution."""
-MIXED: Final = "neither"
-"""What came first where conditions take turns, or share a block."""
+MIXED: Final = "interleaved"
+"""What came first where trials or blocks of both conditions take turns."""
 
 
 def with_criterion(
-    differences: pd.DataFrame, trials: pd.DataFrame, sensitivity: pd.DataFrame
+    differences: pd.DataFrame,
+    trials: pd.DataFrame,
+    sensitivity: pd.DataFrame,
+    *,
+    numbered: bool = True,
 ) -> pd.DataFrame:
     """Return differences with `BESIDE_COLUMNS`, of the same people.
 
     d' is of the levels that were presented in both conditions; in a row `TOTAL` the mean of the
-    participants. It is NaN where `sensitivity`, from `sensitivity_table`, has none.
+    participants. It is NaN where `sensitivity`, from `sensitivity_table`, has none. The
+    order within a block is not known of trials that are not `numbered`.
     """
     if differences.empty:
         return differences.assign(**{name: [] for name in BESIDE_COLUMNS})
-    firsts = _spans(trials)
+    firsts = _spans(trials, numbered=numbered)
     rows = []
     for (a, b), pair in differences.groupby(["condition_a", "condition_b"], sort=False):
         people = [name for name in pair["participant"] if name != TOTAL]
         order = {name: _first(firsts, name, (str(a), str(b))) for name in people}
+        if not numbered:
+            order = {name: None if one == MIXED else one for name, one in order.items()}
         each = _beside(sensitivity, (str(a), str(b)), people)
         for name in pair["participant"]:
             told = each.get(name, {})
@@ -51,12 +58,13 @@ def with_criterion(
     return pd.concat([differences, beside], axis="columns")
 
 
-def _spans(trials: pd.DataFrame) -> dict[tuple[str, str], tuple[Any, Any]]:
-    """Return the first and last place, session and block, of each participant's conditions."""
+def _spans(trials: pd.DataFrame, *, numbered: bool) -> dict[tuple[str, str], tuple[Any, Any]]:
+    """Return the first and last place (session, block, trial) of each participant's conditions."""
     if trials.empty:
         return {}
     shown = trials[trials["kind"].isin(COUNTED_KINDS) & trials["reason"].eq("")]
-    pairs = [*zip(shown["session"], shown["block"], strict=True)]
+    key = ["session", "block", *(["trial"] if numbered else [])]
+    pairs = [*zip(*(shown[name] for name in key), strict=True)]
     places = shown.assign(place=pd.Series(pairs, index=shown.index, dtype=object))
     spans = places.groupby(["participant", "condition"], observed=True)["place"].agg(["min", "max"])
     return {key: (low, high) for key, low, high in spans.itertuples(name=None)}

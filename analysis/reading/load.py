@@ -75,6 +75,10 @@ class LoadedTrials:
         What was read otherwise than it stands in a table made elsewhere, a sentence each.
     left_out : int
         Rows that a map leaves out.
+    numbered : bool
+        Whether the tables number their trials, or else the order of their rows does.
+    side_told : bool
+        Whether the tables tell a side; false where a map states one for all rows.
     """
 
     trials: pd.DataFrame
@@ -92,6 +96,8 @@ class LoadedTrials:
     blanks: pd.DataFrame | None = None
     changed: tuple[str, ...] = ()
     left_out: int = 0
+    numbered: bool = True
+    side_told: bool = True
 
 
 def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> pd.DataFrame:
@@ -209,7 +215,9 @@ def read_inputs(
         empty = f"all {unread} rows are left out by {kept.told()}" if unread else _NOTHING_YET
         raise ResultFileError(tables[0].path, 1, empty)
     told = [one.rows for one in read if not one.rows.empty]
-    trials = _numbered(pd.concat(told, ignore_index=True))
+    trials = pd.concat(told, ignore_index=True)
+    numbered = bool(trials["trial"].ne(UNNUMBERED).all())
+    trials = _numbered(trials)
     trials["none_offered"] = offered_to_all(trials)
     planned = frozenset(str(table.path) for table in tables if table.plan)
     unit = None if columns is None else columns.units.get("rt_s", "s")
@@ -231,6 +239,8 @@ def read_inputs(
         not_compared=_not_compared(tables) if columns is None else (),
         changed=changed,
         left_out=unread,
+        numbered=numbered,
+        side_told=columns is None or "side" not in columns.constant,
     )
 
 

@@ -212,7 +212,7 @@ def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
         first = one.row["first"]
-        # Of all of them neither: they took turns, or a table made elsewhere does not tell.
+        # That the conditions took turns in everybody says nothing of an order.
         told = isinstance(first, str) and ("," in first or first.partition(" ")[0] != MIXED)
         order = f"; first: {first}" if told else ""
         yield name, difference_cell(one), one.of + order

@@ -17,6 +17,7 @@ from filelock import Timeout
 from analysis.answers.counting import clean_table
 from analysis.definitions import TOTAL
 from analysis.results.figures import figures
+from analysis.results.methods import methods_of
 from analysis.results.report import report_html
 from analysis.results.summary import devices, summary_text
 from experiment.archive import manifest
@@ -89,13 +90,14 @@ def harmless(text: str) -> str:
 
 SUMMARY = "summary.json"
 # The summary first: wherever moving stops, the next analysis knows the folder for one of its own.
-REPORT = "report.html"
+REPORT, METHODS = "report.html", "methods.txt"
 NAMES = (
     SUMMARY,
     manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
     *("thresholds.csv", "differences.csv", "sensitivity.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
+    METHODS,
     REPORT,
 )
 _PREFIX, _LOCK = ".analysis-", "lock"
@@ -218,6 +220,7 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
     for one in drawn:
         yield f"{one.name}.png", one.png
         yield f"{one.name}.svg", one.svg
+    yield METHODS, methods_of(analysis).text.encode()
     yield REPORT, report_html(analysis, drawn).encode()
 
 

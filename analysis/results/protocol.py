@@ -7,15 +7,10 @@ from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from analysis.axis import shortest
-from analysis.definitions import TOTAL
-from analysis.reading.foreign import FORCED, YES_NO
 from analysis.results.summary import versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    import pandas as pd
 
     from analysis.results.tables import Analysis
     from experiment.study.origins import Source
@@ -64,19 +59,21 @@ def planned(analysis: Analysis) -> Planned:
         studies.append(study)
         sources.append(found or study_sources(study))
     if not studies:
-        remarks.append("No plan beside the tables tells of a plate.")
+        remarks.append("The tables do not tell of apparatus and stimuli.")
     return Planned(
         studies=tuple(studies), sources=tuple(sources), remarks=tuple(dict.fromkeys(remarks))
     )
 
 
 def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, list[str]]]:
-    """Yield what was measured with, and its words; several where sessions differ."""
+    """Yield what was measured with, and its words; several where sessions differ, none unknown."""
     told: dict[str, dict[str, None]] = {}
     for study in plans.studies:
         for what, words in _study(study, analysis):
             told.setdefault(what, {})[words] = None
     yield from ((what, [*words]) for what, words in told.items())
+    if not told and {*analysis.contacts} <= {"not stated"}:
+        return
     yield "Analysis by", [f"tactstrip {versions()['tactstrip']}"]
     contacts = analysis.contacts
     several = len(contacts) > 1
@@ -198,82 +195,6 @@ def cutoff_words(study: Study) -> str:
 
     found = cutoff_source(study.plate)
     return f"{found.value:.4g} Hz, {found.words}"
-
-
-def guess_words(analysis: Analysis) -> list[str]:
-    """Return where guess rates are from, with their values, each once."""
-    told = []
-    for basis, rates in analysis.thresholds.groupby("guess_basis", sort=False)["guess_rate"]:
-        low, high = rates.min(), rates.max()
-        value = f"{low:.2g}" if f"{low:.2g}" == f"{high:.2g}" else f"{low:.2g} to {high:.2g}"
-        told.append(f"{value}, {_GUESSES.get(str(basis), str(basis))}")
-    return told
-
-
-def is_yes_no(analysis: Analysis) -> bool:
-    """Tell whether it was asked only whether a stimulus was felt, as map or answers say."""
-    if analysis.task == FORCED or analysis.detected_any is None:
-        return False
-    if analysis.one_side:
-        return True
-    sides = analysis.levels[["over_report", "mislocalised"]].fillna(0).to_numpy()
-    return analysis.task == YES_NO and not sides.any()
-
-
-def task_words(analysis: Analysis) -> str:
-    """Say what the task was, where that is known beyond a plan."""
-    if is_yes_no(analysis):
-        return "The task was yes/no: whether a stimulus was felt."
-    return "The task was a forced choice." if analysis.task == FORCED else ""
-
-
-def detected_words(analysis: Analysis) -> str:
-    """Say what counts as detected."""
-    told = "A single stimulus was detected where the answer named its side and nothing else."
-    if is_yes_no(analysis):
-        told = "A stimulus was detected where the answer was that it was felt."
-    elif analysis.task == FORCED:
-        told = "A stimulus was detected where the answer was correct."
-    late, invalid = analysis.counts.timeouts, analysis.counts.invalid
-    if late or invalid:
-        keys = f" and {invalid} with another key" if invalid else ""
-        told += f" The {late} trials without an answer in time{keys} count as not felt."
-    return told
-
-
-def presented_words(analysis: Analysis) -> Iterator[str]:
-    """Say of conditions, levels and trials what tables without a plan tell."""
-    people, blank = analysis.participants, analysis.blank
-    for condition, rows in people.groupby("condition"):
-        levels = sorted({*rows["level_vpp"]})
-        ends = " to ".join(dict.fromkeys(shortest(one) for one in (levels[0], levels[-1])))
-        number = f"{len(levels)} level{'s' if len(levels) > 1 else ''}"
-        told = f"There were {number}"
-        if analysis.counts.conditions > 1:
-            told = f"Condition {condition} had {number}"
-        each = _range(rows["presented"])
-        some = "trial" if rows["presented"].eq(1).all() else "trials"
-        told += f" ({ends} {analysis.axis.unit}), {each} {some} of each for a participant"
-        here = blank["participant"].ne(TOTAL)
-        if "condition" in blank:
-            here &= blank["condition"].eq(condition)
-        catch = blank.loc[here, "presented"]
-        if len(catch):
-            some = "trial" if catch.eq(1).all() else "trials"
-            told += f", and {_range(catch)} blank (catch) {some}"
-        yield f"{told}."
-
-
-def _range(numbers: pd.Series[int]) -> str:
-    return " to ".join(dict.fromkeys(str(int(one)) for one in (numbers.min(), numbers.max())))
-
-
-_GUESSES: Final = {
-    "forced choice": 'known, as "none" was not an answer',
-    "blanks": "from blank trials",
-    "few blanks": "from few blank trials",
-    "assumed": "assumed, for want of blank trials: Beta(1, 10)",
-}
 
 
 def levels_words(study: Study) -> str:

@@ -14,6 +14,7 @@ from analysis.definitions import (
     COUNTING,
     CRITERION,
     D_PRIME,
+    FITTED_RATES,
     GROUP_COVERS,
     LAPSES,
     OFF_THE_PLATE,
@@ -22,20 +23,15 @@ from analysis.definitions import (
     VARY,
     definitions_in,
 )
-from analysis.results.answer import ANSWER_HEAD, REASONS, answer, left_out_words
-from analysis.results.compared import number_of
+from analysis.results.answer import ANSWER_HEAD, REASONS, answer
 from analysis.results.figures.confusion import stimulus
+from analysis.results.methods import is_yes_no, methods_of
+from analysis.results.methods.paragraphs import counts_told
 from analysis.results.protocol import (
-    IN_METHODS,
-    detected_words,
-    guess_words,
-    is_yes_no,
     measured_rows,
     number_tables,
     planned,
-    presented_words,
     protocol_rows,
-    task_words,
 )
 from analysis.results.rows import (
     CONTROL_HEAD,
@@ -107,8 +103,6 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
     """
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
-    from experiment.preview.check_report import burst_words
-
     pages = Environment(
         loader=FunctionLoader(_text),
         autoescape=True,
@@ -133,12 +127,13 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
         "base-uri 'none'; form-action 'none'",
         answer=found,
         answer_table=Table(
-            caption=f"The answer ({unit}threshold: the level felt half of the time)",
+            caption=f"The answer ({unit}threshold: half-way between {_chance(analysis)} and 1 - "
+            "lapse rate)",
             header=ANSWER_HEAD,
             rows=found.rows,
             texts=ANSWER_HEAD[1:],
         ),
-        counts_told=_counts_told(analysis),
+        counts_told=counts_told(analysis),
         kinds=[f"{kind} {number}" for kind, number in kinds.items()]
         if {*kinds} - {NOT_AVAILABLE}
         else [],
@@ -158,17 +153,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             *_reaction_times(analysis),
             *_both_and_blank(analysis),
         ],
-        study=plans.studies[0] if plans.studies else None,
-        studies=len(plans.studies),
-        guesses=guess_words(analysis),
-        task=task_words(analysis),
-        detected=detected_words(analysis),
-        presented=[] if plans.studies else [*presented_words(analysis)],
-        yes_no=is_yes_no(analysis),
-        burst_words=burst_words,
-        **IN_METHODS,
-        left_out=left_out_words(analysis),
-        versions=versions(),
+        methods=methods_of(analysis, plans),
         definitions=definitions_in(analysis.axis.unit),
         folded=[*_folded(analysis, plans)],
         most_rows=_MOST_ROWS,
@@ -182,14 +167,6 @@ def _text(name: str) -> str:
 
 def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
-
-
-def _counts_told(analysis: Analysis) -> str:
-    counts = analysis.counts
-    return (
-        f"{counts.trials} trials of {number_of(counts.participants, 'participant')} in "
-        f"{number_of(counts.sessions, 'session')}, {number_of(counts.conditions, 'condition')}"
-    )
 
 
 def _counted(analysis: Analysis) -> Section:
@@ -234,7 +211,8 @@ def _detection(analysis: Analysis) -> Section:
 def _thresholds(analysis: Analysis) -> Iterator[Section]:
     if analysis.thresholds.empty:
         return
-    words = ["Threshold", "Threshold (95 %)", "Status", "Guess rate from", "Difference (95 %)",
+    chance = _chance(analysis).capitalize()
+    words = ["Threshold", "Threshold (95 %)", "Status", f"{chance} from", "Difference (95 %)",
              "Remark"]  # fmt: skip
     tables = []
     if analysis.groups["participants"].gt(1).any():
@@ -255,14 +233,16 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         header = ["Condition", "Participants", "Threshold (95 %)", "Between people (SD)", "Remark"]
         cells = [population_cells(one, analysis.axis) for one in analysis.population]
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    header = ["Participant", "Threshold (95 %)", "Status", "Width", "Lapses", "Misfit p",
-              "Guess rate", "Guess rate from", "If guess rate 0", "If guess rate 1/3",
+    width = "log10 units" if analysis.axis.x_scale == "log10" else analysis.axis.unit
+    third = "" if is_yes_no(analysis) else f"If {chance.lower()} 1/3"
+    header = ["Participant", "Threshold (95 %)", "Status", f"Width ({width})", "Lapse rate",
+              "Misfit p", chance, f"{chance} from", f"If {chance.lower()} 0", third,
               "If answers vary 2.8 times", "Levels", "Trials"]  # fmt: skip
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
         cells = [_threshold(row, analysis.axis) for _, row in rows.iterrows()]
         # A column in which nobody has a value says nothing.
-        told = [i for i in range(len(header)) if {row[i] for row in cells} != {"n/a"}]
+        told = [i for i, head in enumerate(header) if head and {row[i] for row in cells} != {"n/a"}]
         cells = [[row[i] for i in told] for row in cells]
         heads = [header[i] for i in told]
         note = LAPSES if rows["status"].eq("lapse_at_bound").any() else ""
@@ -270,7 +250,21 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
     varied = [VARY] if analysis.thresholds["varied_printed"].notna().any() else []
     second = [POPULATION] if analysis.population else []
     compared = [CRITERION] if len(analysis.differences) and len(analysis.sensitivity) else []
-    yield Section(title="Thresholds", texts=[CENSORED, *varied, *compared, *second], tables=tables)
+    yield Section(
+        title="Thresholds",
+        texts=[CENSORED, *_rates(analysis), *varied, *compared, *second],
+        tables=tables,
+    )
+
+
+def _chance(analysis: Analysis) -> str:
+    return "false-alarm rate" if is_yes_no(analysis) else "guess rate"
+
+
+def _rates(analysis: Analysis) -> Iterator[str]:
+    known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
+    if known and analysis.one_side:
+        yield FITTED_RATES
 
 
 def _sensitivity(analysis: Analysis) -> Iterator[Section]:
@@ -376,10 +370,11 @@ def _who(row: pd.Series[Any]) -> str:
 
 def _protocol(analysis: Analysis, plans: Planned) -> Section:
     rows = [[what, one] for what, words in protocol_rows(analysis, plans) for one in words]
-    head, told = ["What", "As planned"], measured_rows(analysis)
-    table = Table(caption="Protocol", header=head, rows=rows, texts=head[1:])
+    head = ["What", "As planned" if plans.studies else "As told"]
+    table = [Table(caption="Protocol", header=head, rows=rows, texts=head[1:])] if rows else []
+    told = measured_rows(analysis)
     more = [Table(caption="Bursts measured", header=told[0], rows=told[1:])] if told else []
-    return Section(title="How it was measured", texts=plans.remarks, tables=[table, *more])
+    return Section(title="How it was measured", texts=plans.remarks, tables=[*table, *more])
 
 
 def _folded(analysis: Analysis, plans: Planned) -> Iterator[Table]:

@@ -111,6 +111,8 @@ class Analysis:
         As `LoadedTrials.task`.
     unswapped : pandas.DataFrame or None
         `groups` without the people whose sides look swapped; ``None`` where there are none.
+    side_told : bool
+        As `LoadedTrials.side_told`.
     """
 
     levels: pd.DataFrame
@@ -145,6 +147,7 @@ class Analysis:
     doubts: tuple[Doubt, ...] = ()
     task: str = ""
     unswapped: pd.DataFrame | None = None
+    side_told: bool = True
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
@@ -257,7 +260,9 @@ def analyse(
         excluded=excluded,
         thresholds=thresholds,
         groups=group_table(people, thresholds, loaded.axis),
-        differences=with_criterion(difference_table(people, loaded.axis), trials, sensitivity),
+        differences=with_criterion(
+            difference_table(people, loaded.axis), trials, sensitivity, numbered=loaded.numbered
+        ),
         sensitivity=sensitivity,
         population=_population(people, loaded.axis) if population else (),
         confusion=confusion_table(trials),
@@ -268,7 +273,7 @@ def analyse(
         control=counting.control_table(trials),
         counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,
-        warnings=tuple(warnings_of(loaded, excluded, stated, doubts)),
+        warnings=tuple(warnings_of(loaded, excluded, stated, doubts, thresholds)),
         doubts=doubts,
         task=loaded.task,
         unswapped=_unswapped(people, thresholds, doubts, loaded.axis),
@@ -282,6 +287,7 @@ def analyse(
         lost=loaded.lost,
         not_compared=loaded.not_compared,
         contacts=stated,
+        side_told=loaded.side_told,
     )
 
 

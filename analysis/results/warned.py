@@ -8,6 +8,7 @@ from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
+from analysis.results.methods import misfits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -28,11 +29,12 @@ def warnings_of(
     excluded: pd.DataFrame,
     stated: Mapping[str, tuple[str, ...]],
     doubts: Iterable[Doubt],
+    thresholds: pd.DataFrame,
 ) -> Iterator[str]:
     """Yield a sentence for everything about trials that a reader has to be told.
 
-    `excluded` is what is left out, `stated` how the fingers lay, in words and by session, and
-    `doubts` are `doubts_of` the same.
+    `excluded` is what is left out, `stated` how the fingers lay, in words and by session,
+    `doubts` are `doubts_of` the same, and `thresholds` those that were fitted.
     """
     trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
@@ -64,6 +66,7 @@ def warnings_of(
     yield from _silent(trials)
     yield from _about_none(counted)
     yield from map(str, doubts)
+    yield from misfits(thresholds)
 
 
 def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:

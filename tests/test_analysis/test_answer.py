@@ -765,7 +765,7 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     least: Analysis, rates: tuple[float, float], times: int
 ) -> None:
     apart = {"status": "ok", "difference_db": 3.0, "low_db": 1.0, "high_db": 5.0}
-    row = {"condition_a": "a", "condition_b": "b", "participant": "all", "first": "neither 8"}
+    row = {"condition_a": "a", "condition_b": "b", "participant": "all", "first": "interleaved 8"}
     blank = pd.DataFrame(
         {"condition": ["a", "b"], "participant": "all", "presented": 60, "p": rates, "low": 0.05,
          "high": 0.3}
@@ -783,7 +783,7 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     )
     assert said.count("false alarms are not told apart (p = ") == 1 - times
     assert said.count(" % (5.0 to 30.0 %)") == 2
-    assert not any("neither" in of for _, _, of in found.rows)
+    assert not any("interleaved" in of for _, _, of in found.rows)
 
 
 def test_false_alarms_are_compared_within_people() -> None:

@@ -43,7 +43,7 @@ HEADER = "participant,session,trial,kind,side,level_vpp,response,status,simulate
 REAL, SIMULATED = (f"1,01,1,single,left,60,left,ok,{word}\n" for word in ("false", "true"))
 OTHER_SIMULATED = SIMULATED.replace("1", "2", 1)
 BASIC = {"levels.csv", "participants.csv", "summary.json", "trials_clean.csv", "report.html"}
-BASIC |= {".tactstrip.json"}
+BASIC |= {".tactstrip.json", "methods.txt"}
 
 
 def table(path: Path, *rows: str) -> Path:

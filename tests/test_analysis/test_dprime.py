@@ -118,8 +118,9 @@ def test_beside_a_difference_stand_false_alarms_and_d_prime_of_common_levels() -
     [
         ({"a": [("01", 1)], "b": [("01", 2)]}, "a"),
         ({"a": [("02", 1)], "b": [("01", 9)]}, "b"),
-        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "neither"),
-        ({"a": [("01", 1)], "b": [("01", 1)]}, "neither"),
+        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "interleaved"),
+        ({"a": [("01", 1)], "b": [("01", 1)]}, "a"),
+        ({"b": [("01", 1)], "a": [("01", 1)]}, "b"),
     ],
 )
 def test_the_condition_that_was_over_first_is_named(

@@ -1,0 +1,92 @@
+"""The paragraphs of methods, written once: for the page, and as they are for methods.txt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from analysis.definitions import TOTAL
+from analysis.results.answer import left_out_words
+from analysis.results.compared import isolated, number_of, plain
+from analysis.results.methods.misfit import misfit_words
+from analysis.results.methods.task import (
+    detected_words,
+    false_alarm_words,
+    guess_words,
+    is_yes_no,
+    presented_words,
+    task_words,
+    unread_words,
+)
+from analysis.results.protocol import IN_METHODS, planned
+from analysis.results.summary import versions
+
+if TYPE_CHECKING:
+    from analysis.results.protocol import Planned
+    from analysis.results.tables import Analysis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Methods:
+    """What an author pastes: paragraphs, in which names are `isolated`, and what they cite."""
+
+    paragraphs: tuple[str, ...]
+    references: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """The same as a plain text, a line a paragraph."""
+        cited = [f"[{place}] {one}" for place, one in enumerate(self.references, start=1)]
+        return "\n\n".join([*map(plain, self.paragraphs), "\n".join(cited)]) + "\n"
+
+
+def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
+    """Write the methods of an analysis; `plans` are `planned` of it."""
+    from jinja2 import Environment, StrictUndefined
+
+    from experiment.preview.check_report import burst_words
+
+    plans = planned(analysis) if plans is None else plans
+    pages = Environment(  # noqa: S701 (a text, no page: the page escapes it)
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    template = files(__package__).joinpath("methods.jinja").read_text(encoding="utf-8")
+    people = analysis.differences.loc[analysis.differences["participant"].ne(TOTAL)]
+    pairs = len(analysis.differences) - len(people)
+    paired = people[["condition_a", "condition_b"]].drop_duplicates()
+    told = pages.from_string(template).render(
+        analysis=analysis,
+        counts=analysis.counts,
+        counts_told=counts_told(analysis),
+        study=plans.studies[0] if plans.studies else None,
+        studies=len(plans.studies),
+        isolated=isolated,
+        burst_words=burst_words,
+        task=task_words(analysis),
+        detected=detected_words(analysis),
+        presented=[] if plans.studies else [*presented_words(analysis)],
+        yes_no=is_yes_no(analysis),
+        guesses=[*guess_words(analysis)],
+        false_alarms=false_alarm_words(analysis),
+        unread=unread_words(analysis),
+        misfit=misfit_words(analysis.thresholds),
+        left_out=left_out_words(analysis),
+        same_people=len(paired) == pairs,
+        other_people=paired.empty,
+        versions=versions(),
+        **IN_METHODS,
+    )
+    parts = [" ".join(part.split()) for part in told.split("\n\n")]
+    paragraphs = [part for part in parts if part and not part.startswith("* ")]
+    cited = [part.removeprefix("* ") for part in parts if part.startswith("* ")]
+    return Methods(paragraphs=tuple(paragraphs), references=tuple(cited))
+
+
+def counts_told(analysis: Analysis) -> str:
+    """Say how much was analysed."""
+    counts = analysis.counts
+    return (
+        f"{counts.trials} trials of {number_of(counts.participants, 'participant')} in "
+        f"{number_of(counts.sessions, 'session')}, {number_of(counts.conditions, 'condition')}"
+    )

@@ -1,0 +1,128 @@
+"""What the task was, and what was presented, as far as tables tell it without a plan."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from analysis.axis import shortest
+from analysis.definitions import TOTAL
+from analysis.reading.foreign import FORCED, YES_NO
+from analysis.results.compared import isolated, number_of, totals
+from analysis.thresholds.people import FORCED_CHOICE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from analysis.results.tables import Analysis
+
+
+def is_yes_no(analysis: Analysis) -> bool:
+    """Tell whether it was asked only whether a stimulus was felt, as map or answers say."""
+    if analysis.task == FORCED or analysis.detected_any is None:
+        return False
+    if analysis.one_side:
+        return True
+    sides = analysis.levels[["over_report", "mislocalised"]].fillna(0).to_numpy()
+    return analysis.task == YES_NO and not sides.any()
+
+
+def task_words(analysis: Analysis) -> str:
+    """Say what the task was, where that is known beyond a plan."""
+    if is_yes_no(analysis):
+        return "The task was yes/no: whether a stimulus was felt."
+    return "The task was a forced choice." if analysis.task == FORCED else ""
+
+
+def detected_words(analysis: Analysis) -> str:
+    """Say what counts as detected."""
+    told = "A single stimulus was detected where the answer named its side and nothing else."
+    if is_yes_no(analysis):
+        told = "A stimulus was detected where the answer was that it was felt."
+    elif analysis.task == FORCED:
+        told = "A stimulus was detected where the answer was correct."
+    late, invalid = analysis.counts.timeouts, analysis.counts.invalid
+    if late or invalid:
+        keys = f" and {invalid} with another key" if invalid else ""
+        told += f" The {late} trials without an answer in time{keys} count as not felt."
+    return told
+
+
+def presented_words(analysis: Analysis) -> Iterator[str]:
+    """Say of conditions, levels and trials what tables without a plan tell."""
+    people, blank = analysis.participants, analysis.blank
+    for condition, rows in people.groupby("condition"):
+        levels = sorted({*rows["level_vpp"]})
+        ends = " to ".join(dict.fromkeys(shortest(one) for one in (levels[0], levels[-1])))
+        number = f"{len(levels)} level{'s' if len(levels) > 1 else ''}"
+        told = f"There were {number}"
+        if analysis.counts.conditions > 1:
+            told = f"Condition {isolated(condition)} had {number}"
+        each = _range(rows["presented"])
+        some = "trial" if rows["presented"].eq(1).all() else "trials"
+        told += f" ({ends} {analysis.axis.unit}), {each} {some} of each for a participant"
+        here = blank["participant"].ne(TOTAL)
+        if "condition" in blank:
+            here &= blank["condition"].eq(condition)
+        catch = blank.loc[here, "presented"]
+        if len(catch):
+            some = "trial" if catch.eq(1).all() else "trials"
+            told += f", and {_range(catch)} blank (catch) {some}"
+        yield f"{told}."
+
+
+def _range(numbers: pd.Series[int]) -> str:
+    return " to ".join(dict.fromkeys(str(int(one)) for one in (numbers.min(), numbers.max())))
+
+
+def guess_words(analysis: Analysis) -> Iterator[str]:
+    """Say which value or prior gamma has, a sentence for each way in which it is known."""
+    yes_no, one_side = is_yes_no(analysis), bool(analysis.one_side)
+    for basis, rates in analysis.thresholds.groupby("guess_basis", sort=False)["guess_rate"]:
+        low, high = (f"{rate:.2g}" for rate in (rates.min(), rates.max()))
+        value = low if low == high else f"{low} to {high}"
+        if basis == FORCED_CHOICE:
+            yield f"the rate gamma was fixed at {value}, for who felt nothing had to guess"
+        elif basis == "assumed":
+            yield (
+                "the rate gamma had an assumed Beta(1, 10) prior, for want of blank trials, with a "
+                f"mean of {value}"
+            )
+        else:
+            few = " (fewer than 20)" if basis == "few blanks" else ""
+            alarms = (
+                "false alarms"
+                if yes_no or one_side
+                else ("half of the answers left and right, for the function is that of one side,")
+            )
+            yield (
+                "the rate gamma had the distribution Beta(a + 1/2, b - a + 1/2) after a "
+                f"{alarms} in a participant's b blank (catch) trials{few}, with a mean "
+                f"(a + 1/2)/(b + 1) of {value}"
+            )
+
+
+def false_alarm_words(analysis: Analysis) -> str:
+    """Say how many blank trials were answered as felt: plain counts; empty text without any."""
+    rows = [*totals(analysis)] if analysis.detected_any is not None else []
+    if not rows:
+        return ""
+    each = [
+        f"{row['p'] * row['presented']:.0f} of {row['presented']} ({100 * row['p']:.1f} %)"
+        + (f" in condition {isolated(row['condition'])}" if "condition" in row else "")
+        for row in rows
+    ]
+    return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
+
+
+def unread_words(analysis: Analysis) -> str:
+    """Say which rows of the tables took no part at all; empty text where there are none."""
+    if not analysis.counts.unread:
+        return ""
+    rows = number_of(analysis.counts.unread, "further row")
+    were = "was" if analysis.counts.unread == 1 else "were"
+    return (
+        f"Of the tables {rows} {were} not analysed [say which, as practice or instructions]: the "
+        "map of the columns leaves them out."
+    )

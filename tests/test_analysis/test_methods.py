@@ -1,0 +1,115 @@
+"""What an author pastes into a section of methods, and the warning of functions that do not fit."""
+
+from __future__ import annotations
+
+import html
+import re
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+
+from analysis import ColumnMap, write_analysis
+from analysis.groups.criterion import with_criterion
+from analysis.results.methods import methods_of, misfits
+from analysis.results.tables import analyse
+from tests.test_analysis.shared import felt, files, loaded, put
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from analysis.results.tables import Analysis
+
+HEAD = "participant,place,part,um,felt\n"
+FELT = {"0": 1, "1": 2, "1.6": 5, "2.5": 11, "4": 18, "6.3": 19}
+MAP = ColumnMap(
+    task="yes/no",
+    columns={"condition": "place", "level_vpp": "um", "detected": "felt"},
+    values={"detected": {"yes": "1", "no": "0"}},
+    constant={"side": "left"},
+    rows={"skip": {"part": "practice"}},
+    axis={"unit": "um"},
+)
+
+
+def made(counts: dict[str, int], *people: str, n: int = 20) -> str:
+    """Return a lab's table of people with these numbers of yes, two practice rows each."""
+    rows = [f"{who},{place},practice,6.3,yes" for who in people for place in ("thumb", "palm")]
+    rows += [
+        f"{who},{place},test,{level},{'yes' if at < k else 'no'}"
+        for who in people for place in ("thumb", "palm") for level, k in counts.items()
+        for at in range(n)
+    ]  # fmt: skip
+    return HEAD + "\n".join(rows) + "\n"
+
+
+def of(tmp_path: Path, counts: dict[str, int] = FELT, people: tuple[str, ...] = ("a", "b"),
+       **changes: Any) -> Analysis:  # fmt: skip
+    """Return the analysis of that table."""
+    return analyse(loaded(tmp_path, made(counts, *people, **changes), MAP))
+
+
+def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path: Path) -> None:
+    told = methods_of(of(tmp_path)).text
+    for words in (
+        "The task was yes/no",
+        "Condition palm had 5 levels (1 to 6.3 um), 20 trials of each for a participant, and 20 ",
+        "Of the tables 4 further rows were not analysed",
+        "as if felt in 2 of 40 (5.0 %) in condition palm, in 2 of 40 (5.0 %) in condition thumb.",
+        "gamma the false-alarm rate, lambda the lapse rate, sigma the width",
+        "a mean (a + 1/2)/(b + 1) of 0.071.",
+        "The mean difference had a normal prior with mean 0 and a standard deviation of 12 dB",
+        "It refused none of 4 functions at p < 0.01",
+        "95 % equal-tailed credible intervals, between the 2.5 % and the 97.5 % point",
+    ):
+        assert words in told, words
+    assert "plan" not in told
+    assert "left" not in told.replace("was left out", "")
+
+
+def test_every_reference_of_the_methods_is_cited_in_their_order(tmp_path: Path) -> None:
+    methods = methods_of(of(tmp_path))
+    cited = re.findall(r"\[(\d+)\]", " ".join(methods.paragraphs))
+    assert [*dict.fromkeys(map(int, cited))] == [*range(1, len(methods.references) + 1)]
+
+
+@pytest.mark.slow
+def test_the_page_and_methods_txt_have_the_same_text(tmp_path: Path) -> None:
+    path = put(tmp_path / "t.csv", made(FELT, "a", "b<i>"))
+    write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
+    wrote = files(tmp_path / "out")
+    page = html.unescape(re.sub("<[^>]+>", "", wrote["report.html"].decode()))
+    for line in wrote["methods.txt"].decode().splitlines():
+        words = line.partition("] ")[2] if re.match(r"\[\d+\]", line) else line
+        assert words in page
+
+
+def test_functions_that_do_not_fit_are_a_warning_with_what_chance_gives(tmp_path: Path) -> None:
+    odd = {"0": 0, "1": 12, "1.6": 0, "2.5": 20, "4": 4, "6.3": 20}
+    analysis = of(tmp_path, odd, ("a",))
+    assert analysis.thresholds["deviance_p"].tolist() == [0.002, 0.002]
+    (told,) = [one for one in analysis.warnings if "do not fit" in one]
+    assert told.startswith(
+        "2 of 2 psychometric functions do not fit (bootstrap p < 0.01; 0.02 expected by chance): "
+        "participant a in condition palm, p = 0.002; participant a in condition thumb, p = 0.002. "
+    )
+    assert "It refused 2 of 2 functions at p < 0.01" in methods_of(analysis).text
+
+
+def test_of_many_functions_that_do_not_fit_the_worst_are_named() -> None:
+    rows = [(str(at), 0.002 + at / 10_000) for at in range(9)]
+    table = pd.DataFrame(rows, columns=["participant", "deviance_p"]).assign(condition="main")
+    (told,) = misfits(table)
+    assert "participant 5, p = 0.003; and 3 more. See" in told
+    assert not [*misfits(table.assign(deviance_p=0.01))]
+
+
+def test_an_order_that_tables_do_not_number_is_not_told() -> None:
+    parts = [felt([9, 18], [60.0, 95.0], condition=name, session="01", block=1) for name in "ab"]
+    trials = pd.concat(parts, ignore_index=True)
+    trials["trial"] = range(1, len(trials) + 1)
+    pair = pd.DataFrame([{"condition_a": "a", "condition_b": "b", "participant": "1"}])
+    none = pd.DataFrame(columns=["condition", "participant", "level_vpp", "felt", "presented",
+                                 "false_alarms", "blanks", "d_prime"])  # fmt: skip
+    told = [with_criterion(pair, trials, none, numbered=one)["first"][0] for one in (True, False)]
+    assert told == ["a", None]
