@@ -25,8 +25,7 @@ from analysis.definitions import (
 )
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer
 from analysis.results.figures.confusion import stimulus
-from analysis.results.methods import is_yes_no, methods_of
-from analysis.results.methods.paragraphs import counts_told
+from analysis.results.methods import counts_told, is_yes_no, methods_of
 from analysis.results.protocol import (
     measured_rows,
     number_tables,
