@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -153,6 +153,25 @@ def monitor_words(settings: MonitorSettings) -> str:
     own = "; each stream's first burst tells its delay, as none is stated"
     delay = own if settings.delay_ms is None and settings.source != "device" else ""
     return f"{tap}, by {by[settings.source]}; it never sees {tap.unseen}{also}{delay}"
+
+
+INPUT_ONSET_MS: Final = 20.0
+"""What two cards need, whose onsets are told by the sound system's word: docs/monitor.md."""
+
+
+def onset_doubt(settings: MonitorSettings) -> str:
+    """Say why good bursts may be told as early or late; empty where the tolerance is wide enough.
+
+    >>> from experiment.study.sections.equipment import MonitorSettings
+    >>> onset_doubt(MonitorSettings())
+    ''
+    """
+    if settings.source != "input" or settings.onset_tolerance_ms >= INPUT_ONSET_MS:
+        return ""
+    return (
+        f"monitor.onset_tolerance_ms = {settings.onset_tolerance_ms:g} may be too narrow: two "
+        f"cards have no common clock; begin with {INPUT_ONSET_MS:g}, docs/monitor.md"
+    )
 
 
 def planned_burst(

@@ -7,9 +7,9 @@ import textwrap
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
-from experiment.apparatus.monitor import monitor_words
+from experiment.apparatus.monitor import monitor_words, onset_doubt
 from experiment.apparatus.rig import lacking_of, shared_card
-from experiment.preview.displacements import displacement_findings
+from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import instead_of_trials
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
@@ -145,6 +145,7 @@ def _strip(check: StudyCheck) -> Findings:
     found.note(measured_above_computed=off)
     for words in told:
         found.tell("", words)
+    found.take(edge_findings(check))
     if check.edge_stiffness_n is not None:
         ends_hz = [replace(strip, edge=edge).cutoff_hz() for edge in (SIMPLY_SUPPORTED, CLAMPED)]
         found.tell("", f"simply supported edges give {ends_hz[0]:.1f} Hz, clamped {ends_hz[1]:.1f}")
@@ -271,14 +272,7 @@ def _tell_window(found: Findings, condition: Condition) -> None:
 def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> None:
     study, design = check.study, check.study.design
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
-    found.tell("device", _device_words(study, device), device=asdict(device))
-    refused = (("", lacking_of(device)), (" a person", shared_card(study, device)))
-    found.note(run_refuses=[why for _, why in refused if why])
-    for whom, why in refused:
-        if why:
-            found.tell("warning", f"run refuses{whom}: {why}")
-    if study.monitor.source != "none":
-        found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
+    _tell_devices(found, study, device)
     found.tell("contact", study.contact.words, contact=asdict(study.contact))
     stated = asdict(design) | {"both_level_vpp": design.both_level_vpp} | instead_of_trials(design)
     del stated["both_level"]  # text or a number; told as a number or null
@@ -326,6 +320,20 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
         blocks=check.blocks,
         duration_s=check.duration_s,
     )
+
+
+def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None:
+    """Tell what drives and what measures, and what a session would refuse or blame of them."""
+    found.tell("device", _device_words(study, device), device=asdict(device))
+    refused = (("", lacking_of(device)), (" a person", shared_card(study, device)))
+    found.note(run_refuses=[why for _, why in refused if why])
+    for whom, why in refused:
+        if why:
+            found.tell("warning", f"run refuses{whom}: {why}")
+    if study.monitor.source != "none":
+        found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
+    if doubt := onset_doubt(study.monitor):
+        found.tell("warning", doubt)
 
 
 def _part_of_both(design: Design) -> str:

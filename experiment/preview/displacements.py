@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.findings import Findings
@@ -14,6 +15,7 @@ from stimuli.strip.patch import cutoff_factor
 
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
+    from experiment.study.sections.plate import EdgeBasis
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
     from stimuli import Strip
@@ -80,6 +82,7 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
     ]
     told = [
         f"{_micrometres(at['peak_um'])}{at['level_db']:.1f} dB at the {at['finger']} finger"
+        f"{_with_loss(at['level_of'])}"
         for at in others
     ]
     source = displacement_source(study, column)
@@ -106,6 +109,12 @@ def _level_of(one: ConditionCheck, row: int, column: int) -> dict[str, Any]:
     return {"level_of": {"finger_load": worst.loaded, "loss_factor": worst.loss_factor}}
 
 
+def _with_loss(level_of: dict[str, Any] | None) -> str:
+    """Name the assumed loss factor that a level belongs to."""
+    loss_factor = None if level_of is None else level_of["loss_factor"]
+    return "" if loss_factor is None else f" (loss factor {loss_factor:g})"
+
+
 _PLASTICS: Final = ("pmma", "polycarbonate")
 
 _RESTS_ON: Final = {
@@ -114,6 +123,37 @@ _RESTS_ON: Final = {
     "computed": "predicted from its layers",
 }
 _UNKNOWN: Final = "n/a, its displacement is not stated"
+
+
+_OTHER_EDGE: Final[dict[str, tuple[EdgeBasis, str]]] = {
+    "clamped": ("simply-supported", "glue and tape hold less than clamps"),
+    "simply-supported": ("clamped", "a real edge lies between the two"),
+}
+
+
+def edge_findings(check: StudyCheck) -> Findings:
+    """Tell what a plate whose cut-off is computed would be with the other ideal edge."""
+    from experiment.preview.check import check_study
+
+    study, found = check.study, Findings()
+    if study.plate.edge not in _OTHER_EDGE or study.plate.measured_cutoff_hz is not None:
+        return found
+    edge, why = _OTHER_EDGE[study.plate.edge]
+    other = replace(study.plate, edge=edge)
+    cutoff_hz = other.strip.cutoff_hz()
+    facts: dict[str, Any] = {"edge": edge, "cutoff_hz": cutoff_hz}
+    words = f"{edge.replace('-', ' ')} edges would give {cutoff_hz:.1f} Hz"
+    if check.gains and not any(one.patch_counts for one in study.actuators):  # else it takes long
+        with contextlib.suppress(ValueError):  # what was measured may not suit such a plate
+            tried = check_study(study.changed(strip=other))
+            sides = ((0, 1), (1, 0))
+            level_db = max(one.level_db(*pair) for one in tried.conditions for pair in sides)
+            words += f" and {level_db:.1f} dB at the other finger"
+            words += f", {tried.verdict}" * (tried.verdict != check.verdict)
+            facts |= {"level_db": level_db, "verdict": tried.verdict}
+    found.tell("", words, other_edge=facts)
+    found.tell("", f"{why}: measure it, docs/hardware.md")
+    return found
 
 
 def _micrometres(peak_um: float | None) -> str:

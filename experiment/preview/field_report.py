@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 
 _LEVELS: Final = "at the other finger's centre re above the driven actuator, for a tone"
+_OF_BURST: Final = "for the burst: check"
 _PREFIXES: Final = (("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
 _PLATEAU_DB: Final = 0.1
@@ -106,7 +108,7 @@ def field_text(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> str
     >>> from experiment.study.read import study_from_text
     >>> endless = study_from_text('strip = {length_mm = "endless"}', "study.toml")
     >>> print(field_text(plate_map(plate_of(endless), 500.0), "study.toml").splitlines()[-1])
-    right driven   5.25 um at x = 35, y = 12.5 mm; left finger -90.8 dB
+    right driven   at most 5.25 um, at x = 35, y = 12.5 mm of the map's grid; left finger -90.8 dB
     """
     plate = field.plate
     found = Findings()
@@ -126,11 +128,12 @@ def _tell_map(found: Findings, field: PlateMap) -> None:
     drive = field.plate.drive
     ends_mm = (field.x_m[[0, -1]] * 1e3).tolist()
     found.tell("map", f"{hertz(field.frequency_hz)}, x from {ends_mm[0]:g} to {ends_mm[1]:g} mm")
-    found.tell("levels", _LEVELS)
+    found.tell("levels", f"{_LEVELS} of {hertz(field.frequency_hz)}; {_OF_BURST}")
     for driven, name in enumerate(drive.names):
         peak_m, x_m, y_m = field.peak_of(driven)
-        place = f"x = {x_m * 1e3:g}, y = {y_m * 1e3:g} mm"
-        told = f"{metres(peak_m)}{drive.per_load(driven)} at {place}; {levels_text(field, driven)}"
+        place = f"x = {x_m * 1e3:.3g}, y = {y_m * 1e3:.3g} mm of the map's grid"
+        most = f"at most {metres(peak_m)}{drive.per_load(driven)}, at {place}"
+        told = f"{most}; {levels_text(field, driven)}"
         found.tell(f"{name} driven", told)
 
 
@@ -142,13 +145,19 @@ def _tell_motion(found: Findings, field: PlateMotion) -> None:
         f"0 to {field.times_s[-1] * 1e3:g} ms in steps of {field.step_s * 1e3:g} ms, "
         f"slowed {slowed(field):g} times",
     )
+    found.tell(
+        "levels",
+        "of the peaks at the fingers' centres in this time; over their contact area: check",
+    )
     for driven, own_m in enumerate(np.diag(largest_m)):
         unit = plate.drive.per_load(driven)
         (other,) = plate.others_of(driven)
+        other_m = float(largest_m[driven, other])
+        level_db = 20 * math.log10(other_m / own_m) if other_m else -math.inf
         found.tell(
             f"{plate.drive.names[driven]} driven",
-            f"at most {metres(float(own_m))}{unit} above it, "
-            f"{metres(float(largest_m[driven, other]))}{unit} at the {plate.places[other]}",
+            f"at most {metres(float(own_m))}{unit} above it, {metres(other_m)}{unit} at the "
+            f"{plate.places[other]}: {decibels(level_db)}",
         )
 
 
@@ -180,7 +189,7 @@ def _tell_band(found: Findings, field: PlateBand) -> None:
     if between and not (material.loss_factor or material.viscous_time_s):
         told = ", ".join(hertz(cutoff_hz) for cutoff_hz in between)
         found.tell("not shown", f"without loss the field grows without end towards {told}")
-    found.tell("levels", _LEVELS)
+    found.tell("levels", f"{_LEVELS} of each frequency; {_OF_BURST}")
     for driven, name in enumerate(drive.names):
         size_m = np.abs(field.at_fingers_m[driven, driven])
         largest = int(np.argmax(size_m))

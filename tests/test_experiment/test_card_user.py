@@ -10,6 +10,8 @@ from click.testing import CliRunner
 
 from device.driver import Lack
 from experiment.apparatus.rig import assemble, chosen_settings
+from experiment.preview.check import check_study
+from experiment.preview.check_report import check_findings
 from experiment.study.read import study_from_text
 from experiment.study.study import StudyError
 from tactstrip import main
@@ -136,3 +138,76 @@ def test_devices_has_the_diagnosis_of_check(
     said = CliRunner().invoke(main, ["devices"]).stdout.splitlines()[-1]
     why = "" if lack is None else f": {lack}"
     assert said == f"No sound card with two outputs is seen{why}."
+
+
+OWN = """
+[strip]
+width_mm = 30
+thickness_mm = 0.5
+length_mm = 150
+material = "steel"
+edge = "{}"
+[burst]
+window = "hann"
+[[actuator]]
+side = "left"
+x_mm = -35
+diameter_mm = 12.8
+[[actuator]]
+side = "right"
+x_mm = 35
+diameter_mm = 12.8
+"""
+
+
+@pytest.mark.slow
+def test_beside_a_computed_cut_off_stands_what_the_other_edge_gives() -> None:
+    clamped, supported = (
+        check_findings(check_study(study_from_text(OWN.format(edge), "s.toml")), "s.toml").facts
+        for edge in ("clamped", "simply-supported")
+    )
+    for here, there in ((clamped, supported), (supported, clamped)):
+        other = here["strip"]["other_edge"]
+        assert other["edge"] == there["strip"]["edge"]
+        assert other["cutoff_hz"] == there["strip"]["cutoff_hz"]
+        levels = there["conditions"][0]["displacements"]["actuators"]
+        assert other["level_db"] == max(at["fingers"][0]["level_db"] for at in levels)
+
+
+def test_a_measured_cut_off_needs_no_other_edge() -> None:
+    day = 'measured_cutoff_hz = 2870\nmeasured_by = "me"\nmeasured_on = 2026-05-04\n'
+    for edge, text in (("clamped", day), ("measured-cutoff", day), ("clamped", "")):
+        study = study_from_text(OWN.format(edge).replace("[burst]", f"{text}[burst]"), "s.toml")
+        found = check_findings(check_study(study, gains=()), "s.toml")
+        assert ("other_edge" in found.facts["strip"]) == (not text)
+
+
+def test_a_monitor_s_missing_keys_are_named_together() -> None:
+    monitor = '[monitor]\nsource = "input"\n'
+    for text, told in (
+        ("", "tap, per_unit, measured_by and measured_on are missing; source = input needs them"),
+        (
+            'tap = "motion"\nper_unit = [1, 1]\nmeasured_by = "me"\n',
+            "measured_on and per_volt are missing; source = input and tap = motion need them",
+        ),
+        (
+            'tap = "motion"\nper_unit = [1, 1]\nmeasured_by = "me"\nmeasured_on = 2026-05-04\n',
+            "per_volt is missing; tap = motion needs it",
+        ),
+    ):
+        with pytest.raises(StudyError) as refused:
+            study_from_text(monitor + text, "s.toml")
+        assert str(refused.value) == f"s.toml: monitor.{told}"
+
+
+def test_a_second_card_with_the_tolerance_of_the_first_is_warned_of() -> None:
+    keys = 'tap = "line"\nper_unit = [1, 1]\nmeasured_by = "me"\nmeasured_on = 2026-05-04\n'
+    for source, more, warned in (
+        ("duplex", "", False),
+        ("input", "", True),
+        ("input", "onset_tolerance_ms = 20\n", False),
+    ):
+        study = study_from_text(f'[monitor]\nsource = "{source}"\n{keys}{more}', "s.toml")
+        lines = check_findings(check_study(study, gains=()), "s.toml").lines
+        told = [line for line in lines if line.startswith("warning")]
+        assert [line.split()[1] for line in told] == ["monitor.onset_tolerance_ms"] * warned

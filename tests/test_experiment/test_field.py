@@ -148,7 +148,7 @@ def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
     found, over = plate_map(three, 500.0), plate_band(three, (100.0, 3000.0), n_frequencies=9)
     told = field_text(found, "s").splitlines()
     assert told[-1].startswith("motor driven   ")
-    assert re.search(r"um per N at .*; left finger (.*) dB, right finger \1 dB$", told[-1])
+    assert re.search(r"um per N, at .* grid; left finger (.*) dB, right finger \1 dB$", told[-1])
     assert "per unit load of 1 N m/m or 1 N" in told[2]
     assert "motor_driven_at_left_abs_um_per_unit_load" in field_csv(over)
     svg = render(over, "svg").decode()
@@ -167,7 +167,8 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Ru
         "map            500 Hz",
         "measured by the paper, at 200 Vpp",
         "loss factor 0.01 assumed",
-        "5.25 um at x = -35, y = 12.5 mm; right finger -90.8 dB",
+        "for a tone of 500 Hz; for the burst: check",
+        "5.25 um, at x = -35, y = 12.5 mm of the map's grid; right finger -90.8 dB",
         "field.png written",
     )
 
@@ -420,6 +421,8 @@ def test_animate_writes_a_gif_of_both_actuators_and_leaves_files_alone(
     assert (result.exit_code, result.stderr, files()) == (0, "", ["burst.gif", "study.toml"])
     told = result.stdout
     assert missing(told, "0 to 4 ms in steps of 0.1 ms, slowed 500 times", "right driven") == []
+    assert "of the peaks at the fingers' centres in this time" in told
+    assert re.search(r"\nright driven   at most .* at the left finger: -\d\d\.\d dB\n", told)
     with Image.open("burst.gif") as film:
         assert (getattr(film, "n_frames", 0), film.info["duration"]) == (2 * 41, 50)
     assert Path("burst.gif").stat().st_size < 5e6

@@ -149,7 +149,10 @@ class MonitorSettings:
         default=0.1, ge=0.01, le=0.5, description="part of the planned peak"
     )
     onset_tolerance_ms: float = Field(
-        default=1.0, ge=0.01, le=100, description="between planned and measured onset"
+        default=1.0,
+        ge=0.01,
+        le=100,
+        description="between planned and measured onset; of source = input begin with 20",
     )
     least_correlation: float = Field(
         default=0.95, ge=0.5, le=0.9999, description="with the planned burst"
@@ -206,11 +209,17 @@ class MonitorSettings:
                 f"got {list(self.per_unit)}"
             )
         of_inputs = () if self.source == "device" else ("per_unit", "measured_by", "measured_on")
-        for key in ("tap", *of_inputs):
-            if getattr(self, key) is None:
-                raise ValueError(f"{key} is missing; source = {self.source} needs it")
-        if self.per_volt is None and self.tap not in _VOLTAGES:
-            raise ValueError(f"per_volt is missing; tap = {self.tap} needs it")
+        missing = [key for key in ("tap", *of_inputs) if getattr(self, key) is None]
+        needs = f"source = {self.source}"
+        if self.per_volt is None and self.tap not in {None, *_VOLTAGES}:
+            missing.append("per_volt")
+            needs = f"{needs} and tap = {self.tap}" if len(missing) > 1 else f"tap = {self.tap}"
+        if len(missing) == 1:
+            raise ValueError(f"{missing[0]} is missing; {needs} needs it")
+        if missing:
+            *most, last = missing
+            need = "need" if " and " in needs else "needs"
+            raise ValueError(f"{', '.join(most)} and {last} are missing; {needs} {need} them")
 
     def check_beside(self, driver: str, least_s: float) -> None:
         """Refuse a driver that has no such source, and a tolerance too wide to tell bursts apart.
