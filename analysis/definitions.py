@@ -95,11 +95,30 @@ def definitions_in(unit: str) -> Mapping[str, str]:
     if unit == "V":
         return DEFINITIONS
     volts = ("dB re 1 V peak-to-peak", f"dB re 1 {unit}"), ("volts peak-to-peak", unit)
-    told = dict(DEFINITIONS)
+    told = {names.replace("_vpp", ""): text for names, text in DEFINITIONS.items()}
     for words, own in (*volts, ("or volts on a linear", f"or {unit} on a linear")):
         told = {names: text.replace(words, own) for names, text in told.items()}
-    return told
+    return told | {"unit": "of the levels and thresholds in the row"}
 
+
+OF_SIDES: Final = (
+    "over_report", "mislocalised", "detected_any", "noticed", "left_only, right_only",
+    "left, right, both", "part", "none, timeout, invalid", "kind, side",
+)  # fmt: skip
+"""Keys of `DEFINITIONS` that mean nothing where there is one place."""
+
+OF_ONE_PLACE: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "detected": "stimuli answered as felt",
+        "felt": "trials answered as felt; of blank trials each is a false alarm",
+        "not_felt, timeout, invalid": "trials answered as not felt, without an answer in time, "
+        "with another key",
+        "false_alarms, blanks": "blank trials answered as felt; blank trials that count; with _a "
+        "and _b of the conditions of a difference",
+        "kind": "single (a stimulus) or blank",
+    }
+)
+"""What stands in their stead."""
 
 METHODS = ("wilson", "jeffreys", "clopper-pearson")
 

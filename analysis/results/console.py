@@ -117,7 +117,8 @@ def _print_levels(analysis: Analysis, file: TextIO) -> None:
         forced = analysis.detected_any is None
         if analysis.one_side:
             _say(file, _LEGEND_ONE)
-            _say(file, f"{one_side_words(analysis.one_side)}.")
+            if not analysis.one_place:
+                _say(file, f"{one_side_words(analysis.one_side)}.")
         else:
             _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
         if forced:

@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 from filelock import Timeout
 
@@ -19,7 +20,7 @@ from analysis.definitions import TOTAL
 from analysis.results.figures import figures
 from analysis.results.methods import methods_of
 from analysis.results.report import report_html
-from analysis.results.summary import devices, summary_text
+from analysis.results.summary import devices, in_own_words, summary_text
 from experiment.archive import manifest
 from experiment.archive.disk import UNWAITED, LockError, lock_on, make_folder, write_new
 from experiment.archive.manifest import Manifest
@@ -202,26 +203,30 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
     people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
     yield manifest.NAME, Manifest(what="analysis", participants=people).text().encode()
     trials, marks = _marks(analysis)
-    yield "trials_clean.csv", csv_text(clean_table(trials, more=_ALTERED & {*marks})).encode()
+    yield "trials_clean.csv", _csv(clean_table(trials, more=_ALTERED & {*marks}), analysis)
     tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
     possible = {
         "both.csv": analysis.both,
         "blank.csv": analysis.blank,
         "control.csv": analysis.control,
-        "thresholds.csv": _with_groups(analysis.thresholds, analysis.groups),
+        "thresholds.csv": _with_groups(analysis),
         "differences.csv": analysis.differences,
         "sensitivity.csv": analysis.sensitivity,
         "confusion.csv": analysis.confusion,
     }
     tables |= {name: table for name, table in possible.items() if len(table)}
     for name, table in tables.items():
-        yield name, csv_text(_marked(table, trials, marks)).encode()
+        yield name, _csv(_marked(table, trials, marks), analysis)
     drawn = tuple(figures.pictures(analysis)) if with_figures else ()
     for one in drawn:
         yield f"{one.name}.png", one.png
         yield f"{one.name}.svg", one.svg
     yield METHODS, methods_of(analysis).text.encode()
     yield REPORT, report_html(analysis, drawn).encode()
+
+
+def _csv(table: pd.DataFrame, analysis: Analysis) -> bytes:
+    return csv_text(in_own_words(table, analysis)).encode()
 
 
 _ALTERED = {"altered"}
@@ -270,10 +275,9 @@ def _alike(words: pd.Series[Any]) -> str:
     return str(different[0]) if len(different) == 1 else "mixed"
 
 
-def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame:
+def _with_groups(analysis: Analysis) -> pd.DataFrame:
     """Put below the participants of each condition a row of their group."""
-    import pandas as pd
-
+    thresholds, groups = analysis.thresholds, analysis.groups
     rows = groups.assign(
         participant=TOTAL,
         trials=[
@@ -281,6 +285,9 @@ def _with_groups(thresholds: pd.DataFrame, groups: pd.DataFrame) -> pd.DataFrame
             for name in groups["condition"]
         ],
     )
+    if not analysis.axis.signed:
+        for name in ("threshold", "threshold_low", "threshold_high"):
+            rows[f"{name}_db"] = 20 * np.log10(rows[f"{name}_vpp"].astype(float))
     columns = list(thresholds.columns)
     records = [*thresholds.to_dict("records"), *rows.to_dict("records")]
     table = pd.DataFrame(records, columns=columns)

@@ -21,7 +21,6 @@ from analysis.definitions import (
     POPULATION,
     TOTAL,
     VARY,
-    definitions_in,
 )
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer
 from analysis.results.figures.confusion import stimulus
@@ -54,7 +53,7 @@ from analysis.results.rows import (
     population_cells,
     width_text,
 )
-from analysis.results.summary import devices, versions
+from analysis.results.summary import definitions_of, devices, versions
 from experiment.terms.record import NOT_AVAILABLE, RESPONSES
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             *_both_and_blank(analysis),
         ],
         methods=methods_of(analysis, plans),
-        definitions=definitions_in(analysis.axis.unit),
+        definitions=definitions_of(analysis),
         folded=[*_folded(analysis, plans)],
         most_rows=_MOST_ROWS,
         longest=_LONGEST,
@@ -297,10 +296,14 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
     tables, side = [], analysis.one_side
     unused = {"left", "right", "both"} - {side} if side else set()
     named = [name for name in RESPONSES if name not in unused]
-    header = ["Stimulus", *named, "Presented"]
+    place, heads = analysis.one_place, named
+    if place:
+        heads = [{place: "felt", "none": "not felt"}.get(name, name) for name in named]
+    header = ["Stimulus", *heads, "Presented"]
     for condition, rows in analysis.confusion.groupby("condition"):
         cells = [
-            [stimulus(row["kind"], row["side"]), *(str(row[name]) for name in named),
+            ["stimulus" if place == row["side"] else stimulus(row["kind"], row["side"]),
+             *(str(row[name]) for name in named),
              str(row["presented"])]
             for _, row in rows.iterrows()
         ]  # fmt: skip
@@ -314,7 +317,7 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
             words = ["Value", "Remark"]
             tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     told = ["What the answers of every participant tell stands in summary.json under choice."]
-    if side:
+    if side and not place:
         told.append(f"{one_side_words(side)}, also the figure of answers to each stimulus.")
     yield Section(title="Answers", texts=told, tables=tables)
 
@@ -322,14 +325,16 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
 def _reaction_times(analysis: Analysis) -> Iterator[Section]:
     if not analysis.reaction_times["n"].gt(0).any():
         return
-    head = f"{level_head(analysis, PAGE)}, finger"
+    head, named = level_head(analysis, PAGE), "{} {}"
+    if not analysis.one_place:
+        head, named = f"{head}, finger", "{} {}, {}"
     header = [head, "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
     tables = [
         Table(
             caption=f"Reaction times{_where(analysis, condition)}",
             header=header,
             rows=[
-                [f"{shortest(row['level_vpp'])} {analysis.axis.unit}, {row['side']}",
+                [named.format(shortest(row["level_vpp"]), analysis.axis.unit, row["side"]),
                  str(row["n"]), *(p_text(row[name]) for name in ("median", "p10", "p90"))]
                 for _, row in rows.iterrows()
             ],

@@ -9,7 +9,8 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from analysis.definitions import definitions_in
+from analysis.axis import VOLTS
+from analysis.definitions import OF_ONE_PLACE, OF_SIDES, definitions_in
 from analysis.results.answer import answer
 from analysis.results.compared import plain
 from analysis.results.rows import levels_told
@@ -23,16 +24,18 @@ if TYPE_CHECKING:
 
 
 SCHEMA = 1
+_SIDED = ("left_vpp", "right_vpp", "left_um", "right_um")
 
 
 def summary_text(analysis: Analysis) -> str:
     """Write the summary as JSON: no time, no host, no absolute path; equal data give equal text."""
     summary = {
         "schema": SCHEMA,
-        "definitions": {"ci": analysis.ci, **definitions_in(analysis.axis.unit)},
+        "definitions": {"ci": analysis.ci, **definitions_of(analysis)},
         "inputs": [asdict(file) for file in analysis.inputs],
         "versions": versions(),
         "seed": analysis.seed,
+        "axis": asdict(analysis.axis),
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
         "answer": [plain(statement) for statement in answer(analysis).statements],
@@ -42,21 +45,50 @@ def summary_text(analysis: Analysis) -> str:
         ],
         "not_compared": list(analysis.not_compared),
         "contact": {words: list(which) for words, which in analysis.contacts.items()},
-        "excluded": _records(analysis.excluded),
-        "levels": _records(levels_told(analysis)),
-        "both": _records(analysis.both),
-        "blank": _records(analysis.blank),
-        "control": _records(analysis.control),
-        "thresholds": _records(analysis.thresholds),
-        "groups": _records(analysis.groups),
-        "differences": _records(analysis.differences),
-        "sensitivity": _records(analysis.sensitivity),
+        "excluded": _records(analysis.excluded, analysis),
+        "levels": _records(levels_told(analysis), analysis),
+        "both": _records(analysis.both, analysis),
+        "blank": _records(analysis.blank, analysis),
+        "control": _records(analysis.control, analysis),
+        "thresholds": _records(analysis.thresholds, analysis),
+        "groups": _records(analysis.groups, analysis),
+        "differences": _records(analysis.differences, analysis),
+        "sensitivity": _records(analysis.sensitivity, analysis),
         "population": [_population(one) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
-        "reaction_times": _records(analysis.reaction_times),
+        "reaction_times": _records(analysis.reaction_times, analysis),
         "warnings": list(analysis.warnings),
     }
     return json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
+    """Return a table of results with a lab's own unit and place.
+
+    Where levels are not in V, columns lose their ``_vpp`` and a last one tells the unit. Where a
+    table made elsewhere has one place, whose side only the map states, no side is told.
+    """
+    side, unit = analysis.one_place, analysis.axis.unit
+    if side:
+        felt = {side: "felt", "none": "not_felt"}
+        sided = {"side", "left", "right", "both", "over_report", "mislocalised"} - {side}
+        sided |= {f"{of}_{at}" for of in ("level", "peak") for at in _SIDED}
+        table = table.drop(columns=[name for name in table if name in sided]).rename(columns=felt)
+        if "response" in table:
+            table = table.assign(response=table["response"].astype(object).replace(felt))
+    if unit != VOLTS.unit and any(str(name).endswith("_vpp") for name in table):
+        names = {name: str(name).removesuffix("_vpp") for name in table}
+        table = table.rename(columns=names).assign(unit=unit)
+    return table
+
+
+def definitions_of(analysis: Analysis) -> dict[str, str]:
+    """Return what the columns mean, of `in_own_words`."""
+    told = dict(definitions_in(analysis.axis.unit))
+    if analysis.one_place:
+        told = {names: text for names, text in told.items() if names not in OF_SIDES}
+        told.update(OF_ONE_PLACE)
+    return told
 
 
 def versions() -> dict[str, str]:
@@ -91,7 +123,8 @@ def _known(value: object) -> object:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def _records(table: pd.DataFrame) -> list[dict[str, object]]:
+def _records(table: pd.DataFrame, analysis: Analysis) -> list[dict[str, object]]:
+    table = in_own_words(table, analysis)
     return [
         {name: _known(value) for name, value in zip(table.columns, row, strict=True)}
         for row in table.itertuples(index=False, name=None)

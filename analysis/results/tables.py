@@ -165,6 +165,11 @@ class Analysis:
         return str(sides.pop()) if len(sides) == 1 and none else ""
 
     @property
+    def one_place(self) -> str:
+        """That side where only a map states it, for a table of one place: then no output does."""
+        return "" if self.side_told else self.one_side
+
+    @property
     def mark(self) -> str:
         """What every output says of the trials where they are no plain results; else empty."""
         return "; ".join(filter(None, (self._simulated, self._practice, self._altered, self._lost)))

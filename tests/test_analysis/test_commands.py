@@ -132,7 +132,8 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
     run("analyze", *EXAMPLE, "--out", tmp_path, "--seed", 7, "--no-figures")
     told = summary(tmp_path)
     assert list(told) == [
-        *("schema", "definitions", "inputs", "versions", "seed", "counts", "mark", "answer"),
+        *("schema", "definitions", "inputs", "versions", "seed", "axis"),
+        *("counts", "mark", "answer"),
         *("devices", "altered", "not_compared", "contact", "excluded", "levels"),
         *(
             "both",

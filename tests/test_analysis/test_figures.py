@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 def analysis_of(**tables: object) -> Analysis:
     """Return an analysis that has nothing but these tables."""
-    others = {"ci": "wilson", "axis": VOLTS, "mark": ""}
+    others = {"ci": "wilson", "axis": VOLTS, "mark": "", "one_place": ""}
     return cast("Analysis", SimpleNamespace(**(others | tables)))
 
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import csv
 import html
 import io
+import json
+import math
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
 from analysis import ColumnMap, print_analysis, write_analysis
+from analysis.axis import VOLTS
 from analysis.results.methods.task import detected_words, is_yes_no, presented_words
+from analysis.results.summary import in_own_words
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, files, loaded, put
 
@@ -87,3 +93,42 @@ def test_two_sides_are_told_as_before(tmp_path: Path) -> None:
     assert told.endswith(" participant, and 1 blank (catch) trial.")
     one = analyse(loaded(tmp_path, LEAST + rows.replace("right,95,right", "left,95,right")))
     assert not one.one_side  # the other side was answered
+
+
+@pytest.mark.slow
+def test_of_one_place_no_output_tells_the_side_that_the_map_alone_states(tmp_path: Path) -> None:
+    head = "participant,level_vpp,detected,rt_s\n"
+    rows = "".join(
+        f"{who},{at},{key},{'n/a' if key == 't' else 0.5}\n"
+        for who in "12" for at, keys in FELT.items() for key in keys * 3
+    )  # fmt: skip
+    path = put(tmp_path / "t.csv", head + rows)
+    mapped = replace(YES_NO, constant={"side": "right"}, axis={"unit": "mN"})
+    analysis = write_analysis([path], tmp_path / "out", columns=mapped, figures=True)
+    assert (analysis.one_side, analysis.one_place) == ("right", "right")
+    printed = io.StringIO()
+    print_analysis(analysis, printed)
+    made = {name: content.decode() for name, content in files(tmp_path / "out").items()
+            if name.endswith((".csv", ".html", ".txt"))}  # fmt: skip
+    made["report.html"] = re.sub(
+        "<style>.*</style>|<[^>]+>", "", made["report.html"], flags=re.DOTALL
+    )
+    for name, told in [("terminal", printed.getvalue()), *made.items()]:
+        assert not re.search(r"right|\bleft\b(?! out)|finger, |_vpp", told), name
+    assert made["blank.csv"].startswith("participant,felt,presented,p,low,high\n")
+    assert made["confusion.csv"].startswith(
+        "condition,kind,felt,not_felt,timeout,invalid,presented"
+    )
+    *_, of = csv.DictReader(io.StringIO(made["thresholds.csv"]))
+    assert (of["participant"], of["unit"]) == ("all", "mN")
+    assert float(of["threshold_db"]) == pytest.approx(20 * math.log10(float(of["threshold"])))
+    summary = json.loads(files(tmp_path / "out")["summary.json"])
+    assert summary["axis"] == {"x_scale": "log10", "unit": "mN"}
+    assert {"level", "unit"} <= {*summary["levels"][0]}
+    assert not any("_vpp" in names for names in summary["definitions"])
+
+
+def test_a_side_that_the_table_tells_stays(tmp_path: Path) -> None:
+    analysis = analyse(loaded(tmp_path, HEAD + ROWS, YES_NO))
+    assert (analysis.one_side, analysis.one_place) == ("right", "")
+    assert "level_vpp" in in_own_words(analysis.levels, replace(analysis, axis=VOLTS))

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from analysis.axis import Axis
     from analysis.results.tables import Analysis
 
 
@@ -35,14 +34,20 @@ def sheets(analysis: Analysis) -> list[Sheet]:
         return []
     shown = (
         "Median reaction time in seconds of correct answers against level, with 10 % and 90 % "
-        "points, for each side"
+        "points"
     )
+    by_side = not analysis.one_place
+    at = "level and finger" if by_side else "level"
     return [
         Sheet(
             title="Reaction times",
-            caption="Median time of correct answers at each level and finger; the bars reach from "
-            "the 10 % to the 90 % point.",
-            alt=in_words(analysis, shown, "numbers are in the table of reaction times"),
+            caption=f"Median time of correct answers at each {at}; "
+            "the bars reach from the 10 % to the 90 % point.",
+            alt=in_words(
+                analysis,
+                f"{shown}, for each side" if by_side else shown,
+                "numbers are in the table of reaction times",
+            ),
             draw=partial(draw, analysis),
         )
     ]
@@ -55,16 +60,19 @@ def draw(analysis: Analysis) -> Figure:
     figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), analysis.mark)
     longest_s = float(timed["p90"].max())
     for panel, (_, rows) in zip(axes, groups, strict=True):
-        _draw(panel, rows, analysis.axis)
+        _draw(panel, rows, analysis)
         panel.set_ylim(0, 1.08 * longest_s or 1.0)
     return figure
 
 
-def _draw(axes: Axes, rows: pd.DataFrame, axis: Axis) -> None:
-    level_axis(axes, rows["level_vpp"], axis)
+def _draw(axes: Axes, rows: pd.DataFrame, analysis: Analysis) -> None:
+    level_axis(axes, rows["level_vpp"], analysis.axis)
     for side, one in rows.groupby("side", observed=True):
         colour, marker, shift_pt = _SIDES.get(str(side), _OTHER)
-        _draw_side(axes, one, f"{side} finger", (colour, marker, shift_pt))
+        name = f"{side} finger: "
+        if analysis.one_place:
+            name, shift_pt = "", 0.0
+        _draw_side(axes, one, name, (colour, marker, shift_pt))
     axes.set_ylabel("Reaction time of correct answers (s)")
     key(axes, columns=1)
 
@@ -83,5 +91,5 @@ def _draw_side(axes: Axes, one: pd.DataFrame, name: str, look: tuple[str, str, f
                   transform=aside)  # fmt: skip
     axes.plot(
         one["level_vpp"], one["median"], color=colour, marker=marker, ms=5, lw=1.2,
-        transform=aside, label=f"{name}: median, 10–90 % of answers",
+        transform=aside, label=f"{name}median, 10–90 % of answers",
     )  # fmt: skip
