@@ -37,6 +37,15 @@ class Lack:
         return f"{self.what} is missing: {self.remedy}"
 
 
+def installing(extra: str, constraints: str = "constraints.txt") -> str:
+    """Say how an extra is installed; the project is in no package index.
+
+    >>> installing("audio")
+    'in the clone of tactstrip: pip install -e ".[audio]" -c constraints.txt'
+    """
+    return f'in the clone of tactstrip: pip install -e ".[{extra}]" -c {constraints}'
+
+
 class Outcome(StrEnum):
     """What became of a burst: felt, surely not, or not known.
 

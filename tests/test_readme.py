@@ -21,6 +21,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = {name: (ROOT / "docs" / name).read_text(encoding="utf-8") for name in
          ("commands.md", "plate.md", "record.md")}  # fmt: skip
 """What the README leaves to others, and what they say."""
+RUN = (sys.executable, "-m", "tactstrip")
 SET_UP, HARDWARE = "python3 -m venv", "--driver"
 """How lines begin that `.ci/run` runs; what is in those that need a device."""
 
@@ -114,13 +115,14 @@ def test_its_commands_run_as_they_stand(tmp_path: Path) -> None:
                 continue
             words += ["--responder", "simulated"]
         if words[0] == "tactstrip":
-            words[:1] = [sys.executable, "-m", "tactstrip"]
+            words[:1] = RUN
         subprocess.run(words, cwd=tmp_path, check=True, capture_output=True)
         done.append(re.sub("^tactstrip ", "", line).split()[0])
         filled_in(tmp_path / "map.toml")
         if done[-1] == "dry-run":
             shutil.move(tmp_path / "dry-run-1", tmp_path / "results")
-    of_table, of_plate = ["cp", "columns", "analyze"], ["init", "check", "sed", "run"]
+    of_table = ["cp", "columns", "analyze"]
+    of_plate = ["init", "check", "field", "sed", "run"]
     assert done == [*of_table, *of_plate, "init", "check", "dry-run", "analyze"]
     told = (
         "analysis/report.html",
@@ -145,6 +147,8 @@ def test_the_dry_run_prints_what_is_shown_of_it(tmp_path: Path) -> None:
     first, *lines = shown[1].splitlines()
     seed = re.fullmatch(r"5 simulated participants, seed (\d+), in dry-run-1", first)
     assert seed is not None
-    words = (sys.executable, "-m", "tactstrip", "dry-run", "--seed", seed[1])
+    study = re.search(r"tactstrip dry-run (\S+\.toml)$", README, re.MULTILINE)
+    assert study is not None
+    words = (*RUN, "dry-run", str(ROOT / study[1]), "--seed", seed[1])
     done = subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, text=True)
     assert [line for line in lines if line not in {"...", *done.stdout.splitlines()}] == []

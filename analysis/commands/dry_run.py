@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import secrets
 import sys
+import textwrap
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 
 MOST_PARTICIPANTS = 10_000
+_WIDTH = 80
 
 
 @click.command("dry-run", epilog="Example: tactstrip dry-run study.toml --seed 7")
@@ -60,13 +62,14 @@ def dry_run(
 ) -> None:
     """Run simulated participants on the mock device, then analyze their sessions.
 
-    Without STUDY it is the paper's protocol. The same seed gives the same trials.csv.
+    Without STUDY it is the paper's protocol, whose levels lie above the threshold that is assumed:
+    it gives a bound. The same seed gives the same trials.csv.
     """
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
     from experiment.study.read import paper_study, read_study
-    from experiment.study.simulated import unmeasured
+    from experiment.study.simulated import people_words, unmeasured
     from experiment.study.study import told_by_file
 
     with working("Checking"), told_by_file(study_file):
@@ -75,6 +78,8 @@ def dry_run(
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
+    for words in people_words(study, check.gains[0].fingers()):
+        click.echo(textwrap.fill(words, _WIDTH, subsequent_indent="  "))
     for words in unmeasured(study):
         click.echo(f"Threshold curves: {words}")
     _simulate(check, folder, participants, seed)

@@ -11,6 +11,7 @@ import numpy as np
 from analysis.groups.group import FEW, PeopleTables, group_draws
 from analysis.thresholds.people import people_of
 from experiment.study.sections.table import stated_of
+from experiment.study.simulated import threshold_vpp
 from experiment.terms.chances import answer_probabilities
 
 if TYPE_CHECKING:
@@ -208,14 +209,6 @@ def _numbers(
         and isinstance(value, int | float)
         and key not in _OF_DIFFERENCE
     )
-
-
-def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
-    """Return the level that the median person feels half of the time, in the middle of fingers."""
-    if population.threshold_vpp is not None:
-        return population.threshold_vpp
-    assert population.threshold_um is not None  # one of the two is given
-    return population.threshold_um / math.sqrt(gains.left[0] * gains.right[1])
 
 
 def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGains) -> float:

@@ -113,6 +113,7 @@ def text(promise: Promise) -> str:
     if promise.best and promise.best.checked:
         told = f"{promise.best.checked.studies} fresh studies, which took no part in the search,"
         lines += [f"Of {told} {_percent(promise.best.checked)} reach it."]
+    lines += [f"{_assumed(promise.people)}; all are listed below."]
     if len(promise.answers) > 1:
         lines += ["", "For each design:"]
         lines += [f"  {_people(one)}, {_design(one)}" for one in promise.answers]
@@ -128,6 +129,24 @@ def text(promise: Promise) -> str:
     if promise.ethics:
         lines += ["", "For the ethics form:", promise.ethics]
     return "\n".join([*lines, "", f"Seed {promise.seed}"])
+
+
+def _assumed(people: People) -> str:
+    """Say whom the answer holds for: the two numbers that decide it, and whose they are."""
+    told = {one.key: one for one in people.numbers}
+    parts = [
+        f"{words} = {told[key].value:g} {unit} ({told[key].source})"
+        for key, words, unit in _DECIDING
+        if key in told
+    ]
+    return f"The simulated people: {', '.join(parts)}"
+
+
+_DECIDING = (
+    ("threshold_um", "median threshold", "um"),
+    ("threshold_vpp", "median threshold", "V"),
+    ("threshold_sd_db", "SD between people", "dB"),
+)
 
 
 def as_json(promise: Promise) -> str:

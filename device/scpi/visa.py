@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
-from device.driver import Lack, LinkError
+from device.driver import Lack, LinkError, installing
 from device.wire.channels import USUAL, Channel, LineSettings, open_channel, port_lack
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SCHEME: Final = "visa:"
 """What stands before the name of a VISA resource."""
 
-_REMEDY: Final = 'pip install "tactstrip[visa]"'
+_REMEDY: Final = installing("visa")
 _LIBRARY: Final = "PYVISA_LIBRARY"
 _PURE_PYTHON: Final = "@py"
 _OPEN_WITHIN_MS: Final = 5000

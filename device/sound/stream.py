@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, TypeVar
 
-from device.driver import Lack, LinkError
+from device.driver import Lack, LinkError, installing
 from device.sound.player import Frames
 
 if TYPE_CHECKING:
@@ -139,8 +139,8 @@ def _started(kind: str, card: str, **settings: Any) -> Any:
         import sounddevice
     except (ImportError, OSError) as error:
         raise LinkError(
-            'sound needs sounddevice and PortAudio: pip install "tactstrip[audio]", on Debian '
-            f"also the package libportaudio2; got {error}"
+            f"sound needs sounddevice and PortAudio: {installing('audio')}, on Debian also the "
+            f"package libportaudio2; got {error}"
         ) from error
     try:
         stream = getattr(sounddevice, kind)(
@@ -172,7 +172,7 @@ def sound_lack() -> Lack | None:
     Cards are looked for on Linux only; a sound server may bring one that the kernel does not know.
     """
     if find_spec("sounddevice") is None:
-        return Lack(what="sounddevice", remedy='pip install "tactstrip[audio]"')
+        return Lack(what="sounddevice", remedy=installing("audio"))
     if not sys.platform.startswith("linux"):
         return None  # the wheels of sounddevice bring PortAudio there
     try:

@@ -27,7 +27,7 @@ from analysis.results.tables import analyse
 from experiment import simulate_study
 from experiment.preview import plate_of
 from experiment.study.physics import study_gains
-from experiment.study.read import study_from_text
+from experiment.study.read import read_study
 from experiment.study.sections.stimulus import unscaled_peak
 from stimuli import Scene, causal, transient
 
@@ -50,18 +50,7 @@ SHOWN_VPP: Final = 59.0
 MOMENTS_S: Final = (0.4e-3, 0.7e-3, 1.3e-3, 2.5e-3)
 """The burst is over after 2 ms."""
 
-# What differs from the paper's protocol: the window, the levels, "none" as an answer, blanks.
-STUDY: Final = """
-study = { name = "front-page" }
-burst = { window = "hann" }
-
-[design]
-levels_vpp = [30, 42, 59, 83, 117]
-blank_trials = 60
-order = "balanced"
-responses = ["left", "right", "both", "none"]
-break_every = 43
-"""
+STUDY: Final = Path(__file__).parents[1] / "examples" / "first-study.toml"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,7 +108,7 @@ class FrontPage:
 
 def numbers() -> FrontPage:
     """Compute the burst on the plate, simulate the people and analyse their answers."""
-    study = study_from_text(STUDY, "study.toml")
+    study = read_study(STUDY)
     x_m, y_m, moved_m = _motion(study)
     gains = study_gains(study)
     own, other = gains[0].per_vpp[0][0], gains[0].per_vpp[1][0]

@@ -14,7 +14,7 @@ import sys
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from device.driver import Lack
+from device.driver import Lack, installing
 from experiment.participant.wrapping import as_drawn, wrapped
 from experiment.terms.exits import STOPPED_EARLY
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from experiment.study.sections.presentation import Screen
 
 
+_REMEDY = installing("screen", "constraints-screen.txt")
 _kept: list[object] = []
 """What Xlib may call until the program ends."""
 
@@ -123,7 +124,7 @@ def window_lacks() -> tuple[Lack, ...]:
     try:
         require_python(sys.version_info[:2])
         if find_spec("psychopy") is None:
-            lacks.append(Lack(what="PsychoPy", remedy='pip install "tactstrip[screen]"'))
+            lacks.append(Lack(what="PsychoPy", remedy=_REMEDY))
     except NoScreenError:
         lacks.append(Lack(what="Python 3.11 or 3.12", remedy="PsychoPy has no newer one"))
     try:
@@ -176,9 +177,7 @@ def _visual() -> Any:
         logging.console.setLevel(logging.ERROR)
         from psychopy import visual
     except ImportError as error:
-        raise NoScreenError(
-            f'--responder screen needs PsychoPy: pip install "tactstrip[screen]"; got {error}'
-        ) from error
+        raise NoScreenError(f"--responder screen needs PsychoPy: {_REMEDY}; got {error}") from error
     except Exception as error:
         if type(error).__name__ != "NoSuchDisplayException":  # pyglet's, not importable without
             raise

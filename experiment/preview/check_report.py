@@ -11,7 +11,7 @@ from experiment.apparatus.monitor import monitor_words, onset_doubt
 from experiment.apparatus.rig import lacking_of, shared_card
 from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
-from experiment.study.origins import instead_of_trials
+from experiment.study.origins import deciding_words, instead_of_trials
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.simulated import unmeasured
@@ -99,10 +99,12 @@ def check_findings(
     _tell_plan(found, check, study.device if device is None else device)
     found.tell(
         "other numbers",
-        f"{words_of_the_others(study)}; --json lists them",
+        words_of_the_others(study),
         sources={one.key: one.facts for one in study_sources(study)},
     )
     others = others_than_the_plates(study)
+    for line in deciding_words(others):
+        found.tell("", line)
     for origin, whose in (("yours", "yours"), ("paper", "the paper's")):
         keys = ", ".join(one.key for one in others if one.origin == origin)
         for line in textwrap.wrap(f"{whose}: {keys}", _WIDTH) if keys else ():

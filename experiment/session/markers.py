@@ -12,6 +12,8 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from device.driver import installing
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -144,7 +146,7 @@ def _pylsl() -> Any:
     try:
         import pylsl
     except ImportError as error:
-        raise MarkerError('--lsl needs pylsl: pip install "tactstrip[lsl]"') from error
+        raise MarkerError(f"--lsl needs pylsl: {installing('lsl')}") from error
     except RuntimeError as error:  # it finds no liblsl
         raise MarkerError(f"--lsl needs liblsl: {str(error).splitlines()[0]}") from error
     return pylsl

@@ -162,3 +162,31 @@ def counted(sources: Iterable[Source]) -> str:
         for origin, words in _WHOSE.items()
         if origin in origins or origin != "computed"
     )
+
+
+_DECIDING: Final = {
+    "design.levels_vpp": "V: do some lie below the threshold, some above?",
+    "device.ceiling_vpp": "V: do amplifier and actuators bear it?",
+    "masking.level_dbfs": "dB: is the noise loud enough, and no louder?",
+    "simulation.threshold_um": "um: of simulated people only, as are all of simulation",
+    "simulation.threshold_vpp": "V: of simulated people only, as are all of simulation",
+}
+"""Numbers that a lab should look at before it leaves them as they are, and what to ask of them.
+
+Of those not of the plate: the others say how something is done, and suit most laboratories.
+"""
+
+
+def deciding_words(sources: Iterable[Source]) -> list[str]:
+    r"""Return the assumed numbers that a result or somebody's safety hangs on, a line each.
+
+    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.sources import study_sources
+    >>> print(*deciding_words(study_sources(paper_study()))[:2], sep="\n")
+    look at these, which are assumed:
+      device.ceiling_vpp = 200 V: do amplifier and actuators bear it?
+    """
+    told = [one for one in sources if one.origin == "assumed" and one.key in _DECIDING]
+    lines = [f"  {one.key} = {one.printed} {_DECIDING[one.key]}" for one in told]
+    last = "  the others are defaults; the study file that init writes explains each"
+    return ["look at these, which are assumed:", *lines, last] if told else []

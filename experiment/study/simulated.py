@@ -1,15 +1,54 @@
-"""What the threshold curves of simulated people are asked for by a study's stimuli."""
+"""Who the simulated people of a study are, and what its stimuli ask of their threshold curves."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
+from experiment.study.origins import YOURS, stated
 from experiment.terms.curves import Vibration
 from stimuli import Burst
 
 if TYPE_CHECKING:
+    from experiment.study.sections.simulation import Simulation
     from experiment.study.study import Study
+    from experiment.terms.gains import FingerGains
+
+
+def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
+    """Return the level that the median person feels half of the time, in the middle of fingers."""
+    if population.threshold_vpp is not None:
+        return population.threshold_vpp
+    assert population.threshold_um is not None  # one of the two is given
+    return population.threshold_um / math.sqrt(gains.left[0] * gains.right[1])
+
+
+def people_words(study: Study, gains: FingerGains) -> tuple[str, ...]:
+    """Say where simulated people's thresholds lie, who says so, and what it makes of the levels.
+
+    `gains` are those of the first condition.
+
+    >>> from experiment.study.read import study_from_text
+    >>> from experiment.terms.gains import OWN_FINGER_ONLY
+    >>> text = "simulation = { threshold_vpp = 70 }"
+    >>> print(*people_words(study_from_text(text, "study.toml"), OWN_FINGER_ONLY))
+    As the study states: median threshold 70 V, SD between people 1.5 dB.
+    """
+    people, levels, condition = study.simulation, study.design.levels_vpp, study.conditions[0].name
+    key = "threshold_vpp" if people.threshold_um is None else "threshold_um"
+    own = stated(people, key, by_value=False)
+    whose = "As the study states" if own == YOURS else "Assumed"
+    shifts_db = [people.known_for.shift_db(one) for one in vibrations(study).get(condition, ())]
+    median_vpp = threshold_vpp(people, gains) * 10 ** (sum(shifts_db) / 2 / 20)
+    known = f" ({people.threshold_um:g} um)" if people.threshold_um is not None else ""
+    where = f" in condition {condition}" if len(study.conditions) > 1 else ""
+    spread = f"SD between people {people.threshold_sd_db:g} dB"
+    words = f"{whose}: median threshold {median_vpp:.3g} V{known}{where}, {spread}."
+    below, above = min(levels) < median_vpp, max(levels) > median_vpp
+    if below and above:
+        return (words,)
+    side = "above" if above else "below"
+    return words, f"All levels lie {side} that: expect an open interval, or only a bound."
 
 
 def vibrations(study: Study) -> dict[str, tuple[Vibration, Vibration]]:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from device.clock import MonotonicClock
-from device.driver import LinkError, Outcome, SettingError
+from device.driver import LinkError, Outcome, SettingError, installing
 from device.emulate.generator import IDENTITY
 from device.scpi.generator import GeneratorDevice, generator_device, identify_generator
 from device.scpi.line import ScpiLine
@@ -194,7 +194,7 @@ def test_what_is_missing_is_said_with_its_remedy(
 ) -> None:
     assert instrument_lack(port) is None
     monkeypatch.setitem(sys.modules, module, None)
-    assert str(instrument_lack(port)) == f'{what} is missing: pip install "tactstrip[visa]"'
+    assert str(instrument_lack(port)) == f"{what} is missing: {installing('visa')}"
 
 
 def test_another_library_is_taken_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

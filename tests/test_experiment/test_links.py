@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import pytest
 
 import device.emulate.generator
+from device.driver import installing
 from device.emulate.generator import GeneratorEmulator
 from device.emulate.lines import TcpLine
 from experiment.apparatus.rig import assemble
@@ -394,7 +395,7 @@ def test_visa_without_its_extra_is_one_line(
         result = check("--device", *words)
     assert result.exit_code == 3
     assert len(result.stderr.splitlines()) == 1
-    assert result.stderr.endswith('VISA needs pyvisa: pip install "tactstrip[visa]"\n')
+    assert result.stderr.endswith(f"VISA needs pyvisa: {installing('visa')}\n")
     assert not short.folder().path.exists()
 
 

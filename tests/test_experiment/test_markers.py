@@ -229,7 +229,7 @@ def test_times_are_on_the_streams_own_clock(pylsl: Any, inlets: list[Inlet]) -> 
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (ImportError("No module named 'pylsl'"), r'pip install "tactstrip\[lsl\]"'),
+        (ImportError("No module named 'pylsl'"), r'pip install -e "\.\[lsl\]"'),
         (RuntimeError("LSL binary library file was not found.\nmore"), "needs liblsl: LSL binary"),
     ],
 )

@@ -290,7 +290,7 @@ class MonitorSettings:
 class Masking:
     """The noise in the headphones that hides the sound of the actuators.
 
-    To play it to a person, `run` needs sounddevice: pip install "tactstrip[audio]".
+    To play it to a person, `run` needs sounddevice: pip install -e ".[audio]" -c constraints.txt.
     """
 
     noise: Noise = Field(default="pink", description="what is played")
