@@ -26,7 +26,7 @@ def columns(*, table: Path, target: Path | None) -> None:
     TABLE is a file, a folder of such or a BIDS data set. What is guessed is called so; what is
     empty must be filled in before analyze takes the map.
     """
-    from analysis.reading.foreign.draft import map_draft
+    from analysis.reading.foreign.draft import NOTE, map_draft
     from analysis.reading.sources import TABLE, find_sources
 
     if target is not None and (target.exists() or target.is_symlink()):
@@ -40,4 +40,7 @@ def columns(*, table: Path, target: Path | None) -> None:
         return
     write_new(target, text.encode(), DISK)
     todo = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
+    for line in text.splitlines():
+        if line.startswith(NOTE):
+            click.echo(line.removeprefix(NOTE))
     click.echo(f"Written to {target}; {todo}tactstrip analyze {table} --columns {target}")

@@ -193,6 +193,19 @@ def test_a_column_that_may_be_the_condition_is_offered_and_not_taken(tmp_path: P
     assert "condition" not in tomllib.loads(told)["columns"]
 
 
+def test_a_draft_says_which_rows_are_skipped_and_which_are_blanks(tmp_path: Path) -> None:
+    target = tmp_path / "map.toml"
+    table = EXAMPLES / "psychopy-trials.csv"
+    told = run("columns", table, "--write", target).stdout.splitlines()
+    assert told[0] == '7 of 119 rows are skipped, by [rows.skip] "trials.thisN" = ""'
+    assert told[1].startswith("32 rows have level 0: blanks, where the answer")
+    text = target.read_text(encoding="utf-8")
+    assert all(f"# Note: {line}\n" in text for line in told[:2])
+    read = read_inputs([table], load_column_map(EXAMPLES / "psychopy-columns.toml"))
+    assert read.left_out == 7
+    assert read.trials["kind"].eq("blank").sum() == 32
+
+
 CELLS = st.sampled_from(
     ["", "left", "1", "0", "60,5", "null", "practice", "a\tb", '"', "\x7f", "é"]
 )

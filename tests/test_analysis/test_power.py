@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -27,7 +29,6 @@ from experiment.terms.gains import ConditionGains
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from pathlib import Path
 
     from analysis.power.search import Answer
     from experiment.study.study import Study
@@ -263,6 +264,24 @@ def test_the_answer_is_the_smallest_number_that_exact_sums_allow(tmp_path: Path)
     assert found["levers"][0]["change"] == "40 blanks instead of 20"
     assert "false alarms bounded" in found["ethics"]
     assert figure.read_text().startswith("<?xml")
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_shape_of_the_json(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(BLANKS)
+    told = ["--goal", "false-alarms=9%", "--participants", "5", "10", "--seed", "3", "--json"]
+    found = json.loads(CliRunner().invoke(power, [str(path), *told]).stdout)
+    page = (Path(__file__).parents[2] / "docs" / "power.md").read_text(encoding="utf-8")
+    block = re.search(r"<!-- shape of power --json -->\n```json\n(.*?)```", page, re.DOTALL)
+    assert block is not None
+    shown = json.loads(block[1])
+    assert list(shown) == list(found)
+    for key in ("goal", "answer"):
+        assert {*shown[key]} == {*found[key]}
+    for key in ("tried", "levers", "people"):
+        assert {*shown[key][0]} == {*found[key][0]}
+    assert {*found["answer"]["checked"]} == {*found["tried"][0]}
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ be guessed is left empty, and refused by the key's name until somebody fills it 
 
 from __future__ import annotations
 
-import codecs
 import json
 import re
 from collections import Counter
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
-from analysis.reading.foreign.form import RowFilter, foreign_chunks, text_format
+from analysis.reading.foreign.form import RowFilter, foreign_chunks, guessed_encoding, text_format
 from analysis.reading.sources import unreadable
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
@@ -63,14 +62,15 @@ _FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
 }
 _MOST_FILES, _MOST_WORDS, _SHOWN, _MOST_CONDITIONS = 40, 12, 8, 6
-_LOOKED_AT: Final = 2**20
-_UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
 _NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _PADDED: Final = re.compile(r"0\d")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _NO_CONDITION: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
+NOTE: Final = "# Note: "
+"""How a line of a draft begins that says what becomes of rows."""
+_ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
 
@@ -119,7 +119,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     """
     tasks = list(dict.fromkeys(one.about.get("task-", "") for one in sources))
     chosen = [one for one in sources if one.about.get("task-", "") == tasks[0]]
-    encoding = _encoding(chosen[:_MOST_FILES])
+    encoding = guessed_encoding([one.path for one in chosen[:_MOST_FILES]])
     table = _read(chosen[:_MOST_FILES], encoding)
     more = f" and {len(chosen) - 1} more" if len(chosen) > 1 else ""
     lines = [
@@ -130,8 +130,9 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
         _put(sections, "file", "encoding", encoding, "guess: it is not UTF-8")
     if len(tasks) > 1:
         _put(sections, "rows.keep", "task-", tasks[0], f"guess; tasks here: {_list(tasks)}")
-    table = _rows(table, sections)
+    looked_at, table = table, _rows(table, sections)
     _columns(table, sections)
+    lines += [f"{NOTE}{words}" for words in _notes(looked_at, table, sections)]
     needs_task = "table" in sections or any("detected" in line for line in sections["columns"])
     if needs_task:
         lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
@@ -148,21 +149,19 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     return "\n".join(lines) + "\n", blanks
 
 
-def _encoding(sources: Sequence[InputTable]) -> str:
-    """Guess what tables are in that are not UTF-8: what a spreadsheet in Western Europe writes."""
-    for source in sources:
-        try:
-            with source.path.open("rb") as stream:
-                start = stream.read(_LOOKED_AT)
-        except OSError as error:
-            raise unreadable(error, source.path) from None
-        if start.startswith(_UTF_16):
-            return ""
-        try:
-            codecs.getincrementaldecoder("utf-8")().decode(start)
-        except UnicodeDecodeError:
-            return "cp1252"
-    return ""
+def _notes(looked_at: _Table, trials: _Table, sections: Mapping[str, list[str]]) -> Iterator[str]:
+    """Say how many rows are skipped and by what, and what becomes of those of level 0."""
+    if skipped := len(looked_at.rows) - len(trials.rows):
+        kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
+                for line in sections.get(name, ())]  # fmt: skip
+        yield f"{skipped} of {len(looked_at.rows)} rows are skipped, by {', '.join(kept)}"
+    level = trials.called(_CALLED["level_vpp"])
+    levels = (level is not None and trials.numbers(level)) or []
+    if (zeros := levels.count(0.0)) and min(levels) == 0:
+        yield (
+            f'{zeros} rows have level 0: blanks, where the answer "none" is right (in a forced '
+            "choice [rows.skip] has to leave them out); each counts for its own condition only"
+        )
 
 
 def _read(sources: Sequence[InputTable], encoding: str) -> _Table:
@@ -379,7 +378,10 @@ def _quoted(value: str | list[str]) -> str:
 def _told(table: _Table) -> Iterator[str]:
     for name in dict.fromkeys(table.header):
         if name:
-            yield f"{one_line(name)}: {_of(table, name)}"
+            file = "; the name of the file without its ending, to be used like a column" * (
+                name == FILE
+            )
+            yield f"{one_line(name)}: {_of(table, name)}{file}"
 
 
 def _of(table: _Table, name: str) -> str:

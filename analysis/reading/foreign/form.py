@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 import tomllib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
+from analysis.reading.sources import unreadable
 from analysis.reading.text import (
     DELIMITERS,
     TWICE,
@@ -18,7 +20,8 @@ from analysis.reading.text import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
 
     from analysis.reading.text import Chunk
 
@@ -27,6 +30,8 @@ FILE_KEYS: Final = ("delimiter", "decimal", "encoding")
 DECIMALS: Final = (".", ",")
 _DELIMITER_OF: Final = {".tsv": "\t"}
 _MOST_TOLD: Final = 8
+_LOOKED_AT: Final = 2**20
+_UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
 _LONGEST_WORD: Final = 60
 
 
@@ -245,3 +250,24 @@ def _kept(
         whole = [(line, [*row, *told]) for line, row in zip(lines, rows, strict=True)]
         kept = [(line, row) for line, row in whole if wanted(row)]
         yield ([line for line, _ in kept], [row for _, row in kept]), len(whole) - len(kept)
+
+
+def guessed_encoding(paths: Iterable[Path]) -> str:
+    """Guess what tables are in that are not UTF-8: what a spreadsheet in Western Europe writes.
+
+    >>> guessed_encoding([])
+    ''
+    """
+    for path in paths:
+        try:
+            with path.open("rb") as stream:
+                start = stream.read(_LOOKED_AT)
+        except OSError as error:
+            raise unreadable(error, path) from None
+        if start.startswith(_UTF_16):
+            return ""
+        try:
+            codecs.getincrementaldecoder("utf-8")().decode(start)
+        except UnicodeDecodeError:
+            return "cp1252"
+    return ""
