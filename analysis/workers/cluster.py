@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from analysis.workers.crew import StoppedError
 from analysis.workers.kept import DECIDES, versions
 from analysis.workers.memory import keep_freed_memory
-from device.driver import installing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -132,8 +131,10 @@ def connected(scheduler: Any) -> Iterator[Any]:
     try:
         from distributed import Client
     except ImportError as error:
-        told = installing("cluster")
-        raise ValueError(f"--scheduler needs dask.distributed: {told}") from error
+        raise ValueError(
+            "--scheduler needs dask.distributed: in the clone of tactstrip: "
+            'pip install -e ".[cluster]" -c constraints.txt'
+        ) from error
     if isinstance(scheduler, Client):
         yield scheduler
         return
