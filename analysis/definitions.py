@@ -62,6 +62,10 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "of either kind in each rate, and its 95 % limits; in a row 'all' the mean of the "
         "participants with limits by Student's t; with _a and _b of the conditions of a "
         "difference, over the levels of both",
+        "d_prime_difference, d_prime_difference_low, d_prime_difference_high": "d_prime_b - "
+        "d_prime_a with 95 % limits: of a participant from those of both d', added in "
+        "quadrature; in a row 'all' by Student's t within participants, by Welch's "
+        "where they are others",
         "d_prime_answered": "the same of the answered trials alone, without time-outs and invalid "
         "keys",
         "threshold_db, threshold_low_db, threshold_high_db": "the same in dB re 1 V peak-to-peak",

@@ -12,7 +12,7 @@ from .counting import (
 )
 from .detection import cells, level_table
 from .doubts import DRIFTING, GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
-from .dprime import sensitivity_table, z_of
+from .dprime import d_prime_limits, sensitivity_table, z_of
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share, SidePreference
 from .serial import SerialEffect
@@ -37,6 +37,7 @@ __all__ = [
     "confusion_table",
     "counted",
     "counting",
+    "d_prime_limits",
     "detection",
     "doubtful",
     "doubtful_counts",

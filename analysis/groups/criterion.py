@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 
 from analysis.answers.counting import COUNTED_KINDS
-from analysis.answers.dprime import z_of
-from analysis.definitions import TOTAL
+from analysis.answers.dprime import d_prime_limits, z_of
+from analysis.definitions import LIMITS, TOTAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 BESIDE_COLUMNS: Final = (
     "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b", "d_prime_a", "d_prime_b",
+    "d_prime_difference", "d_prime_difference_low", "d_prime_difference_high",
 )  # fmt: skip
 _MOST_EXACT: Final = 10_000
 """Of more false alarms the test is that of the normal distribution."""
@@ -107,6 +108,7 @@ def _beside(
         levels = {*parts[0]["level_vpp"]} & {*parts[1]["level_vpp"]}
         parts = [part[part["level_vpp"].isin(levels)] for part in parts]
     found: dict[str, dict[str, float]] = {}
+    own: list[pd.DataFrame] = []
     for part, suffix in zip(parts, "ab", strict=True):
         each = part.groupby("participant", as_index=False).agg(
             {"felt": "sum", "presented": "sum", "false_alarms": "first", "blanks": "first"}
@@ -116,13 +118,58 @@ def _beside(
             for name in ("felt", "presented", "false_alarms", "blanks")
         )
         d_prime = z_of(felt, presented) - z_of(false_alarms, blanks)
+        low, high = d_prime_limits(felt, presented, false_alarms, blanks)
+        own.append(
+            pd.DataFrame({"at": d_prime, "low": low, "high": high}, index=each["participant"])
+        )
         names = [*each["participant"], TOTAL] if len(each) else []
         columns = ([*false_alarms, false_alarms.sum()], [*blanks, blanks.sum()],
                    [*d_prime, d_prime.mean() if len(each) else np.nan])  # fmt: skip
         for name, *values in zip(names, *columns, strict=False):
             told = zip(("false_alarms", "blanks", "d_prime"), values, strict=True)
             found.setdefault(name, {}).update({f"{key}_{suffix}": value for key, value in told})
+    for name, of in _apart(*own, paired=bool(people)).items():
+        found[name].update(zip(BESIDE_COLUMNS[-3:], of, strict=True))
     return found
+
+
+def _apart(
+    a: pd.DataFrame, b: pd.DataFrame, *, paired: bool
+) -> dict[str, tuple[float, float, float]]:
+    """Return by how much d' of b lies above that of a, with 95 % limits, of each and of `TOTAL`.
+
+    Of a person the distances of both limits are added in quadrature, as those of a d' are; of all
+    it is the mean by Student's t, within people, or by Welch's where these are others.
+    """
+    from scipy.stats import t
+
+    if a.empty or b.empty:
+        return {}
+    found: dict[str, tuple[float, float, float]] = {}
+    if paired:
+        one, other = (table.loc[a.index.intersection(b.index)] for table in (a, b))
+        at = other["at"] - one["at"]
+        if at.empty:
+            return {}
+        low = at - np.hypot(other["at"] - other["low"], one["high"] - one["at"])
+        high = at + np.hypot(other["high"] - other["at"], one["at"] - one["low"])
+        found = {
+            str(name): (float(x), float(least), float(most))
+            for name, x, least, most in zip(at.index, at, low, high, strict=True)
+        }
+        parts, free = [at.var() / len(at)], len(at) - 1.0
+        middle = float(at.mean())
+    else:
+        parts = [float(table["at"].var()) / len(table) for table in (a, b)]
+        known = [
+            part**2 / (len(table) - 1)
+            for part, table in zip(parts, (a, b), strict=True)
+            if len(table) > 1
+        ]
+        free = sum(parts) ** 2 / sum(known) if len(known) > 1 and sum(known) > 0 else 0.0
+        middle = float(b["at"].mean() - a["at"].mean())
+    half = t.ppf(LIMITS[1], free) * sum(parts) ** 0.5 if free > 0 else np.nan
+    return found | {TOTAL: (middle, float(middle - half), float(middle + half))}
 
 
 def same_rates_p(alarms: Sequence[Sequence[int]], blanks: Sequence[Sequence[int]]) -> float:

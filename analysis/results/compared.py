@@ -220,7 +220,10 @@ def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         if not math.isnan(a + b):
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
             name = f"d' in {isolated(one.b)} against {isolated(one.a)}"
-            yield name, f"{b:.2f} against {a:.2f}", f"{of}all levels of both"
+            ends = (one.row[f"d_prime_difference{end}"] for end in ("", "_low", "_high"))
+            apart, low, high = map(float, ends)
+            limits = "" if math.isnan(low) else f", {apart:+.2f} ({low:+.2f} to {high:+.2f})"
+            yield name, f"{b:.2f} against {a:.2f}{limits}", f"{of}all levels of both"
 
 
 def totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from analysis.definitions import POPULATION, TOTAL
 from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import plain
+from analysis.results.methods import one_side_words
 from analysis.results.rows import (
     TERMINAL,
     both_cells,
@@ -17,7 +18,6 @@ from analysis.results.rows import (
     forced_choice,
     level_rows,
     not_compared_words,
-    one_side_words,
     population_spread,
     population_text,
 )

@@ -24,7 +24,7 @@ from analysis.definitions import (
 )
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer
 from analysis.results.figures.confusion import stimulus
-from analysis.results.methods import counts_told, is_yes_no, methods_of
+from analysis.results.methods import counts_told, is_yes_no, methods_of, one_side_words
 from analysis.results.protocol import (
     measured_rows,
     number_tables,
@@ -48,7 +48,6 @@ from analysis.results.rows import (
     level_rows,
     level_text,
     not_compared_words,
-    one_side_words,
     p_text,
     population_cells,
     width_text,

@@ -154,14 +154,6 @@ def level_rows(analysis: Analysis, style: Style) -> LevelRows:
     )
 
 
-def one_side_words(side: str) -> str:
-    """Say why nothing is told of sides."""
-    return (
-        f"All stimuli and all answers that name a side were of one side, {side}: what compares "
-        "sides is left out"
-    )
-
-
 def none_in_part(analysis: Analysis) -> bool:
     """Tell whether "none" could be answered in some trials that count, but not in all."""
     if analysis.detected_any is not None or analysis.trials.empty:
@@ -221,6 +213,7 @@ def difference_rows(
         header = ["Participant", "Difference (95 %)", "First"]
         if len(analysis.sensitivity):
             header += [f"{what}, {name}" for what in ("False alarms", "d'") for name in (a, b)]
+            header.append("Difference of d' (95 %)")
         cells = [
             ["Group" if row["participant"] == TOTAL else str(row["participant"]),
              str(row["printed"]), *_beside(row, style)][: len(header)]
@@ -238,7 +231,8 @@ def _beside(row: pd.Series[Any], style: Style) -> list[str]:
         for one in "ab"
     ]
     first = row["first"] if isinstance(row["first"], str) else "n/a"
-    return [first, *shares, *(_two(row[f"d_prime_{one}"]) for one in "ab")]
+    told = [*(_two(row[f"d_prime_{one}"]) for one in "ab"), _ends(row, "d_prime_difference", style)]
+    return [first, *shares, *told]
 
 
 D_PRIME_HEAD: Final = (
@@ -254,16 +248,19 @@ def d_prime_rows(analysis: Analysis, style: Style) -> Iterator[tuple[str, list[l
 
 def _d_prime(row: pd.Series[Any], analysis: Analysis, style: Style) -> list[str]:
     level = row["level_vpp"]
-    low, high = (_two(row[f"d_prime_{end}"]) for end in ("low", "high"))
-    at = _two(row["d_prime"])
     return [
         "all levels" if math.isnan(level) else f"{shortest(level)} {analysis.axis.unit}",
         str(row["participant"]),
         style.share(int(row["felt"]), int(row["presented"])),
         style.share(int(row["false_alarms"]), int(row["blanks"])),
-        at if low == "n/a" else f"{at} ({low}{style.to}{high})",
+        _ends(row, "d_prime", style),
         _two(row["d_prime_answered"]),
     ]
+
+
+def _ends(row: pd.Series[Any], name: str, style: Style) -> str:
+    at, low, high = (_two(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
+    return at if low == "n/a" else f"{at} ({low}{style.to}{high})"
 
 
 def _two(value: float) -> str:

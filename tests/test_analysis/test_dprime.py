@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import norm
+from scipy.stats import norm, ttest_1samp, ttest_ind
 
 from analysis.answers.choice import choices
 from analysis.answers.dprime import (
@@ -134,3 +135,32 @@ def test_the_condition_that_was_over_first_is_named(
     found = with_criterion(pair("1", "all"), trials, sensitivity_table(trials))
     assert found["first"].tolist() == [first, f"{first} 1"]
     assert found["d_prime_a"].isna().all()
+
+
+def test_the_difference_of_d_prime_has_the_interval_of_a_paired_t_test() -> None:
+    people = {"1": (6, 20), "2": (9, 17), "3": (12, 26)}
+    parts = [
+        felt([k], [95.0], condition=name, participant=who)
+        for who, both in people.items() for name, k in zip("ab", both, strict=True)
+    ]  # fmt: skip
+    parts += [blanks(2, condition=name, participant=who) for who in people for name in "ab"]
+    trials = study(*parts).fillna({"block": 1, "session": "01"})
+    table = sensitivity_table(trials)
+    found = with_criterion(pair(*people, "all"), trials, table).set_index("participant")
+    each = found.loc[[*people], "d_prime_b"] - found.loc[[*people], "d_prime_a"]
+    assert found.loc[[*people], "d_prime_difference"].tolist() == pytest.approx(each.tolist())
+    columns = ["d_prime_difference_low", "d_prime_difference_high"]
+    limits = ttest_1samp(each.to_numpy(), 0).confidence_interval(0.95)
+    assert [found[name]["all"] for name in columns] == pytest.approx([*limits])
+    own = table.loc[table["participant"].eq("1") & table["level_vpp"].notna()]
+    (a_at, a_high), (b_at, b_low) = (
+        own.loc[own["condition"].eq(name), ["d_prime", end]].to_numpy()[0].tolist()
+        for name, end in (("a", "d_prime_high"), ("b", "d_prime_low"))
+    )
+    low = float(each["1"]) - math.hypot(b_at - b_low, a_high - a_at)
+    assert found.loc["1", columns[0]] == pytest.approx(low)
+    others = trials.assign(participant=trials["participant"] + trials["condition"])
+    apart = with_criterion(pair("all"), others, sensitivity_table(others)).iloc[0]
+    a, b = ([*found.loc[[*people], f"d_prime_{which}"]] for which in "ab")
+    welch = ttest_ind(b, a, equal_var=False).confidence_interval(0.95)
+    assert apart[columns].tolist() == pytest.approx([*welch])

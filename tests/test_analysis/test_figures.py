@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import subprocess
 import sys
 import warnings
@@ -19,14 +20,14 @@ from analysis.answers.counting import REACTION_COLUMNS
 from analysis.answers.detection import cells, participants_of
 from analysis.answers.doubts import Doubt
 from analysis.answers.dprime import sensitivity_table
-from analysis.axis import VOLTS
+from analysis.axis import VOLTS, Axis
 from analysis.groups.tables import difference_table, group_table
 from analysis.results.figures.composed import deviance_residuals
 from analysis.results.figures.confusion import draw as draw_confusion
 from analysis.results.figures.curves import person_curves
 from analysis.results.figures.d_prime import sheets as draw_d_prime
 from analysis.results.figures.detection import draw
-from analysis.results.figures.drawing import panels, plain, written
+from analysis.results.figures.drawing import level_axis, panels, plain, written
 from analysis.results.figures.figures import FIGURES
 from analysis.results.figures.participants import sheets as draw_participants
 from analysis.results.figures.reaction import draw as draw_reaction
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.figure import Figure
-
-    from analysis.axis import Axis
 
 
 def analysis_of(**tables: object) -> Analysis:
@@ -349,3 +348,23 @@ def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     assert sheet.title
     assert sheet.caption.endswith(".")
     assert "table" in sheet.alt
+
+
+@pytest.mark.parametrize(
+    ("levels", "told"),
+    [
+        ((0.01, 0.02, 0.03, 0.045, 0.067, 0.1), 6),
+        ((0.0101, 0.0102, 0.0103, 0.0104, 0.0105, 0.0106, 0.0107, 0.0108, 0.0109, 0.011), 5),
+    ],
+)
+def test_levels_have_labels_where_there_is_room_and_always_at_both_ends(
+    levels: tuple[float, ...], told: int
+) -> None:
+    figure, (axes,) = panels([""], [4.0], "")
+    level_axis(axes, levels, Axis(unit="um"))
+    ticks = axes.get_xticks().tolist()
+    assert (ticks[0], ticks[-1]) == (levels[0], levels[-1])
+    assert len(ticks) >= told
+    figure.canvas.draw()
+    boxes = [one.get_window_extent() for one in axes.get_xticklabels()]
+    assert all(a.x1 < b.x0 for a, b in itertools.pairwise(boxes))

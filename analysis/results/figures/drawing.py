@@ -156,10 +156,13 @@ def _taken(parts: Sequence[str], letters: int) -> list[str]:
     return [part for part, length in zip(parts, lengths, strict=True) if length <= letters]
 
 
+_TICK_PT: Final = 10.0
+
+
 def level_axis(
     axes: Axes, levels_vpp: Any, axis: Axis, *, beyond: float = 0.06, letter: float = 1 / 32
 ) -> None:
-    """Make the x axis one of levels with a tick at each, none over its neighbour.
+    """Make the x axis one of levels, each with its tick where there is room, and both ends.
 
     The axis goes on at either end by `beyond`, in parts of the levels' range; a letter of a tick is
     as wide as `letter`, in parts of the axis.
@@ -172,15 +175,17 @@ def level_axis(
         margin = max((levels[-1] / levels[0]) ** beyond, _LEAST_MARGIN)
         axes.set_xlim(levels[0] / margin, levels[-1] * margin)
         width = math.log(levels[-1] / levels[0] * margin**2)
-        ticks = _spaced(levels, np.log(levels), letter * width)
+        ticks, size = _ticks(levels, np.log(levels), letter * width)
         axes.set_xlabel(f"Level, logarithmic ({axis.label})")
     else:
         margin = beyond * float(levels[-1] - levels[0]) or 1.0
         axes.set_xlim(levels[0] - margin, levels[-1] + margin)
         width = float(levels[-1] - levels[0]) + 2 * margin
-        ticks = _spaced(levels, levels, letter * width)
+        ticks, size = _ticks(levels, levels, letter * width)
         axes.set_xlabel(f"Level ({axis.label})")
     axes.xaxis.set_major_locator(FixedLocator(ticks))
+    if size < 1:
+        axes.tick_params(axis="x", labelsize=size * _TICK_PT)
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(lambda value, _: plain(value))
     axes.grid(color="#E5E5E5", lw=0.6)
@@ -196,8 +201,30 @@ def plain(value: float) -> str:
     return shortest(value).replace("-", "−")
 
 
+def _ticks(levels_vpp: Any, places: Any, letter: float) -> tuple[list[float], float]:
+    """Return the levels that get a label, and its size against the usual: all if they have room.
+
+    Where they have none in smaller letters either, some get one, and both ends.
+
+    >>> _ticks([1.0, 2.0, 3.0], [0.0, 1.0, 2.0], 1.0), _ticks([1.0, 2.0], [0.0, 0.8], 1.0)
+    (([1.0, 2.0, 3.0], 1.0), ([1.0, 2.0], 0.8))
+    >>> _ticks([1.0, 2.0, 3.0, 4.0], [0.0, 0.2, 1.0, 1.3], 1.0)
+    ([1.0, 4.0], 1.0)
+    """
+    for closer, size in ((1.0, 1.0), (0.85, 1.0), (0.72, 0.8)):
+        ticks = _spaced(levels_vpp, places, closer * letter)
+        if len(ticks) == len(levels_vpp):
+            return ticks, size
+    end = places[-1] - letter * len(plain(levels_vpp[-1])) / 2
+    before = [place + letter * len(plain(level)) / 2 <= end
+              for level, place in zip(levels_vpp, places, strict=True)]  # fmt: skip
+    chosen = [*itertools.compress(zip(levels_vpp, places, strict=True), before)]
+    ticks = _spaced([level for level, _ in chosen], [place for _, place in chosen], letter)
+    return [*ticks, float(levels_vpp[-1 if ticks else 0])], 1.0
+
+
 def _spaced(levels_vpp: Any, places: Any, letter: float) -> list[float]:
-    """Choose the levels that get a tick, so that no label covers its neighbour."""
+    """Choose levels so that no label covers its neighbour."""
     ticks: list[float] = []
     last = -math.inf
     for level, place in zip(levels_vpp, places, strict=True):

@@ -28,6 +28,14 @@ def is_yes_no(analysis: Analysis) -> bool:
     return analysis.task == YES_NO and not sides.any()
 
 
+def one_side_words(side: str) -> str:
+    """Say why nothing is told of sides."""
+    return (
+        f"All stimuli and all answers that name a side were of one side, {side}: what compares "
+        "sides is left out"
+    )
+
+
 def task_words(analysis: Analysis) -> str:
     """Say what the task was, where that is known beyond a plan."""
     if is_yes_no(analysis):
