@@ -1,4 +1,4 @@
-from .monitor import monitor_facts, monitor_words, planned_burst
+from .monitor import monitor_facts, monitor_words, onset_doubt, planned_burst
 from .noise import NoiseError, NoiseFacts, NoiseHealth, NoisePlayer, SilentNoise, noise_player
 from .rig import (
     QUESTION,
@@ -8,10 +8,12 @@ from .rig import (
     chosen_settings,
     confirmed_now,
     device_kind,
+    lacking_of,
     line_settings,
     mock_device,
     require_confirmed,
     require_device,
+    shared_card,
 )
 from .slots import (
     LONGEST_ARMED_S,
@@ -44,12 +46,14 @@ __all__ = [
     "confirmed_now",
     "device_kind",
     "host_limits",
+    "lacking_of",
     "line_settings",
     "load_condition",
     "mock_device",
     "monitor_facts",
     "monitor_words",
     "noise_player",
+    "onset_doubt",
     "onset_interval_s",
     "planned_burst",
     "playing_s",
@@ -57,6 +61,7 @@ __all__ = [
     "require_device",
     "require_playable",
     "require_suitable",
+    "shared_card",
     "told_health",
     "told_limits",
 ]

@@ -1,4 +1,4 @@
-from .origins import Source, instead_of_trials, sources_of_facts
+from .origins import Source, deciding_words, instead_of_trials, sources_of_facts
 from .physics import (
     ASSUMED_LOSS,
     LEAST_LOSS,
@@ -20,7 +20,7 @@ from .read import (
     study_from_canonical,
     with_levels,
 )
-from .simulated import unmeasured, vibrations
+from .simulated import people_words, threshold_vpp, unmeasured, vibrations
 from .sources import (
     cutoff_source,
     displacement_source,
@@ -50,6 +50,7 @@ __all__ = [
     "bare_strip",
     "chosen_values",
     "cutoff_source",
+    "deciding_words",
     "displacement_source",
     "field_strip",
     "finger_words",
@@ -64,6 +65,7 @@ __all__ = [
     "paper_study",
     "patch_errors",
     "patch_words",
+    "people_words",
     "planned_sources",
     "plate_sources",
     "plate_words",
@@ -73,6 +75,7 @@ __all__ = [
     "study_from_canonical",
     "study_gains",
     "study_sources",
+    "threshold_vpp",
     "told_by_file",
     "unmeasured",
     "vibrations",

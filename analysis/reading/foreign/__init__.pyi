@@ -1,12 +1,13 @@
 from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
 from .counts import read_counted
-from .draft import map_draft
+from .draft import NOTE, map_draft
 from .form import RowFilter, foreign_chunks
 from .table import count_columns
 
 __all__ = [
     "FORCED",
+    "NOTE",
     "YES_NO",
     "ColumnMap",
     "RowFilter",

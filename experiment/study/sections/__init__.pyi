@@ -16,6 +16,7 @@ from .finger import FINGER_KEYS, ROUNDING_M, FingerLoad, check_fingers
 from .plate import (
     PAPER_CUTOFF_HZ,
     PAPER_LENGTH_MM,
+    EdgeBasis,
     MaterialName,
     Plate,
     is_as_measured,
@@ -81,6 +82,7 @@ __all__ = [
     "Dataset",
     "Design",
     "DeviceSettings",
+    "EdgeBasis",
     "FingerLoad",
     "FromTable",
     "KeyRange",
