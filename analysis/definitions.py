@@ -113,7 +113,9 @@ OF_SIDES: Final = (
 
 OF_ONE_PLACE: Final[Mapping[str, str]] = MappingProxyType(
     {
+        "presented": "stimuli, or blank trials, that count",
         "detected": "stimuli answered as felt",
+        "timeouts": "stimuli without an answer in time",
         "felt": "trials answered as felt; of blank trials each is a false alarm",
         "not_felt, timeout, invalid": "trials answered as not felt, without an answer in time, "
         "with another key",
@@ -157,6 +159,13 @@ COUNTING: Final = (
     "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
     "trial with the reason why it was left out."
 )
+
+COUNTING_ONE_PLACE: Final = (
+    "A trial counts where it is a stimulus or a blank, and no column of its table (as status, "
+    "anticipated) says that it was not valid. trials_clean.csv has every trial with the reason why "
+    "it was left out."
+)
+"""Of a table made elsewhere with one place."""
 
 OFF_THE_PLATE: Final = (
     "Audibility and control trials, with the noise on and no finger on the plate; they are in "

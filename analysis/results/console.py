@@ -66,7 +66,7 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     print(file=file)
     if analysis.not_compared:
         _say(file, f"{not_compared_words(analysis.not_compared)}.")
-    *kinds, left_out = (" ".join(row) for row in count_rows(analysis.counts, TERMINAL))
+    *kinds, left_out = (" ".join(row) for row in count_rows(analysis, TERMINAL))
     _say(file, f"Counted: {', '.join(kinds)}; {left_out}.")
     _print_levels(analysis, file)
     for line in (

@@ -12,6 +12,7 @@ from analysis.axis import VOLTS, shortest
 from analysis.definitions import (
     CENSORED,
     COUNTING,
+    COUNTING_ONE_PLACE,
     CRITERION,
     D_PRIME,
     FITTED_RATES,
@@ -167,7 +168,7 @@ def _base64(content: bytes) -> str:
 
 
 def _counted(analysis: Analysis) -> Section:
-    rows = count_rows(analysis.counts, PAGE)
+    rows = count_rows(analysis, PAGE)
     tables = [Table(caption="Trials", header=["What", "Trials"], rows=rows)]
     excluded = analysis.excluded
     if len(excluded):
@@ -184,7 +185,8 @@ def _counted(analysis: Analysis) -> Section:
         header = ["Participant", *(REASONS.get(one, one) for one in reasons), "Together"]
         tables.append(Table(caption="Trials left out, and why", header=header, rows=rows))
     title = "What was counted and what was left out"
-    return Section(title=title, texts=[COUNTING], tables=tables)
+    told = COUNTING_ONE_PLACE if analysis.one_place else COUNTING
+    return Section(title=title, texts=[told], tables=tables)
 
 
 def _detection(analysis: Analysis) -> Section:

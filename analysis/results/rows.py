@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
     from analysis.answers.serial import SerialEffect
     from analysis.groups.population import PopulationThreshold
-    from analysis.results.tables import Analysis, Counts
+    from analysis.results.tables import Analysis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,6 +219,8 @@ def difference_rows(
              str(row["printed"]), *_beside(row, style)][: len(header)]
             for _, row in rows.iterrows()
         ]  # fmt: skip
+        if {row[2] for row in cells} == {"n/a"}:
+            header, *cells = ([*row[:2], *row[3:]] for row in (header, *cells))
         yield f"Threshold in condition {b} against {a}", header, cells
 
 
@@ -282,10 +284,13 @@ _COUNTS: Final = {
 """What counts are called on terminal and page; the terminal tells those that have a short name."""
 
 
-def count_rows(counts: Counts, style: Style) -> list[list[str]]:
+def count_rows(analysis: Analysis, style: Style) -> list[list[str]]:
     """Return what was counted and how often; the last on the terminal is what was left out."""
     named = {name: long if style.roomy else short for name, (short, long) in _COUNTS.items()}
-    return [[told, str(getattr(counts, name))] for name, told in named.items() if told]
+    counts = asdict(analysis.counts)
+    seldom = {"simulated", "without_device", "both" if analysis.one_place else ""}
+    told = {name for name in named if counts[name] or name not in seldom}
+    return [[words, str(counts[name])] for name, words in named.items() if words and name in told]
 
 
 def not_compared_words(names: Sequence[str]) -> str:

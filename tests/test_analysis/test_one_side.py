@@ -16,6 +16,7 @@ import pytest
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.axis import VOLTS
 from analysis.results.methods.task import detected_words, is_yes_no, presented_words
+from analysis.results.rows import PAGE, difference_rows
 from analysis.results.summary import in_own_words
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, files, loaded, put
@@ -115,6 +116,9 @@ def test_of_one_place_no_output_tells_the_side_that_the_map_alone_states(tmp_pat
     )
     for name, told in [("terminal", printed.getvalue()), *made.items()]:
         assert not re.search(r"right|\bleft\b(?! out)|finger, |_vpp", told), name
+    seldom = "Both-finger|simulated|without a device|masking noise|noise_ok|both 0"
+    for told in (printed.getvalue(), made["report.html"]):
+        assert not re.search(seldom, told)
     assert made["blank.csv"].startswith("participant,felt,presented,p,low,high\n")
     assert made["confusion.csv"].startswith(
         "condition,kind,felt,not_felt,timeout,invalid,presented"
@@ -132,3 +136,14 @@ def test_a_side_that_the_table_tells_stays(tmp_path: Path) -> None:
     analysis = analyse(loaded(tmp_path, HEAD + ROWS, YES_NO))
     assert (analysis.one_side, analysis.one_place) == ("right", "")
     assert "level_vpp" in in_own_words(analysis.levels, replace(analysis, axis=VOLTS))
+
+
+def test_which_condition_came_first_is_a_column_where_it_is_known(tmp_path: Path) -> None:
+    head = "participant,condition,level_vpp,detected\n"
+    rows = "".join(
+        f"1,{which},{at},{key}\n" for which in "ab" for at, keys in FELT.items() for key in keys
+    )
+    analysis = analyse(loaded(tmp_path, head + rows, replace(YES_NO, constant={"side": "left"})))
+    [(_, header, cells)] = difference_rows(analysis, PAGE)
+    assert "First" not in header
+    assert {len(row) for row in cells} == {len(header)}
