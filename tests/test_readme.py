@@ -42,6 +42,12 @@ def place_of(heading: str) -> str:
     return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
 
 
+def test_the_lines_that_install_end_as_ci_looks_for_them() -> None:
+    ends = re.findall(r'command_of "(.+)"', (ROOT / ".ci" / "run").read_text(encoding="utf-8"))
+    lines = [line for line in README.splitlines() if line.startswith(SET_UP)]
+    assert [sum(line.endswith(f" && .venv/bin/{end}") for line in lines) for end in ends] == [1, 1]
+
+
 def test_it_has_at_most_120_lines() -> None:
     assert README.count("\n") <= 120
 
@@ -137,7 +143,10 @@ def filled_in(path: Path) -> None:
     if path.exists():
         text = path.read_text(encoding="utf-8")
         assert '\ndown = "' in text
-        path.write_text(text.replace('\ndown = ""', '\ndown = "none"'), encoding="utf-8")
+        for key, word in (("down", "none"), ("unit", "%")):
+            assert f'`{key} = "{word}"`' in README
+            text = text.replace(f'\n{key} = ""', f'\n{key} = "{word}"')
+        path.write_text(text, encoding="utf-8")
 
 
 @pytest.mark.gallery

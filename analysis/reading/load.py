@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 
 
 _NUMBERED_ANEW = (
-    '; where trials are numbered anew, a map says in which session, or [columns] trial = ""'
+    '; where trials are numbered anew in each block, the map needs [columns] trial = "" (their '
+    "order is taken); session is for another day"
 )
 _NOTHING_YET = "no session here has a trial yet"
 

@@ -38,7 +38,11 @@ def filled(table: Path, target: Path, words: Mapping[str, str]) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("psychopy", {"down": "none"}), ("jspsych", {"f": "left", "j": "right"})]
+    ("name", "words"),
+    [
+        ("psychopy", {"down": "none", "unit": "% FS"}),
+        ("jspsych", {"f": "left", "j": "right", "unit": "%"}),
+    ],
 )
 def test_a_draft_that_is_filled_in_reads_as_the_map_by_hand(
     tmp_path: Path, name: str, words: dict[str, str]
@@ -83,7 +87,7 @@ def test_where_felt_or_not_was_asked_at_two_places_all_are_one(tmp_path: Path, b
         for i in range(40)
     ]
     table = put(tmp_path / "t.csv", "\n".join(rows) + "\n")
-    columns = load_column_map(filled(table, tmp_path / "m.toml", {"task": "yes/no"}))
+    columns = load_column_map(filled(table, tmp_path / "m.toml", {"task": "yes/no", "unit": "um"}))
     trials = read_inputs([table], columns).trials
     assert sorted(trials["side"].astype(str)) == ["left"] * 30 + ["none"] * 10
     assert level_table(trials)["presented"].tolist() == [10, 10, 10]
@@ -99,9 +103,7 @@ def test_a_draft_tells_what_is_taken_as_it_is_and_of_how_many_files(tmp_path: Pa
     assert text.splitlines()[0].startswith("# A draft for 01.csv and 9 more: ")
     assert "# participant: taken as it is; 10 values: 01, 02, 03," in text
     assert "# condition: taken as it is; 2 values: a, b\n" in text
-    assert (
-        'level_vpp = "amplitude"  # guess; 4 values: 0, 1, 2, 3; in volts, or state [axis]' in text
-    )
+    assert 'level_vpp = "amplitude"  # guess; 4 values: 0, 1, 2, 3\n' in text
 
 
 def test_a_table_of_counts_needs_its_task_alone(tmp_path: Path) -> None:
@@ -115,7 +117,7 @@ def test_a_table_of_counts_needs_its_task_alone(tmp_path: Path) -> None:
 
 def test_answers_of_0_and_1_need_their_task_and_what_has_no_column(tmp_path: Path) -> None:
     table = put(tmp_path / "p7.csv", "amp,correct,rt\n" + "60,1,480\n-95,0,510\n" * 3)
-    words = {"task": "forced choice", "side": "left"}
+    words = {"task": "forced choice", "side": "left", "unit": "dB"}
     columns = load_column_map(filled(table, tmp_path / "m.toml", words))
     read = read_inputs([table], columns)
     assert {*read.trials["participant"]} == {"p7"}
@@ -161,7 +163,7 @@ def test_keys_for_yes_and_no_are_what_was_detected(tmp_path: Path) -> None:
     text += "J\u00f6rg;left;16;n;0,62\n"
     table = tmp_path / "t.csv"
     table.write_bytes((text + "J\u00f6rg;left;16;None;\n").encode("cp1252"))
-    words = {"task": "yes/no"}
+    words = {"task": "yes/no", "unit": "um"}
     columns = load_column_map(filled(table, tmp_path / "m.toml", words))
     assert dict(columns.file) == {"encoding": "cp1252", "decimal": ","}
     read = read_inputs([table], columns).trials
@@ -204,6 +206,70 @@ def test_a_draft_says_which_rows_are_skipped_and_which_are_blanks(tmp_path: Path
     read = read_inputs([table], load_column_map(EXAMPLES / "psychopy-columns.toml"))
     assert read.left_out == 7
     assert read.trials["kind"].eq("blank").sum() == 32
+
+
+def nested(folder: Path, *, blocks: int = 4, running: bool = False) -> Path:
+    """Write files of PsychoPy's Builder with a loop of blocks, of two people; levels in um."""
+    head = "practice.thisN,blocks.thisN,trials.thisN,level_um,key_resp.keys,key_resp.rt,participant"
+    for person in ("01", "02"):
+        rows = [f"{n},,,1.6,y,0.5,{person}" for n in range(3)]
+        for block in range(blocks):
+            rows += [
+                f",{block},{n + 6 * block * running},{level},{'yn'[level < 0.4]},0.{5 + n},{person}"
+                for n, level in enumerate((0.4, 0, 0.2, 1.6, 0.8, 0.1))
+            ]
+            rows.append(f",{block},,,,,{person}")
+        put(folder / f"{person}.csv", "\n".join([head, *rows]) + "\n")
+    return folder
+
+
+def test_an_outer_loop_numbers_no_trials(tmp_path: Path) -> None:
+    told = draft(nested(tmp_path / "a"))
+    assert 'trial = ""  # numbered anew in each block: the order of rows is taken\n' in told
+    assert '"trials.thisN" = ""  # guess: outside this loop' in told
+    told = draft(nested(tmp_path / "b", running=True))
+    assert 'trial = "trials.thisN"  # guess; 24 values from 0 to 23\n' in told
+    renamed = tmp_path / "c"
+    for path in nested(tmp_path / "d").iterdir():
+        put(renamed / path.name, path.read_text(encoding="utf-8").replace("trials.", "main."))
+    assert '"main.thisN" = ""  # guess: outside this loop' in draft(renamed)
+
+
+def test_a_draft_of_nested_loops_runs_as_it_is_filled_in(tmp_path: Path) -> None:
+    words = {"task": "yes/no", "side": "left", "unit": "um"}
+    data = nested(tmp_path / "data")
+    target = tmp_path / "map.toml"
+    told = run("columns", data, "--write", target).stdout
+    assert "; fill in task, side, unit, then tactstrip analyze" in told
+    with pytest.raises(ValueError, match=r"\[axis\] unit: printable text"):
+        load_column_map(put(tmp_path / "v.toml", '[axis]\nunit = ""\n'))
+    read = read_inputs([data], load_column_map(filled(data, tmp_path / "m.toml", words)))
+    assert read.axis.unit == "um"
+    assert read.trials["trial"].tolist() == [*range(1, 25)] * 2
+    again = 'trial = "trials.thisN"'
+    text = (tmp_path / "m.toml").read_text(encoding="utf-8").replace('trial = ""', again)
+    error = str(refused(data, columns=load_column_map(put(tmp_path / "n.toml", text))))
+    assert 'numbered anew in each block, the map needs [columns] trial = ""' in error
+
+
+def test_files_that_number_their_trials_anew_are_told_from_blocks(tmp_path: Path) -> None:
+    rows = "".join(f"p,{n},60,left,left\n" for n in range(3))
+    for name in ("1.csv", "2.csv"):
+        put(tmp_path / name, f"participant,trial,volts,side,response\n{rows}")
+    assert 'trial = ""  # numbered anew in each file: the order' in draft(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["volts", "voltage", "level_vpp"])
+def test_levels_named_after_volts_are_not_asked_for_their_unit(tmp_path: Path, name: str) -> None:
+    told = draft(put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n"))
+    assert "[axis]" not in told
+
+
+def test_an_empty_cell_is_no_value(tmp_path: Path) -> None:
+    rows = "".join(f"A,left,60,left,{0.2 + n / 100:.2f}\n" for n in range(20))
+    text = "participant,side,volts,response,rt\n" + rows + "A,left,60,timeout,\n"
+    told = draft(put(tmp_path / "t.csv", text))
+    assert 'rt_s = "rt"  # guess; 20 values from 0.2 to 0.39; and empty cells\n' in told
 
 
 CELLS = st.sampled_from(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from dataclasses import dataclass
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
@@ -17,6 +16,7 @@ from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.form import RowFilter, foreign_chunks, guessed_encoding, text_format
+from analysis.reading.foreign.sample import NUMBER, Sample, listed, plain, told_of
 from analysis.reading.sources import unreadable
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from analysis.reading.sources import InputTable
 
 
+_LEVELS: Final = ("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp")
 # What others call our columns, in small letters and digits; the first that a heading has is taken.
 _CALLED: Final[Mapping[str, tuple[str, ...]]] = {
     "participant": (
@@ -38,9 +39,8 @@ _CALLED: Final[Mapping[str, tuple[str, ...]]] = {
     "trial": ("trial", "trialnumber", "trialnum", "trialno", "trialn", "thisn", "trialindex"),
     "side": ("side", "stimside", "stimulusside", "targetside", "location", "hand", "finger"),
     "level_vpp": (
-        *("levelvpp", "level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp"),
-        "voltage",
-        *("volts", "volume", "gain", "strength", "contrast", "soa"),
+        *("levelvpp", *_LEVELS, "voltage", "volts", "volume", "gain", "strength", "contrast"),
+        *("soa", *(f"{name}{unit}" for unit in ("um", "m", "nm", "mm", "pct") for name in _LEVELS)),
     ),
     "response": ("response", "resp", "answer", "keys", "choice", "keypress", "key"),
     "rt_s": ("rts", "rt", "responsetime", "reactiontime", "resprt", "latency", "rtms"),
@@ -61,10 +61,9 @@ _FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
 }
-_MOST_FILES, _MOST_WORDS, _SHOWN, _MOST_CONDITIONS = 40, 12, 8, 6
-_NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
-_PADDED: Final = re.compile(r"0\d")
+_MOST_FILES, _MOST_WORDS, _MOST_CONDITIONS = 40, 12, 6
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
+_VOLTS: Final = re.compile("volt|vpp$")
 _NO_CONDITION: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
@@ -73,42 +72,6 @@ NOTE: Final = "# Note: "
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Table:
-    """Some rows of some tables under one heading."""
-
-    header: list[str]
-    rows: list[list[str]]
-
-    def words(self, name: str) -> Counter[str]:
-        place = self.header.index(name)
-        return Counter(row[place] for row in self.rows)
-
-    def numbers(self, name: str) -> list[float] | None:
-        """Return the numbers of a column that has nothing else; of an empty one none."""
-        words = [word for word in self.words(name).elements() if word.lower() not in NOTHING]
-        if not words or not all(_NUMBER.fullmatch(word) for word in words):
-            return None
-        return [float(word.replace(",", ".")) for word in words]
-
-    def called(self, names: Sequence[str]) -> str | None:
-        """Return the first column that has one of the names, of PsychoPy's its last part."""
-        for name in names:
-            for column in self.header:
-                plain = {_plain(column), _plain(column.rpartition(".")[2])}
-                if name in plain and any(word not in NOTHING for word in self.words(column)):
-                    return column
-        return None
-
-    def without(self, name: str, word: str) -> _Table:
-        place = self.header.index(name)
-        return _Table(header=self.header, rows=[row for row in self.rows if row[place] != word])
-
-
-def _plain(name: str) -> str:
-    return re.sub("[^a-z0-9]", "", name.lower())
 
 
 def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
@@ -129,7 +92,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     if encoding:
         _put(sections, "file", "encoding", encoding, "guess: it is not UTF-8")
     if len(tasks) > 1:
-        _put(sections, "rows.keep", "task-", tasks[0], f"guess; tasks here: {_list(tasks)}")
+        _put(sections, "rows.keep", "task-", tasks[0], f"guess; tasks here: {listed(tasks)}")
     looked_at, table = table, _rows(table, sections)
     _columns(table, sections)
     lines += [f"{NOTE}{words}" for words in _notes(looked_at, table, sections)]
@@ -149,7 +112,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     return "\n".join(lines) + "\n", blanks
 
 
-def _notes(looked_at: _Table, trials: _Table, sections: Mapping[str, list[str]]) -> Iterator[str]:
+def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]]) -> Iterator[str]:
     """Say how many rows are skipped and by what, and what becomes of those of level 0."""
     if skipped := len(looked_at.rows) - len(trials.rows):
         kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
@@ -164,7 +127,7 @@ def _notes(looked_at: _Table, trials: _Table, sections: Mapping[str, list[str]])
         )
 
 
-def _read(sources: Sequence[InputTable], encoding: str) -> _Table:
+def _read(sources: Sequence[InputTable], encoding: str) -> Sample:
     """Read the first rows of those tables that have the heading of the first."""
     header: list[str] = []
     rows: list[list[str]] = []
@@ -181,22 +144,24 @@ def _read(sources: Sequence[InputTable], encoding: str) -> _Table:
                     rows += next(chunks)[0][1]
         except OSError as error:
             raise unreadable(error, source.path) from None
-    return _Table(header=header, rows=rows)
+    return Sample(header=header, rows=rows)
 
 
-def _rows(table: _Table, sections: dict[str, list[str]]) -> _Table:
+def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
     """Guess which rows are trials: those of a loop of PsychoPy, of a plugin of jsPsych."""
     loops = [name for name in table.header if name.endswith(".thisN")]
     if loops:
-        loop = "trials.thisN" if "trials.thisN" in loops else loops[0]
-        _put(sections, "rows.skip", loop, "", f"guess: outside this loop; loops: {_list(loops)}")
+        of_trials = [name for name in loops if not _NO_TRIAL.search(name)] or loops
+        innermost = max(of_trials, key=table.changes)
+        loop = "trials.thisN" if "trials.thisN" in loops else innermost
+        _put(sections, "rows.skip", loop, "", f"guess: outside this loop; loops: {listed(loops)}")
         return table.without(loop, "")
     if {"trial_type", "time_elapsed", "rt"} <= {*table.header}:
         kinds = table.words("trial_type")
         place, times = (table.header.index(name) for name in ("trial_type", "rt"))
-        timed = Counter(row[place] for row in table.rows if _NUMBER.fullmatch(row[times]))
+        timed = Counter(row[place] for row in table.rows if NUMBER.fullmatch(row[times]))
         most = (timed or kinds).most_common(1)[0][0]
-        _put(sections, "rows.keep", "trial_type", most, f"guess; there are: {_list([*kinds])}")
+        _put(sections, "rows.keep", "trial_type", most, f"guess; there are: {listed([*kinds])}")
         for kind in kinds:
             table = table if kind == most else table.without("trial_type", kind)
     for name in dict.fromkeys(table.header):
@@ -204,13 +169,13 @@ def _rows(table: _Table, sections: dict[str, list[str]]) -> _Table:
         if len(words) > _MOST_WORDS or name.endswith("-"):
             continue
         if skipped := [word for word in words if _NO_TRIAL.search(word)]:
-            _put(sections, "rows.skip", name, skipped, f"guess; there are: {_list([*words])}")
+            _put(sections, "rows.skip", name, skipped, f"guess; there are: {listed([*words])}")
             for word in skipped:
                 table = table.without(name, word)
     return table
 
 
-def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
+def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
     sections["columns"] = []
     k, n = table.called(_COUNTS), table.called(_OF)
     counted = bool(k and n and k != n and table.numbers(k) and table.numbers(n))
@@ -222,21 +187,52 @@ def _columns(table: _Table, sections: dict[str, list[str]]) -> None:
         if counted and ours in ("trial", "response", "rt_s", "side"):
             continue
         theirs = table.called(names)
-        if ours == "response":
+        if ours == "trial":
+            _trial(table, sections)
+        elif ours == "response":
             _answer(table, response, both, sections)
         elif ours == "side":
             _side(table, theirs, sections, where=response is None or both != response)
         elif theirs is not None:
             _named(table, ours, theirs, sections)
-        elif ours == "participant" and STANDS_FOR["participant"] not in table.header:
-            _put(sections, "columns", ours, FILE, "guess: the name of the file")
-        elif ours == "level_vpp":
-            _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
-        elif ours == "condition":
-            _conditions(table, sections)
+        else:
+            _absent(table, ours, sections)
 
 
-def _answers(table: _Table) -> tuple[str | None, str | None]:
+def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
+    """Say what a column of ours may be that no column of theirs is named after."""
+    if ours == "participant" and STANDS_FOR["participant"] not in table.header:
+        _put(sections, "columns", ours, FILE, "guess: the name of the file")
+    elif ours == "level_vpp":
+        _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
+        _unit(sections, "")
+    elif ours == "condition":
+        _conditions(table, sections)
+
+
+def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
+    """Take a column that numbers the trials of a session, or the order of rows instead."""
+    columns = [*table.named(_CALLED["trial"])]
+    person = table.called(_CALLED["participant"]) or STANDS_FOR["participant"]
+    session = table.called(_CALLED["session"]) or STANDS_FOR["session"]
+    of_person = [name for name in (person, session, "attempt") if name in table.header]
+    within = of_person if person in table.header else [*of_person, FILE]
+    numbered = next((name for name in columns if table.unique(name, within)), None)
+    if numbered is not None:
+        _named(table, "trial", numbered, sections)
+    elif columns:
+        of_file = any(table.unique(name, [*within, FILE]) for name in columns)
+        told = f"numbered anew in each {'file' if of_file else 'block'}: the order of rows is taken"
+        _put(sections, "columns", "trial", "", told)
+
+
+def _unit(sections: dict[str, list[str]], level: str) -> None:
+    """Ask for the unit of levels, unless their column is named after volts."""
+    if not level or not _VOLTS.search(plain(level)):
+        _put(sections, "axis", "unit", "", f'{_FILL}the unit of the levels, as "um" or "V"')
+
+
+def _answers(table: Sample) -> tuple[str | None, str | None]:
     """Return the column of the answers, and that of whether something was detected."""
     response, hit = table.called(_CALLED["response"]), table.called(_HITS)
     both = hit if hit and _is_hit(table, hit) else None
@@ -250,15 +246,15 @@ def _answers(table: _Table) -> tuple[str | None, str | None]:
 
 
 def _side(
-    table: _Table, theirs: str | None, sections: dict[str, list[str]], *, where: bool
+    table: Sample, theirs: str | None, sections: dict[str, list[str]], *, where: bool
 ) -> None:
     """Guess the side; if not `where` was asked, a yes to a blank trial names none of several."""
     if theirs is None:
-        _put(sections, "constant", "side", "", f"{_FILL}left or right, if it never changes; "
-             "else [columns] side")  # fmt: skip
+        _put(sections, "constant", "side", "", f"{_FILL}of one place left or right, no threshold "
+             "depends on it; of several [columns] side")  # fmt: skip
         return
     level = table.called(_CALLED["level_vpp"])
-    words = [_WORDS.get(_plain(word), word) for word in table.words(theirs)]
+    words = [_WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or (level is not None and 0.0 in (table.numbers(level) or []))
     if not where and blank and len(places) > 1:
@@ -268,45 +264,45 @@ def _side(
         _named(table, "side", theirs, sections)
 
 
-def _conditions(table: _Table, sections: dict[str, list[str]]) -> None:
+def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
     """Offer columns whose words may tell stimuli apart: without one all are one condition."""
     ours = {name for names in _CALLED.values() for name in (table.called(names),) if name}
     for name in dict.fromkeys(table.header):
         words = table.words(name)
         few = 1 < len(words) <= _MOST_CONDITIONS and "" not in words and not name.endswith("-")
-        known = name in ours or _plain(name) in _NO_CONDITION
+        known = name in ours or plain(name) in _NO_CONDITION
         if few and min(words.values()) > 1 and not known and not table.numbers(name):
-            told = f"guess: take the first # away to compare {_list([*words])}"
+            told = f"guess: take the first # away to compare {listed([*words])}"
             sections["columns"].append(f"# {_entry('condition', name, told)}")
 
 
-def _has_buttons(table: _Table) -> bool:
+def _has_buttons(table: Sample) -> bool:
     """Tell whether the answers are jsPsych's buttons: it counts them from 0."""
     return {"trial_type", "time_elapsed"} <= {*table.header} and any(
         "button" in kind for kind in table.words("trial_type")
     )
 
 
-def _given(table: _Table, name: str) -> list[str]:
+def _given(table: Sample, name: str) -> list[str]:
     return [word for word in table.words(name) if word.lower() not in NOTHING]
 
 
-def _is_hit(table: _Table, name: str) -> bool:
+def _is_hit(table: Sample, name: str) -> bool:
     words = {word.lower() for word in table.words(name)} - {*NOTHING}
     return bool(words) and words <= {*_FELT}
 
 
 def _answer(
-    table: _Table, response: str | None, hit: str | None, sections: dict[str, list[str]]
+    table: Sample, response: str | None, hit: str | None, sections: dict[str, list[str]]
 ) -> None:
     if "table" in sections:
         return
     if hit is not None and hit != response and response is not None:
-        told = _of(table, hit)
+        told = told_of(table, hit)
         _put(sections, "columns", "response", response, f"guess; {one_line(hit)} has {told}")
         _words(table, "response", response, sections)
     elif hit is not None:
-        _put(sections, "columns", "detected", hit, f"guess; {_of(table, hit)}")
+        _put(sections, "columns", "detected", hit, f"guess; {told_of(table, hit)}")
         if "response" in table.header:
             _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
         for word in table.words(hit):
@@ -319,12 +315,11 @@ def _answer(
         _put(sections, "columns", "response", "", f"{_FILL}the column of the answer")
 
 
-def _named(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
-    unit = '; in volts, or state [axis] unit = "..."' * (ours == "level_vpp")
+def _named(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     if ours != theirs:
-        _put(sections, "columns", ours, theirs, f"guess; {_of(table, theirs)}{unit}")
+        _put(sections, "columns", ours, theirs, f"guess; {told_of(table, theirs)}")
     else:
-        told = f"# {ours}: taken as it is; {_of(table, theirs)}{unit}"
+        told = f"# {ours}: taken as it is; {told_of(table, theirs)}"
         sections["columns"].append(told)
     if ours in ("side", "response"):
         _words(table, ours, theirs, sections)
@@ -332,7 +327,7 @@ def _named(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]
         _numbers(table, ours, theirs, sections)
 
 
-def _numbers(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
+def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what the numbers of a column are in, and which of its words are none."""
     words, numbers = table.words(theirs), table.numbers(theirs)
     for word in words:
@@ -341,23 +336,25 @@ def _numbers(table: _Table, ours: str, theirs: str, sections: dict[str, list[str
     if numbers and any("," in word for word in words) and _DECIMAL not in sections.get("file", []):
         sections.setdefault("file", []).append(_DECIMAL)
     if ours == "level_vpp" and numbers and min(numbers) < 0:
-        _put(sections, "axis", "x_scale", "linear", "guess: levels below 0; say unit, too")
+        _put(sections, "axis", "x_scale", "linear", "guess: levels below 0")
+    if ours == "level_vpp":
+        _unit(sections, theirs)
     if ours == "rt_s" and "time_elapsed" in table.header:
         _put(sections, "units", "rt_s", "ms", "as jsPsych writes it")
     elif ours == "rt_s" and numbers and median(numbers) > MAX_MEDIAN_RT_S:
         _put(sections, "units", "rt_s", "ms", f"guess: the median is {median(numbers):g}")
 
 
-def _words(table: _Table, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
+def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what each word of theirs is, where it is known or must be told."""
     known = next(column.choices for column in COLUMNS if column.name == ours)
     missing = "timeout" if ours == "response" else "none"
     words = [word for word in table.words(theirs) if word not in known]
     for word in words[:_MOST_WORDS]:
-        plain = missing if word.lower() in NOTHING else _WORDS.get(_plain(word), "")
+        guess = missing if word.lower() in NOTHING else _WORDS.get(plain(word), "")
         button = "the button that jsPsych counts so, the first is 0: " * _has_buttons(table)
-        what = "guess" if plain else f"{_FILL}{button}{', '.join(known)}"
-        _put(sections, f"values.{ours}", word, plain, what)
+        what = "guess" if guess else f"{_FILL}{button}{', '.join(known)}"
+        _put(sections, f"values.{ours}", word, guess, what)
 
 
 def _put(
@@ -375,23 +372,10 @@ def _quoted(value: str | list[str]) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _told(table: _Table) -> Iterator[str]:
+def _told(table: Sample) -> Iterator[str]:
     for name in dict.fromkeys(table.header):
         if name:
             file = "; the name of the file without its ending, to be used like a column" * (
                 name == FILE
             )
-            yield f"{one_line(name)}: {_of(table, name)}{file}"
-
-
-def _of(table: _Table, name: str) -> str:
-    words = table.words(name)
-    numbers = table.numbers(name)
-    if numbers and len(words) > _SHOWN and not any(map(_PADDED.match, words)):
-        return f"{len(words)} values from {min(numbers):g} to {max(numbers):g}"
-    return f"{len(words)} value{'s'[: len(words) != 1]}: {_list([*words])}"
-
-
-def _list(words: Sequence[str]) -> str:
-    told = [one_line(word)[:30] if word else "(empty)" for word in words[:_SHOWN]]
-    return ", ".join(told) + (", ..." if len(words) > _SHOWN else "")
+            yield f"{one_line(name)}: {told_of(table, name)}{file}"

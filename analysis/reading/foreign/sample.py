@@ -1,0 +1,112 @@
+"""Some rows of tables made elsewhere, from which a map is drafted, and what stands in a column."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Final
+
+from analysis.reading.cells import NOTHING
+from analysis.reading.text import one_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+
+NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+_PADDED: Final = re.compile(r"0\d")
+_SHOWN: Final = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """Some rows of some tables under one heading."""
+
+    header: list[str]
+    rows: list[list[str]]
+
+    def words(self, name: str) -> Counter[str]:
+        """Count the words of a column."""
+        place = self.header.index(name)
+        return Counter(row[place] for row in self.rows)
+
+    def numbers(self, name: str) -> list[float] | None:
+        """Return the numbers of a column that has nothing else; of an empty one none."""
+        words = [word for word in self.words(name).elements() if word.lower() not in NOTHING]
+        if not words or not all(NUMBER.fullmatch(word) for word in words):
+            return None
+        return [float(word.replace(",", ".")) for word in words]
+
+    def named(self, names: Sequence[str]) -> Iterator[str]:
+        """Yield the columns that have one of the names, of PsychoPy's their last part."""
+        for name in names:
+            for column in self.header:
+                called = {plain(column), plain(column.rpartition(".")[2])}
+                if name in called and any(word not in NOTHING for word in self.words(column)):
+                    yield column
+
+    def called(self, names: Sequence[str]) -> str | None:
+        """Return the first of these."""
+        return next(self.named(names), None)
+
+    def without(self, name: str, word: str) -> Sample:
+        """Leave out the rows that have a word in a column."""
+        place = self.header.index(name)
+        return Sample(header=self.header, rows=[row for row in self.rows if row[place] != word])
+
+    def changes(self, name: str) -> int:
+        """Count the rows that differ from the one above: most in the innermost of nested loops."""
+        place = self.header.index(name)
+        return sum(one[place] != other[place] for one, other in pairwise(self.rows))
+
+    def unique(self, name: str, within: Sequence[str]) -> bool:
+        """Tell whether no two rows that agree in the columns `within` agree in this one.
+
+        >>> rows = [["1", "0"], ["1", "1"], ["2", "0"]]
+        >>> sample = Sample(header=["person", "n"], rows=rows)
+        >>> sample.unique("n", ["person"]), sample.unique("n", [])
+        (True, False)
+        """
+        places = [self.header.index(one) for one in (*within, name)]
+        return len({tuple([row[at] for at in places]) for row in self.rows}) == len(self.rows)
+
+
+def plain(name: str) -> str:
+    """Return the small letters and digits of a name.
+
+    >>> plain("Trial No.")
+    'trialno'
+    """
+    return re.sub("[^a-z0-9]", "", name.lower())
+
+
+def told_of(sample: Sample, name: str) -> str:
+    """Say what stands in a column.
+
+    >>> sample = Sample(header=["rt"], rows=[["0.5"], ["0.25"], [""]])
+    >>> told_of(sample, "rt")
+    '2 values: 0.5, 0.25; and empty cells'
+    """
+    words = sample.words(name)
+    values = [word for word in words if word]
+    empty = "; and empty cells" if "" in words else ""
+    if not values:
+        return "empty"
+    numbers = sample.numbers(name)
+    if numbers and len(values) > _SHOWN and not any(map(_PADDED.match, values)):
+        others = [word for word in values if not NUMBER.fullmatch(word)]
+        told = f"{len(values) - len(others)} values from {min(numbers):g} to {max(numbers):g}"
+        return "; and ".join([told, *map(one_line, others)]) + empty
+    return f"{len(values)} value{'s'[: len(values) != 1]}: {listed(values)}{empty}"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Name the first of several words.
+
+    >>> listed(["a", ""]), listed("abcdefghijk")
+    ('a, (empty)', 'a, b, c, d, e, f, g, h, ...')
+    """
+    told = [one_line(word)[:30] if word else "(empty)" for word in words[:_SHOWN]]
+    return ", ".join(told) + (", ..." if len(words) > _SHOWN else "")
