@@ -12,6 +12,7 @@ import pytest
 from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
 from analysis.results.methods import methods_of, misfits
+from analysis.results.summary import versions
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import felt, files, loaded, put
 
@@ -57,7 +58,7 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
         "Of the tables 4 further rows were not analysed",
         "as if felt in 2 of 40 (5.0 %) in condition palm, in 2 of 40 (5.0 %) in condition thumb.",
         "gamma the false-alarm rate, lambda the lapse rate, sigma the width",
-        "a mean (a + 1/2)/(b + 1) of 0.071.",
+        "a mean (a + 1/2)/(b + 1) of 0.071; a function that is drawn has this mean, of the ",
         "The mean difference had a normal prior with mean 0 and a standard deviation of 12 dB",
         "It refused none of 4 functions at p < 0.01",
         "95 % equal-tailed credible intervals, between the 2.5 % and the 97.5 % point",
@@ -65,6 +66,23 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
         assert words in told, words
     assert "plan" not in told
     assert "left" not in told.replace("was left out", "")
+
+
+def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) -> None:
+    methods = methods_of(of(tmp_path))
+    short, details, *others = methods.paragraphs
+    assert details == methods.DETAILS
+    assert len(others) >= 5
+    assert "[" not in short
+    assert len(re.findall(r"\.(?: |$)", short)) == 6  # sentences
+    for words in (
+        "fitted to the counts of each participant in each condition by Bayesian inference",
+        "The threshold is the level at which this function is half-way between the false-alarm ",
+        "95 % equal-tailed credible intervals",
+        "their intervals are of the mean of people like the participants",
+        f"The analysis was made with tactstrip {versions()['tactstrip']}.",
+    ):
+        assert words in short, words
 
 
 def test_every_reference_of_the_methods_is_cited_in_their_order(tmp_path: Path) -> None:

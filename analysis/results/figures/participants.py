@@ -59,7 +59,7 @@ def sheets(analysis: Analysis) -> list[Sheet]:
             title=title + (f" ({number} of {len(pages)})" if len(pages) > 1 else ""),
             caption=f"Proportions with 95 % intervals ({analysis.ci.title()}), the fitted function "
             "with the 95 % band of its posterior, the threshold with its 95 % interval, and "
-            f"deviance residuals; without a threshold only the data.{more}",
+            f"deviance residuals; without a threshold only the data.{_start(analysis)}{more}",
             alt=f"Detection probability against level in {analysis.axis.label} of each of "
             f"{len(page)} participants, "
             f"{f'{page[0]} to {page[-1]}' if every else ', '.join(page)}, in panels of their own; "
@@ -68,6 +68,17 @@ def sheets(analysis: Analysis) -> list[Sheet]:
         )
         for number, page in enumerate(pages, start=1)
     ]
+
+
+def _start(analysis: Analysis) -> str:
+    """Say where a function starts that has its false alarms of blank trials."""
+    known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
+    if not known:
+        return ""
+    return (
+        " A function starts at the false-alarm rate that the blank trials alone tell, half an "
+        "answer added, and so may lie above the points of the weakest levels."
+    )
 
 
 def _first_to_see(analysis: Analysis) -> list[str]:

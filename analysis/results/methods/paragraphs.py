@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from analysis.definitions import TOTAL
 from analysis.results.answer import left_out_words
@@ -29,8 +29,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Methods:
-    """What an author pastes: paragraphs, in which names are `isolated`, and what they cite."""
+    """What an author pastes: paragraphs, in which names are `isolated`, and what they cite.
 
+    The first is a short version that stands alone; behind `DETAILS` come the others.
+    """
+
+    DETAILS: ClassVar = "Details, for a supplement"
     paragraphs: tuple[str, ...]
     references: tuple[str, ...]
 
@@ -57,6 +61,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
     paired = people[["condition_a", "condition_b"]].drop_duplicates()
     told = pages.from_string(template).render(
         analysis=analysis,
+        details=Methods.DETAILS,
         counts=analysis.counts,
         counts_told=counts_told(analysis),
         study=plans.studies[0] if plans.studies else None,

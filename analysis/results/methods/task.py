@@ -107,7 +107,8 @@ def guess_words(analysis: Analysis) -> Iterator[str]:
             yield (
                 "the rate gamma had the distribution Beta(a + 1/2, b - a + 1/2) after a "
                 f"{alarms} in a participant's b blank (catch) trials{few}, with a mean "
-                f"(a + 1/2)/(b + 1) of {value}"
+                f"(a + 1/2)/(b + 1) of {value}; a function that is drawn has this mean, of the "
+                "blank trials alone, as its gamma"
             )
 
 
