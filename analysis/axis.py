@@ -41,6 +41,20 @@ def shortest(level: float) -> str:
     return f"{level:.10g}"
 
 
+_PLAIN_DB = 20.0
+"""Of a ratio with two decimals."""
+
+
+def times(difference_db: float) -> str:
+    """Return the ratio of two levels that lie so many dB apart, 10^(dB/20).
+
+    >>> times(5.3), times(-2.7), times(50.0)
+    ('1.84 times', '0.73 times', '316 times')
+    """
+    ratio = 10 ** (difference_db / 20)
+    return f"{ratio:.2f} times" if abs(difference_db) < _PLAIN_DB else f"{ratio:.3g} times"
+
+
 def with_limits(at: float, low: float, high: float, unit: str, levels: Sequence[float]) -> str:
     """Return a level and its limits in words; an open limit is that of the tested levels.
 

@@ -24,7 +24,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "p_pooled": "detected / presented over all participants",
         "group_low, group_high": "95 % interval of the mean of people like the participants, if "
         "their p are Beta distributed: of its posterior, with flat priors of the mean and of their "
-        "spread; none for one participant",
+        "spread, which mostly tell the far limit near 0 and 1 where people are few; none for one "
+        "participant; of blank trials in a row 'all'",
         "over_report": "single stimuli answered both",
         "mislocalised": "single stimuli answered with the other side",
         "timeouts": "single stimuli (in control.csv: control trials) without an answer in time",
@@ -134,11 +135,21 @@ MOST_PRESENTED = 10**12
 TOTAL = "all"
 
 GROUP_COVERS: Final = (
-    "The group's interval is of the mean of other people like these. In simulations of five and of "
-    "twelve people who differ by 2 to 6 dB it covered 92 to 97 % of true means from .3 to .98, of "
-    "five very steep people as little as 86 %, and of means above .99 as little as 79 %."
+    "The group's interval is of the mean of people like these, of whom few were seen. Near 0 and 1 "
+    "its far limit (the upper one near 0, the lower one near 1) is mostly the prior's where people "
+    "are few: how much others differ, who missed almost nothing can hardly tell. There it lies "
+    "farther out than need be: of five and of six simulated people no true mean below .12 or "
+    "above .89 lay beyond it. In simulations of five to twelve people who differ by 2 to 6 dB the "
+    "interval covered 87 to 97 % of true means from .1 to .98, of five very steep people as little "
+    "as 86 %, and of means above .99 as little as 79 %."
 )
-"""Measured by benchmarks/calibration.py."""
+"""What a reader of the interval has to know; measured as docs/statistics.md, section 3, tells."""
+
+FAR_LIMIT: Final = (
+    "of the mean of people like these; of few people its far limit near 0 and 1 is mostly the "
+    "prior's"
+)
+"""The same in half a sentence."""
 
 CENSORED: Final = (
     "A threshold outside the tested levels is told as below or above them, never as a number; so "
@@ -175,7 +186,10 @@ OFF_THE_PLATE: Final = (
 
 CRITERION: Final = (
     "Where false alarms differ, a difference of thresholds may be one of the willingness to answer "
-    "(the criterion) and not of what is felt: d' does not depend on it, and stands beside."
+    "(the criterion) and not of what is felt: d' does not depend on it, and stands beside. Here it "
+    "is over all levels mixed, surely felt and never felt ones, too, so that it tells less than "
+    "the thresholds: an interval of its difference that holds 0 is no evidence for a change of "
+    "criterion."
 )
 """What false alarms and d' beside a difference are there for."""
 
@@ -195,7 +209,8 @@ POPULATION: Final = (
 
 FITTED_RATES: Final = (
     "The false-alarm rate of a fit is (a + 1/2)/(b + 1), the posterior mean after a false alarms "
-    "in b blank trials; the plain proportions stand under Blank trials."
+    "in b blank trials; the plain proportions stand under Blank trials. It is of the blanks alone, "
+    "so that a function that is drawn may start above the points of the weakest levels."
 )
 
 LAPSES: Final = (

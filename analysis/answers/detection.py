@@ -22,6 +22,7 @@ LEVEL_COLUMNS = (
 )  # fmt: skip
 
 _FELT = ("left", "right", "both")
+_BLANK = ("participant", *_FELT, "presented", "p", "low", "high", "group_low", "group_high")
 
 
 def cells(trials: pd.DataFrame) -> pd.DataFrame:
@@ -185,8 +186,9 @@ def blank_table(
 ) -> pd.DataFrame:
     """Count blank trials; left, right or both answered there is a false alarm.
 
-    Columns ``participant left right both presented p low high``, p for any of the three; last row
-    and ``condition`` as in `both_table`. `blanks` are those of a table of counts, see
+    Columns ``participant left right both presented p low high group_low group_high``, p for any of
+    the three; last row and ``condition`` as in `both_table`. ``group_low`` and ``group_high`` are
+    `group_interval` in the last row, else NaN. `blanks` are those of a table of counts, see
     `analysis.reading.foreign.counts.Counted`, which do not tell which side was answered.
 
     >>> blanks = {"condition": "main", "participant": ["1", "2"], "felt": [3, 1], "presented": 20}
@@ -198,16 +200,28 @@ def blank_table(
         return _blank_of(blanks, ci)
     counts = _answer_counts(trials, "blank", {answer: (answer,) for answer in _FELT})
     counts["felt"] = counts[list(_FELT)].sum(axis="columns")
-    table = _with_interval(counts, "felt", ci)
-    return _leading(trials, table, ["participant", *_FELT, "presented", "p", "low", "high"])
+    table = _with_group(_with_interval(counts, "felt", ci))
+    return _leading(trials, table, _BLANK)
 
 
 def _blank_of(blanks: pd.DataFrame, ci: str) -> pd.DataFrame:
     people = blanks[["condition", "participant", "felt", "presented"]]
-    table = _with_interval(_with_totals(people), "felt", ci).assign(**dict.fromkeys(_FELT, np.nan))
-    order = ["participant", *_FELT, "presented", "p", "low", "high"]
+    table = _with_group(_with_interval(_with_totals(people), "felt", ci))
+    table = table.assign(**dict.fromkeys(_FELT, np.nan))
     several = len({*blanks["condition"]}) > 1
-    return table[["condition", *order] if several else order]
+    return table[["condition", *_BLANK] if several else [*_BLANK]]
+
+
+def _with_group(table: pd.DataFrame) -> pd.DataFrame:
+    """Give the total of each condition the interval of the mean of people."""
+    total = table["participant"].eq(TOTAL)
+    limits = np.full((len(table), 2), np.nan)
+    for at in np.flatnonzero(total):
+        same = table["condition"].eq(table["condition"].iloc[at])
+        people = table[same & ~total & table["presented"].gt(0)]
+        if len(people):
+            limits[at] = group_interval(people["felt"].to_numpy(), people["presented"].to_numpy())
+    return table.assign(group_low=limits[:, 0], group_high=limits[:, 1])
 
 
 def _answer_counts(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from analysis.axis import bounded, rounded, with_limits
+from analysis.axis import bounded, rounded, times, with_limits
 from analysis.groups.group import FEW, PeopleTables, difference_on_axis, threshold_on_axis
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import WORDS, levels_of
@@ -185,7 +185,7 @@ def _difference(one: Difference | ConditionDifference) -> list[object]:
         _known(high),
         one.status,
         {
-            "ok": f"{told} dB ({low:+.1f} to {high:+.1f})",
+            "ok": f"{told} dB ({low:+.1f} to {high:+.1f}), {times(one.difference_db)}",
             "at_least": f"at least {low:+.1f} dB (95 %)",
             "at_most": f"at most {high:+.1f} dB (95 %)",
             "unknown": "not bounded by these levels",

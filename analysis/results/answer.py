@@ -327,7 +327,9 @@ def _false_alarms(analysis: Analysis) -> Iterator[str]:
 
 
 def _share(row: pd.Series[Any]) -> str:
-    at, low, high = (100 * float(row[name]) for name in ("p", "low", "high"))
+    """Write a rate with the interval of the mean of people; of one person, with that one's."""
+    of = "" if math.isnan(row["group_low"]) else "group_"
+    at, low, high = (100 * float(row[name]) for name in ("p", f"{of}low", f"{of}high"))
     return f"{at:.1f} % ({low:.1f} to {high:.1f} %)"
 
 
@@ -335,8 +337,8 @@ def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     for row in totals(analysis) if analysis.detected_any is not None else ():
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
-        if analysis.counts.participants > 1:
-            of += " (ignores participants)"
+        if not math.isnan(row["group_low"]):
+            of += "; interval: mean of people like these"
         yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
 
 

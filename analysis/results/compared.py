@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.axis import times
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import MIXED, same_rates_p
 
@@ -26,6 +27,8 @@ SPELLED: Final = 3
 ALPHA: Final = 0.05
 """False alarms differ where the test of the same rates has a smaller p."""
 _LEAST_P: Final = 0.001
+NO_EVIDENCE: Final = "that its interval holds 0 is no evidence for a change of criterion"
+"""Said of thresholds that differ: d' over all levels is the weaker measure."""
 _ISOLATE, _END = "\u2068", "\u2069"
 
 
@@ -94,8 +97,8 @@ def difference_words(one: Pair) -> str:
     ...     row = {"status": status, "difference_db": at, "low_db": low, "high_db": high}
     ...     return plain(difference_words(Pair(a="A", b="B", row=pd.Series(row), of="8 in both")))
     >>> print(told("ok", 2.14, 0.42, 3.91))
-    the threshold in condition B is 2.1 dB higher than in A (posterior median, 95 % interval +0.4 to
-    +3.9 dB; 8 in both)
+    the threshold in condition B is 2.1 dB higher than in A, 1.28 times as high (posterior median,
+    95 % interval +0.4 to +3.9 dB; 8 in both)
     >>> print(told("ok", 0.6, -0.5, 1.7))
     conditions A and B cannot be told apart with these data: between -0.5 and +1.7 dB (95 % interval
     of the threshold in B against A; 8 in both)
@@ -123,10 +126,10 @@ def difference_words(one: Pair) -> str:
         )
     more = "higher" if low > 0 else "lower"
     if status == "ok":
-        at = abs(float(one.row["difference_db"]))
+        at = float(one.row["difference_db"])
         return (
-            f"the threshold in condition {b} is {at:.1f} dB {more} than in {a} (posterior "
-            f"median, 95 % interval {low:+.1f} to {high:+.1f} dB; {one.of})"
+            f"the threshold in condition {b} is {abs(at):.1f} dB {more} than in {a}, {times(at)} "
+            f"as high (posterior median, 95 % interval {low:+.1f} to {high:+.1f} dB; {one.of})"
         )
     return (
         f"the threshold in condition {b} is {more} than in {a} by at least "
@@ -139,8 +142,9 @@ def difference_cell(one: Pair) -> str:
     if one.row["status"] != "ok":
         return str(one.row["printed"])
     low, high = one.ends_db
-    at = round(float(one.row["difference_db"]), 1) + 0.0  # no minus before 0
-    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f})"
+    found = float(one.row["difference_db"])
+    at = round(found, 1) + 0.0  # no minus before 0
+    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f}), {times(found)}"
 
 
 def compared(analysis: Analysis) -> Iterator[str]:
@@ -166,7 +170,9 @@ def compared(analysis: Analysis) -> Iterator[str]:
 def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
     """Say of conditions that differ whether false alarms do so, or are not known."""
     known = analysis.differences["d_prime_a"].notna().any()
-    beside = "; d', which does not depend on {}, is in the table" if known else ""
+    beside = "; d' over all levels, which does not depend on {}, is in the table" if known else ""
+    if any(_unsure_d_prime(one) for one in pairs):
+        beside += f" ({NO_EVIDENCE})"
     told = {row["condition"] for row in totals(analysis) if "condition" in row}
     if any(not {one.a, one.b} <= told for one in pairs):
         yield (
@@ -189,6 +195,11 @@ def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
         )
     else:
         yield f"false alarms are not told apart ({words}){beside.format('the criterion')}"
+
+
+def _unsure_d_prime(one: Pair) -> bool:
+    low, high = (float(one.row[f"d_prime_difference_{end}"]) for end in ("low", "high"))
+    return low <= 0 <= high
 
 
 def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
@@ -219,11 +230,15 @@ def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
         if not math.isnan(a + b):
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
-            name = f"d' in {isolated(one.b)} against {isolated(one.a)}"
+            name = f"d' over all levels, {isolated(one.b)} against {isolated(one.a)}"
             ends = (one.row[f"d_prime_difference{end}"] for end in ("", "_low", "_high"))
             apart, low, high = map(float, ends)
             limits = "" if math.isnan(low) else f", {apart:+.2f} ({low:+.2f} to {high:+.2f})"
-            yield name, f"{b:.2f} against {a:.2f}{limits}", f"{of}all levels of both"
+            yield (
+                name,
+                f"{b:.2f} against {a:.2f}{limits}",
+                f"{of}levels mixed: tells less than thresholds",
+            )
 
 
 def totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:

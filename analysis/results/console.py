@@ -6,7 +6,7 @@ import io
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
-from analysis.definitions import POPULATION, TOTAL
+from analysis.definitions import FAR_LIMIT, POPULATION, TOTAL
 from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import plain
 from analysis.results.methods import one_side_words
@@ -34,12 +34,12 @@ _WIDTH = 80
 _FEW = 10
 _LEGEND = (
     "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
-    "max: over participants' k/n. group 95 %: of people like these. both, other: answered both, "
+    f"max: over participants' k/n. group 95 %: {FAR_LIMIT}. both, other: answered both, "
     "the other side. late: time-outs. p ans: k / answered."
 )
 _LEGEND_ONE = (
     "k/n: stimuli that were felt / presented. P: participants. min, mean, max: over participants' "
-    "k/n. group 95 %: of people like these. late: time-outs. p ans: k / answered."
+    f"k/n. group 95 %: {FAR_LIMIT}. late: time-outs. p ans: k / answered."
 )
 _LEGEND_ANY = " any: answered left, right or both."
 

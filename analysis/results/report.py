@@ -346,7 +346,7 @@ def _reaction_times(analysis: Analysis) -> Iterator[Section]:
     yield Section(title="Reaction times", texts=[told], tables=tables)
 
 
-_TOTALS: Final = "the interval of a row 'all' ignores that participants differ"
+_TOTALS: Final = "{}; the {} interval of a row 'all' ignores that participants differ"
 
 
 def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
@@ -356,12 +356,12 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
         ("Both-finger trials", analysis.both, lambda row: both_cells(row, PAGE),
          ["Answered both / presented", "Share", of_ci, "Left only", "Right only"]),
         ("Blank trials", analysis.blank, lambda row: blank_cells(row, PAGE, side),
-         ["Presented", *sides, "False alarms", of_ci]),
+         ["Presented", *sides, "False alarms", of_ci, "Group, 95 %"]),
         ("Fingers off the plate", analysis.control, control_cells, CONTROL_HEAD[1:]),
     ):  # fmt: skip
         if len(table):
             control = table is analysis.control
-            caption = title if control else f"{title}; {_TOTALS}"
+            caption = title if control else _TOTALS.format(title, analysis.ci.title())
             rows = [[_who(row), *cells(row)] for _, row in table.iterrows()]
             made = Table(caption=caption, header=["Participant", *header], rows=rows)
             texts = [OFF_THE_PLATE] if control else []

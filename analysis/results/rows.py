@@ -199,10 +199,10 @@ def both_cells(row: pd.Series[Any], style: Style) -> list[str]:
 
 
 def blank_cells(row: pd.Series[Any], style: Style, side: str = "") -> list[str]:
-    """Return presented, left, right, both, or one side, the share of false alarms, its interval."""
-    told = (row[name] for name in ("presented", *([side] if side else ("left", "right", "both"))))
-    counts = ["n/a" if math.isnan(count) else str(count) for count in told]
-    return [*counts, p_text(row["p"]), style.limits(row["low"], row["high"])]
+    """Return presented, left, right, both, or one side, the share of false alarms, intervals."""
+    names = ("presented", *([side] if side else ("left", "right", "both")))
+    ends = (style.limits(row[f"{of}low"], row[f"{of}high"]) for of in ("", "group_"))
+    return [*(count_text(row[name]) for name in names), p_text(row["p"]), *ends]
 
 
 def difference_rows(

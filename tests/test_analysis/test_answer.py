@@ -19,11 +19,11 @@ from scipy.stats import fisher_exact
 
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.answers.doubts import Doubt
-from analysis.axis import VOLTS, Axis, bounded, with_limits
+from analysis.axis import VOLTS, Axis, bounded, times, with_limits
 from analysis.groups.criterion import BESIDE_COLUMNS, same_rates_p
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
-from analysis.results.compared import plain
+from analysis.results.compared import NO_EVIDENCE, pairs_of, plain
 from analysis.results.files import harmless
 from analysis.results.rows import forced_choice
 from analysis.results.tables import Analysis, analyse
@@ -137,6 +137,7 @@ def apart(found: re.Match[str], analysis: Analysis) -> None:
     assert row["status"] == "ok"
     sign = 1 if found["more"] == "higher" else -1
     assert close(found["at"], sign * row["difference_db"])
+    assert close(found["times"], 10 ** (row["difference_db"] / 20))
     assert close(found["low"], row["low_db"])
     assert close(found["high"], row["high_db"])
     assert min(sign * float(found["low"]), sign * float(found["high"])) > 0
@@ -189,8 +190,9 @@ def false_alarms(found: re.Match[str], analysis: Analysis) -> None:
     assert len(each) == len(totals(analysis))
     for (at, low, high, condition), (_, row) in zip(each, totals(analysis).iterrows(), strict=True):
         assert close(at, 100 * row["p"])
-        assert close(low, 100 * row["low"])
-        assert close(high, 100 * row["high"])
+        of = "" if math.isnan(row["group_low"]) else "group_"
+        assert close(low, 100 * row[f"{of}low"])
+        assert close(high, 100 * row[f"{of}high"])
         assert condition == (row.get("condition") or "")
 
 
@@ -291,6 +293,16 @@ def some_offered(analysis: Analysis) -> bool:
     return True in [one for one in of.loc[of["reason"].eq(""), "none_offered"] if one is not pd.NA]
 
 
+UNSURE = rf"(?: \({NO_EVIDENCE}\))?"
+
+
+def unsure(analysis: Analysis, said: str) -> bool:
+    """Whether d' is told and its interval holds 0 where thresholds differ."""
+    rows = [one.row for one in pairs_of(analysis.differences) if one.apart]
+    holds = [row["d_prime_difference_low"] <= 0 <= row["d_prime_difference_high"] for row in rows]
+    return any(holds) and "; d' over all levels" in said
+
+
 SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:in condition (?P<condition>\S+) )?(?:it|the threshold of (?P<who>.+?)) "
     r"(?P<said>(?:is|cannot be told:) .+?)(?P<session> in (?:this session|these \d+ sessions))?":
@@ -310,7 +322,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"with fewer than five participants(?: in conditions? (?P<which>.+))? it is mostly the prior "
     "that says how much people differ": mostly_prior,
     rf"the threshold in condition (?P<b>\S+) is (?P<at>{NUMBER}) dB (?P<more>higher|lower) than in "
-    rf"(?P<a>\S+) \(posterior median, 95 % interval (?P<low>{NUMBER}) to (?P<high>{NUMBER}) dB; "
+    rf"(?P<a>\S+), (?P<times>{NUMBER}) times as high \(posterior median, 95 % interval "
+    rf"(?P<low>{NUMBER}) to (?P<high>{NUMBER}) dB; "
     r"(?P<of>.+)\)": apart,
     r"conditions (?P<a>\S+) and (?P<b>\S+) cannot be told apart with these data: between "
     rf"(?P<low>{NUMBER}) and (?P<high>{NUMBER}) dB \(95 % interval of the threshold in (?P=b) "
@@ -332,18 +345,21 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         lambda one: counted_pairs(one) > 1
     ),
     r"a difference may be one of criterion, of which only blank trials can tell"
-    r"(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
+    r"(?P<beside>; d' over all levels, which does not depend on it, is in the "
+    rf"table{UNSURE})?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
     r"false alarms were not equally frequent(?: in \d+ of these \d+ pairs of conditions)? "
     r"\((?:least )?p (?:=|<) 0\.0\d\d, (?:exact test within participants|"
     r"Fisher's exact test of the totals)\), so that a difference may "
-    r"be one of criterion(?P<beside>; d', which does not depend on it, is in the table)?": is_true(
+    r"be one of criterion(?P<beside>; d' over all levels, which does not depend on it, is in the "
+    rf"table{UNSURE})?": is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
     r"false alarms are not told apart \((?:least )?p = [01]\.\d\d\d, (?:exact test within "
     r"participants|Fisher's exact test of the totals)\)"
-    r"(?P<beside>; d', which does not depend on the criterion, is in the table)?": is_true(
+    r"(?P<beside>; d' over all levels, which does not depend on the criterion, is in the "
+    rf"table{UNSURE})?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) > 1
     ),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
@@ -408,7 +424,8 @@ def checked(found: Answer, analysis: Analysis) -> set[str]:
     assert (kinds[4] in used) == bool(told["participants"].eq(1).any())
     assert (kinds[5] in used) == bool(few(analysis))
     said = plain(" ".join(found.statements))
-    assert ("criterion" in said and "; d', which" in said) <= bool(
+    assert (NO_EVIDENCE in said) == unsure(analysis, said)
+    assert ("criterion" in said and "; d' over all levels, which" in said) <= bool(
         analysis.differences["d_prime_a"].notna().any()
     )
     return {*used}
@@ -514,8 +531,11 @@ class Made:
             left += 40 * (right and name == "c1")
             row = {"condition": name, "participant": "all", "left": left, "right": right, "both": 1}
             p = (left + right + 1) / of
+            group = (p / 3, 3 * p) if self.people > 1 else (math.nan, math.nan)
+            row |= dict(zip(("group_low", "group_high"), group, strict=True))
             rows.append(row | {"presented": of, "p": p, "low": p / 2, "high": 2 * p})
-        columns = ["participant", "left", "right", "both", "presented", "p", "low", "high"]
+        columns = ["participant", "left", "right", "both", "presented", "p", "low", "high",
+                   "group_low", "group_high"]  # fmt: skip
         table = pd.DataFrame(rows, columns=["condition", *columns])
         return table if len(self.conditions) > 1 else table[columns]
 
@@ -605,9 +625,14 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         ok = analysis.differences["status"].eq("ok") & analysis.differences["participant"].eq("all")
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
-            assert f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})" in values
+            told = f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})"
+            assert f"{told}, {times(row['difference_db'])}" in values
             known = not math.isnan(row["d_prime_a"])
             assert (f"{row['d_prime_b']:.2f} against {row['d_prime_a']:.2f}" in values) == known
+        for what, _, of in rows:
+            assert what.startswith("d' over all levels, ") == ("levels mixed" in of)
+            if what.startswith("False alarms"):
+                assert ("interval: mean of people like these" in of) == (Made(seed).people > 1)
         varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]
         alone = analysis.groups["participants"].eq(1).any()
         assert [row[1] for row in varied] == ["50 to 150 V"] * (len(analysis.groups) * alone)
@@ -760,15 +785,15 @@ def test_a_choice_of_three_starts_at_a_third(least: Analysis) -> None:
     assert "near the guess rate" in forced_choice(replace(least, thresholds=mixed), "k/n")
 
 
-@pytest.mark.parametrize(("rates", "times"), [((0.1, 0.5), 1), ((0.1, 0.2), 0), ((0.1, 0.1), 0)])
+@pytest.mark.parametrize(("rates", "often"), [((0.1, 0.5), 1), ((0.1, 0.2), 0), ((0.1, 0.1), 0)])
 def test_criterion_is_spoken_of_only_where_false_alarms_differ(
-    least: Analysis, rates: tuple[float, float], times: int
+    least: Analysis, rates: tuple[float, float], often: int
 ) -> None:
     apart = {"status": "ok", "difference_db": 3.0, "low_db": 1.0, "high_db": 5.0}
     row = {"condition_a": "a", "condition_b": "b", "participant": "all", "first": "interleaved 8"}
     blank = pd.DataFrame(
         {"condition": ["a", "b"], "participant": "all", "presented": 60, "p": rates, "low": 0.05,
-         "high": 0.3}
+         "high": 0.3, "group_low": math.nan, "group_high": math.nan}
     )  # fmt: skip
     analysis = replace(
         least, counts=replace(least.counts, conditions=2), blank=blank,
@@ -779,9 +804,9 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     said = found.statements[1].lower()
     assert (
         said.count("false alarms were not equally frequent (p < 0.001, fisher's exact test")
-        == times
+        == often
     )
-    assert said.count("false alarms are not told apart (p = ") == 1 - times
+    assert said.count("false alarms are not told apart (p = ") == 1 - often
     assert said.count(" % (5.0 to 30.0 %)") == 2
     assert not any("interleaved" in of for _, _, of in found.rows)
 

@@ -114,7 +114,7 @@ def test_the_tables_have_the_promised_columns(example: Path) -> None:
         "group_low group_high over_report mislocalised timeouts p_answered",
         "participants.csv": "participant condition level_vpp detected presented p low high",
         "both.csv": "participant noticed presented p low high left_only right_only",
-        "blank.csv": "participant left right both presented p low high",
+        "blank.csv": "participant left right both presented p low high group_low group_high",
         "confusion.csv": "condition kind side left right both none timeout invalid presented",
         "thresholds.csv": "participant condition status threshold_vpp threshold_low_vpp "
         "threshold_high_vpp threshold_db threshold_low_db threshold_high_db printed sigma "

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import level_table, proportion_ci
+from analysis import group_interval, level_table, proportion_ci
 from analysis.answers.counting import excluded_table, offers_none
 from analysis.answers.detection import (
     LEVEL_COLUMNS,
@@ -78,6 +78,19 @@ def test_the_mean_is_unweighted_and_the_pooled_p_is_not() -> None:
     assert (levels["p_min"], levels["p_max"]) == (0.0, 0.9)
 
 
+def test_false_alarms_of_several_people_have_the_group_interval_and_each_its_own() -> None:
+    one, other = ["none"] * 3 + ["left"], ["none"] * 5 + ["right", "both"]
+    parts = [
+        answered(*each, **BLANK, participant=name)
+        for name, each in zip("12", (one, other), strict=True)
+    ]
+    made = blank_table(pd.concat(parts, ignore_index=True))
+    ends = made[["group_low", "group_high"]]
+    assert ends.iloc[-1].tolist() == [*group_interval([1, 2], [4, 7])]
+    assert ends.iloc[:-1].isna().all(axis=None)
+    assert blank_table(parts[0])["group_low"].isna().all()
+
+
 def test_one_participant_has_no_group_interval() -> None:
     assert level_table(answered("left", "none"))[["group_low", "group_high"]].isna().all(axis=None)
 
@@ -117,7 +130,10 @@ def test_tables_of_kinds_that_did_not_occur_are_empty_but_have_their_columns() -
     shares = "presented p low high"
     for found, columns in (
         (both_table(table({})), f"participant noticed {shares} left_only right_only"),
-        (blank_table(table({})), f"participant left right both {shares}"),
+        (
+            blank_table(table({})),
+            f"participant left right both {shares} group_low group_high",
+        ),
         (level_table(table({"kind": "practice"})), " ".join(LEVEL_COLUMNS)),
     ):
         assert (len(found), list(found.columns)) == (0, columns.split())

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.special import ndtr
 from scipy.stats import betabinom
 
 from analysis import group_interval, proportion_ci
@@ -205,6 +206,22 @@ def test_the_group_interval_has_no_order_and_holds_the_proportions(cells: list[A
         assert p - 1e-15 <= group[1]
     missed = group_interval([b - a for a, b in zip(k, n, strict=True)], n)
     assert missed == pytest.approx((1 - group[1], 1 - group[0]), abs=1e-6)
+
+
+@pytest.mark.slow
+def test_near_1_only_the_near_limit_of_the_group_interval_ever_misses() -> None:
+    rng = np.random.default_rng(1)
+
+    def felt(offsets: Any) -> Any:
+        return 0.02 + 0.97 * ndtr((0.3 + offsets) / 0.12)  # 6 dB above the middle person
+
+    truth = float(felt(0.1 * rng.standard_normal(400_000)).mean())
+    k = rng.binomial(20, felt(0.1 * rng.standard_normal((300, 6))))
+    of = {tuple(row): group_interval(row, [20] * 6) for row in np.sort(k, axis=1).tolist()}
+    limits = np.array([of[tuple(row)] for row in np.sort(k, axis=1).tolist()])
+    assert 0.95 < truth < 0.97
+    assert not np.any(limits[:, 0] > truth)
+    assert 0.03 < np.mean(limits[:, 1] < truth) < 0.15
 
 
 @pytest.mark.slow

@@ -119,7 +119,9 @@ def test_of_one_place_no_output_tells_the_side_that_the_map_alone_states(tmp_pat
     seldom = "Both-finger|simulated|without a device|masking noise|noise_ok|both 0"
     for told in (printed.getvalue(), made["report.html"]):
         assert not re.search(seldom, told)
-    assert made["blank.csv"].startswith("participant,felt,presented,p,low,high\n")
+    assert made["blank.csv"].startswith(
+        "participant,felt,presented,p,low,high,group_low,group_high\n"
+    )
     assert made["confusion.csv"].startswith(
         "condition,kind,felt,not_felt,timeout,invalid,presented"
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.definitions import TOTAL
+from analysis.definitions import FAR_LIMIT, TOTAL
 from analysis.results.figures.composed import (
     DEVIANCE,
     beside,
@@ -45,7 +45,7 @@ def sheets(analysis: Analysis) -> list[Sheet]:
     over = f", {number} conditions over each other" if number > 1 else ""
     data, new = "proportions with their 95 % intervals", ""
     if not alone:
-        data = "means of the participants with the group's 95 % interval"
+        data = f"means of the participants with the group's 95 % interval ({FAR_LIMIT})"
         new = " and, thinner, where another person's is expected"
     return [
         Sheet(
