@@ -138,8 +138,8 @@ GROUP_COVERS: Final = (
     "The group's interval is of the mean of people like these, of whom few were seen. Near 0 and 1 "
     "its far limit (the upper one near 0, the lower one near 1) is mostly the prior's where people "
     "are few: how much others differ, who missed almost nothing can hardly tell. There it lies "
-    "farther out than need be: of five and of six simulated people no true mean below .12 or "
-    "above .89 lay beyond it. In simulations of five to twelve people who differ by 2 to 6 dB the "
+    "farther out than need be: in simulations of five and of six people no true mean below .12 "
+    "or above .89 lay beyond it. In those of five to twelve people who differ by 2 to 6 dB the "
     "interval covered 87 to 97 % of true means from .1 to .98, of five very steep people as little "
     "as 86 %, and of means above .99 as little as 79 %."
 )
