@@ -625,8 +625,8 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         ok = analysis.differences["status"].eq("ok") & analysis.differences["participant"].eq("all")
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
-            told = f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})"
-            assert f"{told}, {times(row['difference_db'])}" in values
+            shown = f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})"
+            assert f"{shown}, {times(row['difference_db'])}" in values
             known = not math.isnan(row["d_prime_a"])
             assert (f"{row['d_prime_b']:.2f} against {row['d_prime_a']:.2f}" in values) == known
         for what, _, of in rows:
