@@ -168,7 +168,8 @@ def test_every_page_has_eight_people() -> None:
 
 def test_of_very_many_people_one_page_has_those_to_look_at_first() -> None:
     names = [f"{n:02d}" for n in range(60)]
-    thresholds = pd.DataFrame({"participant": names, "status": "ok", "deviance_p": 0.5})
+    thresholds = pd.DataFrame({"participant": names, "status": "ok", "deviance_p": 0.5,
+                               "guess_basis": "forced choice"})  # fmt: skip
     thresholds.loc[[7, 9], "status"] = "flat", "decreasing"
     thresholds.loc[20:50, "deviance_p"] = np.linspace(0.01, 0.4, 31)
     thresholds.loc[55:, "deviance_p"] = np.nan  # nothing to fit, as of who felt everything
