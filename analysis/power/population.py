@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.groups.group import FEW, PeopleTables, group_draws
 from analysis.thresholds.people import people_of
+from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of
 from experiment.study.simulated import threshold_vpp
 from experiment.terms.chances import answer_probabilities
@@ -95,7 +96,7 @@ def stated_people(study: Study, goal: Goal) -> People:
             raise ValueError(
                 f"simulation.{key} must be stated, {_MEANT[key]}, in dB: in the study, from a "
                 "pilot (--pilot DIR) or as assumed (--people literature); got none "
-                f'(what tactstrip init wrote counts once told in [init] names "simulation.{key}")'
+                f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
             )
     return People(study=study, numbers=_numbers(study, {}))
 
@@ -145,7 +146,7 @@ def pilot_people(study: Study, trials: pd.DataFrame, where: str) -> People:
     draws = _pilot_draws(people.at(rows), trials, name)
     source = f"pilot of {len(rows)} people in {where}, median of {_DRAWS} draws"
     told = {key: (float(np.median([one[key] for one in draws])), source) for key in draws[0]}
-    section = asdict(study.simulation) | {"threshold_um": None}
+    section = asdict(study.simulation) | _KNOWN_ELSEWHERE
     changed = study.changed(simulation=section | {key: value for key, (value, _) in told.items()})
     keys = stated_of(study.simulation).keys or {}
     return People(
@@ -154,6 +155,10 @@ def pilot_people(study: Study, trials: pd.DataFrame, where: str) -> People:
         draws=tuple(draws),
         warnings=_few(len(rows)),
     )
+
+
+_KNOWN_ELSEWHERE: Final = dict.fromkeys(("threshold_um", *CURVE_KEYS))
+"""What a pilot's threshold, which is in volts and of this very burst, stands in for."""
 
 
 def _few(number: int) -> tuple[str, ...]:

@@ -134,8 +134,10 @@ def text(promise: Promise) -> str:
 def _assumed(people: People) -> str:
     """Say whom the answer holds for: the two numbers that decide it, and whose they are."""
     told = {one.key: one for one in people.numbers}
+    known = people.study.simulation.known_for.words
     parts = [
-        f"{words} = {told[key].value:g} {unit} ({told[key].source})"
+        f"{words} = {told[key].value:g} {unit}{known if 'median' in words else ''} "
+        f"({told[key].source})"
         for key, words, unit in _DECIDING
         if key in told
     ]

@@ -21,6 +21,7 @@ from analysis.power.population import truth_of
 from analysis.thresholds.levels import LevelsError, pilot_functions, placed
 from experiment.study.read import study_from_canonical
 from experiment.study.sections.simulation import Simulation
+from experiment.study.simulated import people_for_burst
 from experiment.terms.gains import gains_from_json
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ def plan_text(
 
     `draws` are keys of [simulation] that take turns: what a pilot leaves open of the people.
     """
+    study = study.changed(simulation=people_for_burst(study))
     return json.dumps(
         {
             "study": study.canonical,

@@ -8,7 +8,7 @@ from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
-from analysis.results.methods import misfits
+from analysis.results.methods.misfit import misfits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -20,7 +20,7 @@ from .read import (
     study_from_canonical,
     with_levels,
 )
-from .simulated import people_words, threshold_vpp, unmeasured, vibrations
+from .simulated import people_for_burst, people_words, threshold_vpp, unmeasured, vibrations
 from .sources import (
     cutoff_source,
     displacement_source,
@@ -65,6 +65,7 @@ __all__ = [
     "paper_study",
     "patch_errors",
     "patch_words",
+    "people_for_burst",
     "people_words",
     "planned_sources",
     "plate_sources",

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from experiment.study.origins import YOURS, stated
+from experiment.study.sections.simulation import CURVE_KEYS, Simulation
+from experiment.study.study import UnusableStudyError
 from experiment.terms.curves import Vibration
 from stimuli import Burst
 
 if TYPE_CHECKING:
-    from experiment.study.sections.simulation import Simulation
     from experiment.study.study import Study
     from experiment.terms.gains import FingerGains
 
@@ -39,8 +41,12 @@ def people_words(study: Study, gains: FingerGains) -> tuple[str, ...]:
     own = stated(people, key, by_value=False)
     whose = "As the study states" if own == YOURS else "Assumed"
     shifts_db = [people.known_for.shift_db(one) for one in vibrations(study).get(condition, ())]
-    median_vpp = threshold_vpp(people, gains) * 10 ** (sum(shifts_db) / 2 / 20)
-    known = f" ({people.threshold_um:g} um)" if people.threshold_um is not None else ""
+    shift = 10 ** (sum(shifts_db) / 2 / 20)
+    median_vpp = threshold_vpp(people, gains) * shift
+    told, unit = (people.threshold_um, "um") if people.threshold_um else (median_vpp / shift, "V")
+    parts = [f"{told * shift:.3g} um"] if unit == "um" else []
+    parts += [f"{told:g} {unit}{people.known_for.words}"] if shifts_db else []
+    known = f" ({'; '.join(parts)})" if parts else ""
     where = f" in condition {condition}" if len(study.conditions) > 1 else ""
     spread = f"SD between people {people.threshold_sd_db:g} dB"
     words = f"{whose}: median threshold {median_vpp:.3g} V{known}{where}, {spread}."
@@ -49,6 +55,35 @@ def people_words(study: Study, gains: FingerGains) -> tuple[str, ...]:
         return (words,)
     side = "above" if above else "below"
     return words, f"All levels lie {side} that: expect an open interval, or only a bound."
+
+
+def people_for_burst(study: Study) -> Simulation:
+    """Return the people with their threshold for the first condition's burst, which has no curve.
+
+    UnusableStudyError where fingers of two sizes have two thresholds.
+
+    >>> from experiment.study.read import study_from_text
+    >>> text = "simulation = { threshold_vpp = 70, threshold_at_hz = 250 }"
+    >>> people = people_for_burst(study_from_text(text, "study.toml"))
+    >>> people.threshold_vpp > 70, people.threshold_at_hz  # the paper's burst has 500 Hz
+    (True, None)
+    """
+    people = study.simulation
+    both = vibrations(study).get(study.conditions[0].name, ())
+    if not both:
+        return people
+    left_db, right_db = (people.known_for.shift_db(one) for one in both)
+    if not math.isclose(left_db, right_db, abs_tol=1e-9):
+        raise UnusableStudyError(
+            study.name,
+            "simulation.threshold_at_cm2 must be left out where finger_diameter_mm of the left and "
+            "the right actuator differ; got one that gives them "
+            f"thresholds {abs(left_db - right_db):.2g} dB apart",
+        )
+    name = "threshold_vpp" if people.threshold_um is None else "threshold_um"
+    known: float = getattr(people, name)
+    shifted = {name: known * 10 ** (left_db / 20)}
+    return Simulation(**(asdict(people) | dict.fromkeys(CURVE_KEYS) | shifted))
 
 
 def vibrations(study: Study) -> dict[str, tuple[Vibration, Vibration]]:

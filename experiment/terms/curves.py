@@ -121,6 +121,16 @@ class KnownFor:
         every = {name: getattr(self, name) for name in _REACHES}
         return {name: value for name, value in every.items() if value is not None}
 
+    @property
+    def words(self) -> str:
+        """Say of which vibration a threshold is: " at 500 Hz, 0.002 s"; nothing of a study's own.
+
+        >>> KnownFor(frequency_hz=500.0, duration_s=0.002).words, KnownFor().words
+        (' at 500 Hz, 0.002 s', '')
+        """
+        told = [f"{value:g} {_REACHES[name].unit}" for name, value in self.stated.items()]
+        return f" at {', '.join(told)}" if told else ""
+
     def shift_db(self, vibration: Vibration) -> float:
         """Return by how much a vibration's threshold lies above the known one."""
         return threshold_db(vibration) - threshold_db(replace(vibration, **self.stated))

@@ -25,7 +25,8 @@ from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
 from experiment.session.simulate import simulate_study
 from experiment.study.read import study_from_text
-from experiment.terms.gains import ConditionGains
+from experiment.study.simulated import people_words
+from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -231,6 +232,35 @@ def test_the_goal_is_the_whole_difference_whatever_a_dry_run_has() -> None:
     assert 1.0 < np.median(found[0]["number"]) < 3.0
 
 
+def test_thresholds_known_for_another_vibration_are_those_of_the_dry_run() -> None:
+    study = study_of("", "threshold_vpp = 20.0\nthreshold_at_hz = 250\nthreshold_at_s = 0.2")
+    planned = json.loads(
+        json.loads(plan_text(study, (ALONE,), Goal.parse("half-width=2dB")))["study"]
+    )
+    told = people_words(study, OWN_FINGER_ONLY)[0]
+    assert f"median threshold {planned['simulation']['threshold_vpp']:.3g} V" in told
+    assert planned["simulation"]["threshold_vpp"] > 22
+    assert planned["simulation"]["threshold_at_hz"] is None
+
+
+def test_a_threshold_that_differs_between_the_fingers_is_refused(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    sizes = {"left": (30.0, 6.0), "right": (95.0, 12.0)}
+    study.write_text(
+        "[simulation]\nthreshold_vpp = 60.0\nthreshold_sd_db = 2.0\nthreshold_at_cm2 = 0.3\n"
+        + "".join(
+            f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ny_mm = 7.0\ndiameter_mm = 8.0\n'
+            f"finger_diameter_mm = {finger_mm}\n"
+            for side, (x_mm, finger_mm) in sizes.items()
+        ),
+        encoding="utf-8",
+    )
+    result = CliRunner().invoke(power, [str(study), "--goal", "half-width=2dB"])
+    assert result.exit_code == 2
+    assert "threshold_at_cm2 must be left out" in result.output
+    assert "6 dB apart" in result.output
+
+
 BLANKS = """
 [design]
 both_trials = 0
@@ -338,7 +368,7 @@ def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
         (
             "half-width=1dB",
             "[simulation]\nsigma = 0.1",
-            'counts once told in [init] names "simulation.threshold_sd_db"',
+            'add "simulation.threshold_sd_db" to told in [init]',
         ),
         ("half-width=1", "", "goal must be such as half-width=1dB"),
         ("half-width=0dB", "", "goal half-width must be > 0 and at most 40 dB; got 0"),

@@ -13,6 +13,7 @@ from analysis.reading.load import read_trials
 from experiment.session.simulate import simulate_study
 from experiment.study.physics import study_gains
 from experiment.study.read import study_from_text
+from experiment.study.simulated import people_for_burst
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,6 +50,7 @@ name = "a"
 name = "b"
 """
 COURSE = "drift_db = 4.0\nwander_db = 1.4\nwander_trials = 11.0\nlast_answer_db = 2.0"
+ELSEWHERE = "threshold_vpp = 3.0\nthreshold_at_hz = 250\nthreshold_at_s = 0.2"
 
 
 def moments(rows: Floats) -> tuple[Floats, Floats]:
@@ -57,12 +59,14 @@ def moments(rows: Floats) -> tuple[Floats, Floats]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("order", "more"), [("balanced", ""), ("random", COURSE)])
+@pytest.mark.parametrize(
+    ("order", "more"), [("balanced", ""), ("random", COURSE), ("balanced", ELSEWHERE)]
+)
 def test_counts_are_those_of_the_engine(order: str, more: str, tmp_path: Path) -> None:
     study = study_from_text(PEOPLE.format(order=order, more=more), "study.toml")
     gains = study_gains(study)
-    people = 150
-    for _ in simulate_study(study, tmp_path, participants=people, seed=5, gains=gains):
+    number = 150
+    for _ in simulate_study(study, tmp_path, participants=number, seed=5, gains=gains):
         pass
     trials = read_trials([tmp_path])
     single = trials[trials["kind"].eq("single")]
@@ -74,9 +78,10 @@ def test_counts_are_those_of_the_engine(order: str, more: str, tmp_path: Path) -
     alarms = false.groupby([blank["participant"], blank["condition"]]).sum().unstack()
     through = np.hstack([engine.to_numpy(), alarms.to_numpy()])
     sessions = []
-    for i in range(4 * people):
+    people = people_for_burst(study)
+    for i in range(4 * number):
         rng = np.random.default_rng((9, i))
-        person = study.simulation.draw(140.0, rng)
+        person = people.draw(140.0, rng)
         shifts_db = (0.0, person.difference_db)
         sessions.append(Session(person=person, design=study.design, rng=rng, shifts_db=shifts_db))
     drawn = [

@@ -276,7 +276,7 @@ def test_the_report_says_how_the_fingers_lay_on_the_plate(
         "Skellam",
     ):
         assert words in pasted
-    assert "In simulations of five and of twelve people" in told
+    assert "in simulations of five and of six people" in told
     protocol, _, to_paste = told.partition("Methods, to paste")
     assert protocol.count("held: <b>20 g on the nail") == 1
     assert to_paste.count("held: <b>20 g on the nail") == 1

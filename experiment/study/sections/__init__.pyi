@@ -33,7 +33,7 @@ from .presentation import (
     unsaid_in,
     untyped_of,
 )
-from .simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
+from .simulation import CURVE_KEYS, PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
 from .stimulus import (
     Condition,
     SharedStimulus,
@@ -60,6 +60,7 @@ __all__ = [
     "ASKED_FOR",
     "ASSUMED_ANSWER_S",
     "CARRIER_PATCH_KEYS",
+    "CURVE_KEYS",
     "EARLIEST_ANSWER_S",
     "FINGER_KEYS",
     "LEAST_LEVEL_VPP",

@@ -28,7 +28,7 @@ _NEEDS: Final = {
     "masking_falloff_mm": "masking_slope",
 }
 
-_CURVE_KEYS: Final = ("threshold_at_hz", "threshold_at_s", "threshold_at_cm2")
+CURVE_KEYS: Final = ("threshold_at_hz", "threshold_at_s", "threshold_at_cm2")
 
 
 @section
@@ -150,7 +150,7 @@ class Simulation:
 
     def check_played(self, played: list[str]) -> None:
         """Refuse threshold curves, which are those of sines, where conditions play a file."""
-        used = [key for key in _CURVE_KEYS if getattr(self, key) is not None]
+        used = [key for key in CURVE_KEYS if getattr(self, key) is not None]
         if used and played:
             raise ValueError(
                 f"simulation.{used[0]} needs bursts, as its curve is that of sines; got a file in "
