@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from itertools import product
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -51,8 +50,10 @@ def in_waves(strip: Strip, functions: Functions, highest_hz: float) -> Functions
         bent = across.products(2, 2) + held / strip.bending_stiffness_n_m * slopes.T @ slopes
         fourth, turn = np.linalg.eigh(bent)
         section = _Section(across.combined(turn), fourth, strip)
-        for along, number in product(functions.halves(0), range(fourth.size)):
-            found += section.waves(along, number, highest_hz)
+        for along in functions.halves(0):
+            ends = np.stack([along.values(np.ones(1), order)[0] for order in (0, 1)], axis=1)
+            for number in range(fourth.size):
+                found += section.waves(along, ends, number, highest_hz)
     every = np.arange(sum(one.wavenumbers_rad_m.size for one in found))
     return dataclasses.replace(
         functions,
@@ -79,8 +80,12 @@ class _Section:
         self._bends, self._slants = (across.products(*one) for one in ((0, 2), (1, 1)))
         self._poisson = strip.material.poisson_ratio
 
-    def waves(self, along: Polynomials, number: int, highest_hz: float) -> list[_Waves]:
+    def waves(
+        self, along: Polynomials, ends: Real, number: int, highest_hz: float
+    ) -> list[_Waves]:
         """Return what one of them is along the strip, up to a frequency.
+
+        `ends` are values and slopes of `along` at an end: (n_along, 2).
 
         With what ends that are free to turn and to move make of it, of all that is above together:
         one wave across takes that from another there, however short it is.
@@ -101,7 +106,6 @@ class _Section:
             across = self._across.combined(self._shapes(square, number))
             found = [_Waves(along.combined(swung), across, np.sqrt(np.sqrt(fourth[kept])))]
         if finer.shape[1] > _AT_ENDS:
-            ends = np.stack([along.values(np.ones(1), order)[0] for order in (0, 1)], axis=1)
             yields, _ = np.linalg.qr(finer @ ((finer.T @ ends) / fourth[~kept, np.newaxis]))
             resting = self._across.combined(np.repeat(rest, _AT_ENDS, axis=1))
             found.append(_Waves(along.combined(yields), resting, np.zeros(_AT_ENDS)))
