@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from experiment.operator.requests import StopRequested
 from experiment.operator.terminal import KEY, read_keys
 from experiment.participant.wrapping import filled, wrapped
+from experiment.study.sections.design import EARLIEST_ANSWER_S
 from experiment.study.sections.presentation import TYPED, untyped_of
 from experiment.terms.responder import ESCAPE, Press, SessionPart
 
@@ -28,6 +29,7 @@ _WORDS: Final = {
     "escape": "Esc",
     **{side: f"{side} arrow" for side in ("left", "right", "up", "down")},
 }
+TOO_EARLY: Final = " (too early)"
 _NOT_COUNTED: Final = {SessionPart.PRACTICE: "practice", SessionPart.WARM_UP: "warm-up"}
 _ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
 
@@ -64,7 +66,7 @@ class TerminalResponder:
         _require_encodable(settings.texts, settings.parts, sys.stdout.encoding)
         self._meaning, self._labels = _typed_keys(settings)
         self._clock = clock
-        self._responses = settings.responses
+        self._responses = self._answers = settings.responses
         self._texts = settings.texts
         self._fingers_on = False
         self._asked: AwaitedAnswer | None = None
@@ -120,13 +122,19 @@ class TerminalResponder:
     def cue(self, progress: Progress) -> None:
         """Show the trial's number, if it counts; keys typed before it are dropped."""
         self._forget_typed()
+        self._answers = progress.part.answers(self._responses)
         place = f"trial {progress.done + 1} of {progress.planned}"
         self._say("", f"{_NOT_COUNTED.get(progress.part, place)}  ...")
 
     def wait(self, until_s: float) -> Press | None:
-        """Let the foreperiod pass."""
+        """Let the foreperiod pass; of an answer in it, it is said that it is too early."""
         key = self._read(until_s)
-        return None if key is None else Press(self._word(key), self._key_s)
+        if key is None:
+            return None
+        response = self._word(key)
+        if response in self._answers:
+            self._say(TOO_EARLY)
+        return Press(response, self._key_s)
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; of a key that is none it is said that it does not count."""
@@ -140,6 +148,8 @@ class TerminalResponder:
         response = self._word(key)
         counts = response in question.answers or response == ESCAPE
         self._say(f" {response}" if counts else f" ({response} is no answer here) ?")
+        if response in question.answers and self._key_s - question.onset_s < EARLIEST_ANSWER_S:
+            self._say(TOO_EARLY)
         return Press(response, self._key_s)
 
     def feedback(self, *, correct: bool) -> None:

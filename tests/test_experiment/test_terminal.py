@@ -144,6 +144,7 @@ def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
         terminal.begin()
         for _ in range(3):
             terminal.go_on(b"trial 1 of 5  ...", LEFT)
+            terminal.expect(b" (too early)\r\n")  # what follows is on a line of its own
         for _ in range(5):
             terminal.press(ENTER)
         assert terminal.ended() == 4
