@@ -110,12 +110,8 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     """
     if name not in NEEDS:
         return whole_device(own_driver(name).make(settings, clock, BurstDevice))
-    if settings.channels != FIRST_TWO:
-        raise ValueError(
-            f"channels must be {list(FIRST_TWO)} for the driver {name}, got "
-            f"{list(settings.channels)}: the example sound_card_channels is a driver that takes "
-            "others"
-        )
+    if refused := other_channels(name, settings.channels):
+        raise ValueError(refused)
     limits, rate_hz = settings.limits, settings.sample_rate_hz
     if name == MOCK:
         return make_mock(limits, clock, rate_hz)
@@ -231,6 +227,20 @@ class _OwnDevice:
 def own_driver(name: str) -> Installed:
     """Return an installed driver by its name; ValueError with the names of those that there are."""
     return lookup(DRIVERS, name, tuple(NEEDS))
+
+
+def other_channels(name: str, channels: tuple[int, int]) -> str | None:
+    """Say why a built-in driver refuses channels; None where it takes them.
+
+    >>> other_channels("mock", (1, 2)), other_channels("mock", (3, 4))
+    (None, 'channels must be [1, 2] for the driver mock, got [3, 4]: the example ...')
+    """
+    if name not in NEEDS or channels == FIRST_TWO:
+        return None
+    return (
+        f"channels must be {list(FIRST_TWO)} for the driver {name}, got {list(channels)}: the "
+        "example sound_card_channels is a driver that takes others"
+    )
 
 
 def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice:

@@ -164,17 +164,35 @@ def chosen_settings(study: Study, *, driver: str | None, port: str | None) -> De
 
 
 def lacking_of(settings: DeviceSettings) -> str | None:
-    """Say which key is missing that the driver needs; None where it has all.
+    """Say which keys are missing that the driver needs; None where it has all.
 
     >>> from experiment.study.sections.equipment import DeviceSettings
     >>> lacking_of(DeviceSettings(driver="audio", port="card"))
     'device.volts_full_scale is missing: the driver audio needs it'
     """
-    for key in NEEDS.get(settings.driver, ()):
-        if getattr(settings, key) is None:
-            hint = "; --port gives it too" if key == "port" else ""
-            return f"device.{key} is missing: the driver {settings.driver} needs it{hint}"
-    return None
+    missing = [key for key in NEEDS.get(settings.driver, ()) if getattr(settings, key) is None]
+    if not missing:
+        return None
+    keys = " and ".join(f"device.{key}" for key in missing)
+    is_missing, it = ("is missing", "it") if len(missing) == 1 else ("are missing", "them")
+    hint = f"; --port gives {'it' if len(missing) == 1 else 'the first'} too"
+    told = f"{keys} {is_missing}: the driver {settings.driver} needs {it}"
+    return told + hint * ("port" in missing)
+
+
+def asked_of(settings: DeviceSettings) -> str:
+    """Say what `run` asks of whoever starts a session with a person, which this device decides.
+
+    >>> from experiment.study.sections.equipment import DeviceSettings
+    >>> asked_of(DeviceSettings())[:41], asked_of(DeviceSettings(driver="serial"))[:41]
+    ('a person needs a real device (--driver, -', 'you are asked whether the hardware is saf')
+    """
+    if settings.driver == MOCK:
+        return "a person needs a real device (--driver, --port), or --practice-without-device"
+    return (
+        f"you are asked whether the hardware is safe, {len(QUESTION)} things (docs/hardware.md), "
+        "unless an emulator answers; --confirm-hardware says yes"
+    )
 
 
 def shared_card(study: Study, settings: DeviceSettings) -> str | None:

@@ -7,14 +7,15 @@ import textwrap
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
+from device.drivers import other_channels
 from experiment.apparatus.monitor import monitor_words, onset_doubt
-from experiment.apparatus.rig import lacking_of, shared_card
+from experiment.apparatus.rig import asked_of, lacking_of, shared_card
 from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import deciding_words, instead_of_trials
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
-from experiment.study.simulated import unmeasured
+from experiment.study.simulated import median_threshold, people_words, unmeasured
 from experiment.study.sources import (
     cutoff_source,
     displacement_source,
@@ -26,6 +27,7 @@ from experiment.study.sources import (
     study_sources,
     words_of_the_others,
 )
+from experiment.study.window import chosen_window, louder_words
 from experiment.trial.draw import block_lengths, block_words
 from experiment.trial.order import order_count
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst
@@ -96,7 +98,9 @@ def check_findings(
     found.parts("actuators", [_actuator(study, place) for place in range(len(study.actuators))])
     found.parts("conditions", [_condition(check, condition) for condition in check.conditions])
     found.space()
-    _tell_plan(found, check, study.device if device is None else device)
+    device = study.device if device is None else device
+    _tell_plan(found, check, device)
+    _tell_people(found, check, device)
     found.tell(
         "other numbers",
         words_of_the_others(study),
@@ -109,8 +113,6 @@ def check_findings(
         keys = ", ".join(one.key for one in others if one.origin == origin)
         for line in textwrap.wrap(f"{whose}: {keys}", _WIDTH) if keys else ():
             found.tell("", line)
-    for words in unmeasured(study):
-        found.tell("simulation", words, simulation_unmeasured=list(unmeasured(study)))
     if machine is not None:
         found.take(machine)
     found.space()
@@ -221,7 +223,7 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
         duration_s=condition.drive.duration_s,
         peak_hz=burst.peak_hz,
     )
-    _tell_window(found, condition)
+    _tell_window(found, check.study, condition)
     lower_hz, upper_hz = burst.band_hz
     ideal = "ideal burst's" if isinstance(condition.drive, Burst) else "samples'"
     found.tell("band", f"{lower_hz:.1f} to {upper_hz:.1f} Hz at half power", band_hz=burst.band_hz)
@@ -259,8 +261,8 @@ def burst_words(condition: Condition) -> str:
     return f"{cycles} of {drive.frequency_hz:g} Hz, {window}, {drive.duration_s * 1e3:g} ms"
 
 
-def _tell_window(found: Findings, condition: Condition) -> None:
-    """Tell what a window that the program chose costs."""
+def _tell_window(found: Findings, study: Study, condition: Condition) -> None:
+    """Tell what a window that the program chose costs, and which were too loud."""
     if condition.wanted_level_db is not None:
         stated_s = condition.stated.duration_s
         extra_s = condition.drive.duration_s - stated_s
@@ -269,6 +271,15 @@ def _tell_window(found: Findings, condition: Condition) -> None:
             f"the shortest with {condition.wanted_level_db:g} dB at the other finger; it costs "
             f"{extra_s * 1e3:g} ms more than the {stated_s * 1e3:g} ms stated",
         )
+        choice = chosen_window(study, condition)
+        found.note(
+            windows_too_loud=[
+                {"cycles": burst.cycles, "window": burst.window, "level_db": level_db}
+                for burst, level_db in choice.louder
+            ]
+        )
+        for words in louder_words(choice):
+            found.tell("", words)
 
 
 def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> None:
@@ -324,14 +335,34 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     )
 
 
+def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> None:
+    """Tell where the threshold of a dry run's people lies, and what of it nobody measured."""
+    study, label = check.study, "simulation"
+    found.note(simulated_threshold=None)
+    if check.gains:
+        fingers = check.gains[0].fingers()
+        found.note(simulated_threshold=median_threshold(study, fingers, device).facts)
+        for words in people_words(study, fingers, device):
+            found.tell(label, words)
+            label = ""
+    for words in unmeasured(study):
+        told = f"threshold curves: {words}"
+        found.tell(label, told, simulation_unmeasured=list(unmeasured(study)))
+
+
 def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None:
     """Tell what drives and what measures, and what a session would refuse or blame of them."""
     found.tell("device", _device_words(study, device), device=asdict(device))
-    refused = (("", lacking_of(device)), (" a person", shared_card(study, device)))
+    refused = (
+        ("", lacking_of(device)),
+        ("", other_channels(device.driver, device.channels)),
+        (" a person", shared_card(study, device)),
+    )
     found.note(run_refuses=[why for _, why in refused if why])
     for whom, why in refused:
         if why:
             found.tell("warning", f"run refuses{whom}: {why}")
+    found.tell("run", asked_of(device), run_asks=asked_of(device))
     if study.monitor.source != "none":
         found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
     if doubt := onset_doubt(study.monitor):

@@ -45,6 +45,11 @@ def displacement_findings(
     work = felt_work(strip, loads_of(study), fingertips_of(study), one.condition.drive)
     found.tell("", f"computed by {work.words}", computed_by=asdict(work))
     found.parts("actuators", [_moved(study, one, gains, column) for column in columns])
+    known = gains.bases[: len(OWN_FINGERS)]
+    if None in known and any(known):
+        missing = OWN_FINGERS[known.index(None)]
+        found.tell("", f"with none of the {missing} actuator, trials.csv has no micrometres, and")
+        found.tell("", "simulated people have a threshold in V: docs/plate.md")
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     errors = one.patch_errors
     found.note(patch_error=None if errors is None else errors.facts)

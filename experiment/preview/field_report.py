@@ -115,6 +115,8 @@ def field_text(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> str
     found.tell("study", f"{plate.study.name} ({file_name})")
     found.tell("strip", strip_text(plate))
     found.tell("basis", plate.remark)
+    if plate.drive.doubt:
+        found.tell("", plate.drive.doubt)
     if isinstance(field, PlateMap):
         _tell_map(found, field)
     elif isinstance(field, PlateMotion):

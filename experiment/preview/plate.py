@@ -44,6 +44,7 @@ class DriveLevels:
     amplitudes: tuple[float, ...]  # in that unit; unit loads where no level is stated
     bases: tuple[str, ...]  # who measured each, or that it is computed; empty for unit loads
     level_vpp: float | None  # none for unit loads
+    unused: tuple[str, ...] = ()  # whose displacement is known, but not all others'
 
     @property
     def basis(self) -> str:
@@ -54,6 +55,14 @@ class DriveLevels:
         each = [f"{name}: {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
         words = ", ".join(each) if len(set(self.bases)) > 1 else self.bases[0]
         return f"{words}, at {self.level_vpp:g} Vpp"
+
+    @property
+    def doubt(self) -> str:
+        """What to say of displacements that are known in vain; empty where there are none."""
+        missing = ", ".join(name for name in self.names if name not in self.unused)
+        known = ", ".join(self.unused)
+        told = f"no displacement is stated of {missing}, so that of {known} is not used"
+        return f"{told}: docs/plate.md" if known else ""
 
     def per_load(self, driven: int) -> str:
         """Return what follows the unit of a displacement: the unit of the load, for unit loads."""
@@ -78,11 +87,18 @@ def drive_of(study: Study) -> DriveLevels:
     units = tuple(load.unit for load in loads_of(study))
     names = tuple(actuator.label for actuator in study.actuators)
     strip = bare_strip(study)
-    known = [load for load, _ in loads_per_volt(study, strip) if load]
+    per_volt = [load for load, _ in loads_per_volt(study, strip)]
+    known = [load for load in per_volt if load]
     sources = [displacement_source(study, place) for place in range(len(units))]
     if len(known) < len(units):
-        ones = tuple(1.0 for _ in units)
-        return DriveLevels(names=names, units=units, amplitudes=ones, bases=(), level_vpp=None)
+        return DriveLevels(
+            names=names,
+            units=units,
+            amplitudes=tuple(1.0 for _ in units),
+            bases=(),
+            level_vpp=None,
+            unused=tuple(name for name, load in zip(names, per_volt, strict=True) if load),
+        )
     level_vpp = max(study.design.levels_vpp)
     return DriveLevels(
         names=names,

@@ -20,7 +20,14 @@ from .read import (
     study_from_canonical,
     with_levels,
 )
-from .simulated import people_for_burst, people_words, threshold_vpp, unmeasured, vibrations
+from .simulated import (
+    median_threshold,
+    people_for_burst,
+    people_words,
+    threshold_vpp,
+    unmeasured,
+    vibrations,
+)
 from .sources import (
     cutoff_source,
     displacement_source,
@@ -37,6 +44,7 @@ from .sources import (
 )
 from .stated import chosen_values
 from .study import Study, StudyError, UnusableStudyError, told_by_file
+from .window import chosen_window, louder_words
 
 __all__ = [
     "ASSUMED_LOSS",
@@ -49,6 +57,7 @@ __all__ = [
     "UnusableStudyError",
     "bare_strip",
     "chosen_values",
+    "chosen_window",
     "cutoff_source",
     "deciding_words",
     "displacement_source",
@@ -60,7 +69,9 @@ __all__ = [
     "is_recorded",
     "loads_of",
     "loads_per_volt",
+    "louder_words",
     "measured_beside",
+    "median_threshold",
     "others_than_the_plates",
     "paper_study",
     "patch_errors",

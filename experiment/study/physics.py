@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from experiment.study.sections.actuator import Actuator
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
-    from stimuli import Burst
 
 
 ASSUMED_LOSS: Final = 0.01
@@ -250,35 +249,6 @@ def _long_in_keys(study: Study) -> str:
         f"{1e3 * plate.width_m:.6g} has too many modes for its patches to be counted; "
         "leave their stiffness and mass out with patch_counts = false, or take a shorter plate"
     )
-
-
-def chosen_burst(study: Study, condition: Condition) -> Burst:
-    """Return the shortest standard burst that does what ``window = "auto"`` asks for.
-
-    Where no loss is stated it has to do so with the least and with the greatest that is assumed.
-    ValueError where none keeps the wanted level at the other finger.
-    """
-    from stimuli import shortest_window
-
-    wanted_level_db = condition.wanted_level_db
-    if wanted_level_db is None:
-        raise ValueError(
-            f"condition {condition.name} must have window = auto; got {condition.window}"
-        )
-    strip, *also = dict.fromkeys(field_strip(study, loss) for loss in (LEAST_LOSS, MOST_LOSS))
-    try:
-        choice = shortest_window(
-            strip,
-            loads_of(study)[:2],
-            fingertips_of(study)[:2],
-            condition.stated,
-            wanted_level_db,
-            also=also,
-        )
-    except ValueError as error:
-        told = str(error).replace("wanted_db", "wanted_level_db")
-        raise ValueError(f"condition {condition.name}: window = auto: {told}") from error
-    return choice.burst
 
 
 def loads_of(study: Study) -> tuple[Load, ...]:

@@ -321,9 +321,9 @@ def _with_window(condition: Condition, study: Study, recorded: tuple[Condition, 
     for before in recorded:
         if replace(before, auto_cycles=None, auto_window=None) == condition:
             return before
-    from experiment.study.physics import chosen_burst
+    from experiment.study.window import chosen_window
 
-    burst = chosen_burst(study, condition)
+    burst = chosen_window(study, condition).burst
     return _found(condition, auto_cycles=burst.cycles, auto_window=burst.window)
 
 

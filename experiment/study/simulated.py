@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
-from experiment.study.origins import YOURS, stated
+from experiment.study.origins import ASSUMED, YOURS, stated
 from experiment.study.sections.simulation import CURVE_KEYS, Simulation
 from experiment.study.study import UnusableStudyError
 from experiment.terms.curves import Vibration
 from stimuli import Burst
 
 if TYPE_CHECKING:
+    from experiment.study.origins import Origin
+    from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.study import Study
     from experiment.terms.gains import FingerGains
 
@@ -22,13 +24,100 @@ def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
     if population.threshold_vpp is not None:
         return population.threshold_vpp
     assert population.threshold_um is not None  # one of the two is given
-    return population.threshold_um / math.sqrt(gains.left[0] * gains.right[1])
+    return population.threshold_um / _um_per_vpp(gains)
 
 
-def people_words(study: Study, gains: FingerGains) -> tuple[str, ...]:
+def _um_per_vpp(gains: FingerGains) -> float:
+    return math.sqrt(gains.left[0] * gains.right[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MedianThreshold:
+    """What the median person feels half of the time of the first condition, and who says so.
+
+    `level_vpp` and `peak_um` are for the study's burst; `peak_um` is none where no displacement is
+    known. `known` is the number that the study has, in `unit`, and `known_for` what it is known
+    for, in words, if that is another vibration than the burst.
+    """
+
+    level_vpp: float
+    peak_um: float | None
+    whose: Origin
+    known: float
+    unit: str
+    known_for: str
+    levels_vpp: tuple[float, ...]
+    highest: tuple[float, str]  # what no level may exceed, Vpp, and the key that says so
+
+    @property
+    def levels_lie(self) -> Literal["around", "below", "above"]:
+        """Where the study's levels lie: all on one side of the threshold, or on both."""
+        if max(self.levels_vpp) <= self.level_vpp:
+            return "below"
+        return "around" if min(self.levels_vpp) < self.level_vpp else "above"
+
+    @property
+    def words(self) -> str:
+        """The threshold in V, in um where that is known, and as the study has it."""
+        parts = [] if self.peak_um is None else [f"{self.peak_um:.3g} um"]
+        parts += [f"{self.known:g} {self.unit}{self.known_for}"] if self.known_for else []
+        known = f" ({'; '.join(parts)})" if parts else ""
+        return f"{self.level_vpp:.3g} V{known}"
+
+    @property
+    def doubt(self) -> str:
+        """What is to be expected of levels that all lie on one side of it; empty if around it."""
+        if self.levels_lie == "around":
+            return ""
+        (highest_vpp, key), beyond = self.highest, ""
+        if highest_vpp < self.level_vpp:
+            beyond = f", as does {key} = {highest_vpp:g} V"
+        expect = "expect an open interval, or only a bound"
+        return f"All levels lie {self.levels_lie} that{beyond}: {expect}."
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The same to other programs."""
+        return {
+            "threshold_vpp": self.level_vpp,
+            "threshold_um": self.peak_um,
+            "source": self.whose,
+            "levels_lie": self.levels_lie,
+            "highest_vpp": self.highest[0],
+        }
+
+
+def median_threshold(
+    study: Study, gains: FingerGains, device: DeviceSettings | None = None
+) -> MedianThreshold:
+    """Return where simulated people's thresholds lie.
+
+    `gains` are those of the first condition, `device` the settings in use, where they are
+    others than the study's.
+    """
+    people = study.simulation
+    key, unit = ("threshold_vpp", "V") if people.threshold_um is None else ("threshold_um", "um")
+    both = vibrations(study).get(study.conditions[0].name, ())
+    shift = 10 ** (sum(people.known_for.shift_db(one) for one in both) / 2 / 20)
+    level_vpp = threshold_vpp(people, gains) * shift
+    return MedianThreshold(
+        level_vpp=level_vpp,
+        peak_um=None if gains.basis is None else level_vpp * _um_per_vpp(gains),
+        whose=(stated(people, key, by_value=False) or ASSUMED)[0],
+        known=getattr(people, key),
+        unit=unit,
+        known_for=people.known_for.words if both else "",
+        levels_vpp=study.design.levels_vpp,
+        highest=(study.device if device is None else device).highest,
+    )
+
+
+def people_words(
+    study: Study, gains: FingerGains, device: DeviceSettings | None = None
+) -> tuple[str, ...]:
     """Say where simulated people's thresholds lie, who says so, and what it makes of the levels.
 
-    `gains` are those of the first condition.
+    `gains` are those of the first condition, `device` the settings in use.
 
     >>> from experiment.study.read import study_from_text
     >>> from experiment.terms.gains import OWN_FINGER_ONLY
@@ -36,25 +125,12 @@ def people_words(study: Study, gains: FingerGains) -> tuple[str, ...]:
     >>> print(*people_words(study_from_text(text, "study.toml"), OWN_FINGER_ONLY))
     As the study states: median threshold 70 V, SD between people 1.5 dB.
     """
-    people, levels, condition = study.simulation, study.design.levels_vpp, study.conditions[0].name
-    key = "threshold_vpp" if people.threshold_um is None else "threshold_um"
-    own = stated(people, key, by_value=False)
-    whose = "As the study states" if own == YOURS else "Assumed"
-    shifts_db = [people.known_for.shift_db(one) for one in vibrations(study).get(condition, ())]
-    shift = 10 ** (sum(shifts_db) / 2 / 20)
-    median_vpp = threshold_vpp(people, gains) * shift
-    told, unit = (people.threshold_um, "um") if people.threshold_um else (median_vpp / shift, "V")
-    parts = [f"{told * shift:.3g} um"] if unit == "um" else []
-    parts += [f"{told:g} {unit}{people.known_for.words}"] if shifts_db else []
-    known = f" ({'; '.join(parts)})" if parts else ""
-    where = f" in condition {condition}" if len(study.conditions) > 1 else ""
-    spread = f"SD between people {people.threshold_sd_db:g} dB"
-    words = f"{whose}: median threshold {median_vpp:.3g} V{known}{where}, {spread}."
-    below, above = min(levels) < median_vpp, max(levels) > median_vpp
-    if below and above:
-        return (words,)
-    side = "above" if above else "below"
-    return words, f"All levels lie {side} that: expect an open interval, or only a bound."
+    found = median_threshold(study, gains, device)
+    whose = "As the study states" if found.whose == YOURS[0] else "Assumed"
+    where = f" in condition {study.conditions[0].name}" if len(study.conditions) > 1 else ""
+    spread = f"SD between people {study.simulation.threshold_sd_db:g} dB"
+    words = f"{whose}: median threshold {found.words}{where}, {spread}."
+    return (words, found.doubt) if found.doubt else (words,)
 
 
 def people_for_burst(study: Study) -> Simulation:

@@ -88,11 +88,14 @@ class WindowChoice:
         Its worst level at another finger relative to the own one, on any of the strips.
     extra_s : float
         How much longer it lasts than the asked burst; 0 if only its window differs.
+    louder : tuple of (Burst, float)
+        What was tried before it, each with the level at which it was found not quiet enough.
     """
 
     burst: Burst
     level_db: float
     extra_s: float
+    louder: tuple[tuple[Burst, float], ...] = ()
 
 
 def shortest_window(
@@ -155,7 +158,7 @@ def shortest_window(
             "fingertips must be at least two and as many as loads, got "
             f"{n_fingers} fingertips and {len(loads)} loads"
         )
-    best_db, best = math.inf, burst
+    louder: list[tuple[Burst, float]] = []
     for cycles in range(burst.cycles, MOST_CYCLES + 1):
         for window in _ORDER:
             tried = dataclasses.replace(burst, cycles=cycles, window=window)
@@ -166,9 +169,11 @@ def shortest_window(
                     break
             if worst_db <= wanted_db:
                 extra_s = tried.duration_s - burst.duration_s
-                return WindowChoice(burst=tried, level_db=worst_db, extra_s=extra_s)
-            if worst_db < best_db:
-                best_db, best = worst_db, tried
+                return WindowChoice(
+                    burst=tried, level_db=worst_db, extra_s=extra_s, louder=tuple(louder)
+                )
+            louder.append((tried, worst_db))
+    best, best_db = min(louder, key=lambda one: one[1])
     raise ValueError(
         f"wanted_db must be reached by a burst of at most {MOST_CYCLES} cycles, got "
         f"{wanted_db!r}: the lowest level found is {best_db:.2f} dB, of {best.cycles} "

@@ -638,6 +638,6 @@ window = "none"
 def test_a_threshold_curve_beyond_what_was_measured_is_told(run: Run) -> None:
     assert run("init", "ours.toml", "--preset", "realistic").exit_code == 0
     words = "duration 0.002 s lies outside what was measured, 0.01 to 1 s"
-    assert f"simulation     {words}" in run("check", "ours.toml").stdout
+    assert f"{'':15}threshold curves: {words}" in run("check", "ours.toml").stdout
     facts = json.loads(run("check", "ours.toml", "--json").stdout)
     assert facts["simulation_unmeasured"] == [words]

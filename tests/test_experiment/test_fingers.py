@@ -10,10 +10,11 @@ import pytest
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.preview.plate import plate_of
-from experiment.study.physics import chosen_burst, fingertips_of, loads_per_volt, study_gains
+from experiment.study.physics import fingertips_of, loads_per_volt, study_gains
 from experiment.study.read import paper_study, study_from_canonical, study_from_text
 from experiment.study.sources import finger_words, plate_sources
 from experiment.study.study import Study, StudyError
+from experiment.study.window import chosen_window
 
 LOAD = {
     "mass_g": 0.3,
@@ -135,7 +136,7 @@ def test_with_an_assumed_loss_both_are_tried_with_and_without() -> None:
 def test_a_window_is_chosen_that_is_quiet_with_and_without() -> None:
     more = '[burst]\nwindow = "auto"\nwanted_level_db = -30\n'
     loaded, bare = (study_of(load, more=more) for load in (LOAD, None))
-    found, without = (chosen_burst(one, one.conditions[0]) for one in (loaded, bare))
+    found, without = (chosen_window(one, one.conditions[0]).burst for one in (loaded, bare))
     assert dataclasses.astuple(found) >= dataclasses.astuple(without)
     assert all(gains.level_db(1, 0) <= -30 for gains in study_gains(loaded, bare=True))
 

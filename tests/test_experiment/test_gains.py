@@ -12,9 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiment.study.physics import chosen_burst, loads_per_volt, study_gains
+from experiment.study.physics import loads_per_volt, study_gains
 from experiment.study.read import paper_study, study_from_text
 from experiment.study.study import StudyError
+from experiment.study.window import chosen_window
 from experiment.terms.gains import (
     OWN_FINGER_ONLY,
     ConditionGains,
@@ -238,7 +239,7 @@ def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
     assert condition.drive.duration_s >= condition.stated.duration_s == 0.002
     (plain,) = paper_study().conditions
     with pytest.raises(ValueError, match="condition main must have window = auto; got none"):
-        chosen_burst(study, plain)
+        chosen_window(study, plain)
 
 
 def test_a_burst_too_high_for_the_plate_is_refused_in_the_studys_words() -> None:
@@ -276,7 +277,8 @@ def test_a_window_is_chosen_for_every_loss_that_the_plate_may_have(
         return WindowChoice(burst=args[2], level_db=-40.0, extra_s=0.0)
 
     monkeypatch.setattr("stimuli.shortest_window", chosen)
-    text = f'{stated}[burst]\nwindow = "auto"\nwanted_level_db = -35'
+    # a level of its own, as a choice is kept for the check of the same study
+    text = f'{stated}[burst]\nwindow = "auto"\nwanted_level_db = -35.4321'
     study_from_text(text, "s.toml")
     assert losses == tried
 

@@ -449,7 +449,7 @@ def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
     assert stimulus["window"] in {"tukey", "gaussian", "hann"}
     assert stimulus["wanted_level_db"] == -40
     with monkeypatch.context() as patch:
-        patch.setattr("experiment.study.physics.chosen_burst", never)
+        patch.setattr("experiment.study.window.chosen_window", never)
         assert sessions.run(*RESUME).exit_code == 0
     sessions.write(short_study_text + auto.format(-41))
     assert "not the study that this session was begun with" in refused(sessions, "--resume")

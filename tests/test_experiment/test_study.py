@@ -449,7 +449,7 @@ def test_a_chosen_window_is_recorded_and_never_chosen_again(
     def never(*_: object) -> Burst:
         raise AssertionError
 
-    monkeypatch.setattr("experiment.study.physics.chosen_burst", never)
+    monkeypatch.setattr("experiment.study.window.chosen_window", never)
     assert study_from_canonical(study.canonical) == study
     assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
 

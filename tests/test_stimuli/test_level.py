@@ -81,6 +81,8 @@ def test_windows_are_tried_from_the_shortest_until_one_is_quiet_enough(
     assert choice.level_db == pytest.approx(-30.0, abs=1e-12)
     assert choice.extra_s == pytest.approx(0.002, rel=1e-12)
     assert asked == [*LEVELS, (2, "none")]
+    assert [(burst.cycles, burst.window) for burst, _ in choice.louder] == [*LEVELS]
+    assert all(level > -30.0 for _, level in choice.louder)
 
 
 def test_a_burst_quiet_enough_is_kept(asked: list[tuple[int, str]]) -> None:

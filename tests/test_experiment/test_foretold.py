@@ -1,0 +1,140 @@
+"""What `tactstrip check` foretells: thresholds on this plate, half a calibration, what run asks."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import pytest
+
+from experiment.apparatus.rig import lacking_of
+from experiment.preview.check import check_study
+from experiment.preview.check_report import check_findings
+from experiment.preview.plate import drive_of
+from experiment.study.read import study_from_text
+from experiment.study.sections.equipment import DeviceSettings
+from experiment.study.simulated import median_threshold, people_words
+from experiment.terms.gains import ConditionGains
+
+if TYPE_CHECKING:
+    from experiment.preview.findings import Findings
+
+DISCS: Final = '[[actuator]]\nside = "{}"\nx_mm = {}\ndiameter_mm = 12\n'
+MEASURED: Final = "measured_displacement_um = 1.8\nmeasured_at_vpp = 100\nmeasured_at_hz = 200\n"
+LEFT, RIGHT = DISCS.format("left", -40), DISCS.format("right", 40)
+BOTH: Final = LEFT + MEASURED + RIGHT + MEASURED
+KNOWN: Final = ConditionGains(
+    condition="main",
+    actuators=("left", "right"),
+    bases=("measured", "measured"),
+    per_vpp=((0.009, 0.0001), (0.0001, 0.009)),
+)
+HALF: Final = replace(KNOWN, bases=("measured", None), per_vpp=((0.009, 0.01), (0.0001, 1.0)))
+
+
+def told(text: str, gains: ConditionGains = KNOWN, driver: str | None = None) -> Findings:
+    """Check a study whose gains are given, which takes no time."""
+    study = study_from_text(text, "study.toml")
+    device = study.device if driver is None else replace(study.device, driver=driver)
+    return check_findings(check_study(study, gains=(gains,)), "study.toml", device=device)
+
+
+def test_the_threshold_on_this_plate_is_told_with_who_says_so() -> None:
+    assumed, stated = told(BOTH), told("[simulation]\nthreshold_um = 1.08\n" + BOTH)
+    line = next(one for one in assumed.lines if one.startswith("simulation"))
+    assert line[15:] == "Assumed: median threshold 174 V (1.57 um), SD between people 1.5 dB."
+    assert "As the study states: median threshold 120 V (1.08 um)" in stated.text
+    assert stated.facts["simulated_threshold"] == {
+        "threshold_vpp": pytest.approx(120.0),
+        "threshold_um": pytest.approx(1.08),
+        "source": "yours",
+        "levels_lie": "around",
+        "highest_vpp": 200.0,
+    }
+
+
+def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None:
+    stated = "[simulation]\nthreshold_vpp = 100\n"
+    assert "median threshold 100 V (0.9 um)" in told(stated + BOTH).text
+    assert "median threshold 100 V, SD" in told(stated + LEFT + RIGHT, HALF).text
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("[design]\nlevels_vpp = [60, 140]\n", "All levels lie below that: expect an open"),
+        (
+            "[design]\nlevels_vpp = [60, 140]\n[device]\nceiling_vpp = 150\n",
+            "All levels lie below that, as does device.ceiling_vpp = 150 V: expect an open",
+        ),
+        ("[design]\nlevels_vpp = [175, 200]\n", "All levels lie above that: expect an open"),
+        ("", None),
+    ],
+)
+def test_levels_on_one_side_of_the_threshold_and_a_ceiling_below_it_are_told(
+    keys: str, words: str | None
+) -> None:
+    found = told(keys + BOTH).text
+    assert ("All levels lie" in found) is (words is not None)
+    assert words is None or words in found
+
+
+def test_a_check_and_a_dry_run_say_the_same_of_the_threshold() -> None:
+    study = study_from_text("[design]\nlevels_vpp = [60, 140]\n" + BOTH, "study.toml")
+    for words in people_words(study, KNOWN.fingers()):
+        assert words in told("[design]\nlevels_vpp = [60, 140]\n" + BOTH).text
+    assert median_threshold(study, KNOWN.fingers()).levels_lie == "below"
+
+
+@pytest.mark.slow
+def test_one_measured_disc_of_two_is_told_by_check_and_by_field() -> None:
+    study = study_from_text(LEFT + MEASURED + RIGHT, "study.toml")
+    assert drive_of(study).doubt == (
+        "no displacement is stated of right, so that of left is not used: docs/plate.md"
+    )
+    assert drive_of(study_from_text(BOTH, "study.toml")).doubt == ""
+    assert drive_of(study_from_text(LEFT + RIGHT, "study.toml")).doubt == ""
+    words = "with none of the right actuator, trials.csv has no micrometres"
+    assert words in told(LEFT + MEASURED + RIGHT, HALF).text
+    assert words not in told(BOTH).text
+
+
+def test_what_run_asks_before_a_session_is_foretold() -> None:
+    mock, card = told(BOTH), told(BOTH, driver="audio")
+    assert "--practice-without-device" in mock.facts["run_asks"]
+    assert "whether the hardware is safe, 3 things" in card.facts["run_asks"]
+    assert f"run            {card.facts['run_asks']}" in card.lines
+
+
+def test_all_that_run_refuses_of_a_device_is_foretold_at_once() -> None:
+    channels = '[device]\nchannels = [3, 4]\n[masking]\nsound_card = "other"\n'
+    refused = told(channels + BOTH, driver="audio").facts["run_refuses"]
+    assert refused == [
+        (
+            "device.port and device.volts_full_scale are missing: the driver audio needs them; "
+            "--port gives the first too"
+        ),
+        (
+            "channels must be [1, 2] for the driver audio, got [3, 4]: the example "
+            "sound_card_channels is a driver that takes others"
+        ),
+    ]
+    assert lacking_of(DeviceSettings(driver="serial")) == (
+        "device.port is missing: the driver serial needs it; --port gives it too"
+    )
+
+
+@pytest.mark.slow
+def test_windows_that_were_too_loud_are_listed_with_their_levels() -> None:
+    auto = '[burst]\nwindow = "auto"\nwanted_level_db = -45\n'
+    found = told(auto)
+    (condition,) = found.facts["conditions"]
+    louder = condition["windows_too_loud"]
+    assert louder[0]["window"] == "none"
+    assert all(one["level_db"] > -45 for one in louder)
+    assert condition["burst"]["window"] not in {
+        one["window"] for one in louder if one["cycles"] == condition["burst"]["cycles"]
+    }
+    assert f"too loud there: 1 cycle: none {louder[0]['level_db']:.1f}" in found.text
+    json.loads(found.json)
