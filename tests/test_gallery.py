@@ -198,7 +198,7 @@ def stiffening(strip: Strip, layers: PiezoLayers) -> float:
 def test_measured_amplitudes_lie_between_those_of_a_free_and_of_a_held_patch() -> None:
     plate = script("paper_plate")
     disc, patch = stiffening(plate.FIRST, plate.BUZZER), stiffening(plate.SECOND, plate.PIC255)
-    assert f"by a factor of {patch:.1f} (PIC255) or {disc:.1f} (disc)" in section_10()
+    assert f"by a factor of {patch:.1f} (PIC255) or {disc:.1f} (disc)" in told_of_figures()
     for measured_um, name, factor in (
         (2.6, TWO_DISCS, disc),
         (2.8, UPRIGHT, patch),
@@ -224,7 +224,7 @@ def test_the_patch_in_the_plate_gives_what_the_page_tells(
     paper = script("paper_plate")
     what = [getattr(paper, name) for name in (plate, load, layers)]
     per_v_m, _ = paper.with_patch(*what, np.array([frequency_hz]))
-    told = re.search(rf"\| {figure}, [^|]*\| ([\d.]+) um \| [^|]*\| ([\d.]+) um", section_10())
+    told = re.search(rf"\| {figure}, [^|]*\| ([\d.]+) um \| [^|]*\| ([\d.]+) um", told_of_figures())
     assert told is not None
     assert per_v_m[0] * level_vpp / 2 * 1e6 == pytest.approx(float(told[2]), abs=0.005)
 
@@ -237,7 +237,7 @@ def test_the_mean_level_with_the_patch_is_what_the_page_tells(
     what = [getattr(paper, name) for name in (plate, load, layers)]
     frequencies_hz = np.linspace(10.0, what[0].cutoff_hz() - 100.0, 60)
     centre, beside = paper.with_patch(paper.lossy(what[0]), *what[1:], frequencies_hz)
-    told = re.search(rf"\| {figure}, mean level [^|]*\|[^|]*\|[^|]*\| (\d+) dB", section_10())
+    told = re.search(rf"\| {figure}, mean level [^|]*\|[^|]*\|[^|]*\| (\d+) dB", told_of_figures())
     assert told is not None
     assert np.mean(20 * np.log10(centre / beside)) == pytest.approx(float(told[1]), abs=0.5)
 
@@ -268,17 +268,17 @@ def test_20_db_take_more_than_1_cm_from_the_centre_but_for_the_clamped_patch() -
     assert near == [("patch, 18 x 6 mm", "clamps")]
 
 
-# The tables of docs/model.md and the docstrings say what the scripts return.
+# The tables of docs/paper.md and the docstrings say what the scripts return.
 
 
 @functools.cache
-def section_10_lines() -> list[str]:
-    text = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
-    return text.split("\n## 10. ")[1].split("\n## ")[0].splitlines()
+def told_lines() -> list[str]:
+    text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    return text.split("\n## The figures\n")[1].split("\n## ")[0].splitlines()
 
 
-def section_10() -> str:
-    return " ".join(" ".join(section_10_lines()).split())
+def told_of_figures() -> str:
+    return " ".join(" ".join(told_lines()).split())
 
 
 def limits() -> str:
@@ -318,8 +318,8 @@ def rows() -> list[tuple[str, str, str]]:
 
 def test_table_of_the_paper_s_values_says_what_the_scripts_return() -> None:
     wanted = [f"| {what} | {paper} | {ours} |" for what, paper, ours in rows()]
-    assert [row for row in wanted if row not in section_10()] == []
-    body = [line for line in section_10_lines() if line.startswith("|") and "---" not in line]
+    assert [row for row in wanted if row not in told_of_figures()] == []
+    body = [line for line in told_lines() if line.startswith("|") and "---" not in line]
     headings, with_patches, their_ratio = 3, len(PEAKS) + len(MEANS), 1
     assert len(body) == (headings + len(wanted) + with_patches + their_ratio + len(distances_mm()))
 
@@ -329,7 +329,7 @@ def test_table_of_20_db_says_what_the_script_returns() -> None:
         f"| {actuator} | {edge} | {from_centre_mm:.1f} mm | {from_rim_mm:.1f} mm |"
         for (actuator, edge), (from_centre_mm, from_rim_mm) in distances_mm().items()
     ]
-    assert [row for row in wanted if row not in section_10()] == []
+    assert [row for row in wanted if row not in told_of_figures()] == []
 
 
 def test_reasons_in_the_table_hold_the_right_numbers() -> None:
@@ -347,7 +347,7 @@ def test_reasons_in_the_table_hold_the_right_numbers() -> None:
         f"too low by {1.0 / flat:.1f}, for the same reason",
         f"free of the ceramic's data: {2.8 / (upright / flat):.1f} is",
     ):
-        assert told in section_10()
+        assert told in told_of_figures()
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

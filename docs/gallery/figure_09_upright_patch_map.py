@@ -7,7 +7,7 @@ second plate (edge from its cut-off of 2.5 kHz), endless and without loss. Nothi
 
 The number: 1.57 um, less than the paper's by 1.8. The moment is that of a patch whose rim is free;
 held by the plate around it, it acts more strongly: 2.33 um with the patch in the plate, see
-docs/model.md 10.
+docs/paper.md.
 
 Usage: python docs/gallery/figure_09_upright_patch_map.py [OUT.png]
 """
