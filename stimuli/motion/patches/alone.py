@@ -80,9 +80,7 @@ class _Section:
         self._bends, self._slants = (across.products(*one) for one in ((0, 2), (1, 1)))
         self._poisson = strip.material.poisson_ratio
 
-    def waves(
-        self, along: Polynomials, ends: Real, number: int, highest_hz: float
-    ) -> list[_Waves]:
+    def waves(self, along: Polynomials, ends: Real, number: int, highest_hz: float) -> list[_Waves]:
         """Return what one of them is along the strip, up to a frequency.
 
         `ends` are values and slopes of `along` at an end: (n_along, 2).
