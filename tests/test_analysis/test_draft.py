@@ -226,6 +226,7 @@ def nested(folder: Path, *, blocks: int = 4, running: bool = False) -> Path:
 def test_an_outer_loop_numbers_no_trials(tmp_path: Path) -> None:
     told = draft(nested(tmp_path / "a"))
     assert 'trial = ""  # numbered anew in each block: the order of rows is taken\n' in told
+    assert 'block = "blocks.thisN"  # guess: in each of them trials are numbered anew\n' in told
     assert '"trials.thisN" = ""  # guess: outside this loop' in told
     told = draft(nested(tmp_path / "b", running=True))
     assert 'trial = "trials.thisN"  # guess; 24 values from 0 to 23\n' in told
@@ -236,16 +237,19 @@ def test_an_outer_loop_numbers_no_trials(tmp_path: Path) -> None:
 
 
 def test_a_draft_of_nested_loops_runs_as_it_is_filled_in(tmp_path: Path) -> None:
-    words = {"task": "yes/no", "side": "left", "unit": "um"}
+    words = {"task": "yes/no", "side": "left"}
     data = nested(tmp_path / "data")
     target = tmp_path / "map.toml"
     told = run("columns", data, "--write", target).stdout
-    assert "; fill in task, side, unit, then tactstrip analyze" in told
+    assert "; fill in task, side, then tactstrip analyze" in told
     with pytest.raises(ValueError, match=r"\[axis\] unit: printable text"):
         load_column_map(put(tmp_path / "v.toml", '[axis]\nunit = ""\n'))
     read = read_inputs([data], load_column_map(filled(data, tmp_path / "m.toml", words)))
     assert read.axis.unit == "um"
     assert read.trials["trial"].tolist() == [*range(1, 25)] * 2
+    assert read.trials["block"].tolist() == [0] * 6 + [1] * 6 + [2] * 6 + [3] * 6 + [0] * 6 + [
+        *[1] * 6, *[2] * 6, *[3] * 6
+    ]  # fmt: skip
     again = 'trial = "trials.thisN"'
     text = (tmp_path / "m.toml").read_text(encoding="utf-8").replace('trial = ""', again)
     error = str(refused(data, columns=load_column_map(put(tmp_path / "n.toml", text))))
@@ -263,6 +267,15 @@ def test_files_that_number_their_trials_anew_are_told_from_blocks(tmp_path: Path
 def test_levels_named_after_volts_are_not_asked_for_their_unit(tmp_path: Path, name: str) -> None:
     told = draft(put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n"))
     assert "[axis]" not in told
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("amp_um", "um"), ("level_pct", "%"), ("amplitude (nm)", "nm")],
+)
+def test_the_unit_of_levels_is_guessed_by_the_name(tmp_path: Path, name: str, unit: str) -> None:
+    table = put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n")
+    assert f'unit = "{unit}"  # guess, by the name; printed as you write it' in draft(table)
 
 
 def test_an_empty_cell_is_no_value(tmp_path: Path) -> None:

@@ -64,8 +64,11 @@ _FELT: Final[Mapping[str, str]] = {
 _MOST_FILES, _MOST_WORDS, _MOST_CONDITIONS = 40, 12, 6
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _VOLTS: Final = re.compile("volt|vpp$")
+_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
+_UNITS: Final = {"pct": "%", "percent": "%"}
 _NO_CONDITION: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
+_BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
 NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
@@ -100,7 +103,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     if needs_task:
         lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
     else:
-        lines.append(f"# task: where nobody answered so, state {_TASK}")
+        lines.append(f'# task: nothing to state if some answered "none"; if nobody, {_TASK}')
     order = ("file", "rows.keep", "rows.skip", "columns", "values.side", "values.level_vpp",
              "values.response", "values.detected", "values.rt_s", "constant", "units", "axis",
              "table")  # fmt: skip
@@ -224,11 +227,22 @@ def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
         of_file = any(table.unique(name, [*within, FILE]) for name in columns)
         told = f"numbered anew in each {'file' if of_file else 'block'}: the order of rows is taken"
         _put(sections, "columns", "trial", "", told)
+        blocks = [one for one in table.header if _BLOCK.search(one)]
+        outer = (one for one in blocks if any(
+            one != name and table.unique(name, [*within, one]) for name in columns
+        ))  # fmt: skip
+        if block := next(outer, None):
+            told = "guess: in each of them trials are numbered anew"
+            _put(sections, "columns", "block", block, told)
 
 
 def _unit(sections: dict[str, list[str]], level: str) -> None:
-    """Ask for the unit of levels, unless their column is named after volts."""
-    if not level or not _VOLTS.search(plain(level)):
+    """Ask for the unit of levels, unless their column is named after one."""
+    named = _UNIT.search(level)
+    if named:
+        told = 'guess, by the name; printed as you write it, as "um peak": nothing is converted'
+        _put(sections, "axis", "unit", _UNITS.get(named[1].lower(), named[1]), told)
+    elif not level or not _VOLTS.search(plain(level)):
         _put(sections, "axis", "unit", "", f'{_FILL}the unit of the levels, as "um" or "V"')
 
 
