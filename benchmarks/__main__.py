@@ -32,6 +32,13 @@ NAMES = (
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"
 """The section that `make bench` does not measure: it stays, at the end of the page."""
+GUIDE = (
+    "First what commands and sessions take, then how exact and how fast the plate's field is "
+    "computed (Stability to Skipping), how often intervals hold the truth (Calibration to Groups "
+    "by another method), who is warned of, what long runs found, and what a power analysis is "
+    "worth. How a number is taken stands in the section's script in `benchmarks/`. No hardware and "
+    "no person took part.\n"
+)
 
 
 def machine() -> str:
@@ -66,7 +73,7 @@ def main(names: list[str]) -> None:
     if not names:
         head = f"# Benchmarks\n\nMeasured by `make bench` on: {machine()}.\n"
         kept = "".join(PAGE.read_text(encoding="utf-8").partition(BY_HAND)[1:])
-        PAGE.write_text("\n".join([head, *sections, kept]), encoding="utf-8")
+        PAGE.write_text("\n".join([head, GUIDE, *sections, kept]), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -108,8 +108,8 @@ def section() -> str:
             "",
             (
                 f"Simulated sessions of the paper's protocol, {trials} trials each, with plan and "
-                "journal beside every table; each line is a process of its own, imports "
-                "included, on one thread. Memory is the largest resident set."
+                "journal beside every table; each line is a process of its own, on one thread. "
+                "Memory is the largest resident set."
             ),
             "",
             "| sessions | what | time | processor | memory |",

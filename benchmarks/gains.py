@@ -234,12 +234,10 @@ def distribution() -> list[str]:
 
 
 REASONS: Final = """\
-What takes more than wanted: **patches** of plates ten and more widths long that are neither
-mirror images nor centred, which need all 450 to 1100 functions at once, in two sizes, as nothing
-else tells the error ([decision 10](decisions/0010-patches.md)). **Plates of metres with little
-loss**, whose echoes count, have 500 to 1600 modes, all coupled by fingers. **Plates of 2 mm** have
-a cut-off of a hundred kilohertz and more: what rings after a corner is looked at thousands of times
-in each millisecond until it has decayed. The level at the other finger is -70 dB and less there.
+What takes more than wanted, and why it is left so:
+[decision 11](decisions/0011-time-of-a-gain-matrix.md). On plates of 2 mm the cut-off is a hundred
+kilohertz and more: what rings after a corner is looked at thousands of times in each millisecond
+until it has decayed. The level at the other finger is -70 dB and less there.
 """
 
 

@@ -151,9 +151,10 @@ def section() -> str:
         wire = _times(port)
     with tempfile.TemporaryDirectory() as name, emulator("--pty") as port:
         trial_s, waits_s = _trial_s(Path(name), port)
+    beating = max(times.beating for times in (pty, tcp, wire))
     rows = [
         f"| {label} | {times.ping_s * 1e3:.2f} ms | {times.fire_s * 1e3:.2f} ms | "
-        f"{times.upload_s * 1e3:.0f} ms | {times.beating:.1%} |"
+        f"{times.upload_s * 1e3:.0f} ms |"
         for label, times in (("pty", pty), ("TCP", tcp), (f"pty, modelled {BAUD} baud", wire))
     ]
     return "\n".join(
@@ -162,12 +163,12 @@ def section() -> str:
             "",
             (
                 f"The emulator in a process of its own; medians of {REPEATS}. Upload: one slot of "
-                f"two 97-sample waveforms. Heartbeat: processor time of an idle host in {IDLE_S:g} "
-                "s. Not tried on hardware."
+                f"two 97-sample waveforms. An idle host takes {100 * beating:.1f} % of a processor "
+                "for the heartbeat. Not tried on hardware."
             ),
             "",
-            "| line | ping | fire | upload | heartbeat |",
-            "|---|---|---|---|---|",
+            "| line | ping | fire | upload |",
+            "|---|---|---|---|",
             *rows,
             "",
             (

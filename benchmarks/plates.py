@@ -111,9 +111,9 @@ def table() -> list[str]:
         (
             "**Two discs on a finite plate**: 12.8 mm, at x = -35 and 35 mm unless told, receivers "
             f"at their centres, rtol {_RTOL:g}; one frequency, and {count} from {low_hz:g} to "
-            f"{high_hz:g} Hz: least processor time of several runs, fresh frequencies each. The "
-            f"error is that of every {_EVERY}th frequency against the same solved by itself at "
-            f"{_EXACT:g}, both relative to each value or to 1e-3 of the largest at the frequency."
+            f"{high_hz:g} Hz, least processor time. The error is that of every {_EVERY}th "
+            f"frequency against the same solved by itself at {_EXACT:g}, relative to each value or "
+            "to 1e-3 of the largest at the frequency."
         ),
         "",
         "| plate | 500 Hz | 5000 Hz | sweep | of these solved | error | told |",
@@ -122,8 +122,7 @@ def table() -> list[str]:
         "",
         (
             "Wanted are 0.15 s for the sweep and 1.5 ms for one frequency. One frequency between "
-            "held edges takes over twice that: about a third of it are the fields at the corners, "
-            "a sixth the roots; off the centre line twice as long again (see One frequency). "
+            "held edges takes over twice that ([decision 8](decisions/0008-one-frequency.md)). "
             "Clamped, at 500 Hz the ends are not felt."
         ),
         "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -112,21 +113,27 @@ def draw(found: list[Grid], other: Grid | None) -> None:
     figure.savefig(FIGURE, dpi=110)
 
 
-def together_rows() -> list[str]:
+def together() -> str:
     """Time groups and differences of people of three studies, through what a script calls."""
-    rows = []
-    for name, levels in (("the paper's", PAPER), ("centred", CENTRED)):
-        for people in (5, 8, 12):
-            n = np.full((people, len(levels)), 30)
-            rng = np.random.default_rng(people)
-            a, b = (
-                rng.binomial(n, 0.5 + 0.48 * ndtr((np.log10(levels) - at) / 0.1))
-                for at in math.log10(62) + 0.1 * rng.standard_normal((2, people, 1))
-            )
-            group = processor_s(partial(fit_group, levels, a, n, guess_rate=0.5))
-            both = processor_s(partial(compare_conditions, levels, a, n, b, n, guess_rate=0.5))
-            rows.append(f"| {name} | {people} | {duration(group)} | {duration(both)} |")
-    return rows
+    taken: dict[str, list[float]] = {"`fit_group`": [], "`compare_conditions`": []}
+    for levels, people in product((PAPER, CENTRED), (5, 8, 12)):
+        n = np.full((people, len(levels)), 30)
+        rng = np.random.default_rng(people)
+        a, b = (
+            rng.binomial(n, 0.5 + 0.48 * ndtr((np.log10(levels) - at) / 0.1))
+            for at in math.log10(62) + 0.1 * rng.standard_normal((2, people, 1))
+        )
+        group, both = taken.values()
+        group.append(processor_s(partial(fit_group, levels, a, n, guess_rate=0.5)))
+        both.append(processor_s(partial(compare_conditions, levels, a, n, b, n, guess_rate=0.5)))
+    told = " and ".join(
+        f"{name} takes {1e3 * min(some):.0f} to {1e3 * max(some):.0f} ms"
+        for name, some in taken.items()
+    )
+    return (
+        f"Of 5, 8 and 12 people with five levels of 30 stimuli and 2 dB between them, {told} of "
+        "processor time, their people's own fits included."
+    )
 
 
 def section() -> str:
@@ -151,25 +158,15 @@ def section() -> str:
             "|---|---|---|---|",
             *rows,
             "",
-            _TOGETHER,
-            "",
-            "| levels | people | `fit_group` | `compare_conditions` |",
-            "|---|---|---|---|",
-            *together_rows(),
+            together(),
             "",
         ]
     )
 
 
 _TIMES: Final = (
-    "Processor time of one posterior against the largest error of its three points (40 tables "
-    f"beside a grid of {FINEST.between + 2 * FINEST.outside} x {FINEST.log_sigma} x "
-    f"{FINEST.lapse}, cut off at the levels); forced choice, centred levels, one thread, best of "
-    "several. A whole fit also has its status and the likeliest function. psignifit's error is "
-    "that of its limits beside a finer grid of its own, median of four tables."
-)
-_TOGETHER: Final = (
-    "Processor time of a group and of a difference of two conditions with their people's own fits, "
-    "forced choices with 2 dB between people, five levels of 30 stimuli, one thread, best of "
-    "several."
+    "Processor time of one posterior against the largest error of its three points, beside a grid "
+    f"of {FINEST.between + 2 * FINEST.outside} x {FINEST.log_sigma} x {FINEST.lapse} cut off at "
+    "the levels; forced choice, centred levels, one thread. psignifit's error is that of its "
+    "limits beside a finer grid of its own, median of four tables."
 )

@@ -81,33 +81,33 @@ def savings() -> Iterator[Saving]:
     )
     both = tuple((sign * x, y) for x, y in _ROW for sign in (-1, 1))
     yield Saving(
-        what="mirrored pairs: 200 points, left and right of a force",
+        what="mirrored pairs: 200 points about a force",
         counted="pairs",
         scene=Scene(strip=clamped, loads=(FORCE,), points_m=both),
     )
     yield Saving(
-        what="antisymmetric waves: 100 points beside a force on the centre line",
+        what="antisymmetric waves: force on the centre line",
         counted="symmetries",
         scene=_beside(clamped, load=PointForce(x_m=0.0, y_m=_W / 2)),
     )
     yield Saving(
-        what="wall correction: 100 points beside a force, simply supported",
+        what="wall correction: force, simple supports",
         counted="wall_correction",
         scene=_beside(supported),
     )
     yield Saving(
-        what="integrals: 100 points more than 60 mm from a force",
+        what="integrals: 100 points over 60 mm away",
         counted="integrals",
         scene=_beside(clamped, from_m=0.06),
     )
     yield Saving(
-        what="frequencies: 500 below the cut-off, 2 points",
+        what="frequencies: 500 below the cut-off",
         counted="frequencies",
         scene=Scene(strip=clamped, loads=(FORCE,), points_m=_ROW[:2]),
         count=500,
     )
     yield Saving(
-        what="loads never driven: 10 of 11 discs, 11 points off them",
+        what="loads never driven: 10 of 11 discs",
         counted="pairs",
         scene=Scene(
             strip=clamped,
@@ -119,7 +119,7 @@ def savings() -> Iterator[Saving]:
         ),
     )
     yield Saving(
-        what="far ends: 100 points beside a force, strip of 1 m",
+        what="far ends: strip of 1 m",
         counted="reflections",
         scene=_beside(dataclasses.replace(clamped, length_m=1.0)),
     )
@@ -182,10 +182,8 @@ def section() -> str:
             "",
             (
                 f"Time of `displacement` at rtol {RTOL:g} with `Scene(skip=False)` and with "
-                "skipping, each in a scene where only one thing can be left out; fresh "
-                f"frequencies at each of {_REPEATS} repeats, medians. The last column is the "
-                "largest relative difference of the two results (down to 1e-3 of the largest "
-                "value, as rtol)."
+                "skipping, in scenes where only one thing can be left out; the difference of the "
+                "two results is relative, as rtol counts it."
             ),
             "",
             "| left out | counts of `scene.work` | everything | skipping | faster | difference |",

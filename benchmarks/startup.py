@@ -104,11 +104,9 @@ def section() -> str:
             _row("`tactstrip --help`", "--help"),
             _row("`tactstrip dry-run`: the paper's protocol, five participants, figures", *dry_run),
             "",
-            "Where the time of a warm dry run goes:",
-            "",
-            "| part | time |",
-            "|---|---|",
-            *(f"| {name} | {seconds:.2f} s |" for name, seconds in _phases()),
+            "Of a warm dry run: "
+            + "; ".join(f"{name} {seconds:.2f} s" for name, seconds in _phases())
+            + ".",
             "",
         ]
     )
