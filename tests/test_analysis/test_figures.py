@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.text import Text
 
 from analysis import level_table
 from analysis.answers.choice import confusion_table
@@ -132,9 +133,10 @@ PEOPLE = {
     "open": [15, 24, 28, 30, 30],
     "found": [2, 5, 15, 27, 30],
 }
+GIVEN = [(60 + 10 * i, "left" if i > 2 else "none") for i in range(6)] * 4
 TOLD = (
-    "< 60 V", "> 200 V", "no threshold: does not rise with level", "no threshold: falls with level",
-    "(101.4 to 121.9), slope", "at most ", "(< 60 to ", "no threshold",
+    "< 60 V", "> 200 V", "no threshold: does not rise", "no threshold: falls with",
+    "(101.4 to 121.9),", "slope unknown", "at most ", "(< 60 to ", "no threshold",
 )  # fmt: skip
 
 
@@ -157,6 +159,34 @@ def test_a_function_is_drawn_only_where_the_table_tells_one(
     curve = person_curves(tabulated(felt(PEOPLE[status])), "1")["main"]
     assert (curve.function is not None) == with_function
     assert (curve.residuals is not None) == with_function
+
+
+@pytest.mark.slow
+def test_no_letter_of_the_panels_of_people_is_too_small_for_print() -> None:
+    trials = [
+        felt(k, participant=name, condition=condition)
+        for name, k in PEOPLE.items()
+        for condition in ("bare", "covered")
+    ]
+    figure = draw_participants(tabulated(pd.concat(trials)))[0].draw()
+    figure.draw_without_rendering()
+    shown = [one for one in figure.findobj(Text) if one.get_visible() and one.get_text()]
+    assert len(shown) > 40
+    assert min(float(one.get_fontsize()) for one in shown) >= 8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("people", ["a", "ab"])
+def test_the_caption_says_whose_function_it_is_and_where_it_starts(
+    people: str, tmp_path: Path
+) -> None:
+    rows = [f"{who},left,{level},{answer}" for who in people for level, answer in GIVEN]
+    rows += [f"{who},none,,{answer}" for who in people for answer in ("none", "left", "none")]
+    analysis = analyse(loaded(tmp_path, LEAST + "\n".join(rows)))
+    (sheet,) = FIGURES["detection"](analysis)
+    of_group = "may lie above or below the points of single people"
+    assert (of_group in sheet.caption) is (len(people) > 1)
+    assert "starts at the false-alarm rate that the blank trials" in sheet.caption
 
 
 def test_every_page_has_eight_people() -> None:

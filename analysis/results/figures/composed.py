@@ -139,12 +139,12 @@ def draw_panel(
     """Draw conditions over each other, `None` where one is absent; `small`: one of many panels."""
     zero = -_FIRST_ROW - _ROW * (len(curves) - 1) - _TO_RESIDUALS
     foot = _Foot(zero=zero, per_unit=_RESIDUALS / scale.most, most=scale.most)
-    level_axis(axes, levels_vpp, axis, beyond=0.09, letter=1 / 24 if small else 1 / 32)
+    level_axis(axes, levels_vpp, axis, beyond=0.09, letter=1 / 15 if small else 1 / 32)
     axes.set_ylim(zero - _RESIDUALS * 1.15, _TOP)
     shown = (0.0, 0.5, 1.0) if small else (0.0, 0.25, 0.5, 0.75, 1.0)
     places = [*foot.at(np.array(scale.ticks)), *shown]
     axes.set_yticks(places, [plain(one) for one in (*scale.ticks, *shown)],
-                    fontsize=6.5 if small else 9)  # fmt: skip
+                    fontsize=8 if small else 9)  # fmt: skip
     axes.axhline(zero, color="#808080", lw=0.8, zorder=1)
     axes.spines["left"].set_bounds(0, 1)
     wide = 1.0 if small else 1.4
@@ -199,7 +199,7 @@ def _draw_mark(axes: Axes, curve: Curve, place: float, wide: float) -> None:
     elif not np.isfinite(one.at):
         axes.annotate(
             "no threshold", (0.5, place), xycoords=("axes fraction", "data"), ha="center",
-            va="center", fontsize=5.5 + wide, color=colour,
+            va="center", fontsize=8, color=colour,
         )  # fmt: skip
     if np.isfinite(one.at):
         axes.plot(one.at, place, color=colour, marker=marker, mfc="white", mew=wide, ms=4 * wide,
@@ -245,7 +245,7 @@ def name_parts(axes: Axes, conditions: int, scale: Scale, *, small: bool = False
     """Name the parts of a panel beside its left edge."""
     zero = -_FIRST_ROW - _ROW * (conditions - 1) - _TO_RESIDUALS
     thresholds = -_FIRST_ROW - _ROW * (conditions - 1) / 2
-    size, aside_pt = (6.5, -27) if small else (9, -42)
+    size, aside_pt = (8, -30) if small else (9, -42)
     detection = (
         "Detection\nprobability" if small else "Detection probability\n(detected / presented)"
     )
@@ -258,5 +258,5 @@ def name_parts(axes: Axes, conditions: int, scale: Scale, *, small: bool = False
             words, (0, place), xycoords=("axes fraction", "data"),
             xytext=(aside_pt if turned else -5, 0), textcoords="offset points",
             rotation=90 if turned else 0, ha="center" if turned else "right", va="center",
-            fontsize=size if turned else size - 1, linespacing=1.1,
+            fontsize=size if turned else 8, linespacing=1.1,
         )  # fmt: skip

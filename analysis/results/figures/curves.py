@@ -133,3 +133,14 @@ def _mark(row: pd.Series[Any]) -> Mark:
             np.inf if np.isnan(new_high) else new_high,
         )
     return Mark(at=at, low=low, high=high, status=status, new=new)
+
+
+def start_words(analysis: Analysis) -> str:
+    """Say where a function starts that has its false alarms of blank trials."""
+    known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
+    if not known:
+        return ""
+    return (
+        " A function starts at the false-alarm rate that the blank trials alone tell, half an "
+        "answer added, and so may lie above the points of the weakest levels."
+    )

@@ -16,7 +16,7 @@ from analysis.results.figures.composed import (
     name_parts,
     of_means,
 )
-from analysis.results.figures.curves import conditions_of, group_curves, look_of
+from analysis.results.figures.curves import conditions_of, group_curves, look_of, start_words
 from analysis.results.figures.drawing import Sheet, key, of_people, panels, short
 
 if TYPE_CHECKING:
@@ -43,16 +43,20 @@ def sheets(analysis: Analysis) -> list[Sheet]:
     people = of_people(analysis.participants["participant"])
     number = len(conditions_of(analysis))
     over = f", {number} conditions over each other" if number > 1 else ""
-    data, new = "proportions with their 95 % intervals", ""
+    data, new, of_group = "proportions with their 95 % intervals", "", ""
     if not alone:
         data = f"means of the participants with the group's 95 % interval ({FAR_LIMIT})"
         new = " and, thinner, where another person's is expected"
+        of_group = (
+            " The function is the group's, the mean of those of people like these: it may lie above"
+            " or below the points of single people."
+        )
     return [
         Sheet(
             title="Detection probability by level, and the fitted function",
             caption=f"Above, {data}, and the function with its 95 % band where the data tell one; "
             f"in the middle the threshold with its 95 % interval{new}; below, how far the data lie "
-            f"from the function.{_half_way(analysis)}",
+            f"from the function.{of_group}{start_words(analysis)}{_half_way(analysis)}",
             alt=f"Detection probability from 0 to 1 against level in {analysis.axis.label}, "
             f"{people}{over}, with the fitted function, thresholds and residuals; the numbers are "
             "in the tables of detection by level and of thresholds.",

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.answers.doubts import DRIFTING, GUESSING, SWAPPED
 from analysis.results.figures.composed import DEVIANCE, draw_panel, name_parts
-from analysis.results.figures.curves import conditions_of, look_of, person_curves
+from analysis.results.figures.curves import conditions_of, look_of, person_curves, start_words
 from analysis.results.figures.drawing import WIDTH_IN, Sheet, short
 
 if TYPE_CHECKING:
@@ -32,10 +32,12 @@ _CHOSEN: Final = (
 )
 _KINDS: Final = (SWAPPED, DRIFTING, GUESSING)
 """Of doubts, in the order of `_CHOSEN`: a high threshold alone may look like guesses."""
-_PANEL_IN, _ROW_IN = 1.45, 0.09
-_LEFT_IN, _BETWEEN_IN, _BELOW_IN = 0.62, 0.28, 0.26
-_NAME_IN, _LINE_IN = 0.17, 0.1
-_LETTERS = 38
+_PANEL_IN, _ROW_IN = 1.75, 0.12
+_LEFT_IN, _BETWEEN_IN, _BELOW_IN = 0.66, 0.2, 0.28
+_NAME_IN, _LINE_IN = 0.19, 0.13
+_LETTERS = 28
+_LETTER_PT = 8.0
+"""Less is not read where a page of the report is printed."""
 _SHORT: Final = {
     "one_level": "one level only",
     "flat": "does not rise with level",
@@ -59,7 +61,7 @@ def sheets(analysis: Analysis) -> list[Sheet]:
             title=title + (f" ({number} of {len(pages)})" if len(pages) > 1 else ""),
             caption=f"Proportions with 95 % intervals ({analysis.ci.title()}), the fitted function "
             "with the 95 % band of its posterior, the threshold with its 95 % interval, and "
-            f"deviance residuals; without a threshold only the data.{_start(analysis)}{more}",
+            f"deviance residuals; without a threshold only the data.{start_words(analysis)}{more}",
             alt=f"Detection probability against level in {analysis.axis.label} of each of "
             f"{len(page)} participants, "
             f"{f'{page[0]} to {page[-1]}' if every else ', '.join(page)}, in panels of their own; "
@@ -68,17 +70,6 @@ def sheets(analysis: Analysis) -> list[Sheet]:
         )
         for number, page in enumerate(pages, start=1)
     ]
-
-
-def _start(analysis: Analysis) -> str:
-    """Say where a function starts that has its false alarms of blank trials."""
-    known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
-    if not known:
-        return ""
-    return (
-        " A function starts at the false-alarm rate that the blank trials alone tell, half an "
-        "answer added, and so may lie above the points of the weakest levels."
-    )
 
 
 def _first_to_see(analysis: Analysis) -> list[str]:
@@ -105,7 +96,7 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
     above_in = _NAME_IN + _LINE_IN * max(map(len, notes.values()))
     step_in = panel_in + above_in + _BELOW_IN
     head_in = 0.26 if analysis.mark else 0.05
-    foot_in = 0.32 + 0.14 * (len(conditions) + 2 if len(conditions) > 1 else 3)
+    foot_in = 0.36 + 0.16 * (len(conditions) + 3)
     height_in = head_in + rows * step_in + foot_in
     figure = Figure(figsize=(WIDTH_IN, height_in))
     FigureCanvasAgg(figure)
@@ -122,13 +113,13 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
         shown = [curves.get(condition) for condition in conditions]
         draw_panel(axes, shown, levels_vpp, analysis.axis, DEVIANCE, small=True)
         axes.set_xlabel("")
-        axes.tick_params(axis="x", labelsize=6.5)
+        axes.tick_params(axis="x", labelsize=_LETTER_PT)
         # At places that are given, nothing is measured to find them.
         axes.xaxis.set_label_coords(0.5, 0.0)
         axes.yaxis.set_label_coords(0.0, 0.5)
-        axes.set_title("\n".join(notes[name]), fontsize=6, loc="left", y=1.0, pad=2,
+        axes.set_title("\n".join(notes[name]), fontsize=_LETTER_PT, loc="left", y=1.0, pad=2,
                        linespacing=1.15)  # fmt: skip
-        figure.text(left / WIDTH_IN, (top + above_in) / height_in, short(name), fontsize=8,
+        figure.text(left / WIDTH_IN, (top + above_in) / height_in, short(name), fontsize=9,
                     weight="bold", va="top")  # fmt: skip
         if column:
             axes.set_yticklabels([])
@@ -137,10 +128,10 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
     below_in = height_in - head_in - rows * step_in
     log = "" if analysis.axis.signed else ", logarithmic"
     figure.text(0.5, (below_in - 0.02) / height_in, f"Level{log} ({analysis.axis.label})",
-                fontsize=8, ha="center", va="top")  # fmt: skip
+                fontsize=9, ha="center", va="top")  # fmt: skip
     if analysis.mark:
         figure.text(0.5, 1 - 0.06 / height_in, analysis.mark, fontsize=9, ha="center", va="top")
-    _explain(figure, analysis, (below_in - 0.16) / height_in)
+    _explain(figure, analysis, (below_in - 0.18) / height_in)
     return figure
 
 
@@ -180,6 +171,6 @@ def _explain(figure: Figure, analysis: Analysis, top: float) -> None:
         Line2D([], [], color=grey, marker="|", lw=2.6, ms=5.5, label="threshold, 95 % interval"),
     ]  # fmt: skip
     figure.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, top), ncols=2, fontsize=7,
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, top), fontsize=_LETTER_PT,
         frameon=False, handlelength=2.8,
     )  # fmt: skip
