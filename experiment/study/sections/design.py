@@ -45,7 +45,9 @@ class Design:
     # it, so that two files that ask for the same trials are the same study.
 
     levels_vpp: tuple[_Level, ...] = Field(
-        default=(60.0, 95.0, 130.0, 165.0, 200.0), strict=False, description="increasing"
+        default=(60.0, 95.0, 130.0, 165.0, 200.0),
+        strict=False,
+        description="increasing; from peak to peak of the burst with its window, as it is played",
     )
     trials_per_side: int = Field(
         default=75, ge=1, le=MAX_TRIALS, description="one finger at a time"
