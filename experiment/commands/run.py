@@ -188,7 +188,7 @@ def run(
                 resume_anyway=resume_anyway,
                 confirmation=confirmation,
                 practice=practice,
-                tell=click.echo,
+                tell=_tell_below if responder == "terminal" else click.echo,
                 requests=requests,
                 display=display,
                 sitting=sitting,
@@ -197,6 +197,11 @@ def run(
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _report(ending, plan)
+
+
+def _tell_below(words: str) -> None:
+    """Tell beside a participant at the terminal, whose last line stays open."""
+    click.echo(f"\n{words}")
 
 
 def _tell_of_driver(study: Study, rig: Rig, responder: str, *, practice: bool) -> None:

@@ -309,7 +309,7 @@ class Session:
         if called and self._requests.attended:
             self._requests.pause()  # the participant, whom it does not concern, does not end it
         elif called:  # nobody could tell whether the operator goes on or the participant
-            self._tell(f"\nStopped: {why}.")  # a terminal's line is open after a cue or an answer
+            self._tell(f"Stopped: {why}.")
             return Event.STOP_ASKED
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
         progress = self._standing.progress(self._state)

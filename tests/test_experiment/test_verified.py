@@ -244,7 +244,7 @@ def test_where_nobody_attends_it_stops_and_can_be_resumed(tmp_path: Path) -> Non
     wired = Wired(tmp_path)
     wired.at_ask = lambda trial: wired.cut()
     assert not wired.begin().finished
-    assert any(line.startswith("\nStopped: monitor (line)") for line in wired.told)
+    assert any(line.startswith("Stopped: monitor (line)") for line in wired.told)
     wired.repair()
     wired.at_ask = lambda trial: None
     assert resume(wired.folder, wired.setting()).finished
