@@ -19,7 +19,16 @@ from analysis.answers.sensitivity import (
     side_preference,
     spatial_sensitivity,
 )
-from analysis.answers.serial import Block, Canonical, SerialEffects, canonical, serial_effects
+from analysis.answers.serial import (
+    FOLLOWING_Z,
+    Canonical,
+    SerialEffects,
+    Session,
+    canonical,
+    following_z,
+    runs,
+    serial_effects,
+)
 from analysis.definitions import TOTAL
 from experiment.terms.record import RESPONSES, SIDES
 
@@ -86,7 +95,9 @@ class _Coded:
     person: NDArray[np.int64]  # position in `names`
     stimulus: NDArray[np.int64]  # position in `SIDES`
     answer: NDArray[np.int64]  # position in `RESPONSES`
-    block: NDArray[np.int64]  # a number that changes where another session or block begins
+    level: NDArray[np.float64]  # of a single stimulus, else nan
+    session: NDArray[np.int64]  # a number that changes where another session begins
+    run: NDArray[np.int32]  # of the trials of a session, as `runs` numbers them
     linked: NDArray[np.bool_]  # follows directly the one before it in the plan of the same block
 
     def counts(self) -> NDArray[np.int64]:
@@ -96,14 +107,24 @@ class _Coded:
         return np.bincount(flat, minlength=int(np.prod(shape))).reshape(shape).astype(np.int64)
 
     def sequences(self) -> list[Canonical]:
-        """Return each participant's blocks as `canonical` writes them."""
+        """Return each participant's sessions as `canonical` writes them."""
         codes = (self.stimulus * len(RESPONSES) + self.answer).astype(np.int8)
-        starts = np.flatnonzero(np.diff(self.block, prepend=-1)).tolist()
-        blocks: list[list[Block]] = [[] for _ in self.names]
-        for start, stop in zip(starts, [*starts[1:], len(codes)], strict=True):
-            block = Block(codes=codes[start:stop], linked=self.linked[start:stop])
-            blocks[self.person[start]].append(block)
-        return [canonical(each) for each in blocks]
+        sessions: list[list[Session]] = [[] for _ in self.names]
+        for of in _parts(self.session):
+            one = Session(codes=codes[of], linked=self.linked[of], runs=self.run[of])
+            sessions[self.person[of.start]].append(one)
+        return [canonical(each) for each in sessions]
+
+    def adaptive(self) -> bool:
+        """Tell whether levels follow from the answers before them."""
+        run = self.session * (int(self.run.max(initial=0)) + 1) + self.run
+        return following_z(self.level, self.stimulus == self.answer, run, self.linked) < FOLLOWING_Z
+
+
+def _parts(numbers: NDArray[np.int64]) -> Iterator[slice]:
+    """Yield where each number stands, for numbers that do not come again."""
+    starts = np.flatnonzero(np.diff(numbers, prepend=-1)).tolist()
+    yield from map(slice, starts, [*starts[1:], len(numbers)])
 
 
 def confusion_table(trials: pd.DataFrame) -> pd.DataFrame:
@@ -153,7 +174,7 @@ def choices(trials: pd.DataFrame, seed: int = 0) -> tuple[Choices, ...]:
     --------
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "session": "01", "block": 1,
     ...     "trial": [1, 2], "attempt": 1, "kind": "single", "side": ["left", "right"],
-    ...     "response": ["left", "both"], "reason": "",
+    ...     "level_vpp": 60.0, "response": ["left", "both"], "reason": "",
     ...     "none_offered": False})
     >>> [(one.participant, one.over_report.p) for one in choices(trials)]
     [('1', 0.5), ('all', 0.5)]
@@ -166,7 +187,9 @@ def choices(trials: pd.DataFrame, seed: int = 0) -> tuple[Choices, ...]:
 def _condition(condition: str, part: pd.DataFrame, seed: int) -> Iterator[Choices]:
     coded, offered = _coded(part), offers_none(part)
     counts = coded.counts()
-    serial, together = serial_effects(coded.sequences(), seed, none_offered=offered)
+    serial, together = serial_effects(
+        coded.sequences(), seed, none_offered=offered, adaptive=coded.adaptive()
+    )
     detections = [_detection(each, none_offered=offered) for each in counts]
     spatials = [_spatial(each) for each in counts]
     told, told_together = information(counts[:, :, :WORDS], seed)
@@ -249,14 +272,20 @@ def _coded(part: pd.DataFrame) -> _Coded:
     ordered = part.sort_values(["participant", "session", "block", "trial", "attempt"])
     names = sorted(ordered["participant"].unique())
     place = ["participant", "session", "block"]
-    new = ordered[place].ne(ordered[place].shift()).any(axis="columns").to_numpy()
+    new = ordered[place].ne(ordered[place].shift()).to_numpy(np.int64)
+    session, block = np.cumsum([new[:, :2].max(axis=1), new.max(axis=1)], axis=1, dtype=np.int64)
     first = ordered["attempt"].eq(1).to_numpy()
     follows = np.diff(ordered["trial"].to_numpy(), prepend=-1) == 1
+    equal = ordered.groupby(["side", "level_vpp"], observed=True, dropna=False).ngroup()
+    stimulus = np.asarray(equal.to_numpy(), dtype=np.int64)
+    single = ordered["kind"].eq("single").to_numpy()
     return _Coded(
         names=tuple(names),
         person=_codes(ordered["participant"], tuple(names)),
         stimulus=_codes(ordered["side"], SIDES),
         answer=_codes(ordered["response"], RESPONSES),
-        block=np.cumsum(new),
-        linked=~new & follows & first & np.roll(first, 1),
+        level=np.where(single, ordered["level_vpp"].to_numpy(float), np.nan),
+        session=session,
+        run=np.concatenate([runs(stimulus[of], block[of]) for of in _parts(session)]),
+        linked=(np.diff(block, prepend=0) == 0) & follows & first & np.roll(first, 1),
     )

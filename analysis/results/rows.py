@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.answers.choice import Choices
-    from analysis.answers.sensitivity import Sensitivity, Share, SidePreference
+    from analysis.answers.sensitivity import Sensitivity, Share
     from analysis.answers.serial import SerialEffect
     from analysis.groups.population import PopulationThreshold
     from analysis.results.tables import Analysis
@@ -369,13 +369,14 @@ def choice_rows(choices: Choices, *, sides: bool = True) -> Iterator[list[str]]:
     yield from _sensitivity("Detection", choices.detection)
     if sides:
         yield from _sensitivity("Left against right", choices.spatial)
-        yield _preference("Side of wrong answers", choices.wrong_side)
-        yield _preference("Side answered to blank trials", choices.blank_side)
-        yield _preference("Side felt alone of both fingers", choices.extinction)
-    for name, words in _SERIAL.items():
-        if name == "side" and not sides:
-            continue
-        yield _serial(words, getattr(choices.serial, name))
+        for words, one in (
+            ("Side of wrong answers", choices.wrong_side),
+            ("Side answered to blank trials", choices.blank_side),
+            ("Side felt alone of both fingers", choices.extinction),
+        ):
+            yield [words, f"left {one.left}, right {one.right}", p_text(one.p), one.reason]
+    told_of = [name for name in _SERIAL if sides or name != "side"]
+    yield from (_serial(_SERIAL[name], getattr(choices.serial, name)) for name in told_of)
 
 
 def _sensitivity(name: str, one: Sensitivity) -> Iterator[list[str]]:
@@ -386,13 +387,12 @@ def _sensitivity(name: str, one: Sensitivity) -> Iterator[list[str]]:
     yield [f"{name}: criterion", p_text(one.criterion), "", remark]
 
 
-def _preference(name: str, one: SidePreference) -> list[str]:
-    return [name, f"left {one.left}, right {one.right}", p_text(one.p), one.reason]
-
-
 def _serial(name: str, one: SerialEffect) -> list[str]:
-    otherwise = "" if one.otherwise is None else f"otherwise {_share(one.otherwise)}"
-    return [name, _share(one.again), p_text(one.p), one.reason or otherwise]
+    told = f"the stimuli alone give {p_text(one.expected)}"
+    if one.otherwise is not None:
+        told = f"otherwise {_share(one.otherwise)}; {told} and {p_text(one.expected_otherwise)}"
+    told = one.reason or f"{told}; difference beyond them {one.difference:+.3f}"
+    return [name, _share(one.again), p_text(one.p), told]
 
 
 def _share(share: Share) -> str:
