@@ -27,7 +27,7 @@ NAMES = (
         "skipping",
         "link",
     ),
-    *("analysis", "precision", "calibration", "groups", "crosscheck", "people"),
+    *("analysis", "precision", "calibration", "groups", "crosscheck", "people", "serial"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"

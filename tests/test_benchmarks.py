@@ -25,6 +25,7 @@ from benchmarks import (
     power,
     precision,
     screen,
+    serial,
     single,
     skipping,
     stability,
@@ -222,6 +223,18 @@ def test_a_section_of_people_tells_who_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(people, "SESSIONS", 3)
     rows = people.section().splitlines()
     assert rows[-1].startswith("| the paper's, 150 | 0, 0, 0 | 0, 0, 0 | 3, 0, 0 | ")
+
+
+def test_a_section_of_serial_effects_tells_how_often_one_is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(serial, "TABLES", 4)
+    few = {name: serial.NO_EFFECT[name] for name in ("one person", "staircase, one")}
+    for name in ("NO_EFFECT", "DRIFT", "LAST"):
+        monkeypatch.setattr(serial, name, few)
+    text = serial.section()
+    assert text.count("| each once a repetition, 1 place, 6 stimuli x 12 | 1 |  | ") == 3
+    assert "| staircase, 1 place, 40 trials | 1 |  | - | none told | none told | - |" in text
 
 
 @pytest.mark.slow
