@@ -31,8 +31,8 @@ _MIRRORED = (_MIRROR[:4, None] * ANSWERS + _MIRROR[None, :]).astype(np.int8).rav
 EFFECTS = ("correct", "felt", "side")
 
 # Answers change places within a run of one stimulus. The order of stimuli is no cause of an effect
-# then, whatever drew it, and a threshold that drifts moves little within a run. Shorter runs lose
-# what the effect itself is told by; docs/statistics.md, section 11, has by how much.
+# then, whatever drew it, and a threshold that drifts moves little within a run. Shorter runs leave
+# fewer answers to change places, and less to find an effect by.
 RUN: Final = 5
 """Trials of one stimulus among which answers change places, at least; fewer if no more came."""
 SPAN: Final = 30

@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from analysis import load_column_map
+from analysis.answers import serial
 from analysis.answers.choice import choices
 from analysis.answers.serial import ADAPTIVE, FOLLOWING_Z, SerialEffect, runs
 from analysis.definitions import TOTAL
@@ -138,6 +139,19 @@ def test_one_in_twenty_tables_without_an_effect_has_a_small_p(name: str) -> None
 def test_a_drift_is_hardly_taken_for_a_serial_effect(name: str) -> None:
     told = found(*DRIFT[f"{name}, drift"], 100, compared=False)
     assert told["felt"].small <= 12
+
+
+@pytest.mark.slow
+def test_runs_of_a_whole_session_would_take_a_drift_for_an_effect(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    order, median = Order(how="shuffled", repeats=20), replace(HONEST, drift_db=4.0)
+    short = found(order, median, 40, compared=False)["felt"]
+    monkeypatch.setattr(serial, "SPAN", 10**6)
+    long = found(order, median, 40, compared=False)["felt"]
+    assert long.difference > 0.03
+    assert short.difference < 0.02
+    assert long.small > short.small
 
 
 @pytest.mark.slow
