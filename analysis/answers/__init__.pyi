@@ -14,7 +14,7 @@ from .detection import cells, level_table
 from .doubts import DRIFTING, GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
 from .dprime import d_prime_limits, sensitivity_table, z_of
 from .intervals import checked_counts, group_interval, proportion_ci
-from .sensitivity import Sensitivity, Share, SidePreference
+from .sensitivity import Sensitivity, Share
 from .serial import SerialEffect
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "Sensitivity",
     "SerialEffect",
     "Share",
-    "SidePreference",
     "cells",
     "checked_counts",
     "choices",
