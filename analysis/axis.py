@@ -28,8 +28,26 @@ def rounded(value: float, spread: float) -> str:
     >>> rounded(81.07, 14.2), rounded(0.0151, 0.0025), rounded(1000126.98, 21.9)
     ('81.1', '0.0151', '1000127.0')
     """
+    return f"{value:.{_decimals(spread)}f}"
+
+
+def _decimals(spread: float) -> int:
     decimals = 1 - math.floor(math.log10(spread)) if 0 < spread < math.inf else 1
-    return f"{value:.{min(max(decimals, 1), _MOST_DECIMALS)}f}"
+    return min(max(decimals, 1), _MOST_DECIMALS)
+
+
+def alike(spreads: Sequence[float]) -> list[float]:
+    """Return spreads by which numbers of one list are rounded: to the decimals of the finest.
+
+    None gets more than one decimal beyond its own.
+
+    >>> [rounded(2.578, one) for one in (1.1, alike([0.61, 1.1])[1])]
+    ['2.6', '2.58']
+    >>> rounded(81.07, alike([0.004, 14.2])[1])
+    '81.07'
+    """
+    own = [_decimals(one) for one in spreads]
+    return [3 * 10.0 ** (1 - min(max(own), one + 1)) for one in own]
 
 
 def shortest(level: float) -> str:
@@ -45,18 +63,29 @@ _PLAIN_DB = 20.0
 """Of a ratio with two decimals."""
 
 
-def times(difference_db: float) -> str:
-    """Return the ratio of two levels that lie so many dB apart, 10^(dB/20).
+def times(difference_db: float, *limits_db: float) -> str:
+    """Return the ratio of two levels that lie so many dB apart, 10^(dB/20), and its limits.
 
-    >>> times(5.3), times(-2.7), times(50.0)
-    ('1.84 times', '0.73 times', '316 times')
+    >>> times(5.3), times(-2.7, -3.8, -1.5), times(50.0)
+    ('1.84 times', '0.73 times (0.65 to 0.84)', '316 times')
     """
-    ratio = 10 ** (difference_db / 20)
-    return f"{ratio:.2f} times" if abs(difference_db) < _PLAIN_DB else f"{ratio:.3g} times"
+    form = ".2f" if abs(difference_db) < _PLAIN_DB else ".3g"
+    at, *ends = (f"{10 ** (one / 20):{form}}" for one in (difference_db, *limits_db))
+    return f"{at} times ({' to '.join(ends)})" if ends else f"{at} times"
 
 
-def with_limits(at: float, low: float, high: float, unit: str, levels: Sequence[float]) -> str:
+def with_limits(
+    at: float,
+    low: float,
+    high: float,
+    unit: str,
+    levels: Sequence[float],
+    *,
+    spread: float | None = None,
+) -> str:
     """Return a level and its limits in words; an open limit is that of the tested levels.
+
+    They are rounded by `spread_of` them, or by a spread that is given.
 
     >>> with_limits(81.07, 74.0, 88.21, "V", [60, 200])
     '81.1 V (74.0 to 88.2)'
@@ -65,7 +94,7 @@ def with_limits(at: float, low: float, high: float, unit: str, levels: Sequence[
     >>> with_limits(0.01505, 0.01389, 0.01639, "mm", [0.01, 0.02])
     '0.0150 mm (0.0139 to 0.0164)'
     """
-    spread = spread_of(low, at, high, levels)
+    spread = spread_of(low, at, high, levels) if spread is None else spread
     return f"{rounded(at, spread)} {unit} ({between(low, high, levels, spread)})"
 
 

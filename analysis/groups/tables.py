@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from analysis.axis import bounded, rounded, times, with_limits
+from analysis.axis import alike, bounded, rounded, spread_of, times, with_limits
 from analysis.groups.group import FEW, PeopleTables, difference_on_axis, threshold_on_axis
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import WORDS, levels_of
@@ -63,12 +63,20 @@ def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> p
     """
     people = people.by_content()
     own = thresholds.set_index(["condition", "participant"])["status"].to_dict()
+    conditions = _conditions(people)
+    statuses = {name: [own[people.names[i]] for i in rows] for name, rows in conditions.items()}
+    tables = {name: _tables(people, rows, axis) for name, rows in conditions.items()}
+    fits = {
+        name: threshold_on_axis(tables[name], statuses[name])
+        for name, rows in conditions.items()
+        if len(rows) > 1
+    }
+    told = [name for name, fit in fits.items() if fit.status in WITH_THRESHOLD]
+    spreads = alike([_spread(fits[name], tables[name], axis) for name in told])
+    of = dict(zip(told, spreads, strict=True))
     rows = [
-        [
-            condition,
-            *_group(_tables(people, rows, axis), [own[people.names[i]] for i in rows], axis),
-        ]
-        for condition, rows in _conditions(people).items()
+        [name, *_group(tables[name], fits.get(name), statuses[name], axis, of.get(name))]
+        for name in conditions
     ]
     return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
 
@@ -117,21 +125,36 @@ def _tables(people: PersonCounts, rows: Sequence[int], axis: Axis) -> PeopleTabl
     )
 
 
-def _group(tables: PeopleTables, statuses: Sequence[FitStatus], axis: Axis) -> list[object]:
+def _levels_vpp(tables: PeopleTables, axis: Axis) -> list[float]:
+    return [axis.level(float(x)) for x in np.unique(tables.x[tables.presented > 0])]
+
+
+def _spread(fit: GroupFit, tables: PeopleTables, axis: Axis) -> float:
+    """Return by what a group's threshold would be rounded, were there no other beside it."""
+    low, high = levels_of(fit.threshold_limits, axis)
+    return spread_of(low, axis.level(fit.threshold), high, _levels_vpp(tables, axis))
+
+
+def _group(
+    tables: PeopleTables,
+    fit: GroupFit | None,
+    statuses: Sequence[FitStatus],
+    axis: Axis,
+    spread: float | None,
+) -> list[object]:
     """Return the values of a group, from ``participants`` on, of `GROUP_COLUMNS`."""
     number = len(tables.x)
-    if number == 1:
+    if fit is None:
         return [number, "one_participant", *[math.nan] * 8, _ALONE, math.nan, math.nan]
-    fit = threshold_on_axis(tables, statuses)
     outside = [sum(one in words for one in statuses) for words in (_BELOW, _ABOVE)]
-    levels_vpp = [axis.level(float(x)) for x in np.unique(tables.x[tables.presented > 0])]
+    levels_vpp = _levels_vpp(tables, axis)
     at, new = (levels_of(limits, axis) for limits in (fit.threshold_limits, fit.new_person_limits))
     return [
         number,
         fit.status,
         *(_known(value) for value in (axis.level(fit.threshold), *at)),
         *(_known(value) for value in (fit.spread_db, *fit.spread_limits_db, *new)),
-        _group_words(fit, number, levels_vpp, axis),
+        _group_words(fit, number, levels_vpp, axis, spread),
         *outside,
     ]
 
@@ -140,13 +163,15 @@ def _known(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _group_words(fit: GroupFit, number: int, levels_vpp: Sequence[float], axis: Axis) -> str:
+def _group_words(
+    fit: GroupFit, number: int, levels_vpp: Sequence[float], axis: Axis, spread: float | None
+) -> str:
     low, high = levels_of(fit.threshold_limits, axis)
     if fit.status in BOUNDED:
         return bounded(low, high, axis.unit, levels_vpp)
     if fit.status not in WITH_THRESHOLD:
         return WORDS[fit.status]
-    words = with_limits(axis.level(fit.threshold), low, high, axis.unit, levels_vpp)
+    words = with_limits(axis.level(fit.threshold), low, high, axis.unit, levels_vpp, spread=spread)
     unit = "dB" if axis.x_scale == "log10" else axis.unit
     least, most = fit.spread_limits_db
     told = [rounded(value, most - least) for value in (fit.spread_db, least, most)]
@@ -185,7 +210,7 @@ def _difference(one: Difference | ConditionDifference) -> list[object]:
         _known(high),
         one.status,
         {
-            "ok": f"{told} dB ({low:+.1f} to {high:+.1f}), {times(one.difference_db)}",
+            "ok": f"{told} dB ({low:+.1f} to {high:+.1f}), {times(one.difference_db, low, high)}",
             "at_least": f"at least {low:+.1f} dB (95 %)",
             "at_most": f"at most {high:+.1f} dB (95 %)",
             "unknown": "not bounded by these levels",

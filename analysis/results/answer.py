@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
-from analysis.axis import rounded, with_limits
+from analysis.axis import alike, rounded, spread_of, with_limits
+from analysis.definitions import LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.reading.foreign import FORCED
 from analysis.reading.reasons import NEVER_ANSWERED
@@ -23,6 +24,7 @@ from analysis.results.compared import (
     number_of,
     totals,
 )
+from analysis.results.methods.misfit import lapses_words
 from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
 
@@ -245,6 +247,8 @@ def _remarks(analysis: Analysis) -> Iterator[str]:
     people = analysis.thresholds[analysis.thresholds["condition"].isin(conditions)]
     if people["guess_basis"].eq("assumed").any():
         yield "thresholds rest on an assumed guess rate, for want of blank trials"
+    if lapses := lapses_words(analysis.thresholds):
+        yield f"{lapses}, {LAPSES_OFTEN}"
     if any(group["participants"] == 1 for group in told):
         yield "a participant's interval is for that session, another day may bring another"
     spread = [group for group in told if not math.isnan(group["spread_db"])]
@@ -280,14 +284,17 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
 
 
 def _spread_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
-    for _, group in analysis.groups.iterrows():
-        if not math.isnan(float(group["spread_db"])):
-            where = _where(analysis, group["condition"], ",")
-            number = int(group["participants"])
-            of = "mostly its prior" if number < FEW else _people(analysis, number)
-            yield f"Spread of participants (SD){where}", _spread(group, analysis), of
-            name = f"Another participant's threshold{where}"
-            yield name, _new_person(group, analysis), "group and spread"
+    told = analysis.groups[analysis.groups["spread_db"].astype(float).notna()]
+    new = [_new_person(group, analysis) for _, group in told.iterrows()]
+    spreads = alike([spread_of(low, at, high, levels) for at, low, high, levels in new])
+    for one, spread, (_, group) in zip(new, spreads, told.iterrows(), strict=True):
+        where = _where(analysis, group["condition"], ",")
+        number = int(group["participants"])
+        of = "mostly its prior" if number < FEW else _people(analysis, number)
+        yield f"Spread of participants (SD){where}", _spread(group, analysis), of
+        at, low, high, levels = one
+        words = with_limits(at, low, high, analysis.axis.unit, levels, spread=spread)
+        yield f"Another participant's threshold{where}", words, "group and spread"
 
 
 def _spread(group: pd.Series[Any], analysis: Analysis) -> str:
@@ -297,12 +304,15 @@ def _spread(group: pd.Series[Any], analysis: Analysis) -> str:
     return f"{told[0]} {unit} ({told[1]} to {told[2]})"
 
 
-def _new_person(group: pd.Series[Any], analysis: Analysis) -> str:
+def _new_person(
+    group: pd.Series[Any], analysis: Analysis
+) -> tuple[float, float, float, list[float]]:
+    """Return the group's threshold, between what another person's is expected, and the levels."""
     of_levels = analysis.levels
     levels = of_levels.loc[of_levels["condition"].eq(group["condition"]), "level_vpp"].tolist()
     at, low, high = (float(group[f"{name}_vpp"]) for name in ("threshold", "new_low", "new_high"))
-    low, high = -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high
-    return with_limits(at, low, high, analysis.axis.unit, levels)
+    ends = -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high
+    return at, *ends, levels
 
 
 def _false_alarms(analysis: Analysis) -> Iterator[str]:

@@ -27,6 +27,7 @@ SPELLED: Final = 3
 ALPHA: Final = 0.05
 """False alarms differ where the test of the same rates has a smaller p."""
 _LEAST_P: Final = 0.001
+_TOTALS: Final = "Fisher's exact test of the totals"
 NO_EVIDENCE: Final = "that its interval holds 0 is no evidence for a change of criterion"
 """Said of thresholds that differ: d' over all levels is the weaker measure."""
 _ISOLATE, _END = "\u2068", "\u2069"
@@ -97,8 +98,8 @@ def difference_words(one: Pair) -> str:
     ...     row = {"status": status, "difference_db": at, "low_db": low, "high_db": high}
     ...     return plain(difference_words(Pair(a="A", b="B", row=pd.Series(row), of="8 in both")))
     >>> print(told("ok", 2.14, 0.42, 3.91))
-    the threshold in condition B is 2.1 dB higher than in A, 1.28 times as high (posterior median,
-    95 % interval +0.4 to +3.9 dB; 8 in both)
+    the threshold in condition B is 2.1 dB higher than in A, 1.28 times (1.05 to 1.57) as high
+    (posterior median, 95 % interval +0.4 to +3.9 dB; 8 in both)
     >>> print(told("ok", 0.6, -0.5, 1.7))
     conditions A and B cannot be told apart with these data: between -0.5 and +1.7 dB (95 % interval
     of the threshold in B against A; 8 in both)
@@ -128,8 +129,9 @@ def difference_words(one: Pair) -> str:
     if status == "ok":
         at = float(one.row["difference_db"])
         return (
-            f"the threshold in condition {b} is {abs(at):.1f} dB {more} than in {a}, {times(at)} "
-            f"as high (posterior median, 95 % interval {low:+.1f} to {high:+.1f} dB; {one.of})"
+            f"the threshold in condition {b} is {abs(at):.1f} dB {more} than in {a}, "
+            f"{_times(one)} as high (posterior median, 95 % interval {low:+.1f} to {high:+.1f} dB; "
+            f"{one.of})"
         )
     return (
         f"the threshold in condition {b} is {more} than in {a} by at least "
@@ -144,7 +146,36 @@ def difference_cell(one: Pair) -> str:
     low, high = one.ends_db
     found = float(one.row["difference_db"])
     at = round(found, 1) + 0.0  # no minus before 0
-    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f}), {times(found)}"
+    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f}), {_times(one)}"
+
+
+def _times(one: Pair) -> str:
+    return times(*(float(one.row[name]) for name in ("difference_db", "low_db", "high_db")))
+
+
+def own_model_words(analysis: Analysis) -> str:
+    """Say why thresholds need not have the ratio that a difference has; empty text without one.
+
+    Of two conditions, the ratio of the groups' thresholds stands beside.
+    """
+    told = [one for one in pairs_of(analysis.differences) if one.row["status"] == "ok"]
+    if not told:
+        return ""
+    each = any(one.of.endswith("in both") for one in told)
+    how = f"estimated {'within participants ' if each else ''}by"
+    if len(told) > 1:
+        return (
+            f"differences are {how} models of their own and need not equal the ratios of the "
+            "thresholds"
+        )
+    (one,), beside = told, ""
+    at = analysis.groups.set_index("condition")["threshold_vpp"].astype(float).dropna()
+    if one.row["participant"] == TOTAL and {one.a, one.b} <= {*at.index}:
+        beside = f", here {at[one.b] / at[one.a]:.2f}"
+    return (
+        f"the difference is {how} a model of its own and need not equal the ratio of the two "
+        f"thresholds{beside}"
+    )
 
 
 def compared(analysis: Analysis) -> Iterator[str]:
@@ -159,6 +190,8 @@ def compared(analysis: Analysis) -> Iterator[str]:
         )
     else:
         yield from (difference_words(one) for one in pairs)
+        if any(one.apart and one.row["status"] == "ok" for one in pairs):
+            yield own_model_words(analysis)
     if len(pairs) > 1:
         yield f"these intervals are not corrected for {len(pairs)} comparisons"
     if apart and analysis.detected_any is not None:
@@ -183,8 +216,7 @@ def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
     found = [_same_alarms(analysis.blank, one) for one in pairs]
     often = [one for one in found if one[0] < ALPHA]
     least, test = min(found)
-    words = "p < 0.001" if least < _LEAST_P else f"p = {least:.3f}"
-    words = f"{'least ' if len(found) > 1 else ''}{words}, {test}"
+    words = f"{'least ' if len(found) > 1 else ''}{_p_words(least)}, {test}"
     if often:
         where = ""
         if len(found) > 1:
@@ -195,6 +227,31 @@ def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
         )
     else:
         yield f"false alarms are not told apart ({words}){beside.format('the criterion')}"
+
+
+def _p_words(p: float) -> str:
+    return "p < 0.001" if p < _LEAST_P else f"p = {p:.3f}"
+
+
+def alarms_words(analysis: Analysis) -> str:
+    """Say by which test false alarms were compared, where the answer has its p; else nothing."""
+    apart = [one for one in pairs_of(analysis.differences) if one.apart]
+    told = {row["condition"] for row in totals(analysis) if "condition" in row}
+    if analysis.detected_any is None or not apart or any(not {o.a, o.b} <= told for o in apart):
+        return ""
+    found = [_same_alarms(analysis.blank, one) for one in apart]
+    each = ", ".join(
+        f"{_p_words(p)} of {isolated(one.b)} against {isolated(one.a)}"
+        for one, (p, _) in zip(apart, found, strict=True)
+    )
+    if {test for _, test in found} == {_TOTALS}:
+        return f"False alarms of two conditions were compared by {_TOTALS} (two-sided; {each})."
+    return (
+        "False alarms of two conditions were compared by a two-sided exact test within "
+        "participants, in which the false alarms of a participant in one of them are "
+        "hypergeometric, given those in both together, and are summed over participants "
+        f"({each})."
+    )
 
 
 def _unsure_d_prime(one: Pair) -> bool:
@@ -214,7 +271,7 @@ def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
         [tuple(int(table.loc[name, of]) for table in both) for name in people or [TOTAL]]
         for of in ("alarms", "presented")
     )
-    test = "exact test within participants" if people else "Fisher's exact test of the totals"
+    test = "exact test within participants" if people else _TOTALS
     return same_rates_p(alarms, presented), test
 
 

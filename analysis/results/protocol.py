@@ -1,4 +1,7 @@
-"""How it was measured: what the sealed plans say of plate, stimuli, design and device."""
+"""How it was measured: what the sealed plans say of plate, stimuli, design and device.
+
+With it what a page is made of, sections and tables.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,32 @@ from typing import TYPE_CHECKING, Final
 from analysis.results.summary import versions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from analysis.results.tables import Analysis
     from experiment.study.origins import Source
     from experiment.study.study import Study
     from experiment.terms.record import MeasuredRow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table of texts; the first cell names its row, `texts` are the headers of words."""
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    texts: Sequence[str] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A part of the page under its heading."""
+
+    title: str
+    texts: Sequence[str] = ()
+    tables: Sequence[Table] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,3 +290,28 @@ def number_tables(plans: Planned) -> Iterator[tuple[str, list[list[str]]]]:
                 for key, values in others.items()
             ],
         )
+
+
+def protocol_section(analysis: Analysis, plans: Planned) -> Section:
+    """Return how it was measured, for the page."""
+    rows = [[what, one] for what, words in protocol_rows(analysis, plans) for one in words]
+    head = ["What", "As planned" if plans.studies else "As told"]
+    table = [Table(caption="Protocol", header=head, rows=rows, texts=head[1:])] if rows else []
+    told = measured_rows(analysis)
+    more = [Table(caption="Bursts measured", header=told[0], rows=told[1:])] if told else []
+    return Section(title="How it was measured", texts=plans.remarks, tables=[*table, *more])
+
+
+def folded_tables(analysis: Analysis, plans: Planned) -> Iterator[Table]:
+    """Yield what stands folded at a page's end: sources of numbers, checksums, versions."""
+    header = ["Number, by its key in study.toml", "Value", "Source"]
+    for caption, rows in number_tables(plans):
+        yield Table(caption=caption, header=header, rows=rows, texts=header)
+    yield Table(
+        caption="Files that were read",
+        header=["File", "sha256"],
+        rows=[[one.name, one.sha256] for one in analysis.inputs],
+        texts=["sha256"],
+    )
+    told = [[name, number] for name, number in versions().items()]
+    yield Table(caption="Versions", header=["Package", "Version"], rows=told, texts=["Version"])

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from dataclasses import dataclass
+from dataclasses import replace
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import VOLTS, shortest
 from analysis.definitions import (
+    BLANK_INTERVALS,
     CENSORED,
     COUNTING,
     COUNTING_ONE_PLACE,
     CRITERION,
     D_PRIME,
+    FITTED_GUESSES,
     FITTED_RATES,
     GROUP_COVERS,
     LAPSES,
@@ -24,13 +26,21 @@ from analysis.definitions import (
     VARY,
 )
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer
+from analysis.results.compared import own_model_words
 from analysis.results.figures.confusion import stimulus
-from analysis.results.methods import counts_told, is_yes_no, methods_of, one_side_words
+from analysis.results.methods import (
+    counts_told,
+    is_yes_no,
+    looked_words,
+    methods_of,
+    one_side_words,
+)
 from analysis.results.protocol import (
-    measured_rows,
-    number_tables,
+    Section,
+    Table,
+    folded_tables,
     planned,
-    protocol_rows,
+    protocol_section,
 )
 from analysis.results.rows import (
     CONTROL_HEAD,
@@ -53,17 +63,16 @@ from analysis.results.rows import (
     population_cells,
     width_text,
 )
-from analysis.results.summary import definitions_of, devices, versions
+from analysis.results.summary import definitions_of, devices
 from experiment.terms.record import NOT_AVAILABLE, RESPONSES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     import pandas as pd
 
     from analysis.axis import Axis
     from analysis.results.figures.figures import Picture
-    from analysis.results.protocol import Planned
     from analysis.results.tables import Analysis
 
 
@@ -72,26 +81,6 @@ _MOST_ROWS: Final = 16
 """A longer table is folded."""
 _LONGEST: Final = 30
 """Letters of a cell that are not wrapped."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """A table of texts; the first cell names its row, `texts` are the headers of words."""
-
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    texts: Sequence[str] = ()
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """A part of the page under its heading."""
-
-    title: str
-    texts: Sequence[str] = ()
-    tables: Sequence[Table] = ()
 
 
 def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
@@ -143,7 +132,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             *_thresholds(analysis),
             _detection(analysis),
             _counted(analysis),
-            _protocol(analysis, plans),
+            protocol_section(analysis, plans),
         ],
         more_sections=[
             *_sensitivity(analysis),
@@ -151,9 +140,10 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             *_reaction_times(analysis),
             *_both_and_blank(analysis),
         ],
+        looked=looked_words(analysis),
         methods=methods_of(analysis, plans),
         definitions=definitions_of(analysis),
-        folded=[*_folded(analysis, plans)],
+        folded=[*folded_tables(analysis, plans)],
         most_rows=_MOST_ROWS,
         longest=_LONGEST,
     )
@@ -227,15 +217,19 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         Table(caption=caption, header=header, rows=cells, texts=[*words, "First"])
         for caption, header, cells in difference_rows(analysis, PAGE)
     ]
+    if own := own_model_words(analysis):
+        tables[-1] = replace(tables[-1], note=f"{own[0].upper()}{own[1:]}.")
     if analysis.population:
         caption = "The participants as one population: logistic, a random intercept each"
         header = ["Condition", "Participants", "Threshold (95 %)", "Between people (SD)", "Remark"]
         cells = [population_cells(one, analysis.axis) for one in analysis.population]
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     width = "log10 units" if analysis.axis.x_scale == "log10" else analysis.axis.unit
-    third = "" if is_yes_no(analysis) else f"If {chance.lower()} 1/3"
+    # What another rate would give is of no use where blank trials tell the rate.
+    zero = "" if analysis.thresholds["guess_basis"].eq("blanks").all() else f"If {chance.lower()} 0"
+    third = "" if is_yes_no(analysis) or not zero else f"If {chance.lower()} 1/3"
     header = ["Participant", "Threshold (95 %)", "Status", f"Width ({width})", "Lapse rate",
-              "Misfit p", chance, f"{chance} from", f"If {chance.lower()} 0", third,
+              "Misfit p", chance, f"{chance} from", zero, third,
               "If answers vary 2.8 times", "Levels", "Trials"]  # fmt: skip
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
@@ -244,14 +238,14 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         told = [i for i, head in enumerate(header) if head and {row[i] for row in cells} != {"n/a"}]
         cells = [[row[i] for i in told] for row in cells]
         heads = [header[i] for i in told]
-        note = LAPSES if rows["status"].eq("lapse_at_bound").any() else ""
-        tables.append(Table(caption=caption, header=heads, rows=cells, texts=words, note=note))
+        tables.append(Table(caption=caption, header=heads, rows=cells, texts=words))
+    tables[-1] = replace(tables[-1], note=" ".join(_rates(analysis)))
     varied = [VARY] if analysis.thresholds["varied_printed"].notna().any() else []
     second = [POPULATION] if analysis.population else []
     compared = [CRITERION] if len(analysis.differences) and len(analysis.sensitivity) else []
     yield Section(
         title="Thresholds",
-        texts=[CENSORED, *_rates(analysis), *varied, *compared, *second],
+        texts=[CENSORED, *varied, *compared, *second],
         tables=tables,
     )
 
@@ -261,9 +255,10 @@ def _chance(analysis: Analysis) -> str:
 
 
 def _rates(analysis: Analysis) -> Iterator[str]:
-    known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
-    if known and analysis.one_side:
-        yield FITTED_RATES
+    if analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any():
+        yield FITTED_RATES if is_yes_no(analysis) or analysis.one_side else FITTED_GUESSES
+    if analysis.thresholds["status"].eq("lapse_at_bound").any():
+        yield LAPSES
 
 
 def _sensitivity(analysis: Analysis) -> Iterator[Section]:
@@ -328,7 +323,7 @@ def _reaction_times(analysis: Analysis) -> Iterator[Section]:
         return
     head, named = level_head(analysis, PAGE), "{} {}"
     if not analysis.one_place:
-        head, named = f"{head}, finger", "{} {}, {}"
+        head, named = f"{head}, side", "{} {}, {}"
     header = [head, "Answers", "Median (s)", "10 % (s)", "90 % (s)"]
     tables = [
         Table(
@@ -363,7 +358,9 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
             control = table is analysis.control
             caption = title if control else _TOTALS.format(title, analysis.ci.title())
             rows = [[_who(row), *cells(row)] for _, row in table.iterrows()]
-            made = Table(caption=caption, header=["Participant", *header], rows=rows)
+            told = title == "Blank trials" and table["group_low"].notna().any()
+            note = BLANK_INTERVALS.format(analysis.ci.title()) if told else ""
+            made = Table(caption=caption, header=["Participant", *header], rows=rows, note=note)
             texts = [OFF_THE_PLATE] if control else []
             yield Section(title=title, texts=texts, tables=[made])
 
@@ -371,29 +368,6 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
 def _who(row: pd.Series[Any]) -> str:
     """Name a participant, and the condition where there are several."""
     return f"{row['participant']}{', ' + row['condition'] if 'condition' in row.index else ''}"
-
-
-def _protocol(analysis: Analysis, plans: Planned) -> Section:
-    rows = [[what, one] for what, words in protocol_rows(analysis, plans) for one in words]
-    head = ["What", "As planned" if plans.studies else "As told"]
-    table = [Table(caption="Protocol", header=head, rows=rows, texts=head[1:])] if rows else []
-    told = measured_rows(analysis)
-    more = [Table(caption="Bursts measured", header=told[0], rows=told[1:])] if told else []
-    return Section(title="How it was measured", texts=plans.remarks, tables=[*table, *more])
-
-
-def _folded(analysis: Analysis, plans: Planned) -> Iterator[Table]:
-    header = ["Number, by its key in study.toml", "Value", "Source"]
-    for caption, rows in number_tables(plans):
-        yield Table(caption=caption, header=header, rows=rows, texts=header)
-    yield Table(
-        caption="Files that were read",
-        header=["File", "sha256"],
-        rows=[[one.name, one.sha256] for one in analysis.inputs],
-        texts=["sha256"],
-    )
-    told = [[name, number] for name, number in versions().items()]
-    yield Table(caption="Versions", header=["Package", "Version"], rows=told, texts=["Version"])
 
 
 def _where(analysis: Analysis, condition: object) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from analysis.axis import VOLTS, between, bounded, spread_of, with_limits
+from analysis.axis import VOLTS, alike, between, bounded, spread_of, with_limits
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
     BOUNDED,
@@ -113,13 +113,14 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
         for rate in (0.0, _THIRD)
     ]
     misfits = deviance_p(x, *counts, fits=fits, guesses=rates, x_scale=scale, seed=seed)
-    varied = _varied(people, fits, axis)
+    spreads = _spreads(people, fits, axis)
+    varied = _varied(people, fits, axis, spreads)
     rows = [
         {
             "participant": participant,
             "condition": condition,
             **_numbers(fits[i], axis),
-            "printed": printed(fits[i], people.level_vpp[i, people.presented[i] > 0], axis),
+            "printed": printed(fits[i], _shown(people, i), axis, spreads.get(i)),
             "deviance_p": misfits[i],
             "guess_rate": people.guesses[i].rate.mean,
             "guess_basis": people.guesses[i].basis,
@@ -135,8 +136,26 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
     return table.sort_values(["condition", "participant"], ignore_index=True)
 
 
+def _shown(people: PersonCounts, i: int) -> Floats:
+    return people.level_vpp[i, people.presented[i] > 0]
+
+
+def _spreads(people: PersonCounts, fits: Sequence[PsychometricFit], axis: Axis) -> dict[int, float]:
+    """Return by what the thresholds are rounded, `alike`, of those who have one."""
+    told = [i for i, fit in enumerate(fits) if fit.status in WITH_THRESHOLD]
+    own = []
+    for i in told:
+        low, high = levels_of(fits[i].threshold_limits, axis)
+        at = axis.level(fits[i].threshold)
+        own.append(spread_of(low, at, high, _shown(people, i).tolist()))
+    return dict(zip(told, alike(own), strict=True))
+
+
 def _varied(
-    people: PersonCounts, fits: Sequence[PsychometricFit], axis: Axis
+    people: PersonCounts,
+    fits: Sequence[PsychometricFit],
+    axis: Axis,
+    spreads: Mapping[int, float],
 ) -> list[dict[str, object]]:
     """Return the limits of each threshold if answers vary `VARIED` times the binomial.
 
@@ -162,11 +181,8 @@ def _varied(
     )
     for i, ruler, mu in zip(rows, rulers, posterior(tables, rulers).mu, strict=True):
         low, high = levels_of(within_levels(float(mu[0]), float(mu[2]), ruler), axis)
-        told = people.level_vpp[i, people.presented[i] > 0].tolist()
         # To the decimals of `printed`, beside which it stands.
-        ends = levels_of(fits[i].threshold_limits, axis)
-        spread = spread_of(ends[0], axis.level(fits[i].threshold), ends[1], told)
-        words = f"{between(low, high, told, spread)} {axis.unit}"
+        words = f"{between(low, high, _shown(people, i).tolist(), spreads[i])} {axis.unit}"
         values = (low if low > -math.inf else math.nan, high if high < math.inf else math.nan)
         found[i] = dict(zip(_VARIED_COLUMNS, (*values, words), strict=True))
     return found
@@ -194,8 +210,10 @@ def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
     }
 
 
-def printed(fit: PsychometricFit, levels_vpp: Floats, axis: Axis) -> str:
-    """Return a threshold as a reader is told it, or why there is none.
+def printed(
+    fit: PsychometricFit, levels_vpp: Floats, axis: Axis, spread: float | None = None
+) -> str:
+    """Return a threshold as a reader is told it, rounded by a spread, or why there is none.
 
     >>> import numpy as np
     >>> printed(
@@ -209,7 +227,7 @@ def printed(fit: PsychometricFit, levels_vpp: Floats, axis: Axis) -> str:
         return bounded(low, high, axis.unit, told)
     if fit.status not in WITH_THRESHOLD:
         return WORDS[fit.status]
-    words = with_limits(axis.level(fit.threshold), low, high, axis.unit, told)
+    words = with_limits(axis.level(fit.threshold), low, high, axis.unit, told, spread=spread)
     return f"{words}, slope unknown" if fit.status == "separated" else words
 
 

@@ -137,7 +137,8 @@ def apart(found: re.Match[str], analysis: Analysis) -> None:
     assert row["status"] == "ok"
     sign = 1 if found["more"] == "higher" else -1
     assert close(found["at"], sign * row["difference_db"])
-    assert close(found["times"], 10 ** (row["difference_db"] / 20))
+    for name, of in (("times", "difference"), ("least", "low"), ("most", "high")):
+        assert close(found[name], 10 ** (row[f"{of}_db"] / 20))
     assert close(found["low"], row["low_db"])
     assert close(found["high"], row["high_db"])
     assert min(sign * float(found["low"]), sign * float(found["high"])) > 0
@@ -165,6 +166,22 @@ def half_open(found: re.Match[str], analysis: Analysis) -> None:
         assert found["bound"] == ("at least" if least else "at most")
         assert close(found["end"], end)
         assert float(found["end"]) <= 0 if least else float(found["end"]) >= 0
+
+
+def own_model(found: re.Match[str], analysis: Analysis) -> None:
+    told = [one for one in pairs_of(analysis.differences) if one.row["status"] == "ok"]
+    assert any(one.apart for one in told)
+    assert bool(found["several"]) == (len(told) > 1)
+    assert bool(found["within"]) == any("participants in both" in one.of for one in told)
+    if found["ratio"]:
+        at = analysis.groups.set_index("condition")["threshold_vpp"]
+        assert close(found["ratio"], at[told[0].b] / at[told[0].a])
+
+
+def lapsing(found: re.Match[str], analysis: Analysis) -> None:
+    status = analysis.thresholds["status"]
+    assert int(found["number"]) == status.eq("lapse_at_bound").sum()
+    assert int(found["of"]) == status.isin(WITH_THRESHOLD).sum()
 
 
 def unbounded(found: re.Match[str], analysis: Analysis) -> None:
@@ -322,7 +339,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"with fewer than five participants(?: in conditions? (?P<which>.+))? it is mostly the prior "
     "that says how much people differ": mostly_prior,
     rf"the threshold in condition (?P<b>\S+) is (?P<at>{NUMBER}) dB (?P<more>higher|lower) than in "
-    rf"(?P<a>\S+), (?P<times>{NUMBER}) times as high \(posterior median, 95 % interval "
+    rf"(?P<a>\S+), (?P<times>{NUMBER}) times "
+    rf"\((?P<least>{NUMBER}) to (?P<most>{NUMBER})\) as high \(posterior median, 95 % interval "
     rf"(?P<low>{NUMBER}) to (?P<high>{NUMBER}) dB; "
     r"(?P<of>.+)\)": apart,
     r"conditions (?P<a>\S+) and (?P<b>\S+) cannot be told apart with these data: between "
@@ -399,6 +417,11 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"without .+? the threshold of the group(?: in condition (?P<condition>\S+))? "
     r"(?P<said>(?:is|cannot be told:) .+)": unswapped,
     r"there is no threshold in conditions? (?P<which>.+), where nobody answered": silent,
+    r"(?:the difference is|(?P<several>differences are)) estimated "
+    r"(?P<within>within participants )?by (?:a model of its|models of their) own and need not "
+    rf"equal the ratios? of the (?:two )?thresholds(?:, here (?P<ratio>{NUMBER}))?": own_model,
+    r'(?P<number>\d+) of (?P<of>\d+) functions? (?:has|have) the status "lapse at bound", as have '
+    r"2 to 43 % of simulated .+ near the highest level": lapsing,
 }  # fmt: skip
 
 
@@ -626,7 +649,8 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
             shown = f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})"
-            assert f"{shown}, {times(row['difference_db'])}" in values
+            limits_db = row["low_db"], row["high_db"]
+            assert f"{shown}, {times(row['difference_db'], *limits_db)}" in values
             known = not math.isnan(row["d_prime_a"])
             assert (f"{row['d_prime_b']:.2f} against {row['d_prime_a']:.2f}" in values) == known
         for what, _, of in rows:

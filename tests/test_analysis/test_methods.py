@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -11,10 +12,11 @@ import pytest
 
 from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
-from analysis.results.methods import methods_of, misfits
+from analysis.results.compared import plain
+from analysis.results.methods import looked_words, methods_of, misfits
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
-from tests.test_analysis.shared import felt, files, loaded, put
+from tests.test_analysis.shared import LEAST, felt, files, loaded, put
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,6 +52,17 @@ def of(tmp_path: Path, counts: dict[str, int] = FELT, people: tuple[str, ...] = 
     return analyse(loaded(tmp_path, made(counts, *people, **changes), MAP))
 
 
+def short_of(folder: Path, missed: dict[str, str]) -> str:
+    """Return the short version of one person's methods, who so answers what was not felt."""
+    rows = [
+        f"1,{side},{level},{side if at < k else answer}\n"
+        for side, answer in missed.items() for level, k in ((60, 1), (95, 9), (130, 18))
+        for at in range(20)
+    ]  # fmt: skip
+    folder.mkdir()
+    return methods_of(analyse(loaded(folder, LEAST + "".join(rows)))).paragraphs[0]
+
+
 def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path: Path) -> None:
     told = methods_of(of(tmp_path)).text
     for words in (
@@ -74,8 +87,10 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
     assert details == methods.DETAILS
     assert len(others) >= 5
     assert "[" not in short
-    assert len(re.findall(r"\.(?: |$)", short)) == 6  # sentences
+    assert len(re.findall(r"\.(?: |$)", short)) == 8  # sentences
     for words in (
+        "The task was yes/no: a stimulus was detected where the answer was that it was felt.",
+        "The false-alarm rate of each participant was estimated from blank (catch) trials.",
         "fitted to the counts of each participant in each condition by Bayesian inference",
         "The threshold is the level at which this function is half-way between the false-alarm ",
         "95 % equal-tailed credible intervals",
@@ -83,6 +98,44 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
         f"The analysis was made with tactstrip {versions()['tactstrip']}.",
     ):
         assert words in short, words
+
+
+@pytest.mark.slow
+def test_the_short_version_says_what_was_asked_of_tasks_with_sides(tmp_path: Path) -> None:
+    offered = short_of(tmp_path / "none", {"left": "none", "right": "none"})
+    assert "whether they felt a stimulus, and at which side: a stimulus was detected" in offered
+    assert "was assumed to be small (a Beta(1, 10) prior), for want of blank trials" in offered
+    forced = short_of(tmp_path / "forced", {"left": "right", "right": "left"})
+    assert "at which side" not in forced
+    assert "was that of guessing, for who felt nothing could not say so" in forced
+
+
+def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_path: Path) -> None:
+    same = of(tmp_path)
+    assert "exact test" not in methods_of(same).text
+    row = same.differences["participant"].eq("all")
+    table = same.differences.copy()
+    table.loc[row, ["status", "difference_db", "low_db", "high_db"]] = ["ok", 3.0, 1.0, 5.0]
+    apart = methods_of(replace(same, differences=table)).text
+    assert "a two-sided exact test within participants" in apart
+    assert "(p = 1.000 of thumb against palm)" in apart
+    assert "estimated within participants by a model of its own and need not equal" in apart
+
+
+@pytest.mark.slow
+def test_what_was_looked_for_is_told_and_whom_it_names(tmp_path: Path) -> None:
+    analysis = of(tmp_path)  # whose rows begin with every yes
+    told = plain(looked_words(analysis))
+    drifts = "a threshold that drifts within a session (p < 0.001 and at least 3 dB)"
+    assert f"Found: {drifts} (a, b)." in told
+    told = looked_words(replace(analysis, doubts=()))
+    assert told.startswith("Looked for in each of 2 participants: answers no better than guessing")
+    assert "sides" not in told  # there is one place only
+    assert "None of these was found. Not looked for: many false alarms, the same data" in told
+    odd = {"0": 0, "1": 12, "1.6": 0, "2.5": 20, "4": 4, "6.3": 20}
+    named = plain(looked_words(of(tmp_path, odd, ("a",))))
+    assert named.startswith("Looked for in the one participant: ")
+    assert "Found: a function that does not fit (p < 0.01) (a)" in named
 
 
 def test_every_reference_of_the_methods_is_cited_in_their_order(tmp_path: Path) -> None:

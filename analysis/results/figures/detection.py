@@ -18,6 +18,7 @@ from analysis.results.figures.composed import (
 )
 from analysis.results.figures.curves import conditions_of, group_curves, look_of, start_words
 from analysis.results.figures.drawing import Sheet, key, of_people, panels, short
+from analysis.results.methods.misfit import misfit_words
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -56,7 +57,8 @@ def sheets(analysis: Analysis) -> list[Sheet]:
             title="Detection probability by level, and the fitted function",
             caption=f"Above, {data}, and the function with its 95 % band where the data tell one; "
             f"in the middle the threshold with its 95 % interval{new}; below, how far the data lie "
-            f"from the function.{of_group}{start_words(analysis)}{_half_way(analysis)}",
+            f"from the function.{of_group}{_fit(analysis, alone=alone)}{start_words(analysis)}"
+            f"{_half_way(analysis)}",
             alt=f"Detection probability from 0 to 1 against level in {analysis.axis.label}, "
             f"{people}{over}, with the fitted function, thresholds and residuals; the numbers are "
             "in the tables of detection by level and of thresholds.",
@@ -74,6 +76,20 @@ def _half_way(analysis: Analysis) -> str:
         " The threshold is the level that is felt half of the time: detected (1 + gamma - lambda)/2"
         f" of the time, half-way between {gamma} (gamma) and 1 - lambda, lambda the lapse rate."
     )
+
+
+def _fit(analysis: Analysis, *, alone: bool) -> str:
+    """Say whether what lies off the function below is a misfit."""
+    misfit = misfit_words(analysis.thresholds).removeprefix("It ").removesuffix(".")
+    if not misfit:
+        return ""
+    bars = (
+        ""
+        if alone
+        else " A bar wholly off 0 is rare where the group's function holds (1 of 480 in "
+        "simulated studies of nine people)."
+    )
+    return f"{bars} Whether a participant's function fits is tested by bootstrap: it {misfit}."
 
 
 def draw(analysis: Analysis) -> Figure:

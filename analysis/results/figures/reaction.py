@@ -37,7 +37,7 @@ def sheets(analysis: Analysis) -> list[Sheet]:
         "points"
     )
     by_side = not analysis.one_place
-    at = "level and finger" if by_side else "level"
+    at = "level and side" if by_side else "level"
     return [
         Sheet(
             title="Reaction times",
@@ -69,7 +69,7 @@ def _draw(axes: Axes, rows: pd.DataFrame, analysis: Analysis) -> None:
     level_axis(axes, rows["level_vpp"], analysis.axis)
     for side, one in rows.groupby("side", observed=True):
         colour, marker, shift_pt = _SIDES.get(str(side), _OTHER)
-        name = f"{side} finger: "
+        name = f"{side}: "
         if analysis.one_place:
             name, shift_pt = "", 0.0
         _draw_side(axes, one, name, (colour, marker, shift_pt))

@@ -1,5 +1,14 @@
-from .misfit import misfits
+from .looked import looked_words
+from .misfit import lapses_words, misfits
 from .paragraphs import counts_told, methods_of
 from .task import is_yes_no, one_side_words
 
-__all__ = ["counts_told", "is_yes_no", "methods_of", "misfits", "one_side_words"]
+__all__ = [
+    "counts_told",
+    "is_yes_no",
+    "lapses_words",
+    "looked_words",
+    "methods_of",
+    "misfits",
+    "one_side_words",
+]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.results.compared import number_of
+from analysis.thresholds.fit import WITH_THRESHOLD
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -53,6 +56,21 @@ def misfit_words(thresholds: pd.DataFrame) -> str:
     return (
         f"It refused {len(refused)} of {of} at p < {REFUSED_P:g} ({_names(refused, thresholds)})."
     )
+
+
+def lapses_words(thresholds: pd.DataFrame) -> str:
+    """Say how many functions are likeliest at the largest lapse rate; empty text where none is.
+
+    >>> import pandas as pd
+    >>> lapses_words(pd.DataFrame({"status": ["ok", "lapse_at_bound", "flat"]}))
+    '1 of 2 functions has the status "lapse at bound"'
+    """
+    fitted = thresholds["status"].isin(WITH_THRESHOLD).sum()
+    number = thresholds["status"].eq("lapse_at_bound").sum()
+    if not number:
+        return ""
+    have = "has" if number == 1 else "have"
+    return f'{number} of {number_of(fitted, "function")} {have} the status "lapse at bound"'
 
 
 def _refused(thresholds: pd.DataFrame) -> tuple[pd.Series[Any], list[tuple[float, str, str]]]:

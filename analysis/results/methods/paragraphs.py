@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 from analysis.definitions import TOTAL
 from analysis.results.answer import left_out_words
-from analysis.results.compared import isolated, number_of, plain
-from analysis.results.methods.misfit import misfit_words
+from analysis.results.compared import alarms_words, isolated, number_of, own_model_words, plain
+from analysis.results.methods.looked import looked_words
+from analysis.results.methods.misfit import lapses_words, misfit_words
 from analysis.results.methods.task import (
     detected_words,
     false_alarm_words,
     guess_words,
     is_yes_no,
     presented_words,
+    short_words,
     task_words,
     unread_words,
 )
@@ -68,6 +70,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
         studies=len(plans.studies),
         isolated=isolated,
         burst_words=burst_words,
+        short=short_words(analysis),
         task=task_words(analysis),
         detected=detected_words(analysis),
         presented=[] if plans.studies else [*presented_words(analysis)],
@@ -76,6 +79,10 @@ def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
         false_alarms=false_alarm_words(analysis),
         unread=unread_words(analysis),
         misfit=misfit_words(analysis.thresholds),
+        lapses=lapses_words(analysis.thresholds),
+        looked=looked_words(analysis),
+        own_model=own_model_words(analysis),
+        alarms=alarms_words(analysis),
         left_out=left_out_words(analysis),
         same_people=len(paired) == pairs,
         other_people=paired.empty,

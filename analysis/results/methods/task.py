@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from analysis.axis import shortest
 from analysis.definitions import TOTAL
@@ -55,6 +55,32 @@ def detected_words(analysis: Analysis) -> str:
         keys = f" and {invalid} with another key" if invalid else ""
         told += f" The {late} trials without an answer in time{keys} count as not felt."
     return told
+
+
+def short_words(analysis: Analysis) -> str:
+    """Say in two sentences what was asked, what counts as detected, and whose the guess rate is."""
+    felt = "a stimulus was detected where the answer named its side and nothing else"
+    told = f"{felt[0].upper()}{felt[1:]}."
+    if is_yes_no(analysis):
+        told = "The task was yes/no: a stimulus was detected where the answer was that it was felt."
+    elif analysis.task == FORCED:
+        told = "The task was a forced choice: a stimulus was detected where the answer was correct."
+    elif analysis.detected_any is not None:
+        told = f"Participants said whether they felt a stimulus, and at which side: {felt}."
+    rate = "false-alarm rate" if is_yes_no(analysis) else "guess rate"
+    bases = [_BASES[one] for one in analysis.thresholds["guess_basis"].unique()]
+    if bases:
+        told += f" The {rate} {'; in others it '.join(dict.fromkeys(bases))}."
+    return told
+
+
+_BASES: Final = {
+    FORCED_CHOICE: "was that of guessing, for who felt nothing could not say so",
+    "blanks": "of each participant was estimated from blank (catch) trials",
+    "few blanks": "of each participant was estimated from blank (catch) trials",
+    "assumed": "was assumed to be small (a Beta(1, 10) prior), for want of blank trials",
+}
+"""Where a guess rate comes from."""
 
 
 def presented_words(analysis: Analysis) -> Iterator[str]:
