@@ -224,15 +224,15 @@ FITTED_GUESSES: Final = (
 LAPSES: Final = (
     "Lapse at bound: the likeliest lapse rate is the largest that is allowed, 0.1, for much was "
     "missed at high levels; the table has posterior means, which lie below the likeliest rate. The "
-    "threshold may be reported, with its interval, which allows for "
-    "every lapse rate up to 0.1, and with this remark. Of simulated people with 3 % lapses (six "
-    "levels, 24 trials each) 2 to 8 % have this status with a threshold amid the levels, 12 to 43 "
-    "% with one at the last level but one."
+    "threshold may be reported, with its interval, which allows for every lapse rate up to 0.1, "
+    "and with this remark. In simulations of people with 3 % lapses (six levels, 24 trials each) 2 "
+    "to 8 % have this status with a threshold amid the levels, 12 to 43 % with one at the last "
+    "level but one."
 )
 
 LAPSES_OFTEN: Final = (
-    "as have 2 to 43 % of simulated people with 3 % lapses, most of them where the threshold is "
-    "near the highest level"
+    "as have 2 to 43 % of people with 3 % lapses in simulations, most of them where the threshold "
+    "is near the highest level"
 )
 """The same in half a sentence; measured as docs/statistics.md, section 8, tells."""
 

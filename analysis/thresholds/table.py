@@ -137,7 +137,7 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
 
 
 def _shown(people: PersonCounts, i: int) -> Floats:
-    return people.level_vpp[i, people.presented[i] > 0]
+    return np.asarray(people.level_vpp[i, people.presented[i] > 0])
 
 
 def _spreads(people: PersonCounts, fits: Sequence[PsychometricFit], axis: Axis) -> dict[int, float]:

@@ -421,7 +421,7 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?P<within>within participants )?by (?:a model of its|models of their) own and need not "
     rf"equal the ratios? of the (?:two )?thresholds(?:, here (?P<ratio>{NUMBER}))?": own_model,
     r'(?P<number>\d+) of (?P<of>\d+) functions? (?:has|have) the status "lapse at bound", as have '
-    r"2 to 43 % of simulated .+ near the highest level": lapsing,
+    r"2 to 43 % of people with .+ near the highest level": lapsing,
 }  # fmt: skip
 
 

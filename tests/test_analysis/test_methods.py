@@ -113,9 +113,7 @@ def test_the_short_version_says_what_was_asked_of_tasks_with_sides(tmp_path: Pat
 def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_path: Path) -> None:
     same = of(tmp_path)
     assert "exact test" not in methods_of(same).text
-    row = same.differences["participant"].eq("all")
-    table = same.differences.copy()
-    table.loc[row, ["status", "difference_db", "low_db", "high_db"]] = ["ok", 3.0, 1.0, 5.0]
+    table = same.differences.assign(status="ok", difference_db=3.0, low_db=1.0, high_db=5.0)
     apart = methods_of(replace(same, differences=table)).text
     assert "a two-sided exact test within participants" in apart
     assert "(p = 1.000 of thumb against palm)" in apart

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from html import escape
+from html import escape, unescape
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
 
@@ -314,3 +314,23 @@ def test_pages_of_many_people_come_after_what_is_told_of_all(tmp_path: Path) -> 
         tables = told.index("<h2>Detection by level</h2>")
         assert told.index("thresholds drawn") < tables
         assert (told.index("participants drawn") > tables) == (sheets > 1)
+
+
+@pytest.mark.slow
+def test_numbers_that_look_alike_are_told_apart_where_they_stand(tmp_path: Path) -> None:
+    """Of yes/no with sides and enough blank trials: guess rate, false alarms, their intervals."""
+    felt = {60: 1, 95: 9, 130: 11}
+    rows = [
+        f"{who},{side},{level},{side if at < k else 'none'}\n"
+        for who in "ab" for side in ("left", "right") for level, k in felt.items()
+        for at in range(12)
+    ]  # fmt: skip
+    rows += [f"{who},none,0,{'left' if at < 3 else 'none'}\n" for who in "ab" for at in range(24)]
+    analysis = analyse(loaded(tmp_path, LEAST + "".join(rows)))
+    page = report_html(analysis, ())
+    assert "The guess rate is no false-alarm rate." in page
+    assert "If guess rate" not in page
+    assert 'To quote: the share of all with the interval under "Group, 95 %"' in unescape(page)
+    assert "Looked for in each of 2 participants: sides swapped (p" in unescape(page)
+    few = analyse(loaded(tmp_path, LEAST + "".join(rows[:-10])))
+    assert "If guess rate 0" in report_html(few, ())
