@@ -11,8 +11,9 @@ from .counting import (
     uncounted,
 )
 from .detection import cells, level_table
-from .doubts import DRIFTING, GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
+from .doubts import DRIFTING, FEWEST, GUESSING, SWAPPED, Doubt, doubtful, doubtful_counts
 from .dprime import d_prime_limits, sensitivity_table, z_of
+from .drift import STRONG
 from .intervals import checked_counts, group_interval, proportion_ci
 from .sensitivity import Sensitivity, Share
 from .serial import SerialEffect
@@ -22,7 +23,9 @@ __all__ = [
     "CONTROL_COLUMNS",
     "COUNTED_KINDS",
     "DRIFTING",
+    "FEWEST",
     "GUESSING",
+    "STRONG",
     "SWAPPED",
     "Choices",
     "Doubt",

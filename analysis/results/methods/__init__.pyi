@@ -1,5 +1,5 @@
 from .looked import looked_words
-from .misfit import lapses_words, misfits
+from .misfit import lapses_words, misfit_words, misfits
 from .paragraphs import counts_told, methods_of
 from .task import is_yes_no, one_side_words
 
@@ -9,6 +9,7 @@ __all__ = [
     "lapses_words",
     "looked_words",
     "methods_of",
+    "misfit_words",
     "misfits",
     "one_side_words",
 ]

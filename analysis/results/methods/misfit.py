@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.results.compared import number_of
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -69,8 +68,8 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
     number = thresholds["status"].eq("lapse_at_bound").sum()
     if not number:
         return ""
-    have = "has" if number == 1 else "have"
-    return f'{number} of {number_of(fitted, "function")} {have} the status "lapse at bound"'
+    some, have = "" if fitted == 1 else "s", "has" if number == 1 else "have"
+    return f'{number} of {fitted} function{some} {have} the status "lapse at bound"'
 
 
 def _refused(thresholds: pd.DataFrame) -> tuple[pd.Series[Any], list[tuple[float, str, str]]]:
