@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import secrets
 import sys
+import time
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -31,6 +32,8 @@ _SPREAD = (
     " lets the same command go on"
 )
 _WORTH_TELLING_S = 10
+_TOLD_EVERY_S = 30.0
+"""Off a terminal, where no bar is drawn."""
 
 
 _GROUPS = {
@@ -53,6 +56,19 @@ class _Grouped(click.Command):
                 formatter.write_dl([told.pop(name) for name in names])
         with formatter.section("What is told"):
             formatter.write_dl([*told.values()])
+
+
+def _teller() -> Callable[[float], None]:
+    """Return what tells a share that is done, now and then, where no bar is drawn."""
+    told_s = time.monotonic()
+
+    def tell(share: float) -> None:
+        nonlocal told_s
+        if not sys.stderr.isatty() and time.monotonic() - told_s > _TOLD_EVERY_S:
+            told_s = time.monotonic()
+            click.echo(f"{share:.0%} of that is done", err=True)
+
+    return tell
 
 
 @click.command(cls=_Grouped, epilog="Example: tactstrip power study.toml --people literature")
@@ -195,9 +211,12 @@ def power(
                 told = f"At most about {math.ceil(core_s)} core-seconds"
                 click.echo(f"{told}{_SPREAD * (core_s > _LONG_S)}", err=True)
 
+        tell = _teller()
+
         def step(part: float) -> None:
             work["done"] += part
             show(round(work["done"]), max(round(work["all"]), 1))
+            tell(work["done"] / max(work["all"], 1))
 
         promise = plan_study(
             people,

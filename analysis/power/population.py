@@ -95,7 +95,7 @@ def stated_people(study: Study, goal: Goal) -> People:
         if key not in keys:
             raise ValueError(
                 f"simulation.{key} must be stated, {_MEANT[key]}, in dB: in the study, from a "
-                "pilot (--pilot DIR) or as assumed (--people literature); got none "
+                "pilot (--pilot DIR) or as assumed (--people literature); got none of yours "
                 f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
             )
     return People(study=study, numbers=_numbers(study, {}))

@@ -66,7 +66,12 @@ class MedianThreshold:
 
     @property
     def doubt(self) -> str:
-        """What is to be expected of levels that all lie on one side of it; empty if around it."""
+        """What is wrong with it, or to be expected of levels on one side of it; or empty."""
+        if self.whose != YOURS[0] and self.unit == "V" and self.peak_um is not None:
+            return (
+                "It is the paper's, in volts of its own plate: as displacements are known here, "
+                "state simulation.threshold_um instead (docs/model.md, section 4)."
+            )
         if self.levels_lie == "around":
             return ""
         (highest_vpp, key), beyond = self.highest, ""

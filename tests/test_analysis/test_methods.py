@@ -133,7 +133,7 @@ def test_what_was_looked_for_is_told_and_whom_it_names(tmp_path: Path) -> None:
     odd = {"0": 0, "1": 12, "1.6": 0, "2.5": 20, "4": 4, "6.3": 20}
     named = plain(looked_words(of(tmp_path, odd, ("a",))))
     assert named.startswith("Looked for in the one participant: ")
-    assert "Found: a function that does not fit (p < 0.01) (a)" in named
+    assert " a function that does not fit (p < 0.01) (a)." in named.partition("Found:")[2]
 
 
 def test_every_reference_of_the_methods_is_cited_in_their_order(tmp_path: Path) -> None:

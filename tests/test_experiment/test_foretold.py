@@ -12,6 +12,7 @@ from experiment.apparatus.rig import lacking_of
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.preview.plate import drive_of
+from experiment.study.origins import ASSUMED
 from experiment.study.read import study_from_text
 from experiment.study.sections.equipment import DeviceSettings
 from experiment.study.simulated import median_threshold, people_words
@@ -58,6 +59,10 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     stated = "[simulation]\nthreshold_vpp = 100\n"
     assert "median threshold 100 V (0.9 um)" in told(stated + BOTH).text
     assert "median threshold 100 V, SD" in told(stated + LEFT + RIGHT, HALF).text
+    found = median_threshold(study_from_text(stated + BOTH, "study.toml"), KNOWN.fingers())
+    assert found.doubt == ""
+    assert "state simulation.threshold_um" in replace(found, whose=ASSUMED[0]).doubt
+    assert replace(found, whose=ASSUMED[0], peak_um=None).doubt == ""
 
 
 @pytest.mark.parametrize(
