@@ -266,12 +266,14 @@ def test_a_scheduler_that_is_not_there_is_told_in_one_line(
 
 
 CTRL_C = """
+import signal
 import sys
 from pathlib import Path
 from analysis.workers.chunks import spread
 from analysis.workers.kept import Kept
 from tactstrip import main
 from tests.test_analysis.toy import chunks, draw
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has it ignored
 try:
     with Kept(Path(sys.argv[1]), {}) as kept:
         for _ in spread(draw, chunks(1, 0.1), workers=2, kept=kept):
